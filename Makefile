@@ -1,0 +1,70 @@
+# Everything a developer types. `make demo` and `make test` need Python 3.11+, git and make, and nothing else.
+
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+PIP    := $(BIN)/python -m pip --disable-pip-version-check install --quiet
+
+# The main job: the built-in CMU arm, driven by six constant voltages for two seconds.
+DEMO   := simulate cmu-dd --voltage 8,12,8,4,2,1 --duration 2 -o build/demo/cmu-dd.nc --plot build/demo/cmu-dd.png
+
+# More words for pytest:  make test ARGS="-k pendulum"
+ARGS   :=
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test check bench docs lock clean
+.DELETE_ON_ERROR:
+
+help:  ## print this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+demo: $(VENV)/.core  ## set up the core and move the built-in CMU arm
+	@mkdir -p build/demo
+	$(BIN)/armwright $(DEMO)
+	@echo
+	@echo "result   $(CURDIR)/build/demo/cmu-dd.nc"
+	@echo "picture  $(CURDIR)/build/demo/cmu-dd.png"
+
+test: $(VENV)/.all  ## set up everything and run the tests
+	$(BIN)/python -m pytest -n auto $(ARGS)
+
+check: $(VENV)/.all  ## style, types, and which room imports which
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+	$(BIN)/python -m pytest -q tests/architecture
+
+bench: $(VENV)/.all  ## time the kernels beside their peers
+	$(BIN)/python benchmarks/run.py
+
+docs: $(VENV)/.all  ## build the site into build/docs
+	$(BIN)/python -m sphinx -W --keep-going -b html docs build/docs
+
+lock: $(BIN)/uv  ## bring requirements.lock up to pyproject.toml (UPGRADE=1: to the newest versions)
+	$(BIN)/uv pip compile pyproject.toml --universal --python-version 3.11 --all-extras --group dev \
+	    --generate-hashes --no-emit-index-url --custom-compile-command "make lock" --quiet \
+	    $(if $(UPGRADE),--upgrade) --output-file requirements.lock
+
+clean:  ## remove what was built; the environment stays
+	rm -rf build dist .pytest_cache .ruff_cache .hypothesis
+	find src tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# --- the environment: one stamp for the core, one for everything --------------------------------------------------------
+
+$(VENV)/.core: requirements.lock pyproject.toml tools/core_requirements.py
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and f"Armwright needs Python 3.11 or newer; $(PYTHON) is {sys.version.split()[0]}. Try: make PYTHON=python3.12 ...")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python tools/core_requirements.py > $(VENV)/core.lock
+	$(PIP) --require-hashes --only-binary :all: -r $(VENV)/core.lock
+	$(PIP) --no-deps --no-build-isolation --editable .
+	@touch $@
+
+$(VENV)/.all: $(VENV)/.core
+	$(PIP) --require-hashes --only-binary :all: -r requirements.lock
+	@touch $@
+
+# uv makes the lock, and must be there before a lock that fits pyproject.toml is.
+$(BIN)/uv:
+	$(PYTHON) -m venv $(VENV)
+	sed -n '/^uv==/,/# via/p' requirements.lock > $(VENV)/uv.lock
+	$(PIP) --require-hashes --only-binary :all: -r $(VENV)/uv.lock

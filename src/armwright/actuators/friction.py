@@ -1,0 +1,51 @@
+"""Joint friction as a smooth static map of speed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armwright import scalar
+from armwright.model import Friction, Model
+from armwright.scalar import Array, Scalar
+
+
+def smooth_sign(speed: Scalar, smoothing: Scalar) -> Scalar:
+    """s = q̇ / √(q̇² + smoothing²): a sign that passes through 0 with the slope 1/smoothing."""
+    return speed / scalar.sqrt(speed * speed + smoothing * smoothing)
+
+
+def joint_friction(friction: Friction | None, speed: Scalar) -> Scalar:
+    """Friction torque of one joint [N m | N] at a speed [rad/s | m/s], positive against positive motion.
+
+    Coulomb with Stribeck:  f = offset + viscous q̇ + s · [ Fc + (Fs - Fc) exp(-(q̇/vs)²) ],  Fc by the sign of q̇.
+    Sigmoid:  f = offset + viscous q̇ + a/(1 + exp(-b (q̇ + c))) - a/(1 + exp(-b c)).  [Gaz2019]
+    """
+    if friction is None:
+        return 0.0
+    torque = friction.offset + friction.viscous * speed
+    if friction.sigmoid is not None:
+        a, b, c = friction.sigmoid
+        return torque + a / (1.0 + scalar.exp(-b * (speed + c))) - a / (1.0 + scalar.exp(-b * c))
+    if friction.smoothing is None:
+        return torque
+    plus, minus = friction.coulomb_positive, friction.coulomb_negative
+    level = plus if plus is minus or _same(plus, minus) else scalar.where(scalar.less(speed, 0.0), minus, plus)
+    if friction.stribeck is not None:
+        ratio = speed / friction.stribeck_speed
+        level = level + (friction.stribeck - level) * scalar.exp(-(ratio * ratio))
+    return torque + level * smooth_sign(speed, friction.smoothing)
+
+
+def _same(a: Scalar, b: Scalar) -> bool:
+    return not scalar.is_symbolic(a, b) and a == b
+
+
+def friction_torques(model: Model, qd: Array) -> np.ndarray:
+    """Friction of all joints, f(q̇): what the motors must give beside the links' dynamics. [OlssonEtAl1998]
+
+    Args:
+        model: the arm.   qd: (n,) [rad/s | m/s].
+    Returns:
+        f: (n,) [N m | N], joint side; 0 where the record has no friction.
+    """
+    return scalar.array([joint_friction(body.friction, qd[i]) for i, body in model.outward()])

@@ -1,0 +1,107 @@
+"""The motor with back EMF, inductance neglected: equations (11) and (12) of the CMU report, referred to the joints.
+
+With n the gear ratio:   tau = n Kt i,   V = R i + Ke n q̇.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armwright import scalar
+from armwright.errors import ModelError
+from armwright.model import Drive, Model
+from armwright.scalar import Array, Scalar
+
+ELECTRICAL = {"resistance": "resistance_ohm", "torque_constant": "torque_constant_n_m_per_a"}
+
+
+def need_constants(model: Model, what: str, *constants: str) -> None:
+    """Refuses to compute `what` for an arm whose drives lack one of the named constants.
+
+    Raises:
+        ModelError: names the joint and the key that its record would need.
+    """
+    for body in model.bodies:
+        for constant in constants:
+            if getattr(body.drive, constant) is None:
+                raise ModelError(f"{model.name}: {what} needs motor.{ELECTRICAL[constant]} of joint {body.joint!r}, which its record does not give")
+
+
+def motor_current(model: Model, tau: Array) -> np.ndarray:
+    """Armature currents for motor torques:  i = tau / (n Kt).
+
+    Args:
+        model: the arm.   tau: (n,) [N m | N], referred to the joints.
+    Returns:
+        i: (n,) [A].
+    Raises:
+        ModelError: a drive without a torque constant.
+    """
+    need_constants(model, "motor_current", "torque_constant")
+    return scalar.array([tau[i] / _joint_constant(body.drive) for i, body in model.outward()])
+
+
+def motor_voltage(model: Model, qd: Array, tau: Array) -> np.ndarray:
+    """Motor voltages for joint torques, eq. (11):  V = R tau / (n Kt) + n Ke q̇.
+
+    Args:
+        model: the arm.   qd: (n,) [rad/s | m/s].   tau: (n,) [N m | N], motor torque referred to the joints.
+    Returns:
+        V: (n,) [V].
+    Raises:
+        ModelError: a drive without resistance or torque constant.
+    """
+    need_constants(model, "motor_voltage", "resistance", "torque_constant")
+    return scalar.array([_voltage(body.drive, qd[i], tau[i]) for i, body in model.outward()])
+
+
+def motor_torque(model: Model, qd: Array, voltage: Array) -> np.ndarray:
+    """Motor torques for voltages, eq. (12):  tau = n Kt (V - n Ke q̇) / R.
+
+    Args:
+        model: the arm.   qd: (n,) [rad/s | m/s].   voltage: (n,) [V].
+    Returns:
+        tau: (n,) [N m | N], referred to the joints, before rotor, gear loss and friction.
+    Raises:
+        ModelError: a drive without resistance or torque constant.
+    """
+    need_constants(model, "motor_torque", "resistance", "torque_constant")
+    return scalar.array([_torque_of_voltage(body.drive, qd[i], voltage[i]) for i, body in model.outward()])
+
+
+def drive_torque(model: Model, qd: Array, u: Array) -> np.ndarray:
+    """Motor torques for commands, each in its joint's own unit: volts by eq. (12), amperes as n Kt i, torque as it is.
+
+    Args:
+        model: the arm.   qd: (n,) [rad/s | m/s].   u: (n,) [V | A | N m | N], by the joint's `command`.
+    Returns:
+        tau: (n,) [N m | N], referred to the joints, before rotor, gear loss and friction.
+    Raises:
+        ModelError: a drive without the constants that its command needs.
+    """
+    return scalar.array([_torque_of_command(model, i, qd[i], u[i]) for i, _ in model.outward()])
+
+
+def _torque_of_command(model: Model, joint: int, speed: Scalar, u: Scalar) -> Scalar:
+    body = model.bodies[joint]
+    if body.drive.command == "torque":
+        return u
+    if body.drive.torque_constant is None or (body.drive.command == "voltage" and body.drive.resistance is None):
+        raise ModelError(f"{model.name}: joint {body.joint!r} is driven by {body.drive.command}, but its record lacks the motor's constants")
+    if body.drive.command == "current":
+        return _joint_constant(body.drive) * u
+    return _torque_of_voltage(body.drive, speed, u)
+
+
+def _joint_constant(drive: Drive) -> Scalar:
+    """n Kt: torque at the joint per ampere."""
+    return drive.gear_ratio * drive.torque_constant
+
+
+def _voltage(drive: Drive, speed: Scalar, torque: Scalar) -> Scalar:
+    return drive.resistance / _joint_constant(drive) * torque + drive.gear_ratio * drive.back_emf_constant * speed  # (11)
+
+
+def _torque_of_voltage(drive: Drive, speed: Scalar, voltage: Scalar) -> Scalar:
+    stall = _joint_constant(drive) / drive.resistance  # [N m/V]
+    return stall * (voltage - drive.gear_ratio * drive.back_emf_constant * speed)  # (12)

@@ -1,0 +1,155 @@
+"""What turns a joint: motor and gear, friction, limits. Plain records; the equations are in `actuators`."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from armwright.description.quantity import NotNegative, NotZero, Number, Positive, Range, Record, Share
+
+Command = Literal["voltage", "current", "torque"]
+Basis = Literal["dc", "phase_peak", "phase_rms", "line_peak", "line_rms"]
+
+
+class Motor(Record):
+    """A motor and its gear: θ_motor = gear_ratio · q. Electrical constants are DC-equivalent unless `basis` says otherwise."""
+
+    source: str | None = None
+    gear_ratio: NotZero = Field(description="Motor radians per joint radian (or metre); the sign counts.")
+    rotor_inertia_kg_m2: NotNegative = Field(description="Motor side. 0 for a direct drive: the rotor is part of its link.")
+    gear_efficiency: Share | None = Field(None, description="η of design section 3; absent = 1.")
+    torque_constant_n_m_per_a: Positive | None = None
+    back_emf_constant_v_s_per_rad: Positive | None = Field(None, description="Absent: equal to the torque constant.")
+    resistance_ohm: Positive | None = None
+    inductance_h: Positive | None = None
+    basis: Basis = Field("dc", description="How the electrical constants of a brushless motor were measured.")
+
+    @model_validator(mode="after")
+    def _torque_constant(self) -> Motor:
+        electrical = ("resistance_ohm", "inductance_h", "back_emf_constant_v_s_per_rad")
+        given = [key for key in electrical if getattr(self, key) is not None]
+        if given and self.torque_constant_n_m_per_a is None:
+            raise ValueError(f"a motor with {given[0]} needs torque_constant_n_m_per_a")
+        return self
+
+
+class RotaryFriction(Record):
+    """Friction torque against the speed of a revolute joint, or of any joint's motor (`side = "motor"`).
+
+    With s = q̇ / √(q̇² + smoothing²):
+    `law = "coulomb"`:  f = offset + viscous q̇ + s · [ coulomb + (stribeck_torque - coulomb) exp(-(q̇/stribeck_speed)²) ],
+    coulomb_positive where q̇ > 0, coulomb_negative where q̇ < 0 (both magnitudes).
+    `law = "sigmoid"`:  f = a / (1 + exp(-b (q̇ + c))) - a / (1 + exp(-b c)) + viscous q̇ + offset. [Gaz2019]
+    """
+
+    source: str | None = None
+    side: Literal["joint", "motor"] = "joint"
+    law: Literal["coulomb", "sigmoid"] = "coulomb"
+    viscous_n_m_s_per_rad: NotNegative | None = None
+    coulomb_positive_n_m: NotNegative | None = None
+    coulomb_negative_n_m: NotNegative | None = None
+    offset_n_m: Number | None = None
+    stribeck_torque_n_m: NotNegative | None = None
+    stribeck_speed_rad_per_s: Positive | None = None
+    smoothing_rad_per_s: Positive | None = None
+    sigmoid_amplitude_n_m: NotNegative | None = None
+    sigmoid_slope_s_per_rad: Positive | None = None
+    sigmoid_shift_rad_per_s: Number | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> RotaryFriction:
+        _check_friction(self, "n_m", "rad")
+        return self
+
+
+class LinearFriction(Record):
+    """Friction force against the speed of a prismatic joint: `RotaryFriction` in N and metres."""
+
+    source: str | None = None
+    side: Literal["joint"] = "joint"
+    law: Literal["coulomb", "sigmoid"] = "coulomb"
+    viscous_n_s_per_m: NotNegative | None = None
+    coulomb_positive_n: NotNegative | None = None
+    coulomb_negative_n: NotNegative | None = None
+    offset_n: Number | None = None
+    stribeck_force_n: NotNegative | None = None
+    stribeck_speed_m_per_s: Positive | None = None
+    smoothing_m_per_s: Positive | None = None
+    sigmoid_amplitude_n: NotNegative | None = None
+    sigmoid_slope_s_per_m: Positive | None = None
+    sigmoid_shift_m_per_s: Number | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> LinearFriction:
+        _check_friction(self, "n", "m")
+        return self
+
+
+def _check_friction(friction: Record, force: str, length: str) -> None:
+    level = f"stribeck_{'torque' if force == 'n_m' else 'force'}_{force}"
+    coulomb = [f"coulomb_positive_{force}", f"coulomb_negative_{force}"]
+    stribeck = [level, f"stribeck_speed_{length}_per_s"]
+    sigmoid = [f"sigmoid_amplitude_{force}", f"sigmoid_slope_s_per_{length}", f"sigmoid_shift_{length}_per_s"]
+    given = {key for key in type(friction).model_fields if getattr(friction, key) is not None}
+
+    def together(keys: list[str]) -> None:
+        missing = [key for key in keys if key not in given]
+        if missing and len(missing) < len(keys):
+            raise ValueError(f"{next(k for k in keys if k in given)} needs {' and '.join(missing)} beside it")
+
+    together(coulomb)
+    together(stribeck)
+    smoothing = f"smoothing_{length}_per_s"
+    if getattr(friction, "law") == "sigmoid":
+        missing = [key for key in sigmoid if key not in given]
+        if missing:
+            raise ValueError(f'law = "sigmoid" needs {" and ".join(missing)}')
+        wrong = [key for key in (*coulomb, *stribeck) if key in given]
+        if wrong:
+            raise ValueError(f'law = "sigmoid" knows no {wrong[0]}')
+        return
+    wrong = [key for key in sigmoid if key in given]
+    if wrong:
+        raise ValueError(f'{wrong[0]} needs law = "sigmoid"')
+    if (given & {*coulomb, *stribeck}) and smoothing not in given:
+        raise ValueError(f"Coulomb friction needs {smoothing}, the speed over which it is smoothed")
+    if stribeck[0] in given and coulomb[0] not in given:
+        raise ValueError(f"{stribeck[0]} needs {coulomb[0]} and {coulomb[1]} beside it")
+
+
+class RotaryLimits(Record):
+    """What a revolute joint and its drive can do. Absent: no limit is known."""
+
+    source: str | None = None
+    position_rad: Range | None = Field(None, description="[lowest, highest].")
+    velocity_rad_per_s: Positive | None = None
+    torque_n_m: Positive | None = Field(None, description="Of the motor referred to the joint, either way.")
+    voltage_v: Positive | None = None
+    current_a: Positive | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> RotaryLimits:
+        return _ordered_range(self, "position_rad")
+
+
+class LinearLimits(Record):
+    """What a prismatic joint and its drive can do. Absent: no limit is known."""
+
+    source: str | None = None
+    position_m: Range | None = Field(None, description="[lowest, highest].")
+    velocity_m_per_s: Positive | None = None
+    force_n: Positive | None = Field(None, description="Of the motor referred to the joint, either way.")
+    voltage_v: Positive | None = None
+    current_a: Positive | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> LinearLimits:
+        return _ordered_range(self, "position_m")
+
+
+def _ordered_range(limits, key: str):
+    position = getattr(limits, key)
+    if position is not None and not position.value[0] < position.value[1]:
+        raise ValueError(f"{key} = {list(position.value)}: expected the lowest before the highest")
+    return limits

@@ -1,0 +1,284 @@
+"""RobotDescription: where all readers meet. Plain, frozen, validated data with units in the names and sources."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
+from armwright.description.quantity import NotNegative, Number, Record, Source, SourceKind, Vector3, quantities
+from armwright.errors import DescriptionError, nearest
+
+Name = Annotated[str, Field(min_length=1, pattern=r"^[^\s.\[\]]+$")]
+KINDS: tuple[str, ...] = SourceKind.__args__  # type: ignore[attr-defined]
+
+
+class RevoluteDH(Record):
+    """Denavit-Hartenberg row of a revolute joint: θ = q + offset."""
+
+    source: str | None = None
+    alpha_rad: Number
+    r_m: Number = Field(description="Offset along z, which others call d.")
+    a_m: Number
+    offset_rad: Number
+
+
+class PrismaticDH(Record):
+    """Denavit-Hartenberg row of a prismatic joint: r = q + offset."""
+
+    source: str | None = None
+    alpha_rad: Number
+    theta_rad: Number
+    a_m: Number
+    offset_m: Number
+
+
+class FixedDH(Record):
+    """Denavit-Hartenberg row of a joint that does not move."""
+
+    source: str | None = None
+    alpha_rad: Number
+    r_m: Number
+    a_m: Number
+    theta_rad: Number
+
+
+class JointFrame(Record):
+    """Joint frame in the parent link's frame, as URDF has it: fixed-axis angles roll, pitch, yaw."""
+
+    source: str | None = None
+    xyz_m: Vector3
+    rpy_rad: Vector3
+
+
+class _Joint(Record):
+    source: str | None = None
+    name: Name
+    parent: Name = Field(description="The link that carries the joint.")
+    child: Name = Field(description="The link that the joint moves.")
+    frame: JointFrame | None = None
+
+    @model_validator(mode="after")
+    def _one_placement(self) -> Any:
+        ways = [way for way in ("dh", "modified_dh", "frame") if getattr(self, way) is not None]
+        if len(ways) != 1:
+            raise ValueError(f"expected exactly one of dh, modified_dh, frame, not {' and '.join(ways) or 'none'}")
+        if hasattr(self, "axis") and (getattr(self, "axis") is not None) != (ways == ["frame"]):
+            raise ValueError("axis goes with frame (the axis of a DH joint is z)")
+        return self
+
+
+def _unit_axis(value: Any) -> Any:
+    if isinstance(value, (list, tuple)) and len(value) == 3 and not any(isinstance(v, (str, bool)) for v in value):
+        if not np.isfinite(np.array(value, dtype=float)).all() or not np.any(np.array(value, dtype=float)):
+            raise ValueError("expected a direction, three finite numbers not all 0")
+    return value
+
+
+Axis = Annotated[Vector3, BeforeValidator(_unit_axis)]
+
+
+class RevoluteJoint(_Joint):
+    """A joint that turns about the z axis of its frame (DH), or about `axis` in its frame."""
+
+    type: Literal["revolute"]
+    dh: RevoluteDH | None = None
+    modified_dh: RevoluteDH | None = None
+    axis: Axis | None = None
+    command: Command | None = None
+    motor: Motor | None = None
+    friction: RotaryFriction | None = None
+    limits: RotaryLimits = RotaryLimits()
+
+
+class PrismaticJoint(_Joint):
+    """A joint that slides along the z axis of its frame (DH), or along `axis` in its frame."""
+
+    type: Literal["prismatic"]
+    dh: PrismaticDH | None = None
+    modified_dh: PrismaticDH | None = None
+    axis: Axis | None = None
+    command: Command | None = None
+    motor: Motor | None = None
+    friction: LinearFriction | RotaryFriction | None = Field(None, union_mode="left_to_right")
+    limits: LinearLimits = LinearLimits()
+
+    @model_validator(mode="after")
+    def _friction_side(self) -> PrismaticJoint:
+        if isinstance(self.friction, RotaryFriction) and self.friction.side != "motor":
+            raise ValueError("friction of a prismatic joint in N m is its motor's: expected side = \"motor\", or keys in N")
+        return self
+
+
+class FixedJoint(_Joint):
+    """A joint that does not move: its child is one body with its parent."""
+
+    type: Literal["fixed"]
+    dh: FixedDH | None = None
+    modified_dh: FixedDH | None = None
+
+
+Joint = Annotated[RevoluteJoint | PrismaticJoint | FixedJoint, Field(discriminator="type")]
+MovingJoint = RevoluteJoint | PrismaticJoint
+
+
+class Inertia(Record):
+    """Tensor of inertia about the link's centre of mass, in link axes."""
+
+    source: str | None = None
+    xx: NotNegative
+    xy: Number
+    xz: Number
+    yy: NotNegative
+    yz: Number
+    zz: NotNegative
+
+    def matrix(self) -> np.ndarray:
+        """(3, 3) [kg m²]."""
+        xx, xy, xz, yy, yz, zz = (float(v) for v in (self.xx, self.xy, self.xz, self.yy, self.yz, self.zz))
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+class Link(Record):
+    """A body. Its frame is that of the joint that moves it: after the motion (frame, modified DH), or the DH frame."""
+
+    source: str | None = None
+    name: Name
+    mass_kg: NotNegative
+    com_m: Vector3 = Field(description="Centre of mass in the link's frame.")
+    inertia_kg_m2: Inertia = Field(description="About the centre of mass, in link axes.")
+    accept_impossible: str | None = Field(None, min_length=1, description="Why an impossible inertia is accepted.")
+
+
+class NamedFrame(Record):
+    """A frame of interest, such as the tool: fixed in a link."""
+
+    source: str | None = None
+    name: Name
+    link: Name
+    xyz_m: Vector3
+    rpy_rad: Vector3
+
+
+class RobotDescription(Record):
+    """A robot arm on paper: joints and links in a tree, drives, limits, frames; each number with its source."""
+
+    name: Name
+    title: str | None = Field(None, description="One line for the catalogue.")
+    notes: str | None = None
+    source: str | None = Field(None, description="Source of every number below that names none of its own.")
+    sources: dict[str, Source] = {}
+    gravity_m_s2: Vector3 | None = Field(None, description="In base axes; absent: standard gravity along -z.")
+    base: Name = "base"
+    command: Command | None = Field(None, description="What drives the joints that do not say it themselves.")
+    tip: Name | None = None
+    joints: tuple[Joint, ...]
+    links: tuple[Link, ...]
+    frames: tuple[NamedFrame, ...] = ()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> RobotDescription:
+        _check_names(self)
+        _check_tree(self)
+        _check_commands(self)
+        _check_sources(self)
+        return self
+
+    def link(self, name: str) -> Link:
+        """The link of that name."""
+        for link in self.links:
+            if link.name == name:
+                return link
+        raise DescriptionError(f"{self.name}: no link {name!r}; {nearest(name, [link.name for link in self.links])}")
+
+    def provenance(self, path: str) -> Source:
+        """Where a number comes from: `provenance("link3.mass_kg")`.
+
+        Raises:
+            DescriptionError: there is no number at that path.
+        """
+        known = {where: source for where, _, source in quantities(self)}
+        if path not in known:
+            raise DescriptionError(f"{self.name}: no number at {path!r}; {nearest(path, known)}")
+        return self.source_of(known[path] or "")
+
+    def source_of(self, key: str) -> Source:
+        """The source that a `source = "..."` names: a key of [sources], or a kind of source by itself."""
+        if key in self.sources:
+            return self.sources[key]
+        return Source(kind=key, text=key)  # type: ignore[arg-type]
+
+
+def _unique(what: str, names: list[str]) -> None:
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(f"two {what} are called {twice[0]!r}")
+
+
+def _check_names(robot: RobotDescription) -> None:
+    if not robot.joints:
+        raise ValueError("expected at least one joint")
+    _unique("joints", [joint.name for joint in robot.joints])
+    links = [link.name for link in robot.links]
+    _unique("links", links)
+    _unique("frames or links", [*links, *(frame.name for frame in robot.frames), robot.base])
+    for joint in robot.joints:
+        for side in ("parent", "child"):
+            name = getattr(joint, side)
+            if name not in links and not (side == "parent" and name == robot.base):
+                known = [*links, robot.base] if side == "parent" else links
+                raise ValueError(f"joint {joint.name!r}: {side} = {name!r} is no link; {nearest(name, known)}")
+    known = [*links, robot.base]
+    for frame in robot.frames:
+        if frame.link not in known:
+            raise ValueError(f"frame {frame.name!r}: link = {frame.link!r} is no link; {nearest(frame.link, known)}")
+    ends = [*known, *(frame.name for frame in robot.frames)]
+    if robot.tip is not None and robot.tip not in ends:
+        raise ValueError(f"tip = {robot.tip!r} is no frame; {nearest(robot.tip, ends)}")
+
+
+def _check_tree(robot: RobotDescription) -> None:
+    parent = {}
+    for joint in robot.joints:
+        if joint.child in parent:
+            raise ValueError(f"link {joint.child!r} is moved by two joints: closed chains are not offered")
+        parent[joint.child] = joint.parent
+    for link in robot.links:
+        if link.name not in parent:
+            raise ValueError(f"link {link.name!r} hangs on no joint: expected every link to be the child of one")
+        seen, at = {link.name}, parent[link.name]
+        while at != robot.base:
+            if at in seen:
+                raise ValueError(f"link {link.name!r} carries itself: expected a tree that starts at {robot.base!r}")
+            seen.add(at)
+            at = parent[at]
+
+
+def _check_commands(robot: RobotDescription) -> None:
+    needs = {"voltage": ("resistance_ohm", "torque_constant_n_m_per_a"), "current": ("torque_constant_n_m_per_a",)}
+    for joint in robot.joints:
+        if isinstance(joint, FixedJoint):
+            continue
+        command = joint.command or robot.command
+        if command is None:
+            raise ValueError(f"joint {joint.name!r} has no command: expected voltage, current or torque")
+        for key in needs.get(command, ()):
+            if joint.motor is None or getattr(joint.motor, key) is None:
+                raise ValueError(f"joint {joint.name!r}: command = {command!r} needs motor.{key}")
+        on_motor_side = joint.friction is not None and joint.friction.side == "motor"
+        if on_motor_side and joint.motor is None:
+            raise ValueError(f"joint {joint.name!r}: friction on the motor side needs a [joints.motor] with its gear_ratio")
+        if joint.motor is not None and joint.motor.gear_efficiency is not None and float(joint.motor.gear_efficiency) < 1:
+            smoothing = ("smoothing_rad_per_s", "smoothing_m_per_s")
+            if not any(getattr(joint.friction, key, None) is not None for key in smoothing):
+                raise ValueError(f"joint {joint.name!r}: gear_efficiency needs friction.smoothing_…, the speed its loss is smoothed over")
+
+
+def _check_sources(robot: RobotDescription) -> None:
+    for path, _, source in quantities(robot):
+        if source is None:
+            raise ValueError(f"{path} has no source: expected source = ... beside it, in its table or for the whole file")
+        if source not in robot.sources and source not in KINDS:
+            raise ValueError(f"{path}: source = {source!r} is no key of [sources]; {nearest(source, [*robot.sources, *KINDS])}")

@@ -1,0 +1,45 @@
+"""Kinetic and potential energy. [Featherstone2008]"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armwright import scalar
+from armwright.kinematics import body_placements, joint_motions
+from armwright.model import BASE, Model
+from armwright.scalar import Array, Scalar
+from armwright.spatial import cross
+
+
+def kinetic_energy(model: Model, q: Array, qd: Array) -> Scalar:
+    """T = ½ Σ ( m |v_c|² + ω·J ω ) + ½ Σ n² J_m q̇²: from the bodies' velocities, independent of the mass matrix.
+
+    Args:
+        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
+    Returns:
+        T: () [J], links and rotors.
+    """
+    w, v, total = {BASE: np.zeros(3)}, {BASE: np.zeros(3)}, 0.0
+    for (i, body), motion in zip(model.outward(), joint_motions(model, q), strict=True):
+        along_z = scalar.array([0.0, 0.0, qd[i]])
+        w[i] = motion.to_body(w[body.parent])
+        v[i] = motion.to_body(v[body.parent] + cross(w[body.parent], motion.position))
+        if body.kind == "revolute":
+            w[i] = w[i] + along_z
+        else:
+            v[i] = v[i] + along_z
+        at_com = v[i] + cross(w[i], body.com)
+        total = total + 0.5 * (body.mass * (at_com @ at_com) + w[i] @ (body.inertia @ w[i]) + body.drive.armature * qd[i] * qd[i])
+    return total
+
+
+def potential_energy(model: Model, q: Array) -> Scalar:
+    """U = - Σ m gᵀ p_c, zero where all mass lies at the base's origin.
+
+    Args:
+        model: the arm.   q: (n,) [rad | m].
+    Returns:
+        U: () [J].
+    """
+    placed = body_placements(model, q)
+    return -sum(body.mass * (model.gravity @ placed[i].point(body.com)) for i, body in model.outward())

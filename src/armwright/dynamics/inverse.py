@@ -1,0 +1,112 @@
+"""Inverse dynamics by the recursive Newton-Euler algorithm, O(n). [LuhWalkerPaul1980], eqs (1)-(10) of the CMU report."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armwright import scalar
+from armwright.actuators import friction_torques, transmission
+from armwright.kinematics import JointMotion, body_placements, joint_motions
+from armwright.model import BASE, Body, Model
+from armwright.scalar import Array, Scalar
+from armwright.spatial import acceleration_tensor, cross, inertial_moment
+
+STILL = np.zeros(3)
+
+
+def inverse_dynamics(model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None) -> np.ndarray:
+    """Motor torques that give acceleration `qdd` in state (q, qd).  [LuhWalkerPaul1980]
+
+    e tau = M(q) q̈ + C(q, q̇) q̇ + g(q) + f(q̇) - Jᵀ wrench,  M with the rotors' inertia, e the gears' transmission.
+
+    Args:
+        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
+        wrench: (6,) [N, N m] force and moment of the environment on the arm at the tip, in base axes.
+    Returns:
+        tau: (n,) [N m | N] motor torque referred to the joints, before rotor, gear loss and friction.
+    Raises:
+        ModelError: a wrench on an arm that branches and names no tip.
+    """
+    behind_gear = newton_euler(model, q, qd, qdd, wrench) + friction_torques(model, qd)
+    behind_gear = behind_gear + scalar.array([body.drive.armature * qdd[i] for i, body in model.outward()])
+    return scalar.array(behind_gear / transmission(model, qd, behind_gear))
+
+
+def bias_torques(model: Model, q: Array, qd: Array, wrench: Array | None = None) -> np.ndarray:
+    """Torques that no acceleration asks for, the report's bias vector, eq. (14):  h = C(q, q̇) q̇ + g(q) + f(q̇) - Jᵀ wrench.
+
+    Args:
+        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
+        wrench: (6,) [N, N m] force and moment of the environment on the arm at the tip, in base axes.
+    Returns:
+        h: (n,) [N m | N].
+    Raises:
+        ModelError: a wrench on an arm that branches and names no tip.
+    """
+    return newton_euler(model, q, qd, np.zeros(model.n), wrench) + friction_torques(model, qd)
+
+
+def gravity_torques(model: Model, q: Array) -> np.ndarray:
+    """Torques that hold the arm against gravity:  g(q) = ∂U/∂q, inverse dynamics at rest without friction.
+
+    Args:
+        model: the arm.   q: (n,) [rad | m].
+    Returns:
+        g: (n,) [N m | N].
+    """
+    return newton_euler(model, q, np.zeros(model.n), np.zeros(model.n))
+
+
+def newton_euler(model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None) -> np.ndarray:
+    """The links' part alone:  M_links(q) q̈ + C(q, q̇) q̇ + g(q) - Jᵀ wrench  (n,) [N m | N].
+
+    In Craig's form (each body's frame on its own joint's axis), so moments are about the body's own origin; the
+    acceleration tensor U = ω̇× + ω×ω× carries equations (4), (5) and (7).
+    """
+    motion = joint_motions(model, q)
+    w, wd, vd, u = {BASE: STILL}, {BASE: STILL}, {BASE: -model.gravity}, {BASE: np.zeros((3, 3))}
+    f, n = {}, {}
+    for i, body in model.outward():
+        a = body.parent
+        w[i], wd[i] = _turned(body, motion[i], w[a], wd[a], qd[i], qdd[i])  # (1) (2)
+        vd[i] = motion[i].to_body(vd[a] + u[a] @ motion[i].position)  # (4)
+        if body.kind == "prismatic":
+            vd[i] = vd[i] + _slid(w[i], qd[i], qdd[i])
+        u[i] = acceleration_tensor(w[i], wd[i])
+        f[i] = body.mass * (vd[i] + u[i] @ body.com)  # (5) (6)
+        n[i] = inertial_moment(body.inertia, u[i]) + cross(body.com, f[i])  # (7), about the body's origin
+    if wrench is not None:
+        tip, force, moment = _wrench_on_body(model, q, wrench)
+        if tip != BASE:
+            f[tip], n[tip] = f[tip] - force, n[tip] - moment
+    tau = scalar.zeros(model.n)
+    for i, body in model.inward():
+        tau[i] = n[i][2] if body.kind == "revolute" else f[i][2]  # (10), the axis is z
+        if body.parent != BASE:
+            pushed = motion[i].to_parent(f[i])
+            f[body.parent] = f[body.parent] + pushed  # (8)
+            n[body.parent] = n[body.parent] + motion[i].to_parent(n[i]) + cross(motion[i].position, pushed)  # (9)
+    return scalar.array(tau)
+
+
+def _turned(body: Body, motion: JointMotion, w: Array, wd: Array, qd: Scalar, qdd: Scalar) -> tuple[Array, Array]:
+    """Angular velocity and acceleration behind a joint, in the body's axes: (1) and (2), with (R ω) × θ̇ z written out."""
+    w, wd = motion.to_body(w), motion.to_body(wd)
+    if body.kind == "prismatic":
+        return w, wd
+    turned = scalar.array([w[0], w[1], w[2] + qd])
+    return turned, scalar.array([wd[0] + w[1] * qd, wd[1] - w[0] * qd, wd[2] + qdd])
+
+
+def _slid(w: Array, qd: Scalar, qdd: Scalar) -> np.ndarray:
+    """What sliding along z adds to the origin's acceleration:  2 ω × q̇ z + q̈ z."""
+    twice = qd + qd
+    return scalar.array([w[1] * twice, -(w[0] * twice), qdd])
+
+
+def _wrench_on_body(model: Model, q: Array, wrench: Array) -> tuple[int, Array, Array]:
+    """The body that carries the tip, and the wrench as force and moment about its origin, in its axes."""
+    tip = model.frame()
+    axes = body_placements(model, q)[tip.body].rotation.T
+    force = axes @ wrench[:3]
+    return tip.body, force, axes @ wrench[3:] + cross(tip.placement.position, force)

@@ -1,0 +1,64 @@
+"""The mass matrix by composite rigid bodies. [WalkerOrin1982] method 3, eqs (16)-(26) of the CMU report."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armwright import scalar
+from armwright.kinematics import joint_motions
+from armwright.model import BASE, Model
+from armwright.scalar import Array
+from armwright.spatial import cross, inertia_about_origin
+
+
+def mass_matrix(model: Model, q: Array) -> np.ndarray:
+    """M(q), rotors' inertia Nᵀ J_m N included:  kinetic energy = ½ q̇ᵀ M q̇.  [WalkerOrin1982]
+
+    All bodies behind a joint are taken as one, turning with unit acceleration: its inertial force and moment, carried
+    down to the base, are one column of M. The composite is kept as mass, first moment and tensor about the frame's
+    origin, which need no division by a mass that may be 0.
+
+    Args:
+        model: the arm.   q: (n,) [rad | m].
+    Returns:
+        M: (n, n) symmetric; [kg m²] for two revolute joints, [kg m] for mixed ones, [kg] for two prismatic ones.
+    """
+    motion = joint_motions(model, q)
+    m = [body.mass for body in model.bodies]
+    h = [body.mass * body.com for body in model.bodies]  # M_j c_j
+    e = [inertia_about_origin(body.mass, body.com, body.inertia) for body in model.bodies]
+    columns = scalar.zeros(model.n, model.n)
+    for j, body in model.inward():
+        force, moment = _unit_acceleration(body.kind, m[j], h[j], e[j])  # (19)-(22)
+        columns[j, j] = (moment if body.kind == "revolute" else force)[2] + body.drive.armature  # (23)
+        at = j
+        while model.bodies[at].parent != BASE:
+            force, moment = motion[at].to_parent(force), motion[at].to_parent(moment)  # (24)
+            moment = moment + cross(motion[at].position, force)  # (25)
+            at = model.bodies[at].parent
+            columns[at, j] = columns[j, at] = (moment if model.bodies[at].kind == "revolute" else force)[2]  # (26)
+        a = body.parent
+        if a != BASE:
+            p, shifted = motion[j].position, motion[j].to_parent(h[j])
+            m[a] = m[a] + m[j]  # (16)
+            h[a] = h[a] + shifted + m[j] * p  # (17)
+            e[a] = e[a] + motion[j].tensor_to_parent(e[j]) + _moved(m[j], shifted, p)  # (18)
+    return scalar.array(columns)
+
+
+def _unit_acceleration(kind: str, m: Array, h: Array, e: Array) -> tuple[np.ndarray, np.ndarray]:
+    """Inertial force and moment about the origin of a body that accelerates by 1 about z (or along z)."""
+    if kind == "revolute":
+        return scalar.array([-h[1], h[0], 0.0]), e[:, 2]  # z × h, E z
+    return scalar.array([0.0, 0.0, m]), scalar.array([h[1], -h[0], 0.0])  # m z, h × z
+
+
+def _moved(m: Array, h: Array, p: Array) -> np.ndarray:
+    """What a tensor about the origin gains when the origin moves by -p:  (2 h·p + m p·p) 1 - h pᵀ - p hᵀ - m p pᵀ.
+
+    With k = h + ½ m p it is  2 (k·p) 1 - k pᵀ - p kᵀ.
+    """
+    k = h + (0.5 * m) * p
+    xx, yy, zz = ((k[i] + k[i]) * p[i] for i in range(3))
+    xy, xz, yz = (-(k[i] * p[j] + k[j] * p[i]) for i, j in ((0, 1), (0, 2), (1, 2)))
+    return scalar.array([[yy + zz, xy, xz], [xy, xx + zz, yz], [xz, yz, xx + yy]])

@@ -1,0 +1,55 @@
+"""The exceptions of Armwright. Every one is a single line that names the place, the value and what was expected."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class ArmwrightError(Exception):
+    """Root of all exceptions that Armwright raises for its users' sake."""
+
+
+class DescriptionError(ArmwrightError):
+    """A robot's description cannot be believed: a missing key, a wrong unit, an impossible inertia."""
+
+
+class ModelError(ArmwrightError):
+    """The arm is well described, but cannot do what was asked: no tip, no motor constant, a closed chain."""
+
+
+class ShapeError(ArmwrightError):
+    """An array has the wrong shape or type."""
+
+
+class ScheduleError(ArmwrightError):
+    """A schedule or a table of data sets cannot be read as one."""
+
+
+class ScenarioError(ArmwrightError):
+    """A simulation cannot be run as it was asked for, found before it runs."""
+
+
+class DivergenceError(ArmwrightError):
+    """A simulation left the finite numbers."""
+
+
+class OutputError(ArmwrightError):
+    """A result cannot be written where it was asked to go."""
+
+
+class ProgramError(ArmwrightError):
+    """A function cannot be traced or compiled: an operation that has no row in the table."""
+
+
+class SymbolError(ArmwrightError, TypeError):
+    """A traced symbol was used as if it were a number; names the `armwright.scalar` function to use."""
+
+
+def nearest(name: str, choices: Iterable[str]) -> str:
+    """The end of an error sentence: the nearest names, or all there are. `nearest("pma560", robots)` → "did you mean puma560?"."""
+    choices = sorted(choices)
+    close = difflib.get_close_matches(name, choices, n=3, cutoff=0.5)
+    if close:
+        return f"did you mean {' or '.join(close)}?"
+    return f"there is {', '.join(choices)}" if choices else "there is none"

@@ -1,0 +1,41 @@
+"""Where the arm is: placements of its bodies and frames in the base."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armwright.kinematics.joint_motion import joint_motions
+from armwright.model import BASE, Model
+from armwright.scalar import Array
+from armwright.spatial import Placement
+
+
+def body_placements(model: Model, q: Array) -> dict[int, Placement]:
+    """Placement of every body's frame in the base at q (n,) [rad | m]; BASE is the identity."""
+    placed = {BASE: Placement.identity()}
+    for (i, body), motion in zip(model.outward(), joint_motions(model, q), strict=True):
+        placed[i] = placed[body.parent] @ motion.placement()
+    return placed
+
+
+def frame_placement(model: Model, q: Array, frame: str | None = None) -> Placement:
+    """Placement in the base of a named frame, by default the tip; only the joints that carry it are computed."""
+    target = model.frame(frame)
+    motions = joint_motions(model, q)
+    placed = Placement.identity()
+    for i in model.path(target.body):
+        placed = placed @ motions[i].placement()
+    return placed @ target.placement
+
+
+def forward_kinematics(model: Model, q: Array) -> np.ndarray:
+    """Pose of the tip:  T = A_0^1 A_1^2 … A_{N-1}^N.  [DenavitHartenberg1955]
+
+    Args:
+        model: the arm.   q: (n,) [rad | m].
+    Returns:
+        T: (4, 4) homogeneous transform, tip coordinates to base coordinates; [-] and [m].
+    Raises:
+        ModelError: the arm branches and names no tip.
+    """
+    return frame_placement(model, q).matrix()

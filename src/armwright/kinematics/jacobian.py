@@ -1,0 +1,36 @@
+"""Jacobian of the tip."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armwright import scalar
+from armwright.kinematics.forward_kinematics import body_placements
+from armwright.model import Model
+from armwright.scalar import Array
+from armwright.spatial import cross
+
+
+def jacobian(model: Model, q: Array) -> np.ndarray:
+    """Geometric Jacobian of the tip:  [v; ω] = J(q) q̇.  [Whitney1972]
+
+    Column of a revolute joint: [z × (p - o); z], of a prismatic one: [z; 0], with z the joint's axis and o its origin.
+
+    Args:
+        model: the arm.   q: (n,) [rad | m].
+    Returns:
+        J: (6, n) linear rows first, of the tip's origin, in base axes; [m/rad | -] and [- | 1/m].
+    Raises:
+        ModelError: the arm branches and names no tip.
+    """
+    tip = model.frame()
+    placed = body_placements(model, q)
+    p = placed[tip.body].point(tip.placement.position)
+    columns = scalar.zeros(6, model.n)
+    for i in model.path(tip.body):
+        z, o = placed[i].rotation[:, 2], placed[i].position
+        if model.bodies[i].kind == "revolute":
+            columns[:3, i], columns[3:, i] = cross(z, p - o), z
+        else:
+            columns[:3, i] = z
+    return scalar.array(columns)

@@ -1,0 +1,6 @@
+"""The frozen numeric tree that the algorithms read, and how it is built from a description."""
+
+from armwright.model.build import build_model
+from armwright.model.model import BASE, Body, Drive, Frame, Friction, Limits, Model
+
+__all__ = ["BASE", "Body", "Drive", "Frame", "Friction", "Limits", "Model", "build_model"]

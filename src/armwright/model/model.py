@@ -1,0 +1,195 @@
+"""Model: the frozen numeric tree that the algorithms read. Variants are made with `replace`, never by mutation."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from armwright import scalar
+from armwright.description.robot import RobotDescription, Source
+from armwright.errors import ModelError, nearest
+from armwright.scalar import Array, Scalar
+from armwright.spatial import Placement
+
+BASE = -1  # the parent of bodies that stand on the base
+
+
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """Friction of a joint against its speed, all numbers referred to the joint side; equations in `actuators.friction`."""
+
+    viscous: Scalar = 0.0  # [N m s/rad | N s/m]
+    coulomb_positive: Scalar = 0.0  # [N m | N], magnitude where q̇ > 0
+    coulomb_negative: Scalar = 0.0  # [N m | N], magnitude where q̇ < 0
+    offset: Scalar = 0.0  # [N m | N]
+    stribeck: Scalar | None = None  # [N m | N], level at standstill; None: Coulomb only
+    stribeck_speed: Scalar = 1.0  # [rad/s | m/s]
+    smoothing: Scalar | None = None  # [rad/s | m/s]; None where nothing is smoothed
+    sigmoid: tuple[Scalar, Scalar, Scalar] | None = None  # amplitude [N m | N], slope [s/rad | s/m], shift [rad/s | m/s]
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """Motor and gear of a joint. θ_motor = gear_ratio q; constants are DC-equivalent; None where the record is silent."""
+
+    command: Literal["voltage", "current", "torque"]
+    gear_ratio: Scalar = 1.0  # n [motor rad / rad | rad/m], signed
+    rotor_inertia: Scalar = 0.0  # J_m [kg m²], motor side
+    efficiency: Scalar | None = None  # η [-]; None: 1
+    smoothing: Scalar | None = None  # speed over which the gear's loss is smoothed [rad/s | m/s]
+    torque_constant: Scalar | None = None  # Kt [N m/A]
+    back_emf_constant: Scalar | None = None  # Ke [V s/rad]
+    resistance: Scalar | None = None  # R [Ω]
+    inductance: Scalar | None = None  # L [H]
+
+    @property
+    def armature(self) -> Scalar:
+        """n² J_m: the rotor's inertia referred to the joint [kg m² | kg]."""
+        return self.gear_ratio * self.gear_ratio * self.rotor_inertia
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What a joint and its drive can do; infinite where no limit is known."""
+
+    position: tuple[float, float] = (-np.inf, np.inf)  # [rad | m]
+    velocity: float = np.inf  # [rad/s | m/s]
+    torque: float = np.inf  # motor torque referred to the joint [N m | N]
+    voltage: float = np.inf  # [V]
+    current: float = np.inf  # [A]
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A moving joint and the body it carries.
+
+    The body's frame has the joint's axis as its z axis, whatever the file's convention; at q = 0 it stands in the
+    parent body's frame at `placement`. `link_frame` is where the link's own frame (DH or URDF) stands in it.
+    """
+
+    joint: str
+    link: str
+    kind: Literal["revolute", "prismatic"]
+    parent: int  # index of a body, or BASE
+    placement: Placement
+    link_frame: Placement
+    mass: Scalar  # [kg], fixed links and their masses merged
+    com: Array  # (3,) [m], in the body's frame
+    inertia: Array  # (3, 3) [kg m²], about the centre of mass, in the body's axes
+    drive: Drive
+    friction: Friction | None = None
+    limits: Limits = Limits()
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A named frame: where it stands in the body that carries it (BASE: in the base)."""
+
+    body: int
+    placement: Placement
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A robot arm as numbers: bodies in an order in which parents come before children, gravity, named frames, tip."""
+
+    name: str
+    bodies: tuple[Body, ...]
+    gravity: Array  # (3,) acceleration in base axes [m/s²], pointing down
+    frames: Mapping[str, Frame] = field(default_factory=dict)
+    tip: str | None = None
+    description: RobotDescription | None = field(default=None, repr=False)
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def n(self) -> int:
+        """Number of moving joints."""
+        return len(self.bodies)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the moving joints, in the order of q."""
+        return [body.joint for body in self.bodies]
+
+    def __repr__(self) -> str:
+        return f"<arm {self.name}: {self.n} joints {', '.join(self.names)}>"
+
+    def outward(self) -> Iterator[tuple[int, Body]]:
+        """Bodies from the base to the tips: parents before children."""
+        return iter(enumerate(self.bodies))
+
+    def inward(self) -> Iterator[tuple[int, Body]]:
+        """Bodies from the tips to the base: children before parents."""
+        return reversed(list(enumerate(self.bodies)))
+
+    def path(self, body: int) -> list[int]:
+        """Bodies from the base to that one, itself included."""
+        steps = []
+        while body != BASE:
+            steps.append(body)
+            body = self.bodies[body].parent
+        return steps[::-1]
+
+    def frame(self, name: str | None = None) -> Frame:
+        """A named frame; without a name the tip.
+
+        Raises:
+            ModelError: there is no such frame, or no tip was named on an arm that branches.
+        """
+        if name is None:
+            if self.tip is None:
+                raise ModelError(f"{self.name}: the arm names no tip; replace(tip=...) can be {', '.join(self.frames)}")
+            name = self.tip
+        if name not in self.frames:
+            raise ModelError(f"{self.name}: no frame {name!r}; {nearest(name, self.frames)}")
+        return self.frames[name]
+
+    def provenance(self, path: str) -> Source:
+        """Where a number of the record comes from: `arm.provenance("link3.mass_kg")`."""
+        if self.description is None:
+            raise ModelError(f"{self.name}: this model was not made from a description, its numbers have no sources")
+        return self.description.provenance(path)
+
+    def replace(self, **changes: Any) -> Model:
+        """A variant of the arm; the arm itself stays as it is.
+
+        Args:
+            friction: None takes all joint friction away.   rotors: None takes the rotors' inertia away.
+            efficiency: None makes the gears lossless.   gravity: (3,) [m/s²].   tip: name of a frame.   name: str.
+        Raises:
+            ModelError: an unknown change, or a value that is none.
+        """
+        changed = self
+        for what, value in changes.items():
+            changed = _replaced(changed, what, value)
+        return changed
+
+
+def _replaced(model: Model, what: str, value: Any) -> Model:
+    def bodies(change: Any) -> Model:
+        return dataclasses.replace(model, bodies=tuple(change(body) for body in model.bodies))
+
+    def drives(**parts: Any) -> Model:
+        return bodies(lambda body: dataclasses.replace(body, drive=dataclasses.replace(body.drive, **parts)))
+
+    if what in ("friction", "rotors", "efficiency"):
+        if value is not None:
+            raise ModelError(f"replace({what}={value!r}): only None, which takes it away, is offered")
+        if what == "friction":
+            return bodies(lambda body: dataclasses.replace(body, friction=None))
+        return drives(rotor_inertia=0.0) if what == "rotors" else drives(efficiency=None)
+    if what == "gravity":
+        gravity = np.asarray(value)
+        if gravity.shape != (3,) or not (scalar.is_symbolic(gravity) or np.isfinite(gravity.astype(float)).all()):
+            raise ModelError(f"replace(gravity={value!r}): expected three finite numbers [m/s²] in base axes")
+        return dataclasses.replace(model, gravity=gravity if scalar.is_symbolic(gravity) else gravity.astype(float))
+    if what == "tip":
+        model.frame(value)
+        return dataclasses.replace(model, tip=value)
+    if what == "name":
+        return dataclasses.replace(model, name=str(value))
+    raise ModelError(f"replace({what}=...): {nearest(what, ['friction', 'rotors', 'efficiency', 'gravity', 'tip', 'name'])}")

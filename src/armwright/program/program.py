@@ -1,0 +1,131 @@
+"""Program: a traced function as a list of operations, inputs and outputs by name. It knows no robots."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi
+import numpy as np
+
+from armwright.errors import ProgramError
+from armwright.program.operations import by_code
+
+Value = int  # index of an instruction's result; every value is written once
+
+
+@dataclass(frozen=True)
+class Port:
+    """An input or an output: name and shape; entries in row-major order."""
+
+    name: str
+    shape: tuple[int, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of entries."""
+        return int(np.prod(self.shape, dtype=int))
+
+
+@dataclass(frozen=True)
+class Instruction:
+    """`result = operation(*arguments)` on scalars.
+
+    INPUT and OUTPUT carry (port, entry), CONST its number, CALL the program that it calls and as many results as that has.
+    """
+
+    operation: str
+    results: tuple[Value, ...]
+    arguments: tuple[Value, ...]
+    place: tuple[int, int] | None = None
+    constant: float | None = None
+    callee: Program | None = None
+
+
+@dataclass(frozen=True)
+class Program:
+    """A straight-line program with named ports, and the CasADi graph it was read from."""
+
+    name: str
+    inputs: tuple[Port, ...]
+    outputs: tuple[Port, ...]
+    graph: casadi.Function
+
+    @cached_property
+    def instructions(self) -> tuple[Instruction, ...]:
+        """The operations in order, in single assignment: CasADi's reused work slots are renamed.
+
+        Raises:
+            ProgramError: an operation that has no row in the table.
+        """
+        return tuple(_read(self))
+
+    @cached_property
+    def callees(self) -> dict[str, Program]:
+        """The programs that this one calls, by name."""
+        found = {}
+        for name in self.graph.get_function():
+            graph = self.graph.get_function(name)
+            inputs = tuple(Port(graph.name_in(k), (graph.numel_in(k),)) for k in range(graph.n_in()))
+            outputs = tuple(Port(graph.name_out(k), (graph.numel_out(k),)) for k in range(graph.n_out()))
+            found[name] = Program(name, inputs, outputs, graph)
+        return found
+
+    def operation_counts(self) -> Counter[str]:
+        """How many operations of each name, calls included."""
+        counts: Counter[str] = Counter()
+        for instruction in self.instructions:
+            if instruction.callee is not None:
+                counts += instruction.callee.operation_counts()
+            elif instruction.operation not in ("INPUT", "OUTPUT", "CONST"):
+                counts[instruction.operation] += 1
+        return counts
+
+    def __str__(self) -> str:
+        lines = [f"{self.name}({', '.join(f'{p.name}{list(p.shape)}' for p in self.inputs)})"]
+        for i in self.instructions:
+            left = ", ".join(f"%{value}" for value in i.results) or f"{self.outputs[i.place[0]].name}[{i.place[1]}]"  # type: ignore[index]
+            if i.operation == "INPUT" and i.place is not None:
+                right = f"{self.inputs[i.place[0]].name}[{i.place[1]}]"
+            elif i.operation == "CONST":
+                right = repr(i.constant)
+            else:
+                name = i.callee.name if i.callee is not None else i.operation.lower()
+                right = f"{name} {', '.join(f'%{value}' for value in i.arguments)}"
+            lines.append(f"  {left} = {right}")
+        return "\n".join(lines)
+
+
+def _read(program: Program) -> list[Instruction]:
+    graph = program.graph
+    slots: dict[int, Value] = {}
+    fresh = 0
+    instructions = []
+    nodes = None
+    for k in range(graph.n_instructions()):
+        name = by_code(graph.instruction_id(k)).name
+        read, write = graph.instruction_input(k), graph.instruction_output(k)
+        if name == "INPUT":
+            arguments, place, write = (), (read[0], read[1]), write[:1]
+        elif name == "OUTPUT":
+            arguments, place, write = (slots[read[0]],), (write[0], write[1]), []
+        else:
+            arguments, place = tuple(slots[slot] for slot in read), None
+        callee = None
+        if name == "CALL":
+            nodes = graph.instructions_sx() if nodes is None else nodes
+            callee = _callee(program, nodes[k])
+        results = tuple(range(fresh, fresh + len(write)))
+        fresh += len(write)
+        slots.update(zip(write, results, strict=True))
+        constant = graph.instruction_constant(k) if name == "CONST" else None
+        instructions.append(Instruction(name, results, arguments, place, constant, callee))
+    return instructions
+
+
+def _callee(program: Program, node: casadi.SX) -> Program:
+    name = node.which_function().name()
+    if name not in program.callees:
+        raise ProgramError(f"{program.name}: calls {name}, which is not among {', '.join(program.callees)}")
+    return program.callees[name]

@@ -1,0 +1,87 @@
+"""Tracing: a plain function of arrays, run once on symbols, becomes a straight-line program."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import casadi
+import numpy as np
+
+from armwright.errors import ProgramError
+from armwright.program.program import Port, Program
+from armwright.scalar import Symbol
+
+Shape = tuple[int, ...]
+
+
+def trace(
+    name: str,
+    function: Callable[..., Any],
+    inputs: Mapping[str, Shape],
+    outputs: tuple[str, ...] | None = None,
+    *,
+    noinline: bool = False,
+) -> Program:
+    """The program of `function`: every operation that it does on its inputs, in order, constants folded.
+
+    Args:
+        name: what the program is called, a C identifier.
+        function: takes one array per input by position and returns an array, or a tuple of them.
+        inputs: name and shape of every input.
+        outputs: names of the results; by default `name` itself, for a function that returns one array.
+        noinline: a traced function that calls this program keeps one call of it instead of a copy of its operations.
+    Raises:
+        ProgramError: the function returns another number of arrays than `outputs` has names.
+        SymbolError: the function branches on a value or puts one into a float array.
+    """
+    symbols = {key: _symbols(key, shape) for key, shape in inputs.items()}
+    results = function(*symbols.values())
+    results = results if isinstance(results, tuple) else (results,)
+    names = (name,) if outputs is None else outputs
+    if len(results) != len(names):
+        raise ProgramError(f"{name}: returned {len(results)} arrays, expected {len(names)}: {', '.join(names)}")
+    arrays = [np.asarray(result, dtype=object) for result in results]
+    graph = casadi.Function(
+        name,
+        [_column(array) for array in symbols.values()],
+        casadi.cse([_column(array) for array in arrays]),
+        list(symbols),
+        [f"{key}_out" if key in symbols else key for key in names],
+        {"never_inline": noinline},
+    )
+    return Program(
+        name,
+        tuple(Port(key, array.shape) for key, array in symbols.items()),
+        tuple(Port(key, array.shape) for key, array in zip(names, arrays, strict=True)),
+        graph,
+    )
+
+
+def call(program: Program, *arguments: Any) -> Any:
+    """The program's results for symbols or floats: how one traced function uses another as a whole."""
+    outputs = program.graph.call([_column(np.asarray(value, dtype=object)) for value in arguments])
+    arrays = [_array(column, port.shape) for column, port in zip(outputs, program.outputs, strict=True)]
+    return arrays[0] if len(arrays) == 1 else tuple(arrays)
+
+
+def _symbols(name: str, shape: Shape) -> np.ndarray:
+    array = np.empty(shape, dtype=object)
+    for index in np.ndindex(*shape):
+        array[index] = Symbol.named("_".join([name, *(str(k) for k in index)]))
+    return array
+
+
+def _column(array: np.ndarray) -> casadi.SX:
+    """Row-major entries of an array as one dense SX column."""
+    column = casadi.SX.zeros(array.size, 1)
+    for k, entry in enumerate(array.flat):
+        column[k] = entry.sx if isinstance(entry, Symbol) else float(entry)
+    return casadi.densify(column)
+
+
+def _array(column: casadi.SX, shape: Shape) -> np.ndarray:
+    array = np.empty(shape, dtype=object)
+    for k, index in enumerate(np.ndindex(*shape)):
+        array[index] = Symbol(column[k])
+    return array

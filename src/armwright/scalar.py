@@ -1,0 +1,238 @@
+"""One call for floats, arrays and traced symbols: the arithmetic that all physics in Armwright is written in.
+
+A `Symbol` is one scalar of a computation that is being traced; arrays of them have `dtype=object`. With floats these
+functions are NumPy's; with Symbols they record the operation. Physics calls `scalar.sin(x)`, never `math.sin` or
+`np.where`, so the same lines are the readable reference and the source of the compiled kernels.
+
+NaN goes through every function, `clip`, `minimum` and `maximum` included: a limit never hides a diverged value.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import casadi
+import numpy as np
+
+from armwright.errors import SymbolError
+
+Scalar = Any  # float | Symbol
+Array = Any  # np.ndarray of float or of object, or a scalar
+
+
+class Symbol:
+    """One scalar of a traced computation: a thin wrapper of one CasADi SX scalar that behaves inside NumPy arrays.
+
+    A bare SX must never enter an array: `np.zeros(3)[0] = sx` silently gives NaN and `array * sx` becomes a matrix.
+    """
+
+    __slots__ = ("sx",)
+
+    def __init__(self, sx: Any):
+        self.sx = sx
+
+    @classmethod
+    def named(cls, name: str) -> Symbol:
+        """A fresh symbol of that name."""
+        return cls(casadi.SX.sym(name))
+
+    def __repr__(self) -> str:
+        return f"Symbol({self.sx})"
+
+    # Operators return NotImplemented for arrays, so that NumPy maps them over the elements.
+
+    def _binary(self, other: Any, operation: Callable[[Any, Any], Any], swap: bool = False) -> Any:
+        if isinstance(other, Symbol):
+            other = other.sx
+        elif isinstance(other, (float, int, np.floating, np.integer)):
+            other = float(other)
+        else:
+            return NotImplemented
+        return Symbol(operation(other, self.sx) if swap else operation(self.sx, other))
+
+    def __add__(self, other):
+        return self._binary(other, lambda a, b: a + b)
+
+    def __radd__(self, other):
+        return self._binary(other, lambda a, b: a + b, swap=True)
+
+    def __sub__(self, other):
+        return self._binary(other, lambda a, b: a - b)
+
+    def __rsub__(self, other):
+        return self._binary(other, lambda a, b: a - b, swap=True)
+
+    def __mul__(self, other):
+        return self._binary(other, lambda a, b: a * b)
+
+    def __rmul__(self, other):
+        return self._binary(other, lambda a, b: a * b, swap=True)
+
+    def __truediv__(self, other):
+        return self._binary(other, lambda a, b: a / b)
+
+    def __rtruediv__(self, other):
+        return self._binary(other, lambda a, b: a / b, swap=True)
+
+    def __pow__(self, other):
+        return self._binary(other, lambda a, b: a**b)
+
+    def __neg__(self):
+        return Symbol(-self.sx)
+
+    def __pos__(self):
+        return self
+
+    def __abs__(self):
+        return Symbol(casadi.fabs(self.sx))
+
+    def _refuse(self, what: str, instead: str) -> SymbolError:
+        frame = sys._getframe(2)
+        place = f"{frame.f_code.co_filename}:{frame.f_lineno}"
+        return SymbolError(f"{place}: {what} a traced symbol, whose value is not known yet; use {instead}")
+
+    def __float__(self):
+        raise self._refuse("a float array or math.* was given", "armwright.scalar functions and object arrays")
+
+    def __bool__(self):
+        raise self._refuse("a branch on", "scalar.where(condition, a, b)")
+
+    def __lt__(self, other):
+        raise self._refuse("a comparison of", "scalar.less(a, b)")
+
+    __le__ = __gt__ = __ge__ = __lt__
+
+    def __eq__(self, other):
+        raise self._refuse("a comparison of", "scalar.equal(a, b)")
+
+    __ne__ = __eq__
+    __hash__ = None  # type: ignore[assignment]
+
+
+for _name, _function in {  # what NumPy's own functions call on the elements of an object array
+    **{name: getattr(casadi, name) for name in ("sin", "cos", "tan", "sqrt", "exp", "log", "tanh", "floor", "ceil")},
+    **{"arctan2": casadi.atan2, "hypot": casadi.hypot, "fmod": casadi.fmod},
+}.items():
+    setattr(Symbol, _name, lambda self, *other, _f=_function: _lift(_f, self, *other))
+
+
+def _lift(function: Callable[..., Any], *values: Scalar) -> Symbol:
+    return Symbol(function(*(v.sx if isinstance(v, Symbol) else float(v) for v in values)))
+
+
+def is_symbolic(*values: Array) -> bool:
+    """Whether any of the values is a Symbol or an array that may hold some."""
+    return any(isinstance(v, Symbol) or (isinstance(v, np.ndarray) and v.dtype == object) for v in values)
+
+
+def _elementwise(number: Callable[..., Any], symbol: Callable[..., Any], name: str, doc: str) -> Callable[..., Any]:
+    """A function of one or more values that is `number` (NumPy) on floats and records `symbol` (CasADi) on Symbols."""
+
+    def one(*values: Scalar) -> Scalar:
+        if any(isinstance(v, Symbol) for v in values):
+            return _lift(symbol, *values)
+        return number(*(float(v) for v in values))
+
+    lifted = {count: np.frompyfunc(one, count, 1) for count in (1, 2, 3)}
+
+    def function(*values: Array) -> Array:
+        if not is_symbolic(*values):
+            return number(*values)
+        return lifted[len(values)](*values)
+
+    function.__name__ = function.__qualname__ = name
+    function.__doc__ = doc
+    return function
+
+
+sin = _elementwise(np.sin, casadi.sin, "sin", "Sine of an angle [rad].")
+cos = _elementwise(np.cos, casadi.cos, "cos", "Cosine of an angle [rad].")
+tan = _elementwise(np.tan, casadi.tan, "tan", "Tangent of an angle [rad].")
+sqrt = _elementwise(np.sqrt, casadi.sqrt, "sqrt", "Square root.")
+exp = _elementwise(np.exp, casadi.exp, "exp", "Exponential.")
+log = _elementwise(np.log, casadi.log, "log", "Natural logarithm.")
+tanh = _elementwise(np.tanh, casadi.tanh, "tanh", "Hyperbolic tangent.")
+atan2 = _elementwise(np.arctan2, casadi.atan2, "atan2", "Angle [rad] of the point (x, y), called as atan2(y, x).")
+hypot = _elementwise(np.hypot, casadi.hypot, "hypot", "√(x² + y²).")
+abs = _elementwise(np.abs, casadi.fabs, "abs", "Absolute value.")
+sign = _elementwise(np.sign, casadi.sign, "sign", "−1, 0 or 1 with the sign of the value.")
+floor = _elementwise(np.floor, casadi.floor, "floor", "Largest whole number not above the value.")
+ceil = _elementwise(np.ceil, casadi.ceil, "ceil", "Smallest whole number not below the value.")
+fmod = _elementwise(np.fmod, casadi.fmod, "fmod", "Remainder with the sign of the dividend.")
+minimum = _elementwise(np.minimum, casadi.fmin, "minimum", "The smaller of two values; NaN if either is.")
+maximum = _elementwise(np.maximum, casadi.fmax, "maximum", "The larger of two values; NaN if either is.")
+less = _elementwise(lambda a, b: np.less(a, b) * 1.0, casadi.lt, "less", "1.0 where a < b, else 0.0.")
+less_equal = _elementwise(lambda a, b: np.less_equal(a, b) * 1.0, casadi.le, "less_equal", "1.0 where a ≤ b, else 0.0.")
+equal = _elementwise(lambda a, b: np.equal(a, b) * 1.0, casadi.eq, "equal", "1.0 where a = b, else 0.0.")
+where = _elementwise(
+    lambda condition, a, b: np.where(condition, a, b),
+    casadi.if_else,
+    "where",
+    "a where the condition is not 0, else b; both are computed.",
+)
+
+
+def round(value: Array) -> Array:
+    """Nearest whole number, halves upward (unlike NumPy's halves to even: CasADi has no such operation)."""
+    return floor(value + 0.5)
+
+
+def clip(value: Array, lowest: Array, highest: Array) -> Array:
+    """The value held between two limits; NaN stays NaN."""
+    return minimum(maximum(value, lowest), highest)
+
+
+def array(nested: Any) -> np.ndarray:
+    """An array of floats where all entries are numbers, of objects where one is a Symbol. Shape from the nesting."""
+    entries = np.array(nested, dtype=object)
+    if any(isinstance(entry, Symbol) for entry in entries.flat):
+        return entries
+    return entries.astype(float)
+
+
+def zeros(*shape: int) -> np.ndarray:
+    """Zeros to be filled with numbers or Symbols; hand the filled array to `array` before returning it."""
+    filled = np.empty(shape, dtype=object)
+    filled.fill(np.float64(0.0))  # not Python's 0.0, whose division by zero raises instead of giving inf
+    return filled
+
+
+def eye(size: int) -> np.ndarray:
+    """The unit matrix, to be computed with (or filled, as `zeros`)."""
+    unit = zeros(size, size)
+    for k in range(size):
+        unit[k, k] = np.float64(1.0)
+    return unit
+
+
+def stack(rows: Any, axis: int = 0) -> np.ndarray:
+    """Rows (or columns, axis=1) put together into one array; `array` for pieces that are arrays themselves."""
+    return array(np.stack([np.asarray(row, dtype=object) for row in rows], axis=axis))
+
+
+def solve_symmetric(matrix: Array, right: Array) -> np.ndarray:
+    """x with  matrix x = right  for a symmetric positive definite matrix, by L D Lᵀ without square roots or pivots.
+
+    Args:
+        matrix: (n, n), only the lower triangle is read.   right: (n,).
+    Returns:
+        x: (n,). Not finite where the matrix is singular.
+    """
+    n = len(right)
+    lower, scaled, inverse, y = zeros(n, n), zeros(n, n), zeros(n), zeros(n)
+    for j in range(n):  # matrix = L D Lᵀ; `scaled` is L D, `inverse` is D⁻¹: n divisions in all
+        for k in range(j):
+            scaled[j, k] = matrix[j, k] - _dot(scaled[j, :k], lower[k, :k])
+            lower[j, k] = scaled[j, k] * inverse[k]
+        inverse[j] = 1.0 / (matrix[j, j] - _dot(scaled[j, :j], lower[j, :j]))
+        y[j] = right[j] - _dot(lower[j, :j], y[:j])
+    x = zeros(n)
+    for j in reversed(range(n)):
+        x[j] = y[j] * inverse[j] - _dot(lower[j + 1 :, j], x[j + 1 :])
+    return array(x)
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> Scalar:
+    return a @ b if len(a) else 0.0

@@ -1,0 +1,29 @@
+"""3-D algebra over any scalar: rotations, placements of frames, moving mass."""
+
+from armwright.spatial.inertia import (
+    acceleration_tensor,
+    inertia_about_origin,
+    inertial_moment,
+    parallel_axes,
+    pseudo_inertia,
+    second_moment,
+)
+from armwright.spatial.placement import Placement
+from armwright.spatial.rotation import cross, rotation_rpy, rotation_to_axis, rotation_x, rotation_y, rotation_z, skew
+
+__all__ = [
+    "Placement",
+    "acceleration_tensor",
+    "cross",
+    "inertia_about_origin",
+    "inertial_moment",
+    "parallel_axes",
+    "pseudo_inertia",
+    "rotation_rpy",
+    "rotation_to_axis",
+    "rotation_x",
+    "rotation_y",
+    "rotation_z",
+    "second_moment",
+    "skew",
+]
