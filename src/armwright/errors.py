@@ -47,7 +47,7 @@ class SymbolError(ArmwrightError, TypeError):
 
 
 def nearest(name: str, choices: Iterable[str]) -> str:
-    """The end of an error sentence: the nearest names, or all there are. `nearest("pma560", robots)` → "did you mean puma560?"."""
+    """The end of an error sentence: the nearest names, or all there are. `nearest("pma560", …)` → "did you mean puma560?"."""
     choices = sorted(choices)
     close = difflib.get_close_matches(name, choices, n=3, cutoff=0.5)
     if close:

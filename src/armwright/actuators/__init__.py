@@ -1,7 +1,17 @@
 """Motor, gear and friction: equations over any scalar."""
 
+from armwright.actuators.drive import DriveOutput, limited_drive
 from armwright.actuators.friction import friction_torques
 from armwright.actuators.gear import transmission
 from armwright.actuators.motor import drive_torque, motor_current, motor_torque, motor_voltage
 
-__all__ = ["drive_torque", "friction_torques", "motor_current", "motor_torque", "motor_voltage", "transmission"]
+__all__ = [
+    "DriveOutput",
+    "drive_torque",
+    "friction_torques",
+    "limited_drive",
+    "motor_current",
+    "motor_torque",
+    "motor_voltage",
+    "transmission",
+]

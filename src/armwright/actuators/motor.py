@@ -9,7 +9,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import ModelError
-from armwright.model import Drive, Model
+from armwright.model import Body, Drive, Model
 from armwright.scalar import Array, Scalar
 
 ELECTRICAL = {"resistance": "resistance_ohm", "torque_constant": "torque_constant_n_m_per_a"}
@@ -24,7 +24,9 @@ def need_constants(model: Model, what: str, *constants: str) -> None:
     for body in model.bodies:
         for constant in constants:
             if getattr(body.drive, constant) is None:
-                raise ModelError(f"{model.name}: {what} needs motor.{ELECTRICAL[constant]} of joint {body.joint!r}, which its record does not give")
+                raise ModelError(
+                    f"{model.name}: {what} needs motor.{ELECTRICAL[constant]} of joint {body.joint!r}, which its record does not give"
+                )
 
 
 def motor_current(model: Model, tau: Array) -> np.ndarray:
@@ -38,7 +40,7 @@ def motor_current(model: Model, tau: Array) -> np.ndarray:
         ModelError: a drive without a torque constant.
     """
     need_constants(model, "motor_current", "torque_constant")
-    return scalar.array([tau[i] / _joint_constant(body.drive) for i, body in model.outward()])
+    return scalar.array([tau[i] / joint_constant(body.drive) for i, body in model.outward()])
 
 
 def motor_voltage(model: Model, qd: Array, tau: Array) -> np.ndarray:
@@ -84,24 +86,40 @@ def drive_torque(model: Model, qd: Array, u: Array) -> np.ndarray:
 
 def _torque_of_command(model: Model, joint: int, speed: Scalar, u: Scalar) -> Scalar:
     body = model.bodies[joint]
+    check_command(model, body)
     if body.drive.command == "torque":
         return u
-    if body.drive.torque_constant is None or (body.drive.command == "voltage" and body.drive.resistance is None):
-        raise ModelError(f"{model.name}: joint {body.joint!r} is driven by {body.drive.command}, but its record lacks the motor's constants")
     if body.drive.command == "current":
-        return _joint_constant(body.drive) * u
+        return joint_constant(body.drive) * u
     return _torque_of_voltage(body.drive, speed, u)
 
 
-def _joint_constant(drive: Drive) -> Scalar:
+def check_command(model: Model, body: Body) -> None:
+    """Refuses a drive that lacks the constants its command needs.
+
+    Raises:
+        ModelError: names the joint.
+    """
+    needed = {"voltage": ("resistance", "torque_constant"), "current": ("torque_constant",), "torque": ()}
+    for constant in needed[body.drive.command]:
+        if getattr(body.drive, constant) is None:
+            raise ModelError(
+                f"{model.name}: joint {body.joint!r} is driven by {body.drive.command}, "
+                f"but its record has no motor.{ELECTRICAL[constant]}"
+            )
+
+
+def joint_constant(drive: Drive) -> Scalar:
     """n Kt: torque at the joint per ampere."""
     return drive.gear_ratio * drive.torque_constant
 
 
 def _voltage(drive: Drive, speed: Scalar, torque: Scalar) -> Scalar:
-    return drive.resistance / _joint_constant(drive) * torque + drive.gear_ratio * drive.back_emf_constant * speed  # (11)
+    return (
+        drive.resistance / joint_constant(drive) * torque + drive.gear_ratio * drive.back_emf_constant * speed
+    )  # (11)
 
 
 def _torque_of_voltage(drive: Drive, speed: Scalar, voltage: Scalar) -> Scalar:
-    stall = _joint_constant(drive) / drive.resistance  # [N m/V]
+    stall = joint_constant(drive) / drive.resistance  # [N m/V]
     return stall * (voltage - drive.gear_ratio * drive.back_emf_constant * speed)  # (12)

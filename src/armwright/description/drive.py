@@ -17,7 +17,9 @@ class Motor(Record):
 
     source: str | None = None
     gear_ratio: NotZero = Field(description="Motor radians per joint radian (or metre); the sign counts.")
-    rotor_inertia_kg_m2: NotNegative = Field(description="Motor side. 0 for a direct drive: the rotor is part of its link.")
+    rotor_inertia_kg_m2: NotNegative = Field(
+        description="Motor side. 0 for a direct drive: the rotor is part of its link."
+    )
     gear_efficiency: Share | None = Field(None, description="η of design section 3; absent = 1.")
     torque_constant_n_m_per_a: Positive | None = None
     back_emf_constant_v_s_per_rad: Positive | None = Field(None, description="Absent: equal to the torque constant.")
@@ -101,7 +103,7 @@ def _check_friction(friction: Record, force: str, length: str) -> None:
     together(coulomb)
     together(stribeck)
     smoothing = f"smoothing_{length}_per_s"
-    if getattr(friction, "law") == "sigmoid":
+    if friction.law == "sigmoid":
         missing = [key for key in sigmoid if key not in given]
         if missing:
             raise ValueError(f'law = "sigmoid" needs {" and ".join(missing)}')

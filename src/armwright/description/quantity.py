@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import datetime
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from math import inf, isfinite
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from armwright.description.refusal import refusal
+from armwright.errors import DescriptionError
 
 SourceKind = Literal["drawing", "cad", "datasheet", "measurement", "fit", "estimate", "publication", "definition"]
 
@@ -17,9 +24,24 @@ class Record(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=False, allow_inf_nan=False, protected_namespaces=())
 
     def replace(self, **changes: Any) -> Any:
-        """A copy with some fields changed, validated like the original."""
-        kept = {name: getattr(self, name) for name in type(self).model_fields if name in self.model_fields_set}
-        return type(self)(**{**kept, **changes})
+        """A copy with some fields changed, validated like the original.
+
+        Raises:
+            DescriptionError: the changed record cannot be believed.
+        """
+        fields = {name: getattr(self, name) for name in self.model_fields_set} | changes
+        try:
+            return type(self)(**fields)
+        except ValidationError as error:
+            raise DescriptionError(f"replace: {refusal(error, fields, type(self))}") from None
+
+
+def _written_date(value: Any) -> Any:
+    """TOML's dates need no quotes."""
+    return value.isoformat() if isinstance(value, (datetime.date, datetime.datetime)) else value
+
+
+Date = Annotated[str, BeforeValidator(_written_date)]
 
 
 class Source(Record):
@@ -27,7 +49,7 @@ class Source(Record):
 
     kind: SourceKind
     text: str = Field(min_length=1, description="The citation, drawing number or reasoning, for a reader to follow.")
-    date: str | None = None
+    date: Date | None = None
     licence: str | None = None
     url: str | None = None
 
@@ -42,7 +64,7 @@ class Quantity(Record):
     value: float | tuple[float, ...]
     std: float | tuple[float, ...] | None = Field(None, description="Standard deviation, same unit.")
     source: str | None = Field(None, description="A key of [sources], or a kind of source such as 'estimate'.")
-    date: str | None = None
+    date: Date | None = None
 
     def __float__(self) -> float:
         if isinstance(self.value, tuple):
@@ -53,56 +75,65 @@ class Quantity(Record):
         return np.array(self.value, dtype=dtype or float)
 
 
-def _number(value: Any) -> Any:
-    if isinstance(value, bool) or isinstance(value, str):
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+
+
+def _finite(value: Any) -> float:
+    try:
+        number = float(value)
+    except OverflowError:  # an integer beyond the largest float
+        number = inf
+    if not isfinite(number):
+        raise ValueError("expected a finite number")
+    return number
+
+
+def _one(value: Any) -> float:
+    if isinstance(value, (list, tuple, np.ndarray)):
+        raise ValueError(f"expected one number, not {len(value)}")
+    if not _is_number(value):
         raise ValueError("expected a number")
-    if isinstance(value, Quantity):
-        return value
-    if isinstance(value, dict):
-        return value
-    return {"value": value}
+    return _finite(value)
 
 
-def _sized(size: int | None):
-    def check(quantity: Quantity) -> Quantity:
-        length = len(quantity.value) if isinstance(quantity.value, tuple) else None
-        if length != size:
-            raise ValueError(f"expected {f'{size} numbers' if size else 'one number'}, not {length or 'one'}")
-        return quantity
-
-    return check
+def _several(size: int, value: Any) -> tuple[float, ...]:
+    if not isinstance(value, (list, tuple, np.ndarray)) or not all(_is_number(v) for v in value):
+        raise ValueError(f"expected {size} numbers")
+    if len(value) != size:
+        raise ValueError(f"expected {size} numbers, not {len(value)}")
+    return tuple(_finite(v) for v in value)
 
 
-def _scalar(value: Any) -> Quantity:
-    return _sized(None)(Quantity.model_validate(_number(value)))
+@dataclass(frozen=True)
+class _Reading:
+    """What a file may give for a quantity: `read` understands its value, `test` allows it, `expected` says so in errors."""
+
+    expected: str
+    read: Callable[[Any], Any]
+    test: Callable[[Any], bool] = lambda value: True
+
+    def __call__(self, given: Any) -> Any:
+        if isinstance(given, dict) and "value" not in given:
+            return given  # refused for that
+        value = self.read(given["value"] if isinstance(given, dict) else getattr(given, "value", given))
+        if not self.test(value):
+            raise ValueError(f"expected {self.expected}")
+        if isinstance(given, Quantity):
+            return given
+        return {**given, "value": value} if isinstance(given, dict) else {"value": value}
 
 
-def _bounded(test, expected: str):
-    def check(value: Any) -> Quantity:
-        quantity = _scalar(value)
-        if not test(quantity.value):
-            raise ValueError(f"expected {expected}")
-        return quantity
-
-    return check
-
-
-def _vector(size: int):
-    def check(value: Any) -> Quantity:
-        if isinstance(value, (list, np.ndarray)):
-            value = tuple(float(v) if isinstance(v, (int, float)) and not isinstance(v, bool) else v for v in value)
-        return _sized(size)(Quantity.model_validate(_number(value)))
-
-    return check
-
-
-Number = Annotated[Quantity, BeforeValidator(_scalar)]
-Positive = Annotated[Quantity, BeforeValidator(_bounded(lambda v: v > 0, "a number above 0"))]
-NotNegative = Annotated[Quantity, BeforeValidator(_bounded(lambda v: v >= 0, "a number of 0 or more"))]
-NotZero = Annotated[Quantity, BeforeValidator(_bounded(lambda v: v != 0, "a number other than 0"))]
-Share = Annotated[Quantity, BeforeValidator(_bounded(lambda v: 0 < v <= 1, "a number above 0, at most 1"))]
-Vector3 = Annotated[Quantity, BeforeValidator(_vector(3))]
-Range = Annotated[Quantity, BeforeValidator(_vector(2))]
+Number = Annotated[Quantity, BeforeValidator(_Reading("a number", _one))]
+Positive = Annotated[Quantity, BeforeValidator(_Reading("a number above 0", _one, lambda v: v > 0))]
+NotNegative = Annotated[Quantity, BeforeValidator(_Reading("a number of 0 or more", _one, lambda v: v >= 0))]
+NotZero = Annotated[Quantity, BeforeValidator(_Reading("a number other than 0", _one, lambda v: v != 0))]
+Share = Annotated[Quantity, BeforeValidator(_Reading("a number above 0, at most 1", _one, lambda v: 0 < v <= 1))]
+Vector3 = Annotated[Quantity, BeforeValidator(_Reading("3 numbers", partial(_several, 3)))]
+Direction = Annotated[
+    Quantity, BeforeValidator(_Reading("a direction, 3 numbers not all 0", partial(_several, 3), any))
+]
+Range = Annotated[Quantity, BeforeValidator(_Reading("2 numbers", partial(_several, 2)))]
 
 
 def quantities(record: Record, prefix: str = "") -> Iterator[tuple[str, Quantity, str | None]]:

@@ -5,10 +5,19 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
-from armwright.description.quantity import NotNegative, Number, Record, Source, SourceKind, Vector3, quantities
+from armwright.description.quantity import (
+    Direction,
+    NotNegative,
+    Number,
+    Record,
+    Source,
+    SourceKind,
+    Vector3,
+    quantities,
+)
 from armwright.errors import DescriptionError, nearest
 
 Name = Annotated[str, Field(min_length=1, pattern=r"^[^\s.\[\]]+$")]
@@ -65,19 +74,28 @@ class _Joint(Record):
         ways = [way for way in ("dh", "modified_dh", "frame") if getattr(self, way) is not None]
         if len(ways) != 1:
             raise ValueError(f"expected exactly one of dh, modified_dh, frame, not {' and '.join(ways) or 'none'}")
-        if hasattr(self, "axis") and (getattr(self, "axis") is not None) != (ways == ["frame"]):
+        axis = getattr(self, "axis", None)
+        if axis is not None and ways != ["frame"]:
             raise ValueError("axis goes with frame (the axis of a DH joint is z)")
+        if axis is None and ways == ["frame"] and "axis" in type(self).model_fields:
+            raise ValueError("expected axis = [x, y, z] beside frame, the joint's direction in it")
         return self
 
 
-def _unit_axis(value: Any) -> Any:
-    if isinstance(value, (list, tuple)) and len(value) == 3 and not any(isinstance(v, (str, bool)) for v in value):
-        if not np.isfinite(np.array(value, dtype=float)).all() or not np.any(np.array(value, dtype=float)):
-            raise ValueError("expected a direction, three finite numbers not all 0")
-    return value
+def _friction_kind(value: Any) -> str:
+    """Whose friction a slide's record tells: its motor's in N m and radians, or its own in N and metres."""
+    if isinstance(value, dict):
+        rotary = value.get("side") == "motor" or any(
+            "_n_m" in key or key.endswith("per_rad") for key in map(str, value)
+        )
+        return "RotaryFriction" if rotary else "LinearFriction"
+    return type(value).__name__ if isinstance(value, RotaryFriction) else "LinearFriction"
 
 
-Axis = Annotated[Vector3, BeforeValidator(_unit_axis)]
+SlideFriction = Annotated[
+    Annotated[LinearFriction, Tag("LinearFriction")] | Annotated[RotaryFriction, Tag("RotaryFriction")],
+    Discriminator(_friction_kind),
+]
 
 
 class RevoluteJoint(_Joint):
@@ -86,7 +104,7 @@ class RevoluteJoint(_Joint):
     type: Literal["revolute"]
     dh: RevoluteDH | None = None
     modified_dh: RevoluteDH | None = None
-    axis: Axis | None = None
+    axis: Direction | None = None
     command: Command | None = None
     motor: Motor | None = None
     friction: RotaryFriction | None = None
@@ -99,16 +117,18 @@ class PrismaticJoint(_Joint):
     type: Literal["prismatic"]
     dh: PrismaticDH | None = None
     modified_dh: PrismaticDH | None = None
-    axis: Axis | None = None
+    axis: Direction | None = None
     command: Command | None = None
     motor: Motor | None = None
-    friction: LinearFriction | RotaryFriction | None = Field(None, union_mode="left_to_right")
+    friction: SlideFriction | None = None
     limits: LinearLimits = LinearLimits()
 
     @model_validator(mode="after")
     def _friction_side(self) -> PrismaticJoint:
         if isinstance(self.friction, RotaryFriction) and self.friction.side != "motor":
-            raise ValueError("friction of a prismatic joint in N m is its motor's: expected side = \"motor\", or keys in N")
+            raise ValueError(
+                'friction of a prismatic joint in N m is its motor\'s: expected side = "motor", or keys in N'
+            )
         return self
 
 
@@ -248,10 +268,11 @@ def _check_tree(robot: RobotDescription) -> None:
     for link in robot.links:
         if link.name not in parent:
             raise ValueError(f"link {link.name!r} hangs on no joint: expected every link to be the child of one")
+    for link in robot.links:
         seen, at = {link.name}, parent[link.name]
         while at != robot.base:
             if at in seen:
-                raise ValueError(f"link {link.name!r} carries itself: expected a tree that starts at {robot.base!r}")
+                raise ValueError(f"link {at!r} carries itself: expected a tree that starts at {robot.base!r}")
             seen.add(at)
             at = parent[at]
 
@@ -269,16 +290,29 @@ def _check_commands(robot: RobotDescription) -> None:
                 raise ValueError(f"joint {joint.name!r}: command = {command!r} needs motor.{key}")
         on_motor_side = joint.friction is not None and joint.friction.side == "motor"
         if on_motor_side and joint.motor is None:
-            raise ValueError(f"joint {joint.name!r}: friction on the motor side needs a [joints.motor] with its gear_ratio")
-        if joint.motor is not None and joint.motor.gear_efficiency is not None and float(joint.motor.gear_efficiency) < 1:
-            smoothing = ("smoothing_rad_per_s", "smoothing_m_per_s")
-            if not any(getattr(joint.friction, key, None) is not None for key in smoothing):
-                raise ValueError(f"joint {joint.name!r}: gear_efficiency needs friction.smoothing_…, the speed its loss is smoothed over")
+            raise ValueError(
+                f"joint {joint.name!r}: friction on the motor side needs a [joints.motor] with its gear_ratio"
+            )
+        if (
+            joint.motor is not None
+            and joint.motor.gear_efficiency is not None
+            and float(joint.motor.gear_efficiency) < 1
+        ):
+            linear = isinstance(joint, PrismaticJoint) and not isinstance(joint.friction, RotaryFriction)
+            key = "smoothing_m_per_s" if linear else "smoothing_rad_per_s"
+            if getattr(joint.friction, key, None) is None:
+                raise ValueError(
+                    f"joint {joint.name!r}: motor.gear_efficiency needs friction.{key}, the speed its loss is smoothed over"
+                )
 
 
 def _check_sources(robot: RobotDescription) -> None:
     for path, _, source in quantities(robot):
         if source is None:
-            raise ValueError(f"{path} has no source: expected source = ... beside it, in its table or for the whole file")
+            raise ValueError(
+                f"{path} has no source: expected source = ... beside it, in its table or for the whole file"
+            )
         if source not in robot.sources and source not in KINDS:
-            raise ValueError(f"{path}: source = {source!r} is no key of [sources]; {nearest(source, [*robot.sources, *KINDS])}")
+            raise ValueError(
+                f"{path}: source = {source!r} is no key of [sources]; {nearest(source, [*robot.sources, *KINDS])}"
+            )

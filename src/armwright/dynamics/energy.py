@@ -29,7 +29,9 @@ def kinetic_energy(model: Model, q: Array, qd: Array) -> Scalar:
         else:
             v[i] = v[i] + along_z
         at_com = v[i] + cross(w[i], body.com)
-        total = total + 0.5 * (body.mass * (at_com @ at_com) + w[i] @ (body.inertia @ w[i]) + body.drive.armature * qd[i] * qd[i])
+        total = total + 0.5 * (
+            body.mass * (at_com @ at_com) + w[i] @ (body.inertia @ w[i]) + body.drive.armature * qd[i] * qd[i]
+        )
     return total
 
 

@@ -16,7 +16,15 @@ from armwright.description.drive import LinearFriction, Motor, RotaryFriction
 from armwright.description.robot import FixedJoint, Link, MovingJoint, PrismaticJoint, RevoluteJoint, RobotDescription
 from armwright.errors import DescriptionError
 from armwright.model.model import BASE, Body, Drive, Frame, Friction, Limits, Model
-from armwright.spatial import Placement, parallel_axes, pseudo_inertia, rotation_rpy, rotation_to_axis, rotation_x, rotation_z
+from armwright.spatial import (
+    Placement,
+    parallel_axes,
+    pseudo_inertia,
+    rotation_rpy,
+    rotation_to_axis,
+    rotation_x,
+    rotation_z,
+)
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.80665)  # [m/s²], where a file says nothing about its place; CGPM 1901
 IMPOSSIBLE = 1e-9  # an eigenvalue of the pseudo-inertia below minus this share of the largest is no rounding
@@ -97,7 +105,9 @@ def _joint_placement(joint: Any) -> tuple[Placement, Placement]:
         return placed @ turn, turn.inverse()
     row = joint.dh if joint.dh is not None else joint.modified_dh
     along_x = _screw_x(row.alpha_rad, row.a_m)
-    if isinstance(joint, RevoluteJoint):  # what of the motion along z is constant: the offset before, r behind the motion
+    if isinstance(
+        joint, RevoluteJoint
+    ):  # what of the motion along z is constant: the offset before, r behind the motion
         before, behind = _screw_z(row.offset_rad, 0.0), _screw_z(0.0, row.r_m)
     elif isinstance(joint, PrismaticJoint):
         before, behind = _screw_z(row.theta_rad, row.offset_m), Placement.identity()
@@ -108,7 +118,9 @@ def _joint_placement(joint: Any) -> tuple[Placement, Placement]:
     return along_x @ before @ behind, Placement.identity()  # r and θ share the z axis and commute
 
 
-def _body(robot: RobotDescription, joint: MovingJoint, parent: int, placement: Placement, after: Placement) -> dict[str, Any]:
+def _body(
+    robot: RobotDescription, joint: MovingJoint, parent: int, placement: Placement, after: Placement
+) -> dict[str, Any]:
     return {
         "joint": joint.name,
         "link": joint.child,
@@ -190,7 +202,12 @@ def _friction(joint: MovingJoint) -> Friction | None:
         return None
     n = _side_ratio(joint)
     if isinstance(given, LinearFriction):
-        viscous, plus, minus, offset = given.viscous_n_s_per_m, given.coulomb_positive_n, given.coulomb_negative_n, given.offset_n
+        viscous, plus, minus, offset = (
+            given.viscous_n_s_per_m,
+            given.coulomb_positive_n,
+            given.coulomb_negative_n,
+            given.offset_n,
+        )
         stribeck, speed = given.stribeck_force_n, given.stribeck_speed_m_per_s
         sigmoid = (given.sigmoid_amplitude_n, given.sigmoid_slope_s_per_m, given.sigmoid_shift_m_per_s)
     else:
@@ -265,7 +282,9 @@ def _check_gears(robot: RobotDescription) -> list[str]:
         if motor is None:
             continue
         if motor.gear_efficiency is not None and float(motor.gear_efficiency) < SELF_LOCKING:
-            warnings.append(f"joint {joint.name!r}: gear efficiency {float(motor.gear_efficiency):g} is below {SELF_LOCKING}, self-locking")
+            warnings.append(
+                f"joint {joint.name!r}: gear efficiency {float(motor.gear_efficiency):g} is below {SELF_LOCKING}, self-locking"
+            )
         drive = _drive(joint, "torque")
         kt, ke = drive.torque_constant, drive.back_emf_constant
         if kt is not None and ke is not None and not 0.9 < kt / ke < 1.1:

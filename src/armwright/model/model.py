@@ -29,7 +29,9 @@ class Friction:
     stribeck: Scalar | None = None  # [N m | N], level at standstill; None: Coulomb only
     stribeck_speed: Scalar = 1.0  # [rad/s | m/s]
     smoothing: Scalar | None = None  # [rad/s | m/s]; None where nothing is smoothed
-    sigmoid: tuple[Scalar, Scalar, Scalar] | None = None  # amplitude [N m | N], slope [s/rad | s/m], shift [rad/s | m/s]
+    sigmoid: tuple[Scalar, Scalar, Scalar] | None = (
+        None  # amplitude [N m | N], slope [s/rad | s/m], shift [rad/s | m/s]
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,4 +194,6 @@ def _replaced(model: Model, what: str, value: Any) -> Model:
         return dataclasses.replace(model, tip=value)
     if what == "name":
         return dataclasses.replace(model, name=str(value))
-    raise ModelError(f"replace({what}=...): {nearest(what, ['friction', 'rotors', 'efficiency', 'gravity', 'tip', 'name'])}")
+    raise ModelError(
+        f"replace({what}=...): {nearest(what, ['friction', 'rotors', 'efficiency', 'gravity', 'tip', 'name'])}"
+    )

@@ -1,0 +1,131 @@
+"""Why a record is refused, in one line for whoever wrote it: the place, the value, what was expected."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pydantic
+
+from armwright.errors import nearest
+
+Location = tuple[int | str, ...]
+LISTS = ("joints", "links", "frames")  # whose tables are called by their names, not by their numbers
+LONGEST = 60  # characters of a value that an error repeats
+
+
+def refusal(error: pydantic.ValidationError, data: dict[str, Any], record: type[pydantic.BaseModel]) -> str:
+    """The most telling of pydantic's errors as a sentence: `link 'link2' mass_kg = -1.0: expected a number of 0 or more`.
+
+    Args:
+        error: what validating `data` as a `record` raised.
+    """
+    errors = error.errors()
+    unknown = [e for e in errors if e["type"] == "extra_forbidden"]  # a wrong key is why another one is missing
+    first = (unknown or errors)[0]
+    where = _place(first["loc"], data, is_missing=first["type"] == "missing")
+    shown = _shown(first["input"])
+    told = f"{where} = {shown}" if where and shown and first["type"] != "missing" else where
+    sentence = _sentence(first, data, record)
+    more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
+    return f"{told}: {sentence}{more}" if told else f"{sentence}{more}"
+
+
+def _sentence(error: Any, data: dict[str, Any], record: type[pydantic.BaseModel]) -> str:
+    kind, location = error["type"], error["loc"]
+    if kind == "extra_forbidden":
+        return f"unknown key; {nearest(str(location[-1]), _fields_at(location, data, record))}"
+    if kind == "missing":
+        return f"missing; expected {_expected(_fields_at(location, data, record).get(str(location[-1])))}"
+    if kind == "value_error":
+        return error["msg"].removeprefix("Value error, ")
+    if kind == "union_tag_not_found":
+        return "type is missing; expected revolute, prismatic or fixed"
+    if kind == "union_tag_invalid":
+        return f"type = {_shown(error['input'].get('type')) or 'a table'}; expected revolute, prismatic or fixed"
+    if kind in ("model_type", "model_attributes_type", "dict_type"):
+        return "expected a table"
+    if kind == "tuple_type":
+        return f"expected [[{location[-1]}]] tables" if location[-1] in LISTS else "expected a list"
+    if kind == "string_pattern_mismatch":
+        return "expected a name without spaces, dots and brackets"
+    if kind in ("string_type", "string_too_short"):
+        return "expected text" if kind == "string_type" else "expected text that is not empty"
+    if kind in ("float_type", "float_parsing", "finite_number"):
+        return "expected a finite number"
+    message = error["msg"].removeprefix("Input should be ")
+    return f"expected {message[0].lower()}{message[1:]}"
+
+
+def _shown(value: Any) -> str:
+    """A plain value as the file has it, shortened; nothing for a table, whose `value` is shown where it has one."""
+    if isinstance(value, dict):
+        value = value.get("value")
+    if isinstance(value, tuple):
+        value = list(value)
+    plain = (str, int, float, bool)
+    if not (isinstance(value, plain) or (isinstance(value, list) and all(isinstance(v, plain) for v in value))):
+        return ""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of more digits than Python prints
+        return "a number too long to print"
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
+
+
+def _place(location: Location, data: Any, *, is_missing: bool) -> str:
+    """A place in the file in its reader's words: `joint 'elbow' motor.resistance_ohm`.
+
+    Pydantic puts names of its own into a location (the branch of a union, a validator): what is no key there is left out.
+    """
+    head, words, at, collection = "", [], data, ""
+    for k, key in enumerate(location):
+        if isinstance(key, int) and isinstance(at, (list, tuple)) and key < len(at):
+            at = at[key]
+            name = at.get("name") if isinstance(at, dict) else getattr(at, "name", None)
+            if collection in LISTS and len(words) == 1:
+                singular = collection.removesuffix("s")
+                head, words = (f"{singular} {name!r}" if isinstance(name, str) and name else f"{collection}[{key}]"), []
+            elif words:
+                words[-1] += f"[{key}]"
+        elif isinstance(key, str) and isinstance(at, dict) and (key in at or (is_missing and k == len(location) - 1)):
+            words.append(key if key.replace("-", "_").isidentifier() else repr(key))
+            at, collection = at.get(key), key
+    return " ".join(part for part in (head, ".".join(words)) if part)
+
+
+def _fields_at(location: Location, data: Any, record: type[pydantic.BaseModel]) -> dict[str, Any]:
+    """The fields that the table at the end of a location may have, found by walking the record types."""
+    options: list[Any] = [record]
+    for key in location[:-1]:
+        if isinstance(key, int):
+            continue
+        fields = [option.model_fields[key].annotation for option in options if key in option.model_fields]
+        if fields:
+            options = _records_in(fields[0])
+        else:  # not a field: the branch of a union, by its tag or by its name
+            options = [option for option in options if key in (_tag(option), option.__name__)] or options
+    return {name: field for option in reversed(options) for name, field in option.model_fields.items()}
+
+
+def _expected(field: Any) -> str:
+    """What a missing field should be, from what its type says of itself."""
+    if field is None:
+        return "a value"
+    told = [note.func.expected for note in field.metadata if hasattr(getattr(note, "func", None), "expected")]
+    if told:
+        return told[0]
+    records = _records_in(field.annotation)
+    if len(records) == 1:
+        return f"a table of {', '.join(name for name, f in records[0].model_fields.items() if f.is_required())}"
+    return "[[…]] tables" if records else "text"
+
+
+def _tag(record: Any) -> str | None:
+    field = record.model_fields.get("type")
+    return field.annotation.__args__[0] if field is not None and hasattr(field.annotation, "__args__") else None
+
+
+def _records_in(annotation: Any) -> list[Any]:
+    if isinstance(annotation, type) and not hasattr(annotation, "__args__"):
+        return [annotation] if issubclass(annotation, pydantic.BaseModel) else []
+    return [record for part in getattr(annotation, "__args__", ()) for record in _records_in(part)]

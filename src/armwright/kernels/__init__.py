@@ -1,0 +1,1 @@
+"""Program → native code. It knows no physics but the table of signatures."""

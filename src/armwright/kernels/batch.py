@@ -1,0 +1,172 @@
+"""Kernel: a program compiled for batches, called with NumPy arrays of any leading axes."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import math
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from armwright.errors import ShapeError
+from armwright.kernels.llvm import Engine, Module, Target
+from armwright.program import Program
+
+POINTER = ctypes.c_void_p
+
+
+class Kernel:
+    """A compiled program. `kernel(a, b, …)` takes (…, *shape) arrays and broadcasts over the leading axes."""
+
+    def __init__(self, program: Program, target: Target):
+        self.program, self.target = program, target
+        module = Module(target.width)
+        name = module.add_batch_function(program)
+        self._expected = [(port.name, port.shape) for port in program.inputs]
+        self._slots = (
+            POINTER * len(program.inputs),
+            ctypes.c_int64 * len(program.inputs),
+            POINTER * len(program.outputs),
+        )
+        self._run = Engine(module, target).function(name, ctypes.c_int64, POINTER, POINTER, POINTER)
+
+    def __call__(self, *arrays: Any, out: Any = None, threads: int = 1) -> Any:
+        """The program's outputs for all states.
+
+        Args:
+            arrays: one an input, (…, *shape), numbers; leading axes are broadcast against each other.
+            out: array, or tuple of arrays, to write results into; float64, of the results' full shape.
+            threads: how many threads share the batch.
+        Returns:
+            results: (…, *shape) an output; a tuple where there are several.
+        Raises:
+            ShapeError: an array of the wrong shape or type; names the input, its shape and the one expected.
+        """
+        ports = self.program.inputs
+        if len(arrays) != len(ports):
+            expected = ", ".join(port.name for port in ports)
+            raise ShapeError(f"{self.program.name}: {len(arrays)} arrays, expected {len(ports)}: {expected}")
+        given = [as_numbers(a, self.program.name, p.name) for a, p in zip(arrays, ports, strict=True)]
+        lead = common_lead(self.program.name, given, self._expected)
+        count = math.prod(lead)
+        blocks, strides = [], []
+        for array, (_, shape) in zip(given, self._expected, strict=True):
+            block, stride = self._block(array, shape, lead, count)
+            blocks.append(block)
+            strides.append(stride)
+        results, wanted = self._outputs(lead, out)
+        self._run_all(count, blocks, strides, results, threads)
+        if out is not None:
+            for result, target in zip(results, wanted, strict=True):
+                if result is not target:
+                    target[...] = result
+        return wanted[0] if len(wanted) == 1 else tuple(wanted)
+
+    def _block(
+        self, array: np.ndarray, shape: tuple[int, ...], lead: tuple[int, ...], count: int
+    ) -> tuple[np.ndarray, int]:
+        """Contiguous rows of an input and the doubles it moves a tile; one that serves all states is one tile of copies."""
+        w, size = self.target.width, math.prod(shape)
+        if array.size == size and count > 1:
+            return np.ascontiguousarray(np.broadcast_to(array.reshape(1, size), (w, size))), 0
+        if array.shape != lead + shape:
+            array = np.broadcast_to(array, lead + shape)
+        return array if array.flags.c_contiguous else np.ascontiguousarray(array), size * w
+
+    def _outputs(self, lead: tuple[int, ...], out: Any) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Arrays that the kernel writes, and those that the caller gets: the same unless `out` is not contiguous."""
+        shapes = [lead + port.shape for port in self.program.outputs]
+        if out is None:
+            results = [np.empty(shape) for shape in shapes]
+            return results, results
+        wanted = list(out) if isinstance(out, tuple) else [out]
+        for array, port, shape in zip(wanted, self.program.outputs, shapes, strict=True):
+            if (
+                not isinstance(array, np.ndarray)
+                or array.shape != shape
+                or array.dtype != np.float64
+                or not array.flags.writeable
+            ):
+                found = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
+                raise ShapeError(
+                    f"{self.program.name}: out for {port.name} is {found}, expected writeable float64 {shape}"
+                )
+        return [a if a.flags.c_contiguous else np.empty(a.shape) for a in wanted], wanted
+
+    def _run_all(
+        self, count: int, blocks: list[np.ndarray], strides: list[int], results: list[np.ndarray], threads: int
+    ) -> None:
+        w = self.target.width
+        sources, steps, sinks = self._slots
+        inputs, moves = [_address(block) for block in blocks], steps(*strides)
+        outputs = [_address(result) for result in results]
+        parts = min(threads, count // (w * TILES_A_THREAD))
+        if parts <= 1:
+            self._run(count, sources(*inputs), moves, sinks(*outputs))
+            return
+        sizes = [8 * port.size for port in self.program.outputs]
+
+        def run(first: int, last: int) -> None:
+            tile = first // w
+            ins = sources(*(a + 8 * tile * s for a, s in zip(inputs, strides, strict=True)))
+            outs = sinks(*(a + first * size for a, size in zip(outputs, sizes, strict=True)))
+            self._run(last - first, ins, moves, outs)
+
+        bounds = [count // w * part // parts * w for part in range(parts)] + [count]
+        list(_pool(parts).map(run, bounds[:-1], bounds[1:]))
+
+
+TILES_A_THREAD = 128  # fewer tiles than this are done sooner than a thread is woken
+
+
+def _address(array: np.ndarray) -> int:
+    try:
+        return ctypes.addressof(ctypes.c_char.from_buffer(array))  # five times as fast as asking the array
+    except (TypeError, ValueError, BufferError):  # read-only or empty
+        return array.ctypes.data
+
+
+@functools.cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, thread_name_prefix="armwright")
+
+
+def as_numbers(value: Any, place: str, name: str) -> np.ndarray:
+    """The value as an array of float64.
+
+    Raises:
+        ShapeError: it holds something else than real numbers.
+    """
+    if type(value) is np.ndarray and value.dtype == np.float64:
+        return value
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "fiub":
+            raise TypeError(f"of type {array.dtype}")
+        return array.astype(np.float64, copy=False)
+    except (TypeError, ValueError) as error:
+        raise ShapeError(f"{place}: {name} is not an array of real numbers: {error}") from None
+
+
+def common_lead(place: str, arrays: list[np.ndarray], expected: list[tuple[str, tuple[int, ...]]]) -> tuple[int, ...]:
+    """The leading axes that all arrays broadcast to.
+
+    Raises:
+        ShapeError: an array does not end in its shape, or the leading axes do not fit each other.
+    """
+    leads = []
+    for array, (name, shape) in zip(arrays, expected, strict=True):
+        split = array.ndim - len(shape)
+        if split < 0 or array.shape[split:] != shape:
+            wanted = ", ".join(str(k) for k in shape)
+            raise ShapeError(f"{place}: {name} has shape {array.shape}, expected (…, {wanted})")
+        leads.append(array.shape[:split])
+    if all(lead == leads[0] for lead in leads):
+        return leads[0]
+    try:
+        return np.broadcast_shapes(*leads)
+    except ValueError:
+        shapes = ", ".join(f"{name} {array.shape}" for array, (name, _) in zip(arrays, expected, strict=True))
+        raise ShapeError(f"{place}: leading axes do not fit together: {shapes}") from None

@@ -1,0 +1,238 @@
+"""Program → LLVM module → native code. One SIMD lane per state of the batch.
+
+Every function in a module works on tiles of W states. Programs that others call are functions over *blocks*: each entry
+one vector of W lanes, so nothing is transposed between them. What Python calls are *batch* functions over row-major arrays.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from dataclasses import dataclass, field
+
+from llvmlite import binding
+
+from armwright.errors import ModelError, nearest
+from armwright.kernels.llvm_machine import LlvmMachine, register_libm
+from armwright.kernels.machine import Value
+from armwright.kernels.tiles import load_tile, store_tile
+from armwright.kernels.walk import walk
+from armwright.program import Program
+
+WIDTHS = {"x86-64-v4": 8, "x86-64-v3": 4, "x86-64-v2": 2, "x86-64": 2}  # doubles in a vector register
+NEEDS = {"x86-64-v4": "avx512f", "x86-64-v3": "avx2", "x86-64-v2": "sse4.2", "x86-64": "sse2"}
+
+
+@dataclass(frozen=True)
+class Target:
+    """The processor that code is made for, and how many doubles it computes at once."""
+
+    cpu: str
+    features: str
+    width: int
+
+
+@functools.cache
+def select_target(name: str | None = None) -> Target:
+    """The processor this runs on, or a named level of it such as "x86-64-v3".
+
+    Raises:
+        ModelError: a level that is unknown, or that this processor does not reach.
+    """
+    _initialise()
+    features = binding.get_host_cpu_features()
+    if name is None:
+        width = 8 if features.get("avx512f") else 4 if features.get("avx") else 2
+        features["prefer-256-bit"] = False
+        return Target(binding.get_host_cpu_name(), features.flatten(), width)
+    if name not in WIDTHS:
+        raise ModelError(f"target = {name!r}: unknown; {nearest(name, WIDTHS)}")
+    if not features.get(NEEDS[name]):
+        raise ModelError(f"target = {name!r}: this processor ({binding.get_host_cpu_name()}) has no {NEEDS[name]}")
+    return Target(name, "-prefer-256-bit", WIDTHS[name])
+
+
+@functools.cache
+def _initialise() -> None:
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    register_libm()
+
+
+@dataclass
+class Module:
+    """LLVM text in the making: functions, each printed once, and what they declare."""
+
+    width: int
+    functions: dict[str, str] = field(default_factory=dict)
+    declarations: set[str] = field(default_factory=set)
+    definitions: dict[str, str] = field(default_factory=dict)
+
+    def machine(self) -> LlvmMachine:
+        """A machine that prints a function of this module."""
+        return LlvmMachine(self.width, self.declarations, self.definitions)
+
+    def text(self) -> str:
+        """The module."""
+        return "\n\n".join([*sorted(self.declarations), *self.definitions.values(), *self.functions.values()])
+
+    def add_block_function(self, program: Program) -> str:
+        """`void name(in0, …, out0, …)` over blocks, not inlined; returns its name."""
+        name = f"{program.name}.block"
+        if name not in self.functions:
+            m = self.machine()
+            inputs = [[_load_block(m, f"%in{k}", e) for e in range(p.size)] for k, p in enumerate(program.inputs)]
+            outputs = walk(m, program, inputs, self.caller(m))
+            for k, values in enumerate(outputs):
+                for entry, value in enumerate(values):
+                    _store_block(m, f"%out{k}", entry, value)
+            self._define(name, program, m)
+        return name
+
+    def add_batch_function(self, program: Program) -> str:
+        """`void name(count, inputs, strides, outputs)` over row-major arrays; returns its name.
+
+        `inputs` and `outputs` point to one pointer a port; `strides` says by how many doubles an input moves a tile: its
+        size times W, or 0 for one tile that serves all. A tail of fewer than W states is computed in padded copies.
+        """
+        tile = f"{program.name}.tile"
+        m = self.machine()
+        inputs = [load_tile(m, f"%in{k}", port.size) for k, port in enumerate(program.inputs)]
+        outputs = walk(m, program, inputs, self.caller(m))
+        for k, values in enumerate(outputs):
+            store_tile(m, f"%out{k}", values)
+        self._define(tile, program, m)
+        name = f"{program.name}.batch"
+        self.functions[name] = _batch_loop(name, tile, program, self.width)
+        self.declarations.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
+        return name
+
+    def caller(self, m: LlvmMachine):
+        """How the walk prints a call of a block function: arguments and results through the stack."""
+
+        def call(program: Program, arguments: list[Value]) -> list[Value]:
+            name = self.add_block_function(program)
+            pointers, given = [], iter(arguments)
+            for port in program.inputs:
+                pointer = _alloca(m, port.size)
+                for entry in range(port.size):
+                    _store_block(m, pointer, entry, next(given))
+                pointers.append(pointer)
+            results = [_alloca(m, port.size) for port in program.outputs]
+            m.lines.append(f"  call void @{name}({', '.join(f'ptr {p}' for p in [*pointers, *results])})")
+            return [
+                _load_block(m, p, e) for p, port in zip(results, program.outputs, strict=True) for e in range(port.size)
+            ]
+
+        return call
+
+    def _define(self, name: str, program: Program, m: LlvmMachine) -> None:
+        parameters = [f"ptr noalias readonly %in{k}" for k in range(len(program.inputs))]
+        parameters += [f"ptr noalias %out{k}" for k in range(len(program.outputs))]
+        head = f"define internal void @{name}({', '.join(parameters)}) noinline nounwind {{\nentry:"
+        self.functions[name] = "\n".join([head, *m.lines, "  ret void", "}"])
+
+
+def _load_block(m: LlvmMachine, pointer: str, entry: int) -> Value:
+    place = m.emit(f"getelementptr {m.double}, ptr {pointer}, i64 {entry}")
+    return m.emit(f"load {m.double}, ptr {place}, align {8 * m.width}")
+
+
+def _store_block(m: LlvmMachine, pointer: str, entry: int, value: Value) -> None:
+    place = m.emit(f"getelementptr {m.double}, ptr {pointer}, i64 {entry}")
+    m.lines.append(f"  store {m.double} {value}, ptr {place}, align {8 * m.width}")
+
+
+def _alloca(m: LlvmMachine, entries: int) -> str:
+    return m.emit(f"alloca [{entries} x {m.double}], align {8 * m.width}")
+
+
+def _batch_loop(name: str, tile: str, program: Program, w: int) -> str:
+    """Full tiles in place; then the tail: its rows copied into a padded tile (filled up with its first row) and back."""
+    ins, outs = range(len(program.inputs)), range(len(program.outputs))
+    text = [f"define void @{name}(i64 %count, ptr %inputs, ptr %strides, ptr %outputs) nounwind {{", "entry:"]
+    for side, ports in (("in", program.inputs), ("out", program.outputs)):
+        for k, port in enumerate(ports):
+            text.append(f"  %{side}{k}.pad = alloca [{port.size * w} x double], align 64")
+            text.append(f"  %{side}{k}.slot = getelementptr ptr, ptr %{side}puts, i64 {k}")
+            text.append(f"  %{side}{k}.base = load ptr, ptr %{side}{k}.slot")
+    for k in ins:
+        text.append(f"  %in{k}.where = getelementptr i64, ptr %strides, i64 {k}")
+        text.append(f"  %in{k}.stride = load i64, ptr %in{k}.where")
+    text += [
+        f"  %full = udiv i64 %count, {w}",
+        f"  %rest = urem i64 %count, {w}",
+        "  %any = icmp ne i64 %full, 0",
+        "  br i1 %any, label %tiles, label %tail",
+        "tiles:",
+        "  %t = phi i64 [ 0, %entry ], [ %t.next, %tiles ]",
+    ]
+
+    def pointers(step: str, suffix: str) -> list[str]:
+        lines = []
+        for k in ins:
+            lines.append(f"  %in{k}.offset{suffix} = mul i64 {step}, %in{k}.stride")
+            lines.append(f"  %in{k}{suffix} = getelementptr double, ptr %in{k}.base, i64 %in{k}.offset{suffix}")
+        for k in outs:
+            lines.append(f"  %out{k}.offset{suffix} = mul i64 {step}, {program.outputs[k].size * w}")
+            lines.append(f"  %out{k}{suffix} = getelementptr double, ptr %out{k}.base, i64 %out{k}.offset{suffix}")
+        return lines
+
+    every = [f"in{k}" for k in ins] + [f"out{k}" for k in outs]
+    text += pointers("%t", ".t")
+    text += [
+        f"  call void @{tile}({', '.join(f'ptr %{port}.t' for port in every)})",
+        "  %t.next = add i64 %t, 1",
+        "  %more = icmp ult i64 %t.next, %full",
+        "  br i1 %more, label %tiles, label %tail",
+        "tail:",
+        "  %left = icmp ne i64 %rest, 0",
+        "  br i1 %left, label %pad, label %done",
+        "pad:",
+        *pointers("%full", ".p"),
+    ]
+    for k in ins:
+        size = 8 * program.inputs[k].size
+        text.append(f"  %in{k}.bytes = mul i64 %rest, {size}")
+        text.append(f"  call void @llvm.memcpy.p0.p0.i64(ptr %in{k}.pad, ptr %in{k}.p, i64 %in{k}.bytes, i1 false)")
+    text += ["  br label %fill", "fill:", "  %row = phi i64 [ %rest, %pad ], [ %row.next, %fill ]"]
+    for k in ins:
+        size = program.inputs[k].size
+        text.append(f"  %in{k}.at = mul i64 %row, {size}")
+        text.append(f"  %in{k}.row = getelementptr double, ptr %in{k}.pad, i64 %in{k}.at")
+        text.append(f"  call void @llvm.memcpy.p0.p0.i64(ptr %in{k}.row, ptr %in{k}.pad, i64 {8 * size}, i1 false)")
+    text += [
+        "  %row.next = add i64 %row, 1",
+        f"  %unfilled = icmp ult i64 %row.next, {w}",
+        "  br i1 %unfilled, label %fill, label %compute",
+        "compute:",
+        f"  call void @{tile}({', '.join(f'ptr %{port}.pad' for port in every)})",
+    ]
+    for k in outs:
+        text.append(f"  %out{k}.bytes = mul i64 %rest, {8 * program.outputs[k].size}")
+        text.append(f"  call void @llvm.memcpy.p0.p0.i64(ptr %out{k}.p, ptr %out{k}.pad, i64 %out{k}.bytes, i1 false)")
+    return "\n".join([*text, "  br label %done", "done:", "  ret void", "}"])
+
+
+class Engine:
+    """Native code of one module. Functions obtained from it must keep it alive: dropping it unmaps the code."""
+
+    def __init__(self, module: Module, target: Target):
+        machine = binding.Target.from_default_triple().create_target_machine(
+            cpu=target.cpu, features=target.features, opt=3, codemodel="small", jit=True
+        )
+        parsed = binding.parse_assembly(module.text())
+        parsed.triple = machine.triple  # both before the passes run, which crash without
+        parsed.data_layout = str(machine.target_data)
+        options = binding.create_pipeline_tuning_options(speed_level=2)
+        options.slp_vectorization = options.loop_vectorization = False  # the lanes are vectors already
+        builder = binding.create_pass_builder(machine, options)
+        builder.getModulePassManager().run(parsed, builder)
+        self._engine = binding.create_mcjit_compiler(parsed, machine)
+        self._engine.finalize_object()
+
+    def function(self, name: str, *argument_types: type, result: type | None = None):
+        """A callable of an exported function; the GIL is released while it runs."""
+        bound = ctypes.CFUNCTYPE(result, *argument_types)(self._engine.get_function_address(name))
+        bound.engine = self  # type: ignore[attr-defined]
+        return bound

@@ -1,0 +1,278 @@
+"""The machine that prints LLVM IR: a value is a <width x double>, one lane for each state (for width 1, a double)."""
+
+# ruff: noqa: D102  What the operations do is said where they are declared, in `Machine`.
+
+import ctypes
+import struct
+import sys
+from collections.abc import Sequence
+
+from armwright.kernels.machine import Machine, Slow, Value
+
+#: Functions that compiled code may call, from libm: ours by `Machine.call`, and those that LLVM calls for an
+#: instruction which the processor lacks (fma, floor …) or for moving memory.
+LIBM = (
+    *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
+    *("exp", "expm1", "log", "log1p", "pow", "hypot", "erf", "erfc", "fmod", "remainder"),
+    *("fma", "floor", "ceil", "trunc", "rint", "nearbyint", "sqrt", "memcpy", "memset", "memmove"),
+)
+
+
+class LlvmMachine(Machine):
+    """Prints the body of one function, line by line, into `lines`.
+
+    Values are names or literals; identical operations are printed once. After the body is printed, the module needs
+    the text of `declarations` and `definitions` as well: pass the same two containers to every machine of a module.
+    The walker may add lines of its own (loads, stores, tiles) with `emit`, and must `begin` its own basic blocks.
+    """
+
+    def __init__(
+        self,
+        width: int,
+        declarations: set[str] | None = None,
+        definitions: dict[str, str] | None = None,
+        block: str = "entry",
+    ):
+        super().__init__()
+        self.width = width
+        self.lines: list[str] = []
+        self.declarations: set[str] = set() if declarations is None else declarations
+        self.definitions: dict[str, str] = {} if definitions is None else definitions
+        self.block = block  # label of the basic block that lines go into, as a phi needs it
+        self.double, self.integer, self.mask = (self._vector(scalar) for scalar in ("double", "i64", "i1"))
+        self._suffix = "f64" if width == 1 else f"v{width}f64"
+        self._count = 0
+        self._printed: dict[str, str] = {}
+
+    # Printing.
+
+    def _vector(self, scalar: str) -> str:
+        return scalar if self.width == 1 else f"<{self.width} x {scalar}>"
+
+    def _splat(self, scalar: str) -> str:
+        return scalar.split()[1] if self.width == 1 else f"splat ({scalar})"
+
+    def fresh(self, stem: str = "v") -> str:
+        """A name that this function does not have yet, without its % sign."""
+        self._count += 1
+        return f"{stem}{self._count}"
+
+    def emit(self, instruction: str) -> Value:
+        """Print `%name = instruction` and return the name. For what always gives anew: loads, phis."""
+        name = f"%{self.fresh()}"
+        self.lines.append(f"  {name} = {instruction}")
+        return name
+
+    def begin(self, label: str) -> None:
+        """Start the walker's own basic block. What was computed before is no longer taken for available."""
+        self._label(label)
+        self._printed.clear()
+        self.memo.clear()
+
+    def _label(self, label: str) -> None:
+        self.lines.append(f"{label}:")
+        self.block = label
+
+    def _pure(self, instruction: str) -> Value:
+        if instruction not in self._printed:
+            self._printed[instruction] = self.emit(instruction)
+        return self._printed[instruction]
+
+    def _intrinsic(self, name: str, *arguments: Value) -> Value:
+        types = ", ".join([self.double] * len(arguments))
+        self.declarations.add(f"declare {self.double} @llvm.{name}.{self._suffix}({types})")
+        given = ", ".join(f"{self.double} {argument}" for argument in arguments)
+        return self._pure(f"call {self.double} @llvm.{name}.{self._suffix}({given})")
+
+    # Doubles.
+
+    def constant(self, number: float) -> Value:
+        return self._splat(f"double 0x{struct.unpack('<Q', struct.pack('<d', number))[0]:016X}")
+
+    def add(self, a, b):
+        return self._pure(f"fadd {self.double} {a}, {b}")
+
+    def sub(self, a, b):
+        return self._pure(f"fsub {self.double} {a}, {b}")
+
+    def mul(self, a, b):
+        return self._pure(f"fmul {self.double} {a}, {b}")
+
+    def div(self, a, b):
+        return self._pure(f"fdiv {self.double} {a}, {b}")
+
+    def fma(self, a, b, c):
+        return self._intrinsic("fma", a, b, c)
+
+    def neg(self, a):
+        return self._pure(f"fneg {self.double} {a}")
+
+    def fabs(self, a):
+        return self._intrinsic("fabs", a)
+
+    def copysign(self, a, b):
+        return self._intrinsic("copysign", a, b)
+
+    def sqrt(self, a):
+        return self._intrinsic("sqrt", a)
+
+    def floor(self, a):
+        return self._intrinsic("floor", a)
+
+    def ceil(self, a):
+        return self._intrinsic("ceil", a)
+
+    def trunc(self, a):
+        return self._intrinsic("trunc", a)
+
+    def rint(self, a):
+        return self._intrinsic("rint", a)
+
+    # Truth values.
+
+    def lt(self, a, b):
+        return self._pure(f"fcmp olt {self.double} {a}, {b}")
+
+    def le(self, a, b):
+        return self._pure(f"fcmp ole {self.double} {a}, {b}")
+
+    def eq(self, a, b):
+        return self._pure(f"fcmp oeq {self.double} {a}, {b}")
+
+    def ne(self, a, b):
+        return self._pure(f"fcmp une {self.double} {a}, {b}")
+
+    def both(self, p, q):
+        return self._pure(f"and {self.mask} {p}, {q}")
+
+    def either(self, p, q):
+        return self._pure(f"or {self.mask} {p}, {q}")
+
+    def inverse(self, p):
+        return self._pure(f"xor {self.mask} {p}, {self._splat('i1 true')}")
+
+    def select(self, p, a, b):
+        return self._pure(f"select {self.mask} {p}, {self.double} {a}, {self.double} {b}")
+
+    # Integers.
+
+    def bits(self, a):
+        return self._pure(f"bitcast {self.double} {a} to {self.integer}")
+
+    def from_bits(self, i):
+        return self._pure(f"bitcast {self.integer} {i} to {self.double}")
+
+    def int_constant(self, number):
+        return self._splat(f"i64 {(number + (1 << 63)) % (1 << 64) - (1 << 63)}")
+
+    def int_add(self, i, j):
+        return self._pure(f"add {self.integer} {i}, {j}")
+
+    def int_sub(self, i, j):
+        return self._pure(f"sub {self.integer} {i}, {j}")
+
+    def int_and(self, i, j):
+        return self._pure(f"and {self.integer} {i}, {j}")
+
+    def int_or(self, i, j):
+        return self._pure(f"or {self.integer} {i}, {j}")
+
+    def int_xor(self, i, j):
+        return self._pure(f"xor {self.integer} {i}, {j}")
+
+    def shift_left(self, i, count):
+        return self._pure(f"shl {self.integer} {i}, {self.int_constant(count)}")
+
+    def shift_right(self, i, count):
+        return self._pure(f"lshr {self.integer} {i}, {self.int_constant(count)}")
+
+    def arithmetic_shift_right(self, i, count):
+        return self._pure(f"ashr {self.integer} {i}, {self.int_constant(count)}")
+
+    def int_eq(self, i, j):
+        return self._pure(f"icmp eq {self.integer} {i}, {j}")
+
+    def int_lt(self, i, j):
+        return self._pure(f"icmp slt {self.integer} {i}, {j}")
+
+    # Leaving the straight line.
+
+    def call(self, name, *arguments):
+        given = ", ".join(f"{self.double} {argument}" for argument in arguments)
+        return self._pure(f"call {self.double} @{self._lanes(name, len(arguments))}({given})")
+
+    def rarely(self, mask, slow: Sequence[Slow], *fast):
+        assert len(slow) == len(fast)
+        wide, join = self.fresh("rare"), self.fresh("join")
+        some, usual = self._any(mask), self.block
+        self.lines.append(f"  br i1 {some}, label %{wide}, label %{join}")
+        self._label(wide)
+        printed = dict(self._printed)  # what is printed in this block is not available after it
+        rare = [
+            self.select(mask, self.call(name, *arguments), value)
+            for (name, arguments), value in zip(slow, fast, strict=True)
+        ]
+        self._printed = printed
+        self.lines.append(f"  br label %{join}")
+        self._label(join)
+        return tuple(
+            self.emit(f"phi {self.double} [ {usual_value}, %{usual} ], [ {rare_value}, %{wide} ]")
+            for usual_value, rare_value in zip(fast, rare, strict=True)
+        )
+
+    def _any(self, mask: Value) -> Value:
+        if self.width == 1:
+            return mask
+        name = f"llvm.vector.reduce.or.v{self.width}i1"
+        self.declarations.add(f"declare i1 @{name}({self.mask})")
+        return self._pure(f"call i1 @{name}({self.mask} {mask})")
+
+    def _lanes(self, name: str, arity: int) -> str:
+        """The function that maps libm's `name` over the lanes: not inlined, or hundreds of them would swell a program.
+
+        The calls are `nobuiltin`: LLVM must not put its own idea of a libm function (pow(x, 2) = x x) in its place.
+        """
+        lanes = f"{name}.lanes{self.width}"
+        scalars = ", ".join(["double"] * arity)
+        self.declarations.add(f"declare double @{name}({scalars}) nounwind willreturn memory(none)")
+        lines = [
+            f"define internal {self.double} @{lanes}({', '.join(f'{self.double} %a{k}' for k in range(arity))}) "
+            "noinline cold nounwind willreturn memory(none) {"
+        ]
+        result = "poison"
+        for lane in range(self.width):
+            given = [f"%a{k}" for k in range(arity)]
+            if self.width > 1:
+                given = [f"%a{k}.{lane}" for k in range(arity)]
+                lines += [f"  %a{k}.{lane} = extractelement {self.double} %a{k}, i32 {lane}" for k in range(arity)]
+            lines.append(f"  %r{lane} = call double @{name}({', '.join(f'double {a}' for a in given)}) nobuiltin")
+            if self.width > 1:
+                lines.append(f"  %s{lane} = insertelement {self.double} {result}, double %r{lane}, i32 {lane}")
+                result = f"%s{lane}"
+            else:
+                result = f"%r{lane}"
+        self.definitions[lanes] = "\n".join([*lines, f"  ret {self.double} {result}", "}"])
+        return lanes
+
+
+def register_libm() -> None:
+    """Make the functions of `LIBM` known to every engine of this process by their C99 names, on every platform.
+
+    Once a process, before code that calls them is linked or loaded from the cache. Repeating it does no harm.
+    """
+    from llvmlite import binding
+
+    if sys.platform == "win32":
+        libraries = [ctypes.CDLL("ucrtbase")]
+    elif sys.platform == "darwin":
+        libraries = [ctypes.CDLL("/usr/lib/libSystem.B.dylib")]
+    else:
+        libraries = [ctypes.CDLL(None)]  # the interpreter itself is linked with libm, wherever that lies
+    for name in LIBM:
+        for library in libraries:
+            function = getattr(library, name, None)
+            if function is not None:
+                binding.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
+                break
+        else:
+            raise OSError(f"this system's C library has no function {name}")

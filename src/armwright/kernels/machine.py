@@ -1,0 +1,192 @@
+"""The abstract machine on which polynomials and lowerings are written once, for LLVM IR, C99 and CUDA C alike.
+
+A value is opaque: one double, one 64-bit integer or one truth value for each lane. Doubles follow IEEE 754 to the
+letter, no operation is contracted, reassociated or approximated; a fused multiply-add is `fma` and nothing else.
+Integers wrap around; all comparisons of integers are of signed ones.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Hashable, Sequence
+from typing import Any, TypeAlias
+
+Value: TypeAlias = Any
+
+#: A call of libm that a rare lane needs: the C99 name and its arguments.
+Slow: TypeAlias = tuple[str, tuple[Value, ...]]
+
+
+class Machine(ABC):
+    """The operations that a back end must print; derived ones, in terms of these, are at the end."""
+
+    def __init__(self) -> None:
+        self.memo: dict[Hashable, Value] = {}  # what functions over the machine share, such as sin and cos of one value
+
+    # Doubles.
+    @abstractmethod
+    def constant(self, number: float) -> Value:
+        """The double `number` in every lane, to the bit."""
+
+    @abstractmethod
+    def add(self, a: Value, b: Value) -> Value:
+        """a + b."""
+
+    @abstractmethod
+    def sub(self, a: Value, b: Value) -> Value:
+        """a - b."""
+
+    @abstractmethod
+    def mul(self, a: Value, b: Value) -> Value:
+        """a b."""
+
+    @abstractmethod
+    def div(self, a: Value, b: Value) -> Value:
+        """a / b."""
+
+    @abstractmethod
+    def fma(self, a: Value, b: Value, c: Value) -> Value:
+        """a b + c, rounded once."""
+
+    @abstractmethod
+    def neg(self, a: Value) -> Value:
+        """a with the other sign bit, for NaN and zero too."""
+
+    @abstractmethod
+    def fabs(self, a: Value) -> Value:
+        """a without its sign bit."""
+
+    @abstractmethod
+    def copysign(self, a: Value, b: Value) -> Value:
+        """a with the sign bit of b."""
+
+    @abstractmethod
+    def sqrt(self, a: Value) -> Value:
+        """The square root, correctly rounded."""
+
+    @abstractmethod
+    def floor(self, a: Value) -> Value:
+        """Largest integer <= a."""
+
+    @abstractmethod
+    def ceil(self, a: Value) -> Value:
+        """Smallest integer >= a."""
+
+    @abstractmethod
+    def trunc(self, a: Value) -> Value:
+        """Nearest integer towards zero."""
+
+    @abstractmethod
+    def rint(self, a: Value) -> Value:
+        """Nearest integer, ties to even."""
+
+    # Truth values.
+    @abstractmethod
+    def lt(self, a: Value, b: Value) -> Value:
+        """a < b, false with NaN."""
+
+    @abstractmethod
+    def le(self, a: Value, b: Value) -> Value:
+        """a <= b, false with NaN."""
+
+    @abstractmethod
+    def eq(self, a: Value, b: Value) -> Value:
+        """a == b, false with NaN."""
+
+    @abstractmethod
+    def ne(self, a: Value, b: Value) -> Value:
+        """a != b, true with NaN."""
+
+    @abstractmethod
+    def both(self, p: Value, q: Value) -> Value:
+        """p and q."""
+
+    @abstractmethod
+    def either(self, p: Value, q: Value) -> Value:
+        """p or q."""
+
+    @abstractmethod
+    def inverse(self, p: Value) -> Value:
+        """not p."""
+
+    @abstractmethod
+    def select(self, p: Value, a: Value, b: Value) -> Value:
+        """The double a in lanes where p is true, else b."""
+
+    # 64-bit integers.
+    @abstractmethod
+    def bits(self, a: Value) -> Value:
+        """The double a as an integer, bit by bit."""
+
+    @abstractmethod
+    def from_bits(self, i: Value) -> Value:
+        """The integer i as a double, bit by bit."""
+
+    @abstractmethod
+    def int_constant(self, number: int) -> Value:
+        """The integer `number`, taken modulo 2^64, in every lane."""
+
+    @abstractmethod
+    def int_add(self, i: Value, j: Value) -> Value:
+        """i + j modulo 2^64."""
+
+    @abstractmethod
+    def int_sub(self, i: Value, j: Value) -> Value:
+        """i - j modulo 2^64."""
+
+    @abstractmethod
+    def int_and(self, i: Value, j: Value) -> Value:
+        """Bits that both have."""
+
+    @abstractmethod
+    def int_or(self, i: Value, j: Value) -> Value:
+        """Bits that one of them has."""
+
+    @abstractmethod
+    def int_xor(self, i: Value, j: Value) -> Value:
+        """Bits that exactly one of them has."""
+
+    @abstractmethod
+    def shift_left(self, i: Value, count: int) -> Value:
+        """i shifted up by `count` bits, zeros following."""
+
+    @abstractmethod
+    def shift_right(self, i: Value, count: int) -> Value:
+        """i shifted down by `count` bits, zeros following."""
+
+    @abstractmethod
+    def arithmetic_shift_right(self, i: Value, count: int) -> Value:
+        """i shifted down by `count` bits, copies of the sign bit following (slow on AVX2: prefer `shift_right`)."""
+
+    @abstractmethod
+    def int_eq(self, i: Value, j: Value) -> Value:
+        """i == j."""
+
+    @abstractmethod
+    def int_lt(self, i: Value, j: Value) -> Value:
+        """i < j, signed."""
+
+    # Leaving the straight line.
+    @abstractmethod
+    def call(self, name: str, *arguments: Value) -> Value:
+        """The libm function of that C99 name, lane by lane."""
+
+    @abstractmethod
+    def rarely(self, mask: Value, slow: Sequence[Slow], *fast: Value) -> tuple[Value, ...]:
+        """`fast`, but from libm in the lanes where `mask` is true: slow[i] gives what takes the place of fast[i].
+
+        The block that calls libm is entered only if some lane needs it. A lane that does not need it keeps its fast
+        value all the same, so that its bits never depend on its neighbours.
+        """
+
+    # In terms of the above.
+    def truth(self, p: Value) -> Value:
+        """1.0 where p is true, else 0.0: a truth value as C computes with it."""
+        return self.select(p, self.constant(1.0), self.constant(0.0))
+
+    def is_true(self, a: Value) -> Value:
+        """Whether a double counts as true in C: not zero, NaN included."""
+        return self.ne(a, self.constant(0.0))
+
+    def flip_sign(self, a: Value, i: Value) -> Value:
+        """a, negated where the top bit of the integer i is set."""
+        sign = self.int_and(i, self.int_constant(1 << 63))
+        return self.from_bits(self.int_xor(self.bits(a), sign))

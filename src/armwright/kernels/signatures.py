@@ -1,0 +1,84 @@
+"""The table of kernels: name, function, inputs and outputs with shape and unit. The compiled API, its docstrings, the C
+header and the tests over all kernels are made from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from armwright import actuators, dynamics, kinematics
+from armwright.model import Model
+
+Size = int | str  # "n": number of joints
+
+
+@dataclass(frozen=True)
+class Argument:
+    """An input or output: its name, shape and unit."""
+
+    name: str
+    shape: tuple[Size, ...]
+    unit: str
+
+    def sized(self, model: Model) -> tuple[int, ...]:
+        """The shape for one arm."""
+        return tuple(model.n if size == "n" else int(size) for size in self.shape)
+
+
+@dataclass(frozen=True)
+class Signature:
+    """One kernel. `optional` inputs may be left out, which compiles another, shorter program."""
+
+    function: Callable[..., Any]
+    inputs: tuple[Argument, ...]
+    output: Argument
+    optional: tuple[Argument, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The function's name, which is the kernel's."""
+        return self.function.__name__
+
+
+Q = Argument("q", ("n",), "rad | m")
+QD = Argument("qd", ("n",), "rad/s | m/s")
+QDD = Argument("qdd", ("n",), "rad/s² | m/s²")
+TAU = Argument("tau", ("n",), "N m | N")
+VOLTAGE = Argument("voltage", ("n",), "V")
+U = Argument("u", ("n",), "V | A | N m | N")
+WRENCH = Argument("wrench", (6,), "N, N m")
+
+SIGNATURES: dict[str, Signature] = {
+    signature.name: signature
+    for signature in (
+        Signature(dynamics.inverse_dynamics, (Q, QD, QDD), TAU, (WRENCH,)),
+        Signature(dynamics.forward_dynamics, (Q, QD, TAU), QDD, (WRENCH,)),
+        Signature(dynamics.mass_matrix, (Q,), Argument("M", ("n", "n"), "kg m² | kg m | kg")),
+        Signature(dynamics.bias_torques, (Q, QD), Argument("h", ("n",), "N m | N"), (WRENCH,)),
+        Signature(dynamics.gravity_torques, (Q,), Argument("g", ("n",), "N m | N")),
+        Signature(kinematics.forward_kinematics, (Q,), Argument("T", (4, 4), "- | m")),
+        Signature(kinematics.jacobian, (Q,), Argument("J", (6, "n"), "m/rad | -, - | 1/m")),
+        Signature(actuators.motor_voltage, (QD, TAU), VOLTAGE),
+        Signature(actuators.motor_torque, (QD, VOLTAGE), TAU),
+        Signature(dynamics.forward_arm, (Q, QD, U), QDD),
+    )
+}
+
+
+def trace_kernel(model: Model, signature: Signature, given: tuple[str, ...] = ()):
+    """The program of a kernel for one arm, with the optional inputs named in `given`.
+
+    Raises:
+        ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+    """
+    from armwright.program import trace  # CasADi, which takes a while to import
+
+    arguments = [*signature.inputs, *(a for a in signature.optional if a.name in given)]
+    return trace(
+        signature.name,
+        lambda *values: signature.function(model, *values),
+        {argument.name: argument.sized(model) for argument in arguments},
+        (signature.output.name,),
+    )

@@ -1,0 +1,77 @@
+"""Passes over a program's instructions, in the order of `PASSES`. Each is a function from instructions to instructions.
+
+Which operations a program does is decided here and nowhere else, so that it is one sequence of IEEE operations in every
+back end, whatever a compiler would have liked to contract.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+
+from armwright.program.program import Instruction, Value
+
+Instructions = Sequence[Instruction]
+
+
+def shared_reciprocals(instructions: Instructions) -> list[Instruction]:
+    """Divisions that share their divisor become one reciprocal and products: a division costs as much as 16 products."""
+    divisors = Counter(i.arguments[1] for i in instructions if i.operation == "DIV")
+    fresh = _first_fresh(instructions)
+    reciprocal: dict[Value, Value] = {i.arguments[0]: i.results[0] for i in instructions if i.operation == "INV"}
+    defined: set[Value] = set()
+    passed = []
+    for i in instructions:
+        if i.operation == "DIV" and (divisors[i.arguments[1]] > 1 or reciprocal.get(i.arguments[1]) in defined):
+            divisor = i.arguments[1]
+            if reciprocal.get(divisor) not in defined:
+                reciprocal[divisor], fresh = fresh, fresh + 1
+                passed.append(Instruction("INV", (reciprocal[divisor],), (divisor,)))
+                defined.add(reciprocal[divisor])
+            i = replace(i, operation="MUL", arguments=(i.arguments[0], reciprocal[divisor]))
+        passed.append(i)
+        defined.update(i.results)
+    return passed
+
+
+def fused_products(instructions: Instructions) -> list[Instruction]:
+    """A product that is used once, in a sum or difference, is done with it in one rounding: FMA, FMS or FNMA.
+
+    Where both operands are such products, the one computed last is fused: its factors come later.
+    """
+    uses = Counter(value for i in instructions for value in i.arguments)
+    products = {i.results[0]: i for i in instructions if i.operation in ("MUL", "SQ") and uses[i.results[0]] == 1}
+    fused: set[Value] = set()
+    replaced: dict[Value, Instruction] = {}
+    for i in instructions:
+        if i.operation not in ("ADD", "SUB"):
+            continue
+        chosen = max((value for value in i.arguments if value in products), default=None)
+        if chosen is None or i.arguments[0] == i.arguments[1]:
+            continue
+        factors = products[chosen].arguments * (2 if products[chosen].operation == "SQ" else 1)
+        left = i.arguments[0] == chosen
+        other = i.arguments[1] if left else i.arguments[0]
+        name = "FMA" if i.operation == "ADD" else "FMS" if left else "FNMA"
+        replaced[i.results[0]] = replace(i, operation=name, arguments=(*factors, other))
+        fused.add(chosen)
+    return [
+        replaced.get(i.results[0], i) if i.results else i
+        for i in instructions
+        if not (i.results and i.results[0] in fused)
+    ]
+
+
+def _first_fresh(instructions: Instructions) -> Value:
+    return max((value for i in instructions for value in i.results), default=-1) + 1
+
+
+PASSES = (shared_reciprocals, fused_products)
+
+
+def optimised(instructions: Instructions) -> list[Instruction]:
+    """The instructions after all passes."""
+    for each in PASSES:
+        instructions = each(instructions)
+    return list(instructions)

@@ -1,0 +1,1 @@
+"""Sampled simulation of an arm with its motors."""

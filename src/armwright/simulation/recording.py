@@ -1,0 +1,213 @@
+"""What a simulation leaves behind: one dataset with names, units and coordinates, and the files it is saved in.
+
+| ending   | what is written                                                              | read by                         |
+|----------|------------------------------------------------------------------------------|---------------------------------|
+| .nc      | the dataset as it is, NetCDF 4                                               | `load_run`, xarray, MATLAB, …   |
+| .csv     | one row a lane and time, columns `q_joint1 [rad]`                            | pandas, MATLAB, spreadsheets    |
+| .parquet | the same columns, units in the fields' metadata too (extra `logs`: pyarrow)  | pandas, polars, DuckDB          |
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armwright.errors import OutputError
+from armwright.model import Model
+from armwright.simulation.output import check_destination, whole_file
+from armwright.simulation.tables import write_table
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+ENDINGS = (".nc", ".csv", ".parquet")
+
+UNITS = {  # of a revolute and of a prismatic joint; None: by the joint's command
+    "q": ("rad", "m"),
+    "qd": ("rad/s", "m/s"),
+    "qdd": ("rad/s²", "m/s²"),
+    "tau": ("N m", "N"),
+    "voltage": ("V", "V"),
+    "current": ("A", "A"),
+}
+LONG_NAMES = {
+    "q": "joint position",
+    "qd": "joint velocity",
+    "qdd": "joint acceleration",
+    "u": "drive command",
+    "tau": "motor torque referred to the joint",
+    "voltage": "motor voltage",
+    "current": "motor current",
+}
+
+
+def joint_units(arm: Model, quantity: str) -> list[str]:
+    """The unit of a quantity for each joint: `joint_units(arm, "q")` → ["rad", "m", …]."""
+    if quantity == "u":
+        torque = joint_units(arm, "tau")
+        unit = {"voltage": "V", "current": "A"}
+        return [unit.get(body.drive.command, torque[i]) for i, body in arm.outward()]
+    return [UNITS[quantity][body.kind == "prismatic"] for body in arm.bodies]
+
+
+def make_dataset(
+    arm: Model,
+    t: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    u: np.ndarray,
+    *,
+    qdd: np.ndarray | None = None,
+    tau: np.ndarray | None = None,
+    voltage: np.ndarray | None = None,
+    current: np.ndarray | None = None,
+    attrs: Mapping[str, Any] | None = None,
+) -> xr.Dataset:
+    """A run as a dataset with dimensions (time, joint) or (lane, time, joint).
+
+    Args:
+        arm: the arm that moved.   t: (k,) [s].
+        q: (…, k, n) [rad | m].   qd: (…, k, n) [rad/s | m/s].   u: (…, k, n) [V | A | N m | N]; … is nothing or the lanes.
+        qdd: (…, k, n) [rad/s² | m/s²].   tau: (…, k, n) [N m | N].   voltage: (…, k, n) [V].   current: (…, k, n) [A].
+        attrs: what the whole run should remember, texts and numbers.
+    Returns:
+        run: coordinates time [s], joint (names), kind and command of each joint. Voltage and current are left out where
+            the motors' constants are known of no joint, and NaN for joints without.
+    """
+    import xarray as xr
+
+    names = list(arm.names)
+    dims = ("lane", "time", "joint") if np.ndim(q) == 3 else ("time", "joint")
+    given = {"q": q, "qd": qd, "qdd": qdd, "u": u, "tau": tau, "voltage": voltage, "current": current}
+    known = {"voltage": _known(arm, "resistance", "torque_constant"), "current": _known(arm, "torque_constant")}
+    variables = {}
+    for name, values in given.items():
+        if values is None or not np.any(known.get(name, True)):
+            continue
+        values = np.asarray(values, dtype=float)
+        if name in known and not np.all(known[name]):
+            values = np.where(known[name], values, np.nan)
+        units = joint_units(arm, name)
+        about = {"units": " | ".join(dict.fromkeys(units)), "long_name": LONG_NAMES[name]}
+        variables[name] = (dims, values, about)
+    coordinates = {
+        "time": ("time", np.asarray(t, dtype=float), {"units": "s", "long_name": "time"}),
+        "joint": ("joint", names, {"long_name": "joint"}),
+        "kind": ("joint", [body.kind for body in arm.bodies], {"long_name": "kind of joint"}),
+        "command": ("joint", [body.drive.command for body in arm.bodies], {"long_name": "what the drive is told"}),
+    }
+    if len(dims) == 3:
+        coordinates["lane"] = ("lane", np.arange(np.shape(q)[0]), {"long_name": "lane: one simulation of many"})
+    about = {"robot": arm.name}
+    if arm.description is not None and arm.description.title:
+        about["title"] = arm.description.title
+    return xr.Dataset(variables, coordinates, {**about, **(attrs or {})})
+
+
+def _known(arm: Model, *constants: str) -> np.ndarray:
+    """(n,) whether the record gives all those constants of a joint's motor."""
+    return np.array([all(getattr(body.drive, name) is not None for name in constants) for body in arm.bodies])
+
+
+def wide(run: xr.Dataset) -> dict[str, np.ndarray]:
+    """The run as one table: `lane` (where there are lanes), `t [s]`, then `q_joint1 [rad]` and so on.
+
+    Returns:
+        columns: header → (rows,), one row a lane and time, lanes one after the other.
+    """
+    lanes = run.sizes.get("lane", 1)
+    times = run["time"].values
+    columns = {"lane": np.repeat(run["lane"].values, len(times))} if "lane" in run.dims else {}
+    columns["t [s]"] = np.tile(times, lanes)
+    for name, variable in run.data_vars.items():
+        if "joint" not in variable.dims or "time" not in variable.dims:
+            continue
+        rows = variable.values.reshape(-1, run.sizes["joint"])
+        for k, (joint, unit) in enumerate(zip(run["joint"].values, run_units(run, str(name)), strict=True)):
+            columns[f"{name}_{joint} [{unit}]"] = rows[:, k]
+    return columns
+
+
+def run_units(run: xr.Dataset, name: str) -> list[str]:
+    """The unit of each joint's part of a variable; its attribute only lists the units that occur."""
+    linear = [kind == "prismatic" for kind in run["kind"].values]
+    if name == "u":
+        own = {"voltage": "V", "current": "A"}
+        return [own.get(str(c), UNITS["tau"][k]) for c, k in zip(run["command"].values, linear, strict=True)]
+    if name in UNITS:
+        return [UNITS[name][k] for k in linear]
+    return [str(run[name].attrs.get("units", "-"))] * len(linear)
+
+
+def check_recording(path: str | os.PathLike[str]) -> Path:
+    """The path, if a run can be saved there; to be asked before a long simulation.
+
+    Raises:
+        OutputError: as `save`.
+    """
+    path = check_destination(path, ENDINGS)
+    if path.suffix.lower() == ".parquet" and importlib.util.find_spec("pyarrow") is None:
+        raise OutputError(f"{path}: Parquet needs pyarrow, which is not installed: pip install armwright[logs]")
+    return path
+
+
+def save(run: xr.Dataset, path: str | os.PathLike[str]) -> None:
+    """Writes a run in the format that the file's ending names: .nc, .csv or .parquet; whole or not at all.
+
+    Args:
+        run: what `simulate` returned.   path: the file; one that is there is replaced when the new one is complete.
+    Raises:
+        OutputError: an unknown ending, a folder that is missing, no permission, a full disk, Parquet without pyarrow.
+    """
+    path = check_recording(path)
+    writers = {".nc": _write_netcdf, ".csv": lambda run, file: write_table(file, wide(run)), ".parquet": _write_parquet}
+    with whole_file(path, ENDINGS) as temporary:
+        try:
+            writers[path.suffix.lower()](run, temporary)
+        except (RuntimeError, ValueError) as error:  # what HDF5 and Arrow say of a full disk
+            reason = (str(error).splitlines() or [type(error).__name__])[0]
+            raise OutputError(f"{path}: cannot be written: {reason}") from error
+
+
+def _write_netcdf(run: xr.Dataset, path: Path) -> None:
+    run.to_netcdf(path, engine="h5netcdf", format="NETCDF4")
+
+
+def _write_parquet(run: xr.Dataset, path: Path) -> None:
+    import json
+
+    import pyarrow
+    import pyarrow.parquet
+
+    columns = wide(run)
+    fields = []
+    for header, values in columns.items():
+        unit = header.partition(" [")[2].removesuffix("]")
+        about = {"unit": unit} if unit else None
+        fields.append(pyarrow.field(header, pyarrow.from_numpy_dtype(values.dtype), metadata=about))
+    remembered = {"armwright": json.dumps({str(key): value for key, value in run.attrs.items()}, default=str)}
+    table = pyarrow.table(list(columns.values()), schema=pyarrow.schema(fields, metadata=remembered))
+    pyarrow.parquet.write_table(table, path)
+
+
+def load_run(path: str | os.PathLike[str]) -> xr.Dataset:
+    """A run that `save` wrote as NetCDF, all of it in memory.
+
+    Raises:
+        OutputError: no such file, or one that is no NetCDF file.
+    """
+    import xarray as xr
+
+    path = Path(path)
+    if not path.is_file():
+        raise OutputError(f"{path}: {'a folder' if path.is_dir() else 'no such file'}; expected a run saved as .nc")
+    try:
+        return xr.load_dataset(path, engine="h5netcdf")
+    except (OSError, ValueError, KeyError) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise OutputError(f"{path}: cannot be read as a run; expected NetCDF 4: {reason}") from None

@@ -1,0 +1,112 @@
+"""Drive commands against time, held from row to row: the report's voltage schedule, in each joint's own unit."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armwright.errors import ScheduleError
+from armwright.simulation.tables import Column, read_numbers
+
+COMMAND_UNITS = ("V", "A", "N m", "N")
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """Commands that each hold from their time until the next one's; the last one holds for good.
+
+    Args:
+        times: (k,) [s], increasing from 0.
+        commands: (k, n) [V | A | N m | N], each in the unit of its joint's drive command.
+        names: (n,) the joints.
+    Raises:
+        ScheduleError: shapes that do not fit, numbers that are not finite, times that do not increase from 0.
+    """
+
+    times: np.ndarray
+    commands: np.ndarray
+    names: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        names = tuple(self.names)
+        times, commands = _frozen(self.times, "times"), _frozen(self.commands, "commands")
+        if times.ndim != 1 or not len(times):
+            raise ScheduleError(f"times have the shape {times.shape}; expected (k,) with at least one row")
+        if commands.shape != (len(times), len(names)):
+            raise ScheduleError(
+                f"commands have the shape {commands.shape}; expected {(len(times), len(names))}: "
+                f"one row a time, one column for each of {', '.join(names)}"
+            )
+        for what, values in (("times", times), ("commands", commands)):
+            if not np.isfinite(values).all():
+                at = tuple(int(k) for k in np.argwhere(~np.isfinite(values))[0])
+                raise ScheduleError(f"{what}[{', '.join(map(str, at))}] = {values[at]:g}: expected finite numbers")
+        row = out_of_order(times)
+        if row is not None:
+            raise ScheduleError(f"times[{row}] {time_fault(times, row)}")
+        for field, value in (("times", times), ("commands", commands), ("names", names)):
+            object.__setattr__(self, field, value)
+
+    @classmethod
+    def constant(cls, names: Sequence[str], values: Sequence[float] | np.ndarray) -> Schedule:
+        """One command, (n,) in each joint's own unit, that holds from the beginning."""
+        return cls(np.zeros(1), np.asarray(values, dtype=float)[None], tuple(names))
+
+    def at(self, time: float) -> np.ndarray:
+        """(n,) the command that holds from `time` [s] on; a row's own time counts to the row."""
+        return self.commands[max(int(np.searchsorted(self.times, time, side="right")) - 1, 0)]
+
+    def __repr__(self) -> str:
+        rows = "1 row" if len(self.times) == 1 else f"{len(self.times)} rows until {self.times[-1]:g} s"
+        return f"<schedule for {', '.join(self.names)}: {rows}>"
+
+
+def _frozen(values: np.ndarray, what: str) -> np.ndarray:
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise ScheduleError(f"{what} = {values!r}: expected an array of numbers") from None
+    array.flags.writeable = False
+    return array
+
+
+def out_of_order(times: np.ndarray) -> int | None:
+    """The first row that breaks the rule: 0 first, then increasing."""
+    if times[0] != 0.0:
+        return 0
+    late = np.flatnonzero(np.diff(times) <= 0)
+    return int(late[0]) + 1 if len(late) else None
+
+
+def time_fault(times: np.ndarray, row: int) -> str:
+    """What is wrong with that row's time, to stand behind its place."""
+    if row == 0:
+        return f"= {times[0]:.10g}: expected the first time to be 0"
+    if times[row] == times[row - 1]:
+        return f"= {times[row]:.10g}: repeats the time before it; expected times to increase"
+    return f"= {times[row]:.10g}: earlier than {times[row - 1]:.10g} before it; expected times to increase"
+
+
+def read_schedule(path: str | os.PathLike[str], names: Sequence[str], units: Sequence[str] | None = None) -> Schedule:
+    """A schedule from a CSV file: `t` [s] and one column a motor, held between rows.
+
+    With a header row the columns are `t` and the joints' names in any order; without one they are `t` and the joints in
+    the order of `names`. A header may state units, `elbow [V]`, which are then compared.
+
+    Args:
+        path: the file.   names: (n,) the joints.   units: (n,) the unit of each joint's command, if known.
+    Raises:
+        ScheduleError: a file that is no such table (see `read_numbers`), or times that do not increase from 0; one line
+            that names file, line, column, value and what was expected.
+    """
+    stated = [COMMAND_UNITS] * len(names) if units is None else [(unit,) for unit in units]
+    columns = [Column("t", ("s",)), *(Column(name, unit) for name, unit in zip(names, stated, strict=True))]
+    table = read_numbers(path, columns)
+    times = table.values[:, 0]
+    row = out_of_order(times)
+    if row is not None:
+        raise ScheduleError(f"{table.place(row, 0)} {time_fault(times, row)}")
+    return Schedule(times, table.values[:, 1:], tuple(names))

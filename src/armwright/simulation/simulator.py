@@ -1,0 +1,257 @@
+"""Simulation of an arm with its motors: the compiled loop is set up, run in pieces, and read out as a Dataset."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armwright.actuators.drive import UNITS
+from armwright.errors import DivergenceError
+from armwright.kernels.batch import Kernel
+from armwright.kernels.llvm import Target, select_target
+from armwright.kernels.loop import LaneState, Loop
+from armwright.model import Model
+from armwright.program import call, trace
+from armwright.simulation.integrators import INTEGRATORS
+from armwright.simulation.plant import plant_derivative, plant_outputs
+from armwright.simulation.recording import make_dataset
+from armwright.simulation.scenario import LANDING, Scenario
+from armwright.simulation.stability import Stability
+
+if TYPE_CHECKING:
+    import xarray
+
+PIECE = 0.05  # [s] after which native code comes back, for progress and Ctrl-C
+TILES_A_PIECE = 32
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Simulator:
+    """A compiled arm, ready for any scenario with the same arm and integrator."""
+
+    loop: Loop
+    outputs: Kernel
+    stability: Stability
+
+
+def compile_simulator(arm: Model, integrator: str = "rk3", target: str | None = None) -> Simulator:
+    """The loop and the outputs of an arm as native code.
+
+    Raises:
+        ModelError: a drive without the constants that its command needs.
+    """
+    n, chosen = arm.n, select_target(target)
+    state, command = {"x": (2 * n,)}, {"u": (n,)}
+    plant = trace("plant", lambda x, u: plant_derivative(arm, x, u), state | command, ("xd",), noinline=True)
+    rule = INTEGRATORS[integrator].step
+    step = trace(
+        "step", lambda x, u, h: rule(lambda x, u: call(plant, x, u), x, u, h), state | command | {"h": ()}, ("x_next",)
+    )
+    names = ("qdd", "tau", "voltage", "current")
+    outputs = trace("outputs", lambda x, u: plant_outputs(arm, x, u), state | command, names)
+    return Simulator(Loop(step, chosen), Kernel(outputs, chosen), Stability(arm))
+
+
+def simulate(
+    scenario: Scenario,
+    *,
+    progress: Progress | None = None,
+    threads: int | None = None,
+    simulator: Simulator | None = None,
+) -> xarray.Dataset:
+    """The motion of the arm under the scenario's commands.
+
+    Drive limits clip and are reported in the result's attributes. A lane whose state leaves the finite numbers is
+    frozen and marked with the time it happened; the others go on. A single run that does so raises.
+
+    Args:
+        scenario: what to run.
+        progress: called now and then with the steps done and the steps there are, over all lanes.
+        threads: how many share the lanes, by default all cores; the result does not depend on it.
+        simulator: a compiled arm to use again; by default one is compiled.
+    Returns:
+        run: time, q, qd, qdd, tau, u and, where the record has the constants, voltage and current; units in attributes.
+    Raises:
+        ScenarioError: a step too large for the arm's fastest time constant; names the step that would do.
+        DivergenceError: a single run left the finite numbers.
+    """
+    arm = scenario.arm
+    simulator = simulator or compile_simulator(arm, scenario.integrator, scenario.target)
+    x0 = scenario.initial_state
+    simulator.stability.check_step(scenario.integrator, INTEGRATORS[scenario.integrator], scenario.step)
+    lanes = _lane_state(scenario, simulator.loop.target)
+    every = scenario.record_every or scenario.ticks
+    _run(simulator.loop, lanes, scenario, every, progress, threads or os.cpu_count() or 1)
+    rows = len(x0)
+    frozen = _unblocked(lanes.frozen[:, None, :])[:rows, 0]
+    if scenario.lanes is None and frozen[0] >= 0:
+        raise DivergenceError(
+            f"{arm.name}: the simulation left the finite numbers at t = {frozen[0] * scenario.step:g} s; "
+            f"last state q = {np.array2string(lanes.record[-1, 0, : arm.n], precision=4)}"
+        )
+    return _dataset(scenario, simulator, lanes.record[:, :rows].transpose(1, 0, 2), every, frozen)
+
+
+def _lane_state(scenario: Scenario, target: Target) -> LaneState:
+    """Lanes laid out in tiles, the last one filled up with copies of the first lane."""
+    w, x0, ticks = target.width, scenario.initial_state, scenario.ticks
+    tiles = -(-len(x0) // w)
+    order = np.concatenate([np.arange(len(x0)), np.zeros(tiles * w - len(x0), dtype=int)])
+    rows = [_rows(schedule.times, scenario.step) for schedule in scenario.schedules]
+    starts = np.cumsum([0, *(len(tick) for tick, _ in rows)])
+    which = order if len(rows) > 1 else np.zeros(len(order), dtype=int)
+    row_tick = np.concatenate([tick for tick, _ in rows])
+    row_offset = np.concatenate([offset for _, offset in rows])
+    cursor, end = starts[which], starts[which + 1]
+    every = scenario.record_every or ticks
+    record = np.empty((ticks // every + 1, tiles * w, x0.shape[1]))
+    record[0] = x0[order]
+
+    def lane(values: np.ndarray, kind: type = float) -> np.ndarray:
+        return np.ascontiguousarray(values.reshape(tiles, w), dtype=kind)
+
+    return LaneState(
+        x=np.ascontiguousarray(x0[order].reshape(tiles, w, -1).transpose(0, 2, 1)),
+        u=np.zeros((tiles, scenario.arm.n, w)),
+        due_tick=lane(row_tick[cursor]),
+        due_offset=lane(row_offset[cursor]),
+        cursor=lane(cursor, np.int64),
+        end=lane(end, np.int64),
+        frozen=np.full((tiles, w), -1.0),
+        row_tick=row_tick,
+        row_offset=row_offset,
+        row_u=np.ascontiguousarray(np.concatenate([schedule.commands for schedule in scenario.schedules])),
+        record=record,
+    )
+
+
+def _rows(times: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Ticks and offsets [s] behind them at which a schedule's rows come; a row next to a tick is put on it."""
+    ticks = np.rint(times / step)
+    on = np.abs(times - ticks * step) <= LANDING * step
+    ticks = np.where(on, ticks, np.floor(times / step))
+    return ticks, np.where(on, 0.0, times - ticks * step)
+
+
+def _run(loop: Loop, lanes: LaneState, scenario: Scenario, every: int, progress: Progress | None, threads: int) -> None:
+    """Groups of tiles, one after another (or one a thread); each through its ticks in pieces of about `PIECE` seconds."""
+    tiles, ticks, total = len(lanes.x), scenario.ticks, len(lanes.x) * scenario.ticks
+    group = max(1, min(TILES_A_PIECE, -(-tiles // threads)))
+    groups = [(first, min(first + group, tiles)) for first in range(0, tiles, group)]
+    done = 0
+
+    def pieces(part: tuple[int, int]) -> Iterator[int]:
+        tick, piece = 0, 100
+        while tick < ticks:
+            last, start = min(ticks, tick + piece), time.perf_counter()
+            loop.run(lanes, scenario.step, part, (tick, last), every)
+            spent = time.perf_counter() - start
+            yield (last - tick) * (part[1] - part[0])
+            tick, piece = last, max(1, int(piece * min(4.0, PIECE / max(spent, 1e-6))))
+
+    def advance(steps: int) -> None:
+        nonlocal done
+        done += steps
+        if progress is not None:
+            progress(done, total)
+
+    if threads == 1 or len(groups) == 1:
+        for part in groups:
+            for steps in pieces(part):
+                advance(steps)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            for steps in pool.map(lambda part: sum(pieces(part)), groups):
+                advance(steps)
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def _unblocked(values: np.ndarray) -> np.ndarray:
+    """(tiles, entries, W) → (lanes, entries)."""
+    return values.transpose(0, 2, 1).reshape(-1, values.shape[1])
+
+
+def _dataset(
+    scenario: Scenario, simulator: Simulator, states: np.ndarray, every: int, frozen: np.ndarray
+) -> xarray.Dataset:
+    """States (lanes, rows, 2n) with what follows from them."""
+    arm, n = scenario.arm, scenario.arm.n
+    k = np.arange(states.shape[1]) * every
+    t = k * scenario.step
+    u = np.stack([_held(schedule, k, scenario.step) for schedule in scenario.schedules])
+    u = np.broadcast_to(u, (len(states), *u.shape[1:]))
+    parts: dict[str, Any] = {}
+    if scenario.record == "all":
+        names = (port.name for port in simulator.outputs.program.outputs)
+        parts = dict(zip(names, simulator.outputs(states, u, threads=os.cpu_count() or 1), strict=True))
+    q, qd = states[..., :n], states[..., n:]
+    attrs = {
+        "integrator": scenario.integrator,
+        "step_s": scenario.step,
+        "notes": _notes(arm, q, qd, u, parts, t),
+    }
+    if scenario.lanes is None:
+        q, qd, u = q[0], qd[0], u[0]
+        parts = {name: value[0] for name, value in parts.items()}
+    run = make_dataset(arm, t, q, qd, u, **parts, attrs=attrs)
+    if scenario.lanes is not None:
+        diverged = np.where(frozen < 0, np.nan, frozen * scenario.step)
+        run["diverged_at"] = (
+            "lane",
+            diverged,
+            {"units": "s", "long_name": "time at which the lane left the finite numbers"},
+        )
+    return run
+
+
+def _held(schedule: Any, ticks: np.ndarray, step: float) -> np.ndarray:
+    """The schedule's commands just after those ticks."""
+    row_tick, row_offset = _rows(schedule.times, step)
+    started = np.where(row_offset > 0, row_tick + 1, row_tick)
+    return schedule.commands[np.searchsorted(started, ticks, side="right") - 1]
+
+
+def _notes(arm: Model, q: np.ndarray, qd: np.ndarray, u: np.ndarray, parts: dict[str, Any], t: np.ndarray) -> list[str]:
+    """What a user should know about the run: limits that clipped, and limits that were passed."""
+    notes = []
+    for j, body in enumerate(arm.bodies):
+        command = body.drive.command
+        if parts:
+            asked = u[..., j]
+            applied = parts["tau" if command == "torque" else command][..., j]
+            clipped = np.abs(applied - asked) > 1e-9 * (np.abs(asked) + 1e-9)
+            if clipped.any():
+                unit = "N" if command == "torque" and body.kind == "prismatic" else UNITS[command]
+                notes.append(
+                    f"{body.joint}: the drive's limits clipped its {command} in {clipped.mean():.0%} of the rows, "
+                    f"first at t = {_first(t, clipped):g} s (asked for up to {np.abs(asked[clipped]).max():.4g} {unit})"
+                )
+        low, high = body.limits.position
+        outside = (q[..., j] < low) | (q[..., j] > high)
+        if outside.any():
+            notes.append(
+                f"{body.joint}: passed its position limits [{low:.4g}, {high:.4g}] at t = {_first(t, outside):g} s; "
+                "nothing stops it there"
+            )
+        fast = np.abs(qd[..., j]) > body.limits.velocity
+        if fast.any():
+            notes.append(
+                f"{body.joint}: passed its velocity limit {body.limits.velocity:.4g} at t = {_first(t, fast):g} s"
+            )
+    return notes
+
+
+def _first(t: np.ndarray, happened: np.ndarray) -> float:
+    """The first time at which something happened in any lane."""
+    return float(t[np.nonzero(happened.any(axis=0))[0][0]])

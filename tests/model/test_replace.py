@@ -1,0 +1,68 @@
+"""Variants of an arm by `replace`: the arm itself stays as it is."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from physics.arms import NAMES, arm, random_state
+
+from armwright.actuators import friction_torques, transmission
+from armwright.dynamics import gravity_torques, inverse_dynamics, mass_matrix
+from armwright.errors import ModelError
+from armwright.kinematics import forward_kinematics
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_taken_away_is_away(name):
+    """Without friction, rotors and gear loss only the links' mechanics is left, and the arm keeps its own."""
+    model = arm(name)
+    q, qd, qdd = random_state(model, 0)
+    before = inverse_dynamics(model, q, qd, qdd)
+    bare = model.replace(friction=None, rotors=None, efficiency=None)
+    assert not friction_torques(bare, qd).any()
+    assert (transmission(bare, qd, qdd) == 1.0).all()
+    rotors = np.diag([body.drive.armature for body in model.bodies])
+    np.testing.assert_allclose(mass_matrix(model, q), mass_matrix(bare, q) + rotors, rtol=1e-14, atol=1e-14)
+    np.testing.assert_array_equal(inverse_dynamics(model, q, qd, qdd), before)
+
+
+def test_gravity():
+    """Another gravity, or none; three finite numbers."""
+    model = arm("lwa4p")
+    q = random_state(model, 0)[0]
+    np.testing.assert_allclose(gravity_torques(model.replace(gravity=-model.gravity), q), -gravity_torques(model, q))
+    assert not gravity_torques(model.replace(gravity=[0, 0, 0]), q).any()
+    for wrong in ([0, 0], 9.81, [0, 0, np.nan], [0, 0, np.inf]):
+        with pytest.raises(ModelError, match="three finite numbers"):
+            model.replace(gravity=wrong)
+
+
+def test_tip():
+    """Another frame of the record as tip; an unknown one suggests the nearest."""
+    model = arm("workshop")
+    q = random_state(model, 0)[0]
+    at_hand = forward_kinematics(model.replace(tip="hand"), q)
+    assert np.linalg.norm(at_hand[:3, 3] - forward_kinematics(model, q)[:3, 3]) == pytest.approx(
+        np.linalg.norm([0.02, 0.03, 0.15])
+    )
+    np.testing.assert_array_equal(forward_kinematics(model.replace(tip="base"), q), np.eye(4))
+    with pytest.raises(ModelError, match=r"no frame 'tol'; did you mean tool"):
+        model.replace(tip="tol")
+
+
+def test_unknown_changes_are_refused():
+    """A misspelt change suggests the nearest; a value that is not offered says what is."""
+    with pytest.raises(ModelError, match="did you mean friction"):
+        arm("panda").replace(frictions=None)
+    with pytest.raises(ModelError, match="only None"):
+        arm("panda").replace(friction=0.0)
+
+
+def test_frozen():
+    """A model is data that no one can change in place."""
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        arm("panda").tip = "link3"  # type: ignore[misc]
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        arm("panda").bodies[0].mass = 2.0  # type: ignore[misc]

@@ -1,0 +1,70 @@
+"""Energy: gravity torques are its slope, and what goes in is what stays and what is lost."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from physics.arms import NAMES, arm, gradient, random_state
+
+from armwright.actuators import friction_torques, transmission
+from armwright.dynamics import forward_dynamics, gravity_torques, kinetic_energy, potential_energy
+from armwright.kinematics import forward_kinematics, jacobian
+
+SEEDS = range(4)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_gravity_torques_are_the_slope_of_the_potential_energy(name, seed):
+    """g = ∂U/∂q, by differentiating the traced U."""
+    model = arm(name)
+    q = random_state(model, seed)[0]
+    (slope,) = gradient("potential", lambda q: potential_energy(model, q), q)
+    np.testing.assert_allclose(gravity_torques(model, q), slope, rtol=0, atol=1e-12 * max(1.0, np.abs(slope).max()))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_potential_energy_falls_with_gravity(name):
+    """U = -Σ m gᵀ p: with gravity doubled it doubles, without gravity it is 0."""
+    model = arm(name)
+    q = random_state(model, 0)[0]
+    energy = potential_energy(model, q)
+    assert energy != 0.0
+    assert potential_energy(model.replace(gravity=2.0 * model.gravity), q) == pytest.approx(2.0 * energy)
+    assert potential_energy(model.replace(gravity=np.zeros(3)), q) == 0.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_power_balance(name, seed):
+    """d(T+U)/dt = tau·q̇ - gear loss - friction·q̇ + wrench·tip velocity, and neither loss gives power."""
+    model = arm(name)
+    q, qd, tau = random_state(model, seed)
+    tau, wrench = 30.0 * tau, np.random.default_rng([seed, 5]).normal(scale=10.0, size=6)
+    qdd = forward_dynamics(model, q, qd, tau, wrench)
+    t_q, t_qd = gradient("kinetic", lambda q, qd: kinetic_energy(model, q, qd), q, qd)
+    (u_q,) = gradient("potential", lambda q: potential_energy(model, q), q)
+    stored = t_q @ qd + t_qd @ qdd + u_q @ qd
+    gear = ((1.0 - transmission(model, qd, tau)) * tau) @ qd
+    friction = friction_torques(model, qd) @ qd
+    pushed = wrench @ (jacobian(model, q) @ qd)
+    terms = [tau @ qd, gear, friction, pushed, t_q @ qd, t_qd @ qdd]
+    assert stored == pytest.approx(tau @ qd - gear - friction + pushed, abs=1e-10 * np.abs(terms).max())
+    assert gear >= 0.0
+    offsets = [body.friction.offset if body.friction is not None else 0.0 for body in model.bodies]
+    assert friction - np.dot(offsets, qd) >= 0.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_jacobian_is_the_rate_of_the_tip(name, seed):
+    """Linear rows are ∂p/∂q, angular rows the ω of  Ṙ = ω× R, by differentiating the traced pose."""
+    model = arm(name)
+    q = random_state(model, seed)[0]
+    (derivative,) = gradient("pose", lambda q: forward_kinematics(model, q), q)
+    pose = forward_kinematics(model, q)
+    spin = np.einsum("ikn,jk->ijn", derivative[:3, :3], pose[:3, :3])
+    omega = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
+    np.testing.assert_allclose(jacobian(model, q), np.concatenate([derivative[:3, 3], omega]), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), rtol=0, atol=1e-13)
+    np.testing.assert_array_equal(pose[3], [0.0, 0.0, 0.0, 1.0])

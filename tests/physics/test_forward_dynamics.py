@@ -1,0 +1,134 @@
+"""Forward dynamics undoes inverse dynamics, whichever way it is computed and whatever is lost on the way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from physics.arms import NAMES, arm, description, random_state
+
+from armwright.actuators import friction_torques, transmission
+from armwright.dynamics import articulated_body, bias_torques, forward_arm, forward_dynamics, inverse_dynamics, mass_matrix
+from armwright.errors import ModelError
+from armwright.kinematics import jacobian
+from armwright.model import build_model
+
+SEEDS = range(12)
+WRENCH = np.array([12.0, -7.0, 30.0, 1.5, -2.0, 0.7])
+
+
+@pytest.mark.parametrize("forward", [forward_dynamics, articulated_body])
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_forward_of_inverse_is_identity(forward, name, seed):
+    """q̈ → tau → q̈ within 1e-9, with friction, gear loss, rotors and a wrench at the tip."""
+    model = arm(name)
+    q, qd, qdd = random_state(model, seed)
+    for wrench in (None, WRENCH):
+        tau = inverse_dynamics(model, q, qd, qdd, wrench)
+        np.testing.assert_allclose(forward(model, q, qd, tau, wrench), qdd, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_inverse_of_forward_is_identity(name, seed):
+    """tau → q̈ → tau within 1e-9 of the torques' size."""
+    model = arm(name)
+    q, qd, tau = random_state(model, seed)
+    tau = 20.0 * tau
+    qdd = forward_dynamics(model, q, qd, tau, WRENCH)
+    back = inverse_dynamics(model, q, qd, qdd, WRENCH)
+    np.testing.assert_allclose(back, tau, rtol=0, atol=1e-9 * max(1.0, np.abs(tau).max()))
+
+
+def test_lossy_gears_are_met_driving_and_driven_back():
+    """The states above hold each lossy gear of `workshop` both ways, so that both branches of e are inverted."""
+    model = arm("workshop")
+    lossy = [i for i, body in enumerate(model.bodies) if body.drive.efficiency is not None]
+    power = []
+    for seed in SEEDS:
+        q, qd, qdd = random_state(model, seed)
+        power.append((inverse_dynamics(model, q, qd, qdd) * qd)[lossy])
+    assert len(lossy) == 3
+    assert (np.min(power, axis=0) < 0).all()
+    assert (np.max(power, axis=0) > 0).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_articulated_bodies_are_composite_bodies(name, seed):
+    """Featherstone's recursion and M⁻¹ give the same accelerations."""
+    model = arm(name)
+    q, qd, tau = random_state(model, seed)
+    ours, other = articulated_body(model, q, qd, tau), forward_dynamics(model, q, qd, tau)
+    np.testing.assert_allclose(ours, other, rtol=0, atol=1e-11 * np.abs(other).max())
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_inverse_dynamics_is_its_terms(name, seed):
+    """e tau = M q̈ + h, h = C q̇ + g + f - Jᵀ wrench: every term by its own function."""
+    model = arm(name)
+    q, qd, qdd = random_state(model, seed)
+    tau = inverse_dynamics(model, q, qd, qdd, WRENCH)
+    behind = mass_matrix(model, q) @ qdd + bias_torques(model, q, qd, WRENCH)
+    np.testing.assert_allclose(transmission(model, qd, tau) * tau, behind, rtol=0, atol=1e-11 * np.abs(behind).max())
+    frictionless = model.replace(friction=None)
+    np.testing.assert_allclose(
+        bias_torques(model, q, qd, WRENCH),
+        bias_torques(frictionless, q, qd) + friction_torques(model, qd) - jacobian(model, q).T @ WRENCH,
+        rtol=0,
+        atol=1e-11 * np.abs(behind).max(),
+    )
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if arm(name).bodies[0].drive.command != "torque"])
+def test_forward_arm_takes_commands_in_the_joints_unit(name):
+    """V = R tau/(n Kt) + n Ke q̇ (11), or i = tau/(n Kt), commands the acceleration that tau gives."""
+    model = arm(name)
+    q, qd, tau = random_state(model, 1)
+    drives = [body.drive for body in model.bodies]
+    current = np.array([t / (d.gear_ratio * d.torque_constant) for t, d in zip(tau, drives, strict=True)])
+    u = current
+    if drives[0].command == "voltage":
+        u = [d.resistance * i + d.gear_ratio * d.back_emf_constant * w for d, i, w in zip(drives, current, qd, strict=True)]
+    expected = forward_dynamics(model, q, qd, tau)
+    np.testing.assert_allclose(forward_arm(model, q, qd, np.array(u)), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+def test_torque_driven_arm_takes_torques():
+    """`panda` is commanded in N m."""
+    model = arm("panda")
+    q, qd, tau = random_state(model, 1)
+    np.testing.assert_array_equal(forward_arm(model, q, qd, tau), forward_dynamics(model, q, qd, tau))
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.integers(0, 10**9), st.floats(-1e-3, 1e-3))
+def test_gear_loss_is_inverted_near_standstill(seed, slow):
+    """Speeds and torques through 0, where e changes its branch, do not hurt the identity."""
+    model = arm("workshop")
+    q, qd, qdd = random_state(model, seed)
+    qd, qdd = slow * qd, 0.1 * qdd
+    tau = inverse_dynamics(model, q, qd, qdd)
+    np.testing.assert_allclose(forward_dynamics(model, q, qd, tau), qdd, rtol=0, atol=1e-9)
+
+
+def test_nothing_finite_comes_of_nan():
+    """A diverged position gives NaN, not a number."""
+    model = arm("workshop")
+    q, qd, tau = random_state(model, 0)
+    q[0] = np.nan
+    assert np.isnan(forward_dynamics(model, q, qd, tau)).any()
+    assert np.isnan(inverse_dynamics(model, q, qd, tau)).any()
+
+
+def test_wrench_needs_a_tip():
+    """An arm that branches and names no tip refuses a wrench and lists its frames."""
+    model = build_model(description("workshop").replace(tip=None))
+    q, qd, qdd = random_state(model, 0)
+    inverse_dynamics(model, q, qd, qdd)
+    for call in (inverse_dynamics, forward_dynamics, articulated_body):
+        with pytest.raises(ModelError, match=r"names no tip.*tool"):
+            call(model, q, qd, qdd, WRENCH)
