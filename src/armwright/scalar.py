@@ -113,7 +113,9 @@ class Symbol:
 
 for _name, _function in {  # what NumPy's own functions call on the elements of an object array
     **{name: getattr(casadi, name) for name in ("sin", "cos", "tan", "sqrt", "exp", "log", "tanh", "floor", "ceil")},
-    "arctan2": casadi.atan2, "hypot": casadi.hypot, "fmod": casadi.fmod,
+    "arctan2": casadi.atan2,
+    "hypot": casadi.hypot,
+    "fmod": casadi.fmod,
 }.items():
     setattr(Symbol, _name, lambda self, *other, _f=_function: _lift(_f, self, *other))
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from actuators.drives import one_joint
 from hypothesis import given
 from hypothesis import strategies as st
 
+from actuators.drives import one_joint
 from armwright.actuators import transmission
 from armwright.model import Model
 

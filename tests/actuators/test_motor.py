@@ -6,12 +6,12 @@ from math import sqrt
 
 import numpy as np
 import pytest
-from actuators.drives import one_joint
-from physics.arms import arm, random_state
 
+from actuators.drives import one_joint
 from armwright.actuators import drive_torque, motor_current, motor_torque, motor_voltage
 from armwright.description.brushless import DC_EQUIVALENT
 from armwright.errors import ModelError
+from physics.arms import arm, random_state
 
 VOLTAGE_DRIVEN = ["cmu-dd", "puma560", "workshop"]
 
@@ -51,7 +51,9 @@ def test_back_emf_constant_of_its_own():
     """Ke = Kt unless the record gives both."""
     motor = {"gear_ratio": -10.0, "rotor_inertia_kg_m2": 0.0, "torque_constant_n_m_per_a": 2.0, "resistance_ohm": 4.0}
     model = one_joint(None, {**motor, "back_emf_constant_v_s_per_rad": 1.9}, command="voltage")
-    assert motor_voltage(model, np.array([3.0]), np.array([5.0])) == pytest.approx(4.0 * 5.0 / (-10 * 2.0) - 10 * 1.9 * 3.0)
+    assert motor_voltage(model, np.array([3.0]), np.array([5.0])) == pytest.approx(
+        4.0 * 5.0 / (-10 * 2.0) - 10 * 1.9 * 3.0
+    )
 
 
 @pytest.mark.parametrize(
@@ -69,7 +71,9 @@ def test_missing_constants_are_named():
     """A kernel without its constants is refused, naming arm, joint and key."""
     with pytest.raises(ModelError, match=r"lwa4p: motor_voltage needs motor\.resistance_ohm of joint 'joint1'"):
         motor_voltage(arm("lwa4p"), np.zeros(6), np.zeros(6))
-    with pytest.raises(ModelError, match=r"panda: motor_current needs motor\.torque_constant_n_m_per_a of joint 'joint1'"):
+    with pytest.raises(
+        ModelError, match=r"panda: motor_current needs motor\.torque_constant_n_m_per_a of joint 'joint1'"
+    ):
         motor_current(arm("panda"), np.zeros(7))
 
 

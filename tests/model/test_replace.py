@@ -6,12 +6,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from physics.arms import NAMES, arm, random_state
 
 from armwright.actuators import friction_torques, transmission
 from armwright.dynamics import gravity_torques, inverse_dynamics, mass_matrix
 from armwright.errors import ModelError
 from armwright.kinematics import forward_kinematics
+from physics.arms import NAMES, arm, random_state
 
 
 @pytest.mark.parametrize("name", NAMES)

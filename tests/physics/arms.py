@@ -41,7 +41,9 @@ def gradient(name: str, function: Callable[..., Any], *arguments: np.ndarray) ->
     (result,) = program.graph.call(symbols)
     derivative = casadi.Function("derivative", symbols, [casadi.jacobian(result, symbol) for symbol in symbols])
     shape = program.outputs[0].shape
-    return [np.array(d).reshape(*shape, a.size) for d, a in zip(derivative.call(list(arguments)), arguments, strict=True)]
+    return [
+        np.array(d).reshape(*shape, a.size) for d, a in zip(derivative.call(list(arguments)), arguments, strict=True)
+    ]
 
 
 def traced(name: str, function: Callable[..., Any], *arguments: np.ndarray) -> np.ndarray:
@@ -55,7 +57,12 @@ def workshop() -> dict[str, Any]:
     coulomb = {"coulomb_positive_n_m": 0.7, "coulomb_negative_n_m": 1.1, "smoothing_rad_per_s": 0.05}
     stribeck = {"stribeck_torque_n_m": 1.6, "stribeck_speed_rad_per_s": 0.4}
     sigmoid = {"sigmoid_amplitude_n_m": 0.9, "sigmoid_slope_s_per_rad": 6.0, "sigmoid_shift_rad_per_s": 0.03}
-    on_motor = {"side": "motor", "viscous_n_m_s_per_rad": 2e-4, "coulomb_positive_n_m": 0.01, "coulomb_negative_n_m": 0.02}
+    on_motor = {
+        "side": "motor",
+        "viscous_n_m_s_per_rad": 2e-4,
+        "coulomb_positive_n_m": 0.01,
+        "coulomb_negative_n_m": 0.02,
+    }
     sliding = {"viscous_n_s_per_m": 12.0, "coulomb_positive_n": 4.0, "coulomb_negative_n": 3.0, "offset_n": 0.5}
 
     def motor(ratio: float, efficiency: float | None = None) -> dict[str, Any]:
@@ -63,7 +70,9 @@ def workshop() -> dict[str, Any]:
         constants = {"torque_constant_n_m_per_a": 0.05, "resistance_ohm": 1.5, "rotor_inertia_kg_m2": 2e-5}
         return {"gear_ratio": ratio, **constants, **loss}
 
-    def joint(number: int, parent: str, kind: str, friction: dict[str, Any] | None, drive: dict[str, Any]) -> dict[str, Any]:
+    def joint(
+        number: int, parent: str, kind: str, friction: dict[str, Any] | None, drive: dict[str, Any]
+    ) -> dict[str, Any]:
         place = {"name": f"joint{number}", "parent": parent, "child": f"link{number}", "type": kind}
         frame = {"xyz_m": [0.1, -0.05, 0.25], "rpy_rad": [0.4 * number, -0.3, 0.7]}
         own = {} if friction is None else {"friction": friction}

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from physics.arms import NAMES, arm, gradient, random_state
 
 from armwright.actuators import friction_torques, transmission
 from armwright.dynamics import forward_dynamics, gravity_torques, kinetic_energy, potential_energy
 from armwright.kinematics import forward_kinematics, jacobian
+from physics.arms import NAMES, arm, gradient, random_state
 
 SEEDS = range(4)
 

@@ -6,13 +6,20 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from physics.arms import NAMES, arm, description, random_state
 
 from armwright.actuators import friction_torques, transmission
-from armwright.dynamics import articulated_body, bias_torques, forward_arm, forward_dynamics, inverse_dynamics, mass_matrix
+from armwright.dynamics import (
+    articulated_body,
+    bias_torques,
+    forward_arm,
+    forward_dynamics,
+    inverse_dynamics,
+    mass_matrix,
+)
 from armwright.errors import ModelError
 from armwright.kinematics import jacobian
 from armwright.model import build_model
+from physics.arms import NAMES, arm, description, random_state
 
 SEEDS = range(12)
 WRENCH = np.array([12.0, -7.0, 30.0, 1.5, -2.0, 0.7])
@@ -92,9 +99,14 @@ def test_forward_arm_takes_commands_in_the_joints_unit(name):
     current = np.array([t / (d.gear_ratio * d.torque_constant) for t, d in zip(tau, drives, strict=True)])
     u = current
     if drives[0].command == "voltage":
-        u = [d.resistance * i + d.gear_ratio * d.back_emf_constant * w for d, i, w in zip(drives, current, qd, strict=True)]
+        u = [
+            d.resistance * i + d.gear_ratio * d.back_emf_constant * w
+            for d, i, w in zip(drives, current, qd, strict=True)
+        ]
     expected = forward_dynamics(model, q, qd, tau)
-    np.testing.assert_allclose(forward_arm(model, q, qd, np.array(u)), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        forward_arm(model, q, qd, np.array(u)), expected, rtol=0, atol=1e-9 * np.abs(expected).max()
+    )
 
 
 def test_torque_driven_arm_takes_torques():

@@ -9,9 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from physics.arms import description, random_state
-from reference.peers import about, frame_of_tip, frame_transform, joint_transforms, transform
-from reference.random_trees import random_body, random_description, random_rotation
 from scipy.spatial.transform import Rotation
 
 from armwright.description import RobotDescription
@@ -20,6 +17,9 @@ from armwright.description.robot import FixedJoint, PrismaticJoint
 from armwright.dynamics import gravity_torques, inverse_dynamics, mass_matrix, potential_energy
 from armwright.kinematics import forward_kinematics, jacobian
 from armwright.model import Model, build_model
+from physics.arms import description, random_state
+from reference.peers import about, frame_of_tip, frame_transform, joint_transforms, transform
+from reference.random_trees import random_body, random_description, random_rotation
 
 WRENCH = np.array([3.0, -4.0, 5.0, 0.6, -0.7, 0.8])
 
@@ -38,10 +38,18 @@ def moved_body(link: Any, t: np.ndarray) -> dict[str, Any]:
     com = t[:3, :3] @ np.array(link.com_m.value) + t[:3, 3]
     entries = {f"{'xyz'[i]}{'xyz'[j]}": tensor[i, j] for i in range(3) for j in range(i, 3)}
     excuse = {} if link.accept_impossible is None else {"accept_impossible": link.accept_impossible}
-    return {"name": link.name, "mass_kg": float(link.mass_kg), "com_m": com.tolist(), "inertia_kg_m2": entries, **excuse}
+    return {
+        "name": link.name,
+        "mass_kg": float(link.mass_kg),
+        "com_m": com.tolist(),
+        "inertia_kg_m2": entries,
+        **excuse,
+    }
 
 
-def retold(robot: RobotDescription, joints: list[dict[str, Any]], links: list[dict[str, Any]], tip: Any) -> RobotDescription:
+def retold(
+    robot: RobotDescription, joints: list[dict[str, Any]], links: list[dict[str, Any]], tip: Any
+) -> RobotDescription:
     """The robot with other joints and links, and its tip as a named frame."""
     head = {"name": robot.name, "source": "definition", "command": "torque", "tip": "the-tip", "base": robot.base}
     if robot.gravity_m_s2 is not None:
@@ -59,7 +67,13 @@ def in_explicit_frames(robot: RobotDescription, seed: int) -> RobotDescription:
         turn = random_rotation(rng)
         placed = behind[joint.parent] @ before @ transform(Rotation.from_matrix(turn), np.zeros(3))
         behind[joint.child] = transform(Rotation.from_matrix(turn.T), np.zeros(3)) @ after
-        row = {"name": joint.name, "type": joint.type, "parent": joint.parent, "child": joint.child, "frame": written(placed)}
+        row = {
+            "name": joint.name,
+            "type": joint.type,
+            "parent": joint.parent,
+            "child": joint.child,
+            "frame": written(placed),
+        }
         joints.append(row if isinstance(joint, FixedJoint) else {**row, "axis": (2.5 * turn.T @ axis).tolist()})
         links.append(moved_body(robot.link(joint.child), behind[joint.child]))
     link, tip = frame_of_tip(robot)
@@ -71,7 +85,9 @@ def in_modified_dh(robot: RobotDescription) -> RobotDescription:
     joints, links, x = [], [], {"alpha_rad": 0.0, "a_m": 0.0}
     for joint in robot.joints:
         row = joint.dh
-        along_z = {key: float(getattr(row, key)) for key in ("r_m", "offset_rad", "theta_rad", "offset_m") if hasattr(row, key)}
+        along_z = {
+            key: float(getattr(row, key)) for key in ("r_m", "offset_rad", "theta_rad", "offset_m") if hasattr(row, key)
+        }
         place = {"name": joint.name, "type": joint.type, "parent": joint.parent, "child": joint.child}
         joints.append({**place, "modified_dh": x | along_z})
         x = {"alpha_rad": float(row.alpha_rad), "a_m": float(row.a_m)}
@@ -193,7 +209,9 @@ def without_fixed_links(robot: RobotDescription) -> RobotDescription:
         joint = next(joint for joint in waiting if joint.parent in at)
         waiting.remove(joint)
         carrier, placed = at[joint.parent]
-        p = pseudo(robot.link(joint.child).model_dump(include={"name"}) | moved_body(robot.link(joint.child), np.eye(4)))
+        p = pseudo(
+            robot.link(joint.child).model_dump(include={"name"}) | moved_body(robot.link(joint.child), np.eye(4))
+        )
         frame = placed @ frame_transform(joint.frame)
         if isinstance(joint, FixedJoint):
             at[joint.child] = (carrier, frame)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from physics.arms import NAMES, arm, gradient, random_state
 
 from armwright.dynamics import bias_torques, gravity_torques, inverse_dynamics, kinetic_energy, mass_matrix
+from physics.arms import NAMES, arm, gradient, random_state
 
 SEEDS = range(4)
 
@@ -64,7 +64,9 @@ def test_rate_minus_twice_coriolis_is_skew(name, seed):
     size = np.abs(derivative).max() * np.abs(qd).max() + 1e-3
     torques = bias_torques(model, q, qd) - gravity_torques(model, q)
     np.testing.assert_allclose(rate - 2 * c, -(rate - 2 * c).T, rtol=0, atol=1e-12 * size)
-    np.testing.assert_allclose(c @ qd, torques, rtol=0, atol=1e-12 * (size + np.abs(gravity_torques(model, q)).max()) * 10)
+    np.testing.assert_allclose(
+        c @ qd, torques, rtol=0, atol=1e-12 * (size + np.abs(gravity_torques(model, q)).max()) * 10
+    )
     assert qd @ rate @ qd == pytest.approx(2 * qd @ torques, rel=1e-9, abs=1e-10 * size)
 
 

@@ -77,6 +77,9 @@ def frame_of_tip(robot: RobotDescription) -> tuple[str, np.ndarray]:
 class Pinocchio:
     """The arm in Pinocchio."""
 
+    tip_joint: int
+    tip_placement: Any
+
     def __init__(self, robot: RobotDescription, names: list[str]):
         import pinocchio as pin
 
@@ -100,7 +103,9 @@ class Pinocchio:
                     rotors[at], frame = armature(joint), behind
                 body = robot.link(joint.child)
                 com = np.array(body.com_m.value)
-                self.model.appendBodyToJoint(at, pin.Inertia(float(body.mass_kg), com, body.inertia_kg_m2.matrix()), frame)
+                self.model.appendBodyToJoint(
+                    at, pin.Inertia(float(body.mass_kg), com, body.inertia_kg_m2.matrix()), frame
+                )
                 grow(joint.child, at, frame)
 
         grow(robot.base, 0, pin.SE3.Identity())

@@ -10,14 +10,14 @@ import functools
 
 import numpy as np
 import pytest
-from reference.peers import MuJoCo, Pinocchio
-from reference.random_trees import WORST_CONDITION, joint_count, random_description, random_position
 
 from armwright.description import RobotDescription, builtin_names, read_description
 from armwright.dynamics import articulated_body, forward_dynamics, gravity_torques, inverse_dynamics, mass_matrix
 from armwright.kinematics import forward_kinematics, jacobian
 from armwright.model import Model, build_model
 from armwright.program import Program, interpret, trace
+from reference.peers import MuJoCo, Pinocchio
+from reference.random_trees import WORST_CONDITION, joint_count, random_description, random_position
 
 TREES = 200
 STATES = 3

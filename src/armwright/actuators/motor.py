@@ -24,8 +24,9 @@ def need_constants(model: Model, what: str, *constants: str) -> None:
     for body in model.bodies:
         for constant in constants:
             if getattr(body.drive, constant) is None:
+                key = f"motor.{ELECTRICAL[constant]}"
                 raise ModelError(
-                    f"{model.name}: {what} needs motor.{ELECTRICAL[constant]} of joint {body.joint!r}, which its record does not give"
+                    f"{model.name}: {what} needs {key} of joint {body.joint!r}, which its record does not give"
                 )
 
 

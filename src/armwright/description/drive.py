@@ -20,9 +20,11 @@ class Motor(Record):
     rotor_inertia_kg_m2: NotNegative = Field(
         description="Motor side. 0 for a direct drive: the rotor is part of its link."
     )
-    gear_efficiency: Share | None = Field(None, description="η of design section 3; absent = 1.")
+    gear_efficiency: Share | None = Field(default=None, description="η of design section 3; absent = 1.")
     torque_constant_n_m_per_a: Positive | None = None
-    back_emf_constant_v_s_per_rad: Positive | None = Field(None, description="Absent: equal to the torque constant.")
+    back_emf_constant_v_s_per_rad: Positive | None = Field(
+        default=None, description="Absent: equal to the torque constant."
+    )
     resistance_ohm: Positive | None = None
     inductance_h: Positive | None = None
     basis: Basis = Field("dc", description="How the electrical constants of a brushless motor were measured.")
@@ -88,7 +90,7 @@ class LinearFriction(Record):
         return self
 
 
-def _check_friction(friction: Record, force: str, length: str) -> None:
+def _check_friction(friction: RotaryFriction | LinearFriction, force: str, length: str) -> None:
     level = f"stribeck_{'torque' if force == 'n_m' else 'force'}_{force}"
     coulomb = [f"coulomb_positive_{force}", f"coulomb_negative_{force}"]
     stribeck = [level, f"stribeck_speed_{length}_per_s"]
@@ -124,9 +126,9 @@ class RotaryLimits(Record):
     """What a revolute joint and its drive can do. Absent: no limit is known."""
 
     source: str | None = None
-    position_rad: Range | None = Field(None, description="[lowest, highest].")
+    position_rad: Range | None = Field(default=None, description="[lowest, highest].")
     velocity_rad_per_s: Positive | None = None
-    torque_n_m: Positive | None = Field(None, description="Of the motor referred to the joint, either way.")
+    torque_n_m: Positive | None = Field(default=None, description="Of the motor referred to the joint, either way.")
     voltage_v: Positive | None = None
     current_a: Positive | None = None
 
@@ -139,9 +141,9 @@ class LinearLimits(Record):
     """What a prismatic joint and its drive can do. Absent: no limit is known."""
 
     source: str | None = None
-    position_m: Range | None = Field(None, description="[lowest, highest].")
+    position_m: Range | None = Field(default=None, description="[lowest, highest].")
     velocity_m_per_s: Positive | None = None
-    force_n: Positive | None = Field(None, description="Of the motor referred to the joint, either way.")
+    force_n: Positive | None = Field(default=None, description="Of the motor referred to the joint, either way.")
     voltage_v: Positive | None = None
     current_a: Positive | None = None
 

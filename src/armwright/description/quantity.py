@@ -62,8 +62,8 @@ class Quantity(Record):
     """
 
     value: float | tuple[float, ...]
-    std: float | tuple[float, ...] | None = Field(None, description="Standard deviation, same unit.")
-    source: str | None = Field(None, description="A key of [sources], or a kind of source such as 'estimate'.")
+    std: float | tuple[float, ...] | None = Field(default=None, description="Standard deviation, same unit.")
+    source: str | None = Field(default=None, description="A key of [sources], or a kind of source such as 'estimate'.")
     date: Date | None = None
 
     def __float__(self) -> float:

@@ -35,7 +35,8 @@ def _sentence(error: Any, data: dict[str, Any], record: type[pydantic.BaseModel]
     if kind == "extra_forbidden":
         return f"unknown key; {nearest(str(location[-1]), _fields_at(location, data, record))}"
     if kind == "missing":
-        return f"missing; expected {_expected(_fields_at(location, data, record).get(str(location[-1])))}"
+        name = str(location[-1])
+        return f"missing; expected {_expected(name, _fields_at(location, data, record).get(name))}"
     if kind == "value_error":
         return error["msg"].removeprefix("Value error, ")
     if kind == "union_tag_not_found":
@@ -107,17 +108,17 @@ def _fields_at(location: Location, data: Any, record: type[pydantic.BaseModel]) 
     return {name: field for option in reversed(options) for name, field in option.model_fields.items()}
 
 
-def _expected(field: Any) -> str:
+def _expected(name: str, field: Any) -> str:
     """What a missing field should be, from what its type says of itself."""
-    if field is None:
-        return "a value"
+    if name in LISTS:
+        return f"[[{name}]] tables"
     told = [note.func.expected for note in field.metadata if hasattr(getattr(note, "func", None), "expected")]
     if told:
         return told[0]
     records = _records_in(field.annotation)
-    if len(records) == 1:
-        return f"a table of {', '.join(name for name, f in records[0].model_fields.items() if f.is_required())}"
-    return "[[…]] tables" if records else "text"
+    if records:
+        return f"a table of {', '.join(key for key, inner in records[0].model_fields.items() if inner.is_required())}"
+    return "text" if field.annotation is str else "a value"
 
 
 def _tag(record: Any) -> str | None:

@@ -169,7 +169,9 @@ class Link(Record):
     mass_kg: NotNegative
     com_m: Vector3 = Field(description="Centre of mass in the link's frame.")
     inertia_kg_m2: Inertia = Field(description="About the centre of mass, in link axes.")
-    accept_impossible: str | None = Field(None, min_length=1, description="Why an impossible inertia is accepted.")
+    accept_impossible: str | None = Field(
+        default=None, min_length=1, description="Why an impossible inertia is accepted."
+    )
 
 
 class NamedFrame(Record):
@@ -186,13 +188,13 @@ class RobotDescription(Record):
     """A robot arm on paper: joints and links in a tree, drives, limits, frames; each number with its source."""
 
     name: Name
-    title: str | None = Field(None, description="One line for the catalogue.")
+    title: str | None = Field(default=None, description="One line for the catalogue.")
     notes: str | None = None
-    source: str | None = Field(None, description="Source of every number below that names none of its own.")
-    sources: dict[str, Source] = {}
-    gravity_m_s2: Vector3 | None = Field(None, description="In base axes; absent: standard gravity along -z.")
+    source: str | None = Field(default=None, description="Source of every number below that names none of its own.")
+    sources: dict[str, Source] = Field(default_factory=dict)
+    gravity_m_s2: Vector3 | None = Field(default=None, description="In base axes; absent: standard gravity along -z.")
     base: Name = "base"
-    command: Command | None = Field(None, description="What drives the joints that do not say it themselves.")
+    command: Command | None = Field(default=None, description="What drives the joints that do not say it themselves.")
     tip: Name | None = None
     joints: tuple[Joint, ...]
     links: tuple[Link, ...]
@@ -212,6 +214,11 @@ class RobotDescription(Record):
             if link.name == name:
                 return link
         raise DescriptionError(f"{self.name}: no link {name!r}; {nearest(name, [link.name for link in self.links])}")
+
+    @property
+    def total_mass(self) -> float:
+        """Mass of all links, those that stand still included [kg]."""
+        return sum(float(link.mass_kg) for link in self.links)
 
     def provenance(self, path: str) -> Source:
         """Where a number comes from: `provenance("link3.mass_kg")`.
@@ -234,7 +241,7 @@ class RobotDescription(Record):
 def _unique(what: str, names: list[str]) -> None:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise ValueError(f"two {what} are called {twice[0]!r}")
+        raise ValueError(f"two {what} are called {twice[0]!r}: expected every name once")
 
 
 def _check_names(robot: RobotDescription) -> None:

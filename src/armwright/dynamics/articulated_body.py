@@ -28,11 +28,11 @@ def articulated_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Arra
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    left = newton_euler(model, q, qd, np.zeros(model.n), wrench) + friction_torques(model, qd)
+    left = newton_euler(model, q, qd, scalar.zeros(model.n), wrench) + friction_torques(model, qd)
     left = transmission(model, qd, tau) * tau - left
     motion = joint_motions(model, q)
     inertia = [_spatial_inertia(body) for body in model.bodies]
-    pushed = [np.zeros(6)] * model.n  # force and moment behind each joint that its own joint does not take
+    pushed = [scalar.zeros(6)] * model.n  # force and moment behind each joint that its own joint does not take
     u, d, r = {}, {}, {}
     for i, body in model.inward():
         s = 5 if body.kind == "revolute" else 2  # S picks the moment or the force along z
@@ -44,7 +44,7 @@ def articulated_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Arra
             behind = inertia[i] - np.outer(u[i], u[i] / d[i])
             inertia[body.parent] = inertia[body.parent] + x @ behind @ x.T
             pushed[body.parent] = pushed[body.parent] + x @ (pushed[i] + u[i] * (r[i] / d[i]))
-    a, qdd = {BASE: np.zeros(6)}, scalar.zeros(model.n)
+    a, qdd = {BASE: scalar.zeros(6)}, scalar.zeros(model.n)
     for i, body in model.outward():
         carried = _force_transform(motion[i]).T @ a[body.parent]
         qdd[i] = (r[i] - u[i] @ carried) / d[i]
@@ -65,4 +65,4 @@ def _force_transform(motion: JointMotion) -> np.ndarray:
     """(6, 6) that takes force and moment about the body's origin, body axes, to the parent's."""
     placed = motion.placement()
     r = placed.rotation
-    return scalar.array(np.block([[r, np.zeros((3, 3))], [skew(placed.position) @ r, r]]))
+    return scalar.array(np.block([[r, scalar.zeros(3, 3)], [skew(placed.position) @ r, r]]))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from armwright import scalar
 from armwright.kinematics import body_placements, joint_motions
 from armwright.model import BASE, Model
@@ -19,7 +17,7 @@ def kinetic_energy(model: Model, q: Array, qd: Array) -> Scalar:
     Returns:
         T: () [J], links and rotors.
     """
-    w, v, total = {BASE: np.zeros(3)}, {BASE: np.zeros(3)}, 0.0
+    w, v, total = {BASE: scalar.zeros(3)}, {BASE: scalar.zeros(3)}, 0.0
     for (i, body), motion in zip(model.outward(), joint_motions(model, q), strict=True):
         along_z = scalar.array([0.0, 0.0, qd[i]])
         w[i] = motion.to_body(w[body.parent])

@@ -11,7 +11,7 @@ from armwright.model import BASE, Body, Model
 from armwright.scalar import Array, Scalar
 from armwright.spatial import acceleration_tensor, cross, inertial_moment
 
-STILL = np.zeros(3)
+STILL = scalar.zeros(3)
 
 
 def inverse_dynamics(model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None) -> np.ndarray:
@@ -43,7 +43,7 @@ def bias_torques(model: Model, q: Array, qd: Array, wrench: Array | None = None)
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    return newton_euler(model, q, qd, np.zeros(model.n), wrench) + friction_torques(model, qd)
+    return newton_euler(model, q, qd, scalar.zeros(model.n), wrench) + friction_torques(model, qd)
 
 
 def gravity_torques(model: Model, q: Array) -> np.ndarray:
@@ -54,7 +54,7 @@ def gravity_torques(model: Model, q: Array) -> np.ndarray:
     Returns:
         g: (n,) [N m | N].
     """
-    return newton_euler(model, q, np.zeros(model.n), np.zeros(model.n))
+    return newton_euler(model, q, scalar.zeros(model.n), scalar.zeros(model.n))
 
 
 def newton_euler(model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None) -> np.ndarray:
@@ -64,7 +64,7 @@ def newton_euler(model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | 
     acceleration tensor U = ω̇× + ω×ω× carries equations (4), (5) and (7).
     """
     motion = joint_motions(model, q)
-    w, wd, vd, u = {BASE: STILL}, {BASE: STILL}, {BASE: -model.gravity}, {BASE: np.zeros((3, 3))}
+    w, wd, vd, u = {BASE: STILL}, {BASE: STILL}, {BASE: -model.gravity}, {BASE: scalar.zeros(3, 3)}
     f, n = {}, {}
     for i, body in model.outward():
         a = body.parent

@@ -33,7 +33,9 @@ TITLES = {  # quantity → of revolute, of prismatic joints
     "tau": ("Motor torques", "Motor forces"),
     "voltage": ("Motor voltages", "Motor voltages"),
     "current": ("Motor currents", "Motor currents"),
+    "u": ("Drive commands", "Drive commands"),
 }
+HELD = {"tau": "torque", "voltage": "voltage", "current": "current"}  # what a drive command of that kind holds still
 
 
 @dataclass(frozen=True)
@@ -50,18 +52,16 @@ class Panel:
 def panels(run: xr.Dataset) -> list[Panel]:
     """What is drawn of a run: each quantity, joints in radians and in metres apart."""
     commands = [str(command) for command in run["command"].values]
-    drive = "voltage" if "voltage" in run else "current" if "current" in run else None
+    drives = [name for name in ("voltage", "current") if name in run] or ["u"] * ("tau" not in run)
     found = []
-    for quantity in ("q", "qd", "tau", drive):
-        if quantity is None or quantity not in run:
-            continue
+    for quantity in (name for name in ("q", "qd", "tau", *drives[:1]) if name in run):
         units = run_units(run, quantity)
-        known = np.isfinite(run[quantity].values).any(axis=tuple(range(run[quantity].ndim - 1)))
+        known = np.isfinite(run[quantity].values.reshape(-1, len(commands))).any(axis=0).tolist()
         for unit in dict.fromkeys(units):
             joints = tuple(k for k, own in enumerate(units) if own == unit and known[k])
             if joints:
-                linear = run["kind"].values[joints[0]] == "prismatic"
-                held = all(commands[k] == quantity for k in joints)
+                linear = str(run["kind"].values[joints[0]]) == "prismatic"
+                held = all(quantity == "u" or commands[k] == HELD.get(quantity) for k in joints)
                 found.append(Panel(quantity, TITLES[quantity][linear], unit, joints, held))
     return found
 
@@ -75,9 +75,14 @@ def draw(run: xr.Dataset) -> Figure:
     from matplotlib.figure import Figure
 
     drawn = panels(run)
-    columns = 1 if len(drawn) == 1 else 2
+    columns = 2 if len(drawn) % 2 == 0 or len(drawn) > 3 else 1
     rows = -(-len(drawn) // columns)
-    figure = Figure(figsize=(5.6 * columns + 1.0, 2.9 * rows + 0.9), dpi=150, layout="constrained", facecolor="white")
+    figure = Figure(
+        figsize=((5.6 if columns == 2 else 8.0) * columns + 1.0, (2.9 if columns == 2 else 2.3) * rows + 0.9),
+        dpi=150,
+        layout="constrained",
+        facecolor="white",
+    )
     axes = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
     for panel, axis in zip(drawn, axes, strict=False):
         _draw_panel(run, panel, axis)
@@ -161,7 +166,7 @@ def _show_no_rounding(axis: Axes) -> None:
 
 
 def _symbol(quantity: str) -> str:
-    return {"q": "q", "qd": "q̇", "tau": "τ", "voltage": "V", "current": "i"}[quantity]
+    return {"q": "q", "qd": "q̇", "tau": "τ", "voltage": "V", "current": "i", "u": "u"}[quantity]
 
 
 def _legend(run: xr.Dataset, figure: Figure) -> None:

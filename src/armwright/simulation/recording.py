@@ -20,14 +20,14 @@ import numpy as np
 from armwright.errors import OutputError
 from armwright.model import Model
 from armwright.simulation.output import check_destination, whole_file
-from armwright.simulation.tables import write_table
+from armwright.simulation.tables import joint_columns, write_table
 
 if TYPE_CHECKING:
     import xarray as xr
 
 ENDINGS = (".nc", ".csv", ".parquet")
 
-UNITS = {  # of a revolute and of a prismatic joint; None: by the joint's command
+UNITS = {  # of a revolute and of a prismatic joint; a command's unit is its drive's
     "q": ("rad", "m"),
     "qd": ("rad/s", "m/s"),
     "qdd": ("rad/s²", "m/s²"),
@@ -49,10 +49,12 @@ LONG_NAMES = {
 def joint_units(arm: Model, quantity: str) -> list[str]:
     """The unit of a quantity for each joint: `joint_units(arm, "q")` → ["rad", "m", …]."""
     if quantity == "u":
-        torque = joint_units(arm, "tau")
-        unit = {"voltage": "V", "current": "A"}
-        return [unit.get(body.drive.command, torque[i]) for i, body in arm.outward()]
+        return [_command_unit(body.drive.command, body.kind == "prismatic") for body in arm.bodies]
     return [UNITS[quantity][body.kind == "prismatic"] for body in arm.bodies]
+
+
+def _command_unit(command: str, linear: bool) -> str:
+    return {"voltage": "V", "current": "A"}.get(command) or UNITS["tau"][linear]
 
 
 def make_dataset(
@@ -74,7 +76,7 @@ def make_dataset(
         arm: the arm that moved.   t: (k,) [s].
         q: (…, k, n) [rad | m].   qd: (…, k, n) [rad/s | m/s].   u: (…, k, n) [V | A | N m | N]; … is nothing or the lanes.
         qdd: (…, k, n) [rad/s² | m/s²].   tau: (…, k, n) [N m | N].   voltage: (…, k, n) [V].   current: (…, k, n) [A].
-        attrs: what the whole run should remember, texts and numbers.
+        attrs: what the whole run should remember, texts and numbers; of a list of texts each gets a line.
     Returns:
         run: coordinates time [s], joint (names), kind and command of each joint. Voltage and current are left out where
             the motors' constants are known of no joint, and NaN for joints without.
@@ -103,10 +105,19 @@ def make_dataset(
     }
     if len(dims) == 3:
         coordinates["lane"] = ("lane", np.arange(np.shape(q)[0]), {"long_name": "lane: one simulation of many"})
-    about = {"robot": arm.name}
+    about: dict[str, Any] = {"robot": arm.name}
     if arm.description is not None and arm.description.title:
         about["title"] = arm.description.title
-    return xr.Dataset(variables, coordinates, {**about, **(attrs or {})})
+    return xr.Dataset(variables, coordinates, {**about, **_storable(attrs or {})})
+
+
+def _storable(attrs: Mapping[str, Any]) -> dict[str, Any]:
+    """Attributes that come back from a file as they went in: NetCDF has no lists of texts."""
+    return {key: "\n".join(value) if _are_texts(value) else value for key, value in attrs.items()}
+
+
+def _are_texts(value: Any) -> bool:
+    return isinstance(value, (list, tuple)) and all(isinstance(item, str) for item in value)
 
 
 def _known(arm: Model, *constants: str) -> np.ndarray:
@@ -121,15 +132,14 @@ def wide(run: xr.Dataset) -> dict[str, np.ndarray]:
         columns: header → (rows,), one row a lane and time, lanes one after the other.
     """
     lanes = run.sizes.get("lane", 1)
-    times = run["time"].values
+    times, joints = run["time"].values, [str(joint) for joint in run["joint"].values]
     columns = {"lane": np.repeat(run["lane"].values, len(times))} if "lane" in run.dims else {}
     columns["t [s]"] = np.tile(times, lanes)
     for name, variable in run.data_vars.items():
         if "joint" not in variable.dims or "time" not in variable.dims:
             continue
         rows = variable.values.reshape(-1, run.sizes["joint"])
-        for k, (joint, unit) in enumerate(zip(run["joint"].values, run_units(run, str(name)), strict=True)):
-            columns[f"{name}_{joint} [{unit}]"] = rows[:, k]
+        columns |= joint_columns(str(name), joints, run_units(run, str(name)), rows)
     return columns
 
 
@@ -137,8 +147,8 @@ def run_units(run: xr.Dataset, name: str) -> list[str]:
     """The unit of each joint's part of a variable; its attribute only lists the units that occur."""
     linear = [kind == "prismatic" for kind in run["kind"].values]
     if name == "u":
-        own = {"voltage": "V", "current": "A"}
-        return [own.get(str(c), UNITS["tau"][k]) for c, k in zip(run["command"].values, linear, strict=True)]
+        commands = [str(command) for command in run["command"].values]
+        return [_command_unit(command, k) for command, k in zip(commands, linear, strict=True)]
     if name in UNITS:
         return [UNITS[name][k] for k in linear]
     return [str(run[name].attrs.get("units", "-"))] * len(linear)

@@ -140,4 +140,4 @@ class Scenario:
 
 
 def _is_time(value: Any) -> bool:
-    return isinstance(value, (int, float, np.floating)) and bool(np.isfinite(value)) and value > 0
+    return isinstance(value, (int, float, np.floating)) and bool(np.isfinite(value) and value > 0)

@@ -64,8 +64,9 @@ class Stability:
     def _search(self, integrator: Integrator) -> float:
         if self.rates.size == 0:
             return np.inf
-        size = np.abs(self.rates).max()
-        dying = self.rates[(self.rates.real < -FAST * size) & (np.abs(self.rates) > FAST * size)]
+        rates: np.ndarray = self.rates
+        size = np.abs(rates).max()
+        dying = rates[(np.real(rates) < -FAST * size) & (np.abs(rates) > FAST * size)]
         if dying.size == 0:
             return np.inf
         z = np.outer(dying / np.abs(dying), REACH * RAYS)
@@ -81,7 +82,7 @@ class Stability:
         largest = self.largest_step(integrator)
         if step <= largest:
             return
-        constant = 1.0 / np.abs(self.rates.real).max()
+        constant = 1.0 / np.abs(np.real(self.rates)).max()
         raise ScenarioError(
             f"{self.model.name}: step = {step:g} s is too large for the arm's fastest time constant of {constant:.3g} s "
             f"(motors and friction slope included): {name} would blow up; a step of {_round_down(0.8 * largest):g} s would do"

@@ -116,6 +116,14 @@ def read_table(
     return dict(zip(columns, np.split(values, ends[:-1], axis=1), strict=True))
 
 
+def joint_columns(
+    quantity: str, names: Sequence[str], units: Sequence[str], values: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Columns to write of a quantity (rows, n): `tau_elbow [N m]` → (rows,), one for each of the n joints."""
+    heads = [f"{quantity}_{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
+    return dict(zip(heads, values.T, strict=True))
+
+
 def write_table(path: str | os.PathLike[str] | None, columns: Mapping[str, Any], stream: Any = None) -> None:
     """A CSV file of columns of equal length; floats in the fewest digits that read back to the same number.
 

@@ -60,11 +60,11 @@ def rotation_rpy(roll: Scalar, pitch: Scalar, yaw: Scalar) -> np.ndarray:
 
 
 def rotation_to_axis(axis: Array) -> np.ndarray:
-    """A rotation whose z axis is the given unit vector: the frame in which a joint about `axis` turns about z.
+    """A rotation whose z axis has the given direction (3,): the frame in which a joint about `axis` turns about z.
 
     Of the many, the one that turns least; -z is reached by half a turn about x.
     """
-    x, y, z = (float(component) for component in axis)
+    x, y, z = np.asarray(axis, dtype=float) / scalar.sqrt(float(axis @ axis))
     if z < -1.0 + SNAP:
         return np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
     k = 1.0 / (1.0 + z)

@@ -1,0 +1,191 @@
+"""`armwright info`: everything that the record of an arm says, and where it comes from."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Any
+
+from armwright.cli.arguments import Robot
+from armwright.cli.tables import number, table
+
+if TYPE_CHECKING:
+    from rich.console import Group
+
+    from armwright.description import RobotDescription
+    from armwright.model import Model
+
+DEGREES = 57.29577951308232  # a degree, for people, in the tables of angles
+
+
+def info(robot: Robot) -> None:
+    """Show what is known of an arm: frames, masses, motors, friction, limits, the source of every number, and warnings.
+
+    \b
+    Examples:
+      armwright info cmu-dd
+      armwright info my-arm.toml
+    """
+    import armwright as aw
+    from armwright.cli.tables import console_for_tables
+
+    arm = aw.load(robot, on_impossible="warn")
+    record = arm.description
+    assert record is not None
+    console = console_for_tables()
+    console.print(f"{arm.name}: {record.title}" if record.title else arm.name, style="bold")
+    if record.notes:
+        console.print(record.notes)
+    console.print(_summary(arm, record))
+    for part in (
+        *_geometry(record),
+        _links(record),
+        _drives(arm, record),
+        _friction(record),
+        _limits(arm),
+        _sources(record),
+    ):
+        if part is not None:
+            console.print()
+            console.print(part)
+    for warning in arm.warnings:
+        console.print(f"\nwarning: {warning}", style="yellow")
+
+
+def _summary(arm: Model, record: RobotDescription) -> str:
+    from armwright.errors import ModelError
+    from armwright.kinematics.reach import reach
+
+    try:
+        far = f"{number(reach(arm))} m at most, base to {arm.tip}, pulled straight"
+    except ModelError:
+        far = "—, the arm names no tip"
+    kinds = Counter(body.kind for body in arm.bodies)
+    lines = {
+        "joints": ", ".join(f"{count} {kind}" for kind, count in kinds.items()),
+        "mass": f"{number(record.total_mass)} kg, all links",
+        "reach": far,
+        "gravity": f"{'  '.join(f'{g:g}' for g in arm.gravity)} m/s², in base axes",
+    }
+    return "\n".join(f"{name:<8} {value}" for name, value in lines.items())
+
+
+def _geometry(record: RobotDescription) -> list[Group | None]:
+    """One table for each way in which the file places joints: classic DH, modified DH, explicit frames."""
+    parts = []
+    for way, title in (("dh", "Denavit-Hartenberg, classic"), ("modified_dh", "Denavit-Hartenberg, modified (Craig)")):
+        joints = [joint for joint in record.joints if getattr(joint, way, None) is not None]
+        rows = [[j.name, j.type, j.parent, j.child, *_dh(getattr(j, way), j.type)] for j in joints]
+        heads = ("joint", "type", "parent", "child", "α [°]", "a [m]", "r [m]", "θ [°]")
+        parts.append(table(title, heads, rows, left=("type", "parent", "child", "r [m]", "θ [°]")))
+    rows = []
+    for joint in record.joints:
+        if joint.frame is not None:
+            turned = [DEGREES * angle for angle in _values(joint.frame.rpy_rad)]
+            axis = getattr(joint, "axis", None)
+            turns_about = map(number, _values(axis)) if axis is not None else ("",) * 3
+            place = (*map(number, _values(joint.frame.xyz_m)), *map(number, turned), *turns_about)
+            rows.append([joint.name, joint.type, joint.parent, joint.child, *place])
+    heads = ("joint", "type", "parent", "child", "x", "y", "z", "roll", "pitch", "yaw", "axis x", "axis y", "axis z")
+    title = "Joint frames in the parent link: x y z [m], fixed-axis angles [°], axis"
+    parts.append(table(title, heads, rows, left=("type", "parent", "child")))
+    return parts
+
+
+def _dh(row: Any, kind: str) -> list[str]:
+    """α, a, r, θ; what moves is written q, with its offset."""
+    alpha = number(DEGREES * float(row.alpha_rad))
+    if kind == "revolute":
+        offset = DEGREES * float(row.offset_rad)
+        return [alpha, number(row.a_m), number(row.r_m), _moving(offset)]
+    if kind == "prismatic":
+        return [alpha, number(row.a_m), _moving(float(row.offset_m)), number(DEGREES * float(row.theta_rad))]
+    return [alpha, number(row.a_m), number(row.r_m), number(DEGREES * float(row.theta_rad))]
+
+
+def _moving(offset: float) -> str:
+    if not offset:
+        return "q"
+    return f"q {'+' if offset > 0 else '−'} {number(abs(offset))}"
+
+
+def _values(quantity: Any) -> tuple[float, ...]:
+    return quantity.value
+
+
+def _links(record: RobotDescription) -> Group | None:
+    rows = []
+    for link in record.links:
+        tensor = link.inertia_kg_m2
+        entries = (tensor.xx, tensor.yy, tensor.zz, tensor.xy, tensor.xz, tensor.yz)
+        rows.append([link.name, *map(number, (link.mass_kg, *_values(link.com_m), *entries))])
+    heads = ("link", "mass", "x", "y", "z", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+    return table("Links: mass [kg], centre of mass [m], inertia about it [kg m²]", heads, rows)
+
+
+def _drives(arm: Model, record: RobotDescription) -> Group | None:
+    with_motor = {joint.name for joint in record.joints if getattr(joint, "motor", None) is not None}
+    rows = []
+    for body in arm.bodies:
+        drive = body.drive
+        if body.joint not in with_motor:
+            rows.append([body.joint, drive.command, *[""] * 8])
+            continue
+        known = (drive.rotor_inertia, drive.armature, drive.efficiency, drive.torque_constant, drive.back_emf_constant)
+        rows.append(
+            [body.joint, drive.command, *map(number, (drive.gear_ratio, *known, drive.resistance, drive.inductance))]
+        )
+    heads = (
+        "joint",
+        "command",
+        "gear n",
+        "rotor [kg m²]",
+        "at the joint",
+        "η",
+        "Kt [N m/A]",
+        "Ke [V s/rad]",
+        "R [Ω]",
+        "L [H]",
+    )
+    return table("Drives (DC-equivalent constants)", heads, rows, left=("command",))
+
+
+def _friction(record: RobotDescription) -> Group | None:
+    """As the file gives it: keys with their units, so that either law, side and kind of joint fits one table."""
+    rows = []
+    for joint in record.joints:
+        friction = getattr(joint, "friction", None)
+        if friction is None:
+            continue
+        given = [name for name in type(friction).model_fields if name not in ("source", "side", "law")]
+        said = [f"{name} {number(getattr(friction, name))}" for name in given if getattr(friction, name) is not None]
+        rows.append([joint.name, friction.law, friction.side, ", ".join(said)])
+    return table("Friction", ("joint", "law", "side", "numbers"), rows, left=("law", "side", "numbers"))
+
+
+def _limits(arm: Model) -> Group | None:
+    rows = []
+    for body in arm.bodies:
+        low, high = body.limits.position
+        scale = DEGREES if body.kind == "revolute" else 1.0
+        bounded = low > -float("inf") or high < float("inf")
+        place = f"{number(scale * low)} … {number(scale * high)}{'°' if scale > 1 else ' m'}" if bounded else ""
+        most = (body.limits.velocity, body.limits.torque, body.limits.voltage, body.limits.current)
+        rows.append([body.joint, place, *("" if value == float("inf") else number(value) for value in most)])
+    mixed = {body.kind for body in arm.bodies}
+    speed, force = (
+        ("rad/s | m/s", "N m | N") if len(mixed) > 1 else ("rad/s", "N m") if "revolute" in mixed else ("m/s", "N")
+    )
+    heads = ("joint", "position", f"velocity [{speed}]", f"motor torque [{force}]", "voltage [V]", "current [A]")
+    return table("Limits", heads, rows)
+
+
+def _sources(record: RobotDescription) -> Group | None:
+    from armwright.description.quantity import quantities
+
+    counts = Counter(source or "" for _, _, source in quantities(record))
+    rows = []
+    for key, count in counts.items():
+        source = record.source_of(key)
+        about = [source.text if source.text != key else "", source.date, source.licence, source.url]
+        rows.append([key, source.kind, str(count), "; ".join(part for part in about if part)])
+    return table("Sources", ("source", "kind", "numbers", "what it is"), rows, left=("kind", "what it is"))

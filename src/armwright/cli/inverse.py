@@ -1,0 +1,44 @@
+"""`armwright inverse`: motions in, torques and voltages out."""
+
+from __future__ import annotations
+
+import sys
+
+from armwright.cli.arguments import Out, Robot, Table
+
+
+def inverse(robot: Robot, table: Table, output: Out = None) -> None:
+    """Torques and voltages that give the motions of a table: the inverse arm, one set of data a row.
+
+    The table has the columns q_JOINT, qd_JOINT and qdd_JOINT in rad, rad/s and rad/s² (m for sliding joints), in any order;
+    or no header row and the columns in just that order. The result has tau_JOINT, the motor's torque referred to the
+    joint, and voltage_JOINT where the robot's file gives the motors' constants (else current_JOINT where it gives those).
+
+    \b
+    Examples:
+      armwright inverse puma560 motions.csv -o torques.csv
+      armwright inverse my-arm.toml motions.csv | head
+    """
+    import armwright as aw
+    from armwright.cli.progress import progress
+    from armwright.simulation.output import check_destination
+    from armwright.simulation.recording import joint_units
+    from armwright.simulation.tables import joint_columns, read_table, write_table
+
+    arm = aw.load(robot)
+    if output is not None:
+        check_destination(output)
+    quantities = ("q", "qd", "qdd")
+    with progress("inverse dynamics"):
+        data = read_table(table, dict.fromkeys(quantities, arm.names), {q: joint_units(arm, q) for q in quantities})
+        dyn = aw.compile(arm)
+        tau = dyn.inverse_dynamics(data["q"], data["qd"], data["qdd"])
+        columns = joint_columns("tau", arm.names, joint_units(arm, "tau"), tau)
+        if all(body.drive.torque_constant is not None for body in arm.bodies):
+            if all(body.drive.resistance is not None for body in arm.bodies):
+                voltage = dyn.motor_voltage(data["qd"], tau)
+                columns |= joint_columns("voltage", arm.names, joint_units(arm, "voltage"), voltage)
+            else:
+                current = aw.motor_current(arm, tau.T).T
+                columns |= joint_columns("current", arm.names, joint_units(arm, "current"), current)
+        write_table(output, columns, sys.stdout)

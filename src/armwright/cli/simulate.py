@@ -1,0 +1,141 @@
+"""`armwright simulate`: voltages in, motion out."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from armwright.cli.arguments import Robot, vector
+from armwright.errors import ScenarioError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from armwright.model import Model
+
+Numbers = str | None
+
+
+def _option(names: str, metavar: str, text: str) -> Any:
+    return typer.Option(*names.split(), metavar=metavar, help=text, show_default=False)
+
+
+def simulate(
+    robot: Robot,
+    schedule: Annotated[
+        Path | None, _option("--schedule", "FILE", "CSV: t in s and one column a joint, held from row to row.")
+    ] = None,
+    voltage: Annotated[Numbers, _option("--voltage", "V1,V2,…", "Constant voltages in V.")] = None,
+    current: Annotated[Numbers, _option("--current", "I1,I2,…", "Constant currents in A.")] = None,
+    torque: Annotated[Numbers, _option("--torque", "T1,T2,…", "Constant motor torques at the joints in N m.")] = None,
+    command: Annotated[
+        Numbers, _option("--command", "U1,U2,…", "Constant commands, each in its own joint's unit.")
+    ] = None,
+    duration: Annotated[
+        float | None, _option("--duration", "S", "How long, in s; by default until the schedule's last row.")
+    ] = None,
+    step: Annotated[float, typer.Option("--step", metavar="S", help="Step of the integrator in s.")] = 1e-3,
+    q0: Annotated[
+        Numbers, _option("--q0", "Q1,Q2,…", "Where it starts, in rad (or 30deg, pi/2) or m; default 0.")
+    ] = None,
+    qd0: Annotated[Numbers, _option("--qd0", "W1,W2,…", "How fast it starts, in rad/s or m/s; default 0.")] = None,
+    record_every: Annotated[
+        int, typer.Option("--record-every", metavar="K", help="Record every K-th step; 0: only start and end.")
+    ] = 1,
+    output: Annotated[
+        Path | None, _option("--output -o", "FILE", "Where the run goes: .nc (NetCDF), .csv or .parquet.")
+    ] = None,
+    plot: Annotated[Path | None, _option("--plot", "FILE", "Where its picture goes: .png, .svg or .pdf.")] = None,
+) -> None:
+    """Move an arm: drive commands in, motion out.
+
+    Commands come from a schedule, or are constant: one value a joint with commas between, or one for all joints. Each
+    is in its drive's own unit, as `armwright info` shows it. Without -o and --plot the state at the end is shown.
+
+    \b
+    Examples:
+      armwright simulate cmu-dd --voltage 8,12,8,4,2,1 --duration 2
+      armwright simulate cmu-dd --voltage 5 --duration 1 --plot run.png
+      armwright simulate cmu-dd --schedule volts.csv -o run.nc
+      armwright simulate lwa4p --current 0 --q0 0,30deg,0,0,0,0 --duration 1
+    """
+    import armwright as aw
+    from armwright.cli.progress import progress
+    from armwright.simulation.plot import check_picture
+    from armwright.simulation.recording import check_recording, joint_units
+
+    if output is not None:
+        check_recording(output)
+    if plot is not None:
+        check_picture(plot)
+    arm = aw.load(robot)
+    constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
+    scenario = aw.Scenario(
+        arm,
+        duration=duration,
+        step=step,
+        **_commands(arm, schedule, constants),
+        q0=None if q0 is None else vector("--q0", q0, arm.names, joint_units(arm, "q")),
+        qd0=None if qd0 is None else vector("--qd0", qd0, arm.names, joint_units(arm, "qd")),
+        record_every=record_every,
+    )
+    with progress(f"simulating {arm.name}") as tell:
+        start = time.perf_counter()
+        run = aw.simulate(scenario, progress=tell)
+        spent = time.perf_counter() - start
+        if output is not None:
+            aw.save(run, output)
+        if plot is not None:
+            aw.plot(run, plot)
+    _show(arm, run, step, spent, [path for path in (output, plot) if path is not None])
+
+
+def _commands(arm: Model, schedule: Path | None, constants: dict[str, str | None]) -> dict[str, Any]:
+    """The one way in which the arm is driven, as `Scenario` takes it.
+
+    Raises:
+        ScenarioError: none, or more than one, or one that the arm's drives do not take.
+    """
+    import armwright as aw
+    from armwright.simulation.recording import joint_units
+
+    units = joint_units(arm, "u")
+    given = [f"--{name}" for name, text in constants.items() if text is not None] + ["--schedule"] * (
+        schedule is not None
+    )
+    kinds = list(dict.fromkeys(body.drive.command for body in arm.bodies))
+    own = f"--{kinds[0]}" if len(kinds) == 1 else "--command"
+    if len(given) != 1:
+        what = " and ".join(given) if given else "no command"
+        raise ScenarioError(f"{arm.name}: {what} given; expected one of --schedule FILE and {own} {','.join(units)}")
+    if schedule is not None:
+        return {"schedule": aw.read_schedule(schedule, arm.names, units)}
+    name, text = next((name, text) for name, text in constants.items() if text is not None)
+    for body in arm.bodies:
+        if name not in ("command", body.drive.command):
+            raise ScenarioError(
+                f"{arm.name}: --{name}, but joint {body.joint!r} is driven by {body.drive.command}; expected {own}"
+            )
+    return {"command": vector(f"--{name}", text, arm.names, units)}
+
+
+def _show(arm: Model, run: xr.Dataset, step: float, spent: float, written: list[Path]) -> None:
+    from rich.console import Console
+
+    from armwright.cli.tables import end_state
+
+    console = Console(highlight=False, markup=False, soft_wrap=True)
+    end = float(run["time"][-1])
+    console.print(
+        f"{arm.name}: {end:g} s in {round(end / step)} steps of {step * 1e3:g} ms, compiled and run in {spent:.2f} s"
+    )
+    for path in written:
+        console.print(f"wrote {path}")
+    if not written:
+        console.print(end_state(run) or "")
+    for note in str(run.attrs.get("notes", "")).splitlines():
+        print(f"armwright: note: {note}", file=sys.stderr)

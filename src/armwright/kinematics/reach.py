@@ -1,0 +1,40 @@
+"""How far the tip can be from the base."""
+
+from __future__ import annotations
+
+from armwright import scalar
+from armwright.model import Model
+from armwright.scalar import Array, Scalar
+
+
+def reach(model: Model) -> Scalar:
+    """An upper bound of the tip's distance from the base's origin: the sum of the lengths between the joints' axes.
+
+    Base to the first joint's origin, from there to the next one, …, last joint to tip, as if the arm could be pulled
+    straight; a sliding joint counts with the longer of its ends. No pose is further out, and most arms come close.
+
+    Args:
+        model: the arm.
+    Returns:
+        length: [m]; infinite where a sliding joint has no limits.
+    Raises:
+        ModelError: the arm branches and names no tip.
+    """
+    tip = model.frame()
+    total = 0.0
+    for i in model.path(tip.body):
+        body = model.bodies[i]
+        if body.kind == "revolute":
+            total = total + _length(body.placement.position)
+            continue
+        low, high = body.limits.position
+        if not -float("inf") < low <= high < float("inf"):
+            return float("inf")
+        slide = body.placement.rotation[:, 2]
+        ends = [_length(body.placement.position + slide * q) for q in (low, high)]
+        total = total + scalar.maximum(*ends)
+    return total + _length(tip.placement.position)
+
+
+def _length(v: Array) -> Scalar:
+    return scalar.sqrt(v @ v)

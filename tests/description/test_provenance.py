@@ -1,0 +1,58 @@
+"""Every number of every built-in arm has a source, and the arm says which."""
+
+from __future__ import annotations
+
+import pytest
+
+from armwright.description import builtin_names, read_description
+from armwright.description.quantity import quantities
+from armwright.errors import DescriptionError, ModelError
+from physics.arms import arm
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_every_number_has_a_source(name):
+    """Each quantity leads to a kind and a text."""
+    robot = read_description(name)
+    paths = [path for path, _, _ in quantities(robot)]
+    assert len(paths) > 20
+    assert len(set(paths)) == len(paths)
+    for path in paths:
+        source = robot.provenance(path)
+        assert source.kind
+        assert source.text
+
+
+def test_nearest_source_holds():
+    """A number's own source, else its table's, else the file's."""
+    puma = arm("puma560")
+    assert puma.provenance("link3.mass_kg").text.startswith("P. I. Corke, B. Armstrong")
+    assert puma.provenance("elbow.motor.resistance_ohm").text.startswith("Recalled from P. I. Corke")
+    assert puma.provenance("elbow.motor.resistance_ohm").kind == "estimate"
+    assert puma.provenance("elbow.friction.smoothing_rad_per_s").text.startswith("Chosen")
+    assert puma.provenance("gravity_m_s2").licence == "MIT"
+    assert arm("panda").provenance("joint1.limits.velocity_rad_per_s").kind == "datasheet"
+    assert arm("lwa4p").provenance("joint1.limits.position_rad").licence == "Apache-2.0"
+    assert arm("two-link").provenance("forearm.mass_kg").kind == "definition"
+
+
+def test_cmu_dd_is_an_estimate_throughout():
+    """Its true numbers are not published: all but the report's gravity say `estimate`."""
+    robot = read_description("cmu-dd")
+    kinds = {path: robot.provenance(path).kind for path, _, _ in quantities(robot)}
+    assert kinds.pop("gravity_m_s2") == "publication"
+    assert set(kinds.values()) == {"estimate"}
+
+
+def test_unknown_number():
+    """A path that leads to no number suggests the nearest that do."""
+    with pytest.raises(DescriptionError, match=r"no number at 'link3.mass'; did you mean link3.mass_kg"):
+        arm("puma560").provenance("link3.mass")
+
+
+def test_model_without_a_record():
+    """A model that no description made has no sources to name."""
+    import dataclasses
+
+    with pytest.raises(ModelError, match="not made from a description"):
+        dataclasses.replace(arm("panda"), description=None).provenance("link1.mass_kg")

@@ -1,0 +1,453 @@
+"""Bad input: one line of our own exception that names the file, the place, the value and what was expected."""
+
+from __future__ import annotations
+
+import copy
+import math
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomlkit
+
+from armwright.description import builtin_names, read_description
+from armwright.description.database import parse
+from armwright.errors import DescriptionError
+from armwright.model import build_model
+
+FILE = "arm.toml"
+GONE = object()
+SLIDE = {"type": "prismatic", "friction": {"viscous_n_s_per_m": 1.0}}
+
+
+def builtin(name: str) -> dict[str, Any]:
+    """A built-in file, parsed."""
+    return tomlkit.parse((resources.files("armwright.robots") / f"{name}.toml").read_text()).unwrap()
+
+
+def changed(data: dict[str, Any], path: tuple[Any, ...], value: Any) -> dict[str, Any]:
+    """A copy with one entry set, or taken away (GONE)."""
+    data = copy.deepcopy(data)
+    at = data
+    for key in path[:-1]:
+        at = at[key]
+    if value is GONE:
+        del at[path[-1]]
+    else:
+        at[path[-1]] = value
+    return data
+
+
+def refused(data: dict[str, Any]) -> str:
+    """The one line that refuses it."""
+    with pytest.raises(DescriptionError) as caught:
+        build_model(parse(data, FILE))
+    message = str(caught.value)
+    assert "\n" not in message
+    assert len(message) < 600
+    for noise in ("Input should", "Value error", "pydantic", "instance of", "function-", "tuple", "dictionary"):
+        assert noise not in message
+    return message
+
+
+ELBOW, LINK2 = ("joints", 2), ("links", 1)
+PUMA: dict[str, tuple[tuple[Any, ...], Any, str]] = {  # where, what, and the line that follows the file's name
+    "missing name": (("name",), GONE, "name: missing; expected text"),
+    "missing joints": (("joints",), GONE, "joints: missing; expected [[joints]] tables"),
+    "missing mass": ((*LINK2, "mass_kg"), GONE, "link 'link2' mass_kg: missing; expected a number of 0 or more"),
+    "missing com": ((*LINK2, "com_m"), GONE, "link 'link2' com_m: missing; expected 3 numbers"),
+    "missing inertia": (
+        (*LINK2, "inertia_kg_m2"),
+        GONE,
+        "link 'link2' inertia_kg_m2: missing; expected a table of xx, xy, xz, yy, yz, zz",
+    ),
+    "missing xx": ((*LINK2, "inertia_kg_m2", "xx"), GONE, "link 'link2' inertia_kg_m2.xx: missing"),
+    "missing alpha": ((*ELBOW, "dh", "alpha_rad"), GONE, "joint 'elbow' dh.alpha_rad: missing; expected a number"),
+    "missing ratio": (
+        (*ELBOW, "motor", "gear_ratio"),
+        GONE,
+        "joint 'elbow' motor.gear_ratio: missing; expected a number other",
+    ),
+    "missing type": ((*ELBOW, "type"), GONE, "joint 'elbow': type is missing; expected revolute, prismatic or fixed"),
+    "missing placement": (
+        (*ELBOW, "dh"),
+        GONE,
+        "joint 'elbow': expected exactly one of dh, modified_dh, frame, not none",
+    ),
+    "missing value": (
+        (*LINK2, "mass_kg"),
+        {"source": "recalled"},
+        "link 'link2' mass_kg.value: missing; expected a value",
+    ),
+    "unknown key": (("gravity",), [0, 0, -9.81], "gravity = [0, 0, -9.81]: unknown key; did you mean gravity_m_s2?"),
+    "unknown link key": ((*LINK2, "masse_kg"), 1.5, "link 'link2' masse_kg = 1.5: unknown key; did you mean mass_kg?"),
+    "far from any key": ((*LINK2, "finish"), "red", "link 'link2' finish = 'red': unknown key; there is "),
+    "unprintable key": ((*LINK2, "a\nb"), 1, "link 'link2' 'a\\nb' = 1: unknown key; there is "),
+    "wrong mass unit": ((*LINK2, "mass_g"), 17400, "link 'link2' mass_g = 17400: unknown key; did you mean mass_kg?"),
+    "wrong angle unit": (
+        (*ELBOW, "dh", "alpha_deg"),
+        -90,
+        "joint 'elbow' dh.alpha_deg = -90: unknown key; did you mean alpha_rad",
+    ),
+    "wrong rotor unit": (
+        (*ELBOW, "motor", "rotor_inertia_g_cm2"),
+        2000,
+        "joint 'elbow' motor.rotor_inertia_g_cm2 = 2000: unknown key; did you mean rotor_inertia_kg_m2?",
+    ),
+    "wrong friction unit": (
+        (*ELBOW, "friction", "viscous_n_s_per_m"),
+        1,
+        "joint 'elbow' friction.viscous_n_s_per_m = 1: unknown key; did you mean viscous_n_m_s_per_rad",
+    ),
+    "negative mass": ((*LINK2, "mass_kg"), -17.4, "link 'link2' mass_kg = -17.4: expected a number of 0 or more"),
+    "negative mass with source": (
+        (*LINK2, "mass_kg"),
+        {"value": -17.4, "source": "recalled"},
+        "link 'link2' mass_kg = -17.4: expected a number of 0 or more",
+    ),
+    "negative inertia": (
+        (*LINK2, "inertia_kg_m2", "yy"),
+        -1,
+        "link 'link2' inertia_kg_m2.yy = -1: expected a number of 0 or more",
+    ),
+    "negative resistance": (
+        (*ELBOW, "motor", "resistance_ohm"),
+        -2,
+        "joint 'elbow' motor.resistance_ohm = -2: expected a number above 0",
+    ),
+    "ratio zero": (
+        (*ELBOW, "motor", "gear_ratio"),
+        0,
+        "joint 'elbow' motor.gear_ratio = 0: expected a number other than 0",
+    ),
+    "efficiency in percent": (
+        (*ELBOW, "motor", "gear_efficiency"),
+        70,
+        "joint 'elbow' motor.gear_efficiency = 70: expected a number above 0, at most 1",
+    ),
+    "NaN": ((*LINK2, "mass_kg"), math.nan, "link 'link2' mass_kg = nan: expected a finite number"),
+    "infinity in a list": (
+        (*LINK2, "com_m"),
+        [0, math.inf, 0],
+        "link 'link2' com_m = [0, inf, 0]: expected a finite number",
+    ),
+    "integer beyond floats": ((*LINK2, "com_m"), [0, 10**400, 0], "link 'link2' com_m = [0, 1000"),
+    "integer beyond printing": (
+        (*LINK2, "mass_kg"),
+        10**5000,
+        "link 'link2' mass_kg = a number too long to print: expected a finite",
+    ),
+    "text": ((*LINK2, "mass_kg"), "17.4", "link 'link2' mass_kg = '17.4': expected a number"),
+    "text in a list": ((*LINK2, "com_m"), [0, "x", 0], "link 'link2' com_m = [0, 'x', 0]: expected 3 numbers"),
+    "text for a list": ((*LINK2, "com_m"), "0 0 0", "link 'link2' com_m = '0 0 0': expected 3 numbers"),
+    "truth for a number": ((*LINK2, "mass_kg"), True, "link 'link2' mass_kg = True: expected a number"),
+    "truth in a list": ((*LINK2, "com_m"), [True, 0, 0], "link 'link2' com_m = [True, 0, 0]: expected 3 numbers"),
+    "list for a number": ((*LINK2, "mass_kg"), [1, 2], "link 'link2' mass_kg = [1, 2]: expected one number, not 2"),
+    "number for a list": (("gravity_m_s2",), -9.81, "gravity_m_s2 = -9.81: expected 3 numbers"),
+    "short list": ((*LINK2, "com_m"), [0, 1], "link 'link2' com_m = [0, 1]: expected 3 numbers, not 2"),
+    "long range": (
+        (*ELBOW, "limits", "position_rad"),
+        [0, 1, 2],
+        "joint 'elbow' limits.position_rad = [0, 1, 2]: expected 2 numbers",
+    ),
+    "range turned round": (
+        (*ELBOW, "limits", "position_rad"),
+        [2, 1],
+        "joint 'elbow' limits: position_rad = [2.0, 1.0]: expected the lowest",
+    ),
+    "axis with DH": ((*ELBOW, "axis"), [0, 0, 1], "joint 'elbow': axis goes with frame (the axis of a DH joint is z)"),
+    "wrong type": ((*ELBOW, "type"), "rotary", "joint 'elbow': type = 'rotary'; expected revolute, prismatic or fixed"),
+    "type of no text": ((*ELBOW, "type"), [1], "joint 'elbow': type = [1]; expected revolute, prismatic or fixed"),
+    "wrong command": (("command",), "volts", "command = 'volts': expected 'voltage', 'current' or 'torque'"),
+    "no command": (("command",), GONE, "joint 'waist' has no command: expected voltage, current or torque"),
+    "wrong basis": (
+        (*ELBOW, "motor", "basis"),
+        "rms",
+        "joint 'elbow' motor.basis = 'rms': expected 'dc', 'phase_peak', ",
+    ),
+    "no torque constant": (
+        (*ELBOW, "motor", "torque_constant_n_m_per_a"),
+        GONE,
+        "joint 'elbow' motor: a motor with resistance_ohm needs torque_constant_n_m_per_a",
+    ),
+    "no resistance": (
+        (*ELBOW, "motor", "resistance_ohm"),
+        GONE,
+        "joint 'elbow': command = 'voltage' needs motor.resistance_ohm",
+    ),
+    "no motor": ((*ELBOW, "motor"), GONE, "joint 'elbow': command = 'voltage' needs motor.resistance_ohm"),
+    "half of Coulomb": (
+        (*ELBOW, "friction", "coulomb_negative_n_m"),
+        GONE,
+        "joint 'elbow' friction: coulomb_positive_n_m needs coulomb_negative_n_m beside it",
+    ),
+    "no smoothing": (
+        (*ELBOW, "friction", "smoothing_rad_per_s"),
+        GONE,
+        "joint 'elbow' friction: Coulomb friction needs smoothing_rad_per_s",
+    ),
+    "lossy gear without smoothing": (
+        ELBOW,
+        {
+            **builtin("puma560")["joints"][2],
+            "friction": {},
+            "motor": {**builtin("puma560")["joints"][2]["motor"], "gear_efficiency": 0.7},
+        },
+        "joint 'elbow': motor.gear_efficiency needs friction.smoothing_rad_per_s",
+    ),
+    "unknown parent": ((*ELBOW, "parent"), "lnk2", "joint 'elbow': parent = 'lnk2' is no link; did you mean link2"),
+    "unknown child": ((*ELBOW, "child"), "hand", "joint 'elbow': child = 'hand' is no link; there is link1, link2, "),
+    "closed chain": (
+        ("joints", 3, "child"),
+        "link3",
+        "link 'link3' is moved by two joints: closed chains are not offered",
+    ),
+    "link on itself": (
+        (*ELBOW, "parent"),
+        "link3",
+        "link 'link3' carries itself: expected a tree that starts at 'base'",
+    ),
+    "ring of links": (
+        ("joints", 1, "parent"),
+        "link5",
+        "link 'link2' carries itself: expected a tree that starts at 'base'",
+    ),
+    "two joints of a name": (("joints", 3, "name"), "elbow", "two joints are called 'elbow': expected every name once"),
+    "two links of a name": (("links", 3, "name"), "link3", "two links are called 'link3': expected every name once"),
+    "name with a space": (
+        (*ELBOW, "name"),
+        "my elbow",
+        "joint 'my elbow' name = 'my elbow': expected a name without spaces",
+    ),
+    "empty name": ((*ELBOW, "name"), "", "joints[2] name = '': expected text that is not empty"),
+    "number as name": ((*ELBOW, "name"), 5, "joints[2] name = 5: expected text"),
+    "unknown tip": (("tip",), "link7", "tip = 'link7' is no frame; did you mean link"),
+    "unknown source": (
+        (*LINK2, "source"),
+        "corke94",
+        "link2.mass_kg: source = 'corke94' is no key of [sources]; did you mean corke1994?",
+    ),
+    "missing source": (("source",), GONE, "gravity_m_s2 has no source: expected source = ... beside it"),
+    "wrong kind of source": (
+        ("sources", "corke1994", "kind"),
+        "paper",
+        "sources.corke1994.kind = 'paper': expected 'drawing', 'cad', ",
+    ),
+    "text for a source": (("sources", "corke1994"), "a paper", "sources.corke1994 = 'a paper': expected a table"),
+    "number for a table": ((*ELBOW, "motor"), 3, "joint 'elbow' motor = 3: expected a table"),
+    "list for a table": (
+        (*LINK2, "inertia_kg_m2"),
+        [1, 2, 3],
+        "link 'link2' inertia_kg_m2 = [1, 2, 3]: expected a table",
+    ),
+    "text for a joint": (("joints",), ["a"], "joints[0] = 'a': expected a table"),
+    "table for joints": (("joints",), {"a": 1}, "joints: expected [[joints]] tables"),
+    "no joint at all": (("joints",), [], "expected at least one joint"),
+    "reason of no text": ((*LINK2, "accept_impossible"), True, "link 'link2' accept_impossible = True: expected text"),
+}
+
+
+@pytest.mark.parametrize("case", PUMA)
+def test_refused_in_one_line(case):
+    """A copy of `puma560` with one fault: file, place, value, and what was expected or the names that exist."""
+    path, value, line = PUMA[case]
+    assert refused(changed(builtin("puma560"), path, value)).startswith(f"{FILE}: {line}")
+
+
+TWO_LINK: dict[str, tuple[tuple[Any, ...], Any, str]] = {
+    "axis of zeros": (
+        ("joints", 0, "axis"),
+        [0, 0, 0],
+        "joint 'shoulder' axis = [0, 0, 0]: expected a direction, 3 numbers not all 0",
+    ),
+    "NaN in the axis": (
+        ("joints", 0, "axis"),
+        [0, math.nan, 1],
+        "joint 'shoulder' axis = [0, nan, 1]: expected a finite number",
+    ),
+    "no axis": (("joints", 0, "axis"), GONE, "joint 'shoulder': expected axis = [x, y, z] beside frame"),
+    "two placements": (
+        ("joints", 0, "dh"),
+        {"alpha_rad": 0, "r_m": 0, "a_m": 0, "offset_rad": 0},
+        "joint 'shoulder': expected exactly one of dh, modified_dh, frame, not dh and frame",
+    ),
+    "frame called as a link": (("frames", 0, "name"), "forearm", "two frames or links are called 'forearm'"),
+    "frame on nothing": (
+        ("frames", 0, "link"),
+        "forearms",
+        "frame 'hand': link = 'forearms' is no link; did you mean forearm",
+    ),
+    "text on a slide": (
+        ("joints", 0),
+        {**SLIDE, "friction": {"viscous_n_s_per_m": "a"}},
+        "friction.viscous_n_s_per_m = 'a': expected a number",
+    ),
+    "wrong unit on a slide": (
+        ("joints", 0),
+        {**SLIDE, "friction": {"viscous_n_s_per_mm": 1}},
+        "friction.viscous_n_s_per_mm = 1: unknown key; did you mean viscous_n_s_per_m",
+    ),
+    "rotary friction of a slide": (
+        ("joints", 0),
+        {**SLIDE, "friction": {"viscous_n_m_s_per_rad": 1}},
+        'friction of a prismatic joint in N m is its motor\'s: expected side = "motor", or keys in N',
+    ),
+}
+
+
+@pytest.mark.parametrize("case", TWO_LINK)
+def test_refused_with_explicit_frames(case):
+    """The same for what only explicit frames, named frames and slides have."""
+    path, value, line = TWO_LINK[case]
+    data = builtin("two-link")
+    if path == ("joints", 0):
+        value = {**data["joints"][0], **value}
+    message = refused(changed(data, path, value))
+    assert message.startswith(f"{FILE}: ")
+    assert line in message
+
+
+def test_link_that_hangs_on_no_joint():
+    """Two roots: a second link without a joint is named, wherever it stands in the file."""
+    data = builtin("two-link")
+    floating = {**data["links"][0], "name": "floating"}
+    carried = {**data["links"][0], "name": "carried"}
+    hinge = {**data["joints"][0], "name": "hinge", "parent": "floating", "child": "carried"}
+    for links in ([*data["links"], carried, floating], [carried, floating, *data["links"]]):
+        message = refused({**data, "links": links, "joints": [hinge, *data["joints"]]})
+        assert message == f"{FILE}: link 'floating' hangs on no joint: expected every link to be the child of one"
+
+
+def test_ring_that_carries_a_link():
+    """A link that hangs on a ring is not the fault: the ring is, and is found from anywhere."""
+    data = changed(builtin("puma560"), ("joints", 1, "parent"), "link3")
+    data["links"].reverse()
+    assert refused(data) == f"{FILE}: link 'link3' carries itself: expected a tree that starts at 'base'"
+
+
+def test_friction_on_the_motor_side_without_motor():
+    """Nothing to refer it by."""
+    data = changed(builtin("panda"), ("joints", 0, "friction", "side"), "motor")
+    assert (
+        refused(data)
+        == f"{FILE}: joint 'joint1': friction on the motor side needs a [joints.motor] with its gear_ratio"
+    )
+
+
+def test_arm_that_cannot_move():
+    """Only fixed joints."""
+    data = builtin("two-link")
+    for joint in data["joints"]:
+        joint["type"] = "fixed"
+        del joint["axis"]
+    assert "expected at least one joint that moves" in refused(data)
+
+
+def test_impossible_inertia():
+    """The link and the margin are named; a reason in the file or the caller's word lets it pass, with a warning."""
+    data = changed(builtin("puma560"), ("links", 2, "accept_impossible"), GONE)
+    message = refused(data)
+    assert "link 'link3' has an impossible inertia" in message
+    assert "eigenvalue -0.003749" in message  # ½ (0.066 - 0.086 + 0.0125) less the offset of the centre of mass
+    assert 'accept_impossible = "reason"' in message
+    assert 'on_impossible="warn"' in message
+    warned = build_model(parse(data, FILE), on_impossible="warn")
+    assert any("link3" in warning for warning in warned.warnings)
+    accepted = build_model(read_description("puma560"))
+    assert len(accepted.warnings) == 2
+    assert all("accepted: published so" in warning for warning in accepted.warnings)
+    with pytest.raises(DescriptionError, match="on_impossible = 'maybe'"):
+        build_model(parse(data, FILE), on_impossible="maybe")
+
+
+@pytest.mark.parametrize(("xx", "passes"), [(0.9, True), (1.0, True), (1.0 + 1e-6, False), (1.1, False)])
+def test_how_impossible_an_inertia_may_be(xx, passes):
+    """Ixx ≤ Iyy + Izz, to rounding: a thin rod's or plate's limit case passes."""
+    body = {"xx": xx, "xy": 0, "xz": 0, "yy": 0.5, "yz": 0, "zz": 0.5}
+    data = changed(
+        builtin("two-link"),
+        ("links", 0),
+        {"name": "upper_arm", "mass_kg": 1, "com_m": [0, 0, 0], "inertia_kg_m2": body},
+    )
+    if passes:
+        build_model(parse(data, FILE))
+    else:
+        assert "impossible inertia" in refused(data)
+
+
+def test_massless_link_is_allowed_when_written():
+    """Zero mass with zero inertia."""
+    nothing = dict.fromkeys(("xx", "xy", "xz", "yy", "yz", "zz"), 0)
+    data = changed(
+        builtin("two-link"),
+        ("links", 0),
+        {"name": "upper_arm", "mass_kg": 0, "com_m": [0, 0, 0], "inertia_kg_m2": nothing},
+    )
+    assert build_model(parse(data, FILE)).bodies[0].mass == 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("puma650", "no robot 'puma650': not a built-in arm and not a file; did you mean puma560?"),
+        ("lwa4", "no robot 'lwa4': not a built-in arm and not a file; did you mean lwa4p?"),
+        ("zzz", f"no robot 'zzz': not a built-in arm and not a file; there is {', '.join(builtin_names())}"),
+        ("", f"no robot '': not a built-in arm and not a file; there is {', '.join(builtin_names())}"),
+        ("nowhere/arm.toml", f"{Path('nowhere/arm.toml')}: no such file"),
+    ],
+)
+def test_unknown_robot(name, line):
+    """The nearest names, or all there are."""
+    with pytest.raises(DescriptionError) as caught:
+        read_description(name)
+    assert str(caught.value) == line
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        (b"name = \n", "not TOML: Invalid value (at line 1, column 8)"),
+        (b'name = "a"\nname = "b"\n', "not TOML: Cannot overwrite a value (at line 2, column 11)"),
+        (b'name = "\xff"', "not TOML: byte 8 is no UTF-8 text"),
+        (b"a = " + b"[" * 20000, "not TOML"),
+        (b"a = " + b"9" * 5000, "not TOML"),
+        (b"", "name: missing; expected text"),
+    ],
+)
+def test_unreadable_file(tmp_path, content, line):
+    """What is no TOML is refused with its line, and nothing else than our error comes out."""
+    path = tmp_path / "arm.toml"
+    path.write_bytes(content)
+    with pytest.raises(DescriptionError) as caught:
+        read_description(path)
+    assert str(caught.value).startswith(f"{path}: {line}")
+    assert "\n" not in str(caught.value)
+
+
+def test_folder_as_file(tmp_path):
+    """A folder is no file, whatever its name ends with."""
+    folder = tmp_path / "arm.toml"
+    folder.mkdir()
+    for place in (folder, tmp_path):
+        with pytest.raises(DescriptionError, match="a folder, expected a TOML file"):
+            read_description(place)
+
+
+def test_replace_refuses_with_our_error():
+    """A changed record is validated like a read one."""
+    robot = read_description("panda")
+    assert robot.replace(tip="link3").tip == "link3"
+    assert robot.tip == "flange"
+    with pytest.raises(DescriptionError, match=r"tip = 'link9' is no frame; did you mean link"):
+        robot.replace(tip="link9")
+    with pytest.raises(DescriptionError, match=r"mass_kg = -1: expected a number of 0 or more"):
+        robot.links[0].replace(mass_kg=-1)
+
+
+def test_a_name_beats_a_neighbour(tmp_path, monkeypatch):
+    """A path is read as a file, from anywhere; a built-in name needs none."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text((resources.files("armwright.robots") / "panda.toml").read_text())
+    assert read_description("mine.toml").name == "panda"
+    assert read_description("puma560").name == "puma560"

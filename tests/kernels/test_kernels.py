@@ -1,0 +1,207 @@
+"""Every kernel of the table against the same function run on plain floats, and the bits of its results."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import ModelError, ShapeError
+from armwright.kernels.llvm import WIDTHS, select_target
+from armwright.kernels.signatures import SIGNATURES
+from armwright.model import build_model
+from reference.random_trees import random_description
+
+ARMS = aw.builtin_names()
+LACKING = {("lwa4p", "motor_voltage"), ("lwa4p", "motor_torque")}  # no winding resistance is published
+LACKING |= {(arm, kernel) for arm in ("panda", "two-link") for kernel in ("motor_voltage", "motor_torque")}
+FULL = [(arm, kernel) for arm in ARMS for kernel in SIGNATURES if (arm, kernel) not in LACKING]
+
+
+def targets() -> list[str | None]:
+    """The processor itself and every level below it."""
+    reached: list[str | None] = [None]
+    for name in WIDTHS:
+        try:
+            select_target(name)
+        except ModelError:
+            continue
+        reached.append(name)
+    return reached
+
+
+@pytest.fixture(scope="module")
+def compiled() -> dict[str, aw.CompiledArm]:
+    """Every built-in arm, compiled for this processor."""
+    return {name: aw.compile(aw.load(name)) for name in ARMS}
+
+
+def states(arm: aw.Model, kernel: str, count: int, *, optional: bool = False, seed: int = 0) -> list[np.ndarray]:
+    """Random inputs (count, *shape) of a kernel."""
+    rng = np.random.default_rng(seed)
+    signature = SIGNATURES[kernel]
+    arguments = [*signature.inputs, *(signature.optional if optional else ())]
+    return [rng.normal(scale=1.5, size=(count, *argument.sized(arm))) for argument in arguments]
+
+
+@pytest.mark.parametrize(
+    ("name", "kernel", "optional"),
+    [(*pair, optional) for pair in FULL for optional in (False, True) if SIGNATURES[pair[1]].optional or not optional],
+)
+def test_kernel_equals_float_run(compiled, name, kernel, optional):
+    """1e-12 of the magnitude of the terms: the float run defines the meaning."""
+    signature = SIGNATURES[kernel]
+    dyn = compiled[name]
+    inputs = states(dyn.arm, kernel, 21, optional=optional)
+    result = getattr(dyn, kernel)(*inputs)
+    expected = np.array([signature.function(dyn.arm, *row) for row in zip(*inputs, strict=True)])
+    assert result.shape == (21, *signature.output.sized(dyn.arm))
+    scale = np.abs(expected).max(axis=tuple(range(1, expected.ndim)), keepdims=True)
+    if kernel in ("forward_dynamics", "forward_arm"):  # solved: the terms are those of  tau - h,  amplified by M⁻¹
+        masses = np.linalg.cond(dyn.mass_matrix(inputs[0])).reshape(scale.shape)
+        scale = scale * masses
+    assert np.all(np.abs(result - expected) <= 1e-12 * np.maximum(scale, 1.0))
+
+
+@pytest.mark.parametrize(("name", "kernel"), sorted(LACKING))
+def test_kernel_without_constants_is_refused(compiled, name, kernel):
+    """A kernel whose constants are absent names joint and key."""
+    arm = compiled[name].arm
+    with pytest.raises(ModelError, match=rf"{kernel} needs motor\.\w+ of joint '{arm.names[0]}'"):
+        getattr(compiled[name], kernel)(np.zeros(arm.n), np.zeros(arm.n))
+
+
+@pytest.mark.parametrize("kernel", sorted(SIGNATURES))
+def test_bits_do_not_depend_on_how_a_state_is_computed(kernel):
+    """Same bits whatever the batch size, lane position, tail, thread count and vector width."""
+    arm = aw.load("puma560")
+    inputs = states(arm, kernel, 4099)
+    reference = None
+    for target in targets():
+        dyn = aw.compile(arm, target=target)
+        dyn.threads = 1
+        whole = getattr(dyn, kernel)(*inputs)
+        reference = whole if reference is None else reference
+        if target != "x86-64":  # has no fused multiply-add, libm's is far slower: a few states will do
+            assert np.array_equal(whole, reference), target
+        for count in (1, 2, 3, 5, 7, 8, 9, 15, 17):
+            start = 11 * count
+            part = getattr(dyn, kernel)(*(values[start : start + count] for values in inputs))
+            assert np.array_equal(part, reference[start : start + count]), (target, count)
+        single = getattr(dyn, kernel)(*(values[4098] for values in inputs))
+        assert np.array_equal(single, reference[4098]), target
+        dyn.threads = 3
+        assert np.array_equal(getattr(dyn, kernel)(*inputs), reference), target
+
+
+def test_broadcasting():
+    """Leading axes follow NumPy; a state that serves all is given once."""
+    arm = aw.load("two-link")
+    dyn = aw.compile(arm)
+    rng = np.random.default_rng(1)
+    q, qd, qdd = rng.normal(size=(5, 1, 2)), rng.normal(size=(3, 2)), rng.normal(size=2)
+    tau = dyn.inverse_dynamics(q, qd, qdd)
+    full = np.broadcast_arrays(q, qd, qdd)
+    assert tau.shape == (5, 3, 2)
+    assert np.array_equal(tau, dyn.inverse_dynamics(*(np.ascontiguousarray(a) for a in full)))
+    assert dyn.inverse_dynamics(np.zeros((0, 2)), qd[:1], qdd).shape == (0, 2)
+    assert dyn.mass_matrix([[0, 1], [1, 0]]).shape == (2, 2, 2)
+
+
+def test_out_and_odd_layouts():
+    """`out=` is written and returned; strided, Fortran-ordered, float32, integer and read-only inputs are taken."""
+    arm = aw.load("puma560")
+    dyn = aw.compile(arm)
+    q = np.random.default_rng(2).normal(size=(20, 6))
+    expected = dyn.gravity_torques(q)
+    out = np.empty((20, 6))
+    assert dyn.gravity_torques(q, out=out) is out
+    assert np.array_equal(out, expected)
+    wide = np.zeros((20, 12))
+    dyn.gravity_torques(q, out=wide[:, ::2])
+    assert np.array_equal(wide[:, ::2], expected)
+    assert not wide[:, 1::2].any()
+    frozen = q.copy()
+    frozen.flags.writeable = False
+    for same in (np.asfortranarray(q), np.repeat(q, 2, axis=1)[:, ::2], frozen):
+        assert np.array_equal(dyn.gravity_torques(same), expected)
+    short = q.astype(np.float32)
+    assert np.array_equal(dyn.gravity_torques(short), dyn.gravity_torques(short.astype(float)))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda dyn: dyn.mass_matrix(np.zeros(5)), r"q has shape \(5,\), expected \(…, 6\)"),
+        (lambda dyn: dyn.mass_matrix(0.0), r"q has shape \(\), expected \(…, 6\)"),
+        (lambda dyn: dyn.inverse_dynamics(*[np.zeros((k, 6)) for k in (2, 3, 1)]), r"do not fit together: q \(2, 6\)"),
+        (lambda dyn: dyn.inverse_dynamics(np.zeros(6), np.zeros(6)), r"qdd is missing; expected q, qd, qdd"),
+        (lambda dyn: dyn.inverse_dynamics(*[np.zeros(6)] * 5), r"5 arrays; expected q, qd, qdd, wrench"),
+        (lambda dyn: dyn.inverse_dynamics(*[np.zeros(6)] * 3, wrensh=np.zeros(6)), r"unknown argument 'wrensh'"),
+        (lambda dyn: dyn.inverse_dynamics(*[np.zeros(6)] * 3, np.zeros(5)), r"wrench has shape \(5,\)"),
+        (lambda dyn: dyn.mass_matrix(["a"] * 6), r"q is not an array of real numbers"),
+        (lambda dyn: dyn.mass_matrix(np.zeros(6) + 1j), r"q is not an array of real numbers"),
+        (lambda dyn: dyn.mass_matrix(np.zeros(6), out=np.zeros(6)), r"out for M is float64 \(6,\), expected"),
+        (lambda dyn: dyn.mass_matrix(np.zeros(6), out=np.zeros((6, 6), np.float32)), r"out for M is float32"),
+    ],
+)
+def test_wrong_arrays(compiled, call, message):
+    """A clear error that names the array, its shape and the one expected."""
+    with pytest.raises(ShapeError, match=message):
+        call(compiled["puma560"])
+
+
+def test_unknown_kernel_and_target(compiled):
+    """The nearest names are offered."""
+    with pytest.raises(AttributeError, match="did you mean mass_matrix"):
+        compiled["puma560"].massmatrix  # noqa: B018
+    with pytest.raises(ModelError, match="target = 'x86-64-v9': unknown; did you mean"):
+        aw.compile(aw.load("two-link"), target="x86-64-v9")
+
+
+def test_values_that_are_not_finite(compiled):
+    """NaN and infinity in, NaN out, in their own lane only."""
+    dyn = compiled["puma560"]
+    q = np.random.default_rng(3).normal(size=(9, 6))
+    clean = dyn.mass_matrix(q)
+    for bad in (np.nan, np.inf, -np.inf):
+        spoilt = q.copy()
+        spoilt[4, 2] = bad
+        result = dyn.mass_matrix(spoilt)
+        assert np.isnan(result[4, 1, 1])
+        assert np.array_equal(np.delete(result, 4, axis=0), np.delete(clean, 4, axis=0))
+
+
+def test_angles_far_beyond_the_fast_range(compiled):
+    """Beyond 2²⁰ rad sine and cosine come from libm, in that lane only."""
+    dyn = compiled["puma560"]
+    q = np.random.default_rng(4).normal(size=(9, 6))
+    far = q.copy()
+    far[4] += 2 * np.pi * 2**40
+    result, near = dyn.forward_kinematics(far), dyn.forward_kinematics(q)
+    assert np.array_equal(np.delete(result, 4, axis=0), np.delete(near, 4, axis=0))
+    expected = aw.forward_kinematics(dyn.arm, far[4])
+    assert np.allclose(result[4], expected, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_trees_through_llvm(seed):
+    """A dozen of the random trees as native code, against floats."""
+    arm = build_model(random_description(3 * seed + 1))
+    dyn = aw.compile(arm)
+    for kernel in ("inverse_dynamics", "mass_matrix", "forward_dynamics"):
+        inputs = states(arm, kernel, 9, seed=seed)
+        expected = np.array([SIGNATURES[kernel].function(arm, *row) for row in zip(*inputs, strict=True)])
+        result = getattr(dyn, kernel)(*inputs)
+        tolerance = 1e-10 if kernel == "forward_dynamics" else 1e-12
+        assert np.abs(result - expected).max() <= tolerance * np.abs(expected).max()
+
+
+def test_every_method_comes_from_the_table():
+    """Each row is a method with the function's equation, shapes and units in its docstring."""
+    for name, signature in SIGNATURES.items():
+        text = getattr(aw.CompiledArm, name).__doc__
+        assert text.splitlines()[0] == signature.function.__doc__.splitlines()[0]
+        for argument in (*signature.inputs, *signature.optional, signature.output):
+            assert f"{argument.name}: (…" in text
+            assert f"[{argument.unit}]" in text

@@ -1,0 +1,324 @@
+"""Voltages in, motion out: against SciPy's integrator, closed forms and the laws of energy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import armwright as aw
+from armwright.description.database import parse
+from armwright.errors import DivergenceError, ScenarioError
+from armwright.kernels.llvm import select_target
+from armwright.model import build_model
+from armwright.simulation.plant import plant_derivative
+from armwright.simulation.simulator import compile_simulator
+
+LEVEL = {"xyz_m": [0, 0, 0], "rpy_rad": [0, 0, 0]}
+DISC = {"xx": 0.01, "xy": 0, "xz": 0, "yy": 0.01, "yz": 0, "zz": 0.02}
+
+
+def motor_alone(**more) -> aw.Model:
+    """A disc on a vertical axis, driven by a voltage: one motor, no gravity torque."""
+    joint = {
+        "name": "axis",
+        "type": "revolute",
+        "parent": "base",
+        "child": "disc",
+        "frame": LEVEL,
+        "axis": [0, 0, 1],
+        "motor": {
+            "gear_ratio": -5.0,
+            "rotor_inertia_kg_m2": 1e-4,
+            "torque_constant_n_m_per_a": 0.05,
+            "resistance_ohm": 0.8,
+            **more.pop("motor", {}),
+        },
+        "friction": {"viscous_n_m_s_per_rad": 0.03},
+        **more,
+    }
+    link = {"name": "disc", "mass_kg": 1.0, "com_m": [0, 0, 0], "inertia_kg_m2": DISC}
+    return build_model(
+        parse(
+            {"name": "motor", "source": "definition", "command": "voltage", "joints": [joint], "links": [link]}, "test"
+        )
+    )
+
+
+def final(run) -> np.ndarray:
+    """The last state (…, 2n) of a run."""
+    return np.concatenate([run.q.values[..., -1, :], run.qd.values[..., -1, :]], axis=-1)
+
+
+@pytest.fixture(scope="module")
+def cmu():
+    """The CMU arm and its compiled simulator."""
+    arm = aw.load("cmu-dd")
+    return arm, compile_simulator(arm)
+
+
+def test_motor_reaches_the_speed_its_constants_say():
+    """At constant voltage:  q̇(∞) = (n Kt/R) V / (n² Kt Ke/R + b), reached as 1 - exp(-t/T)."""
+    arm = motor_alone()
+    drive = arm.bodies[0].drive
+    stall = drive.gear_ratio * drive.torque_constant / drive.resistance
+    damping = stall * drive.gear_ratio * drive.back_emf_constant + 0.03
+    inertia = 0.02 + 25 * 1e-4
+    run = aw.simulate(aw.Scenario(arm, duration=6.0, command=[6.0]))
+    speed = stall * 6.0 / damping
+    assert speed < 0  # the gear turns the direction round
+    assert run.qd.values[-1, 0] == pytest.approx(speed, rel=1e-9)
+    expected = speed * (1 - np.exp(-run.time.values * damping / inertia))
+    assert np.allclose(run.qd.values[:, 0], expected, rtol=0, atol=1e-6 * abs(speed))
+    assert run.current.values[0, 0] == pytest.approx(6.0 / 0.8)
+    assert run.voltage.values[-1, 0] == 6.0
+
+
+def test_against_scipy(cmu):
+    """The whole CMU arm with motors, DOP853 at 1e-11, tolerance of RK3 at 1 ms."""
+    arm, simulator = cmu
+    u = np.array([20.0, -15.0, 8.0, 5.0, -2.0, 1.5])
+    run = aw.simulate(aw.Scenario(arm, duration=0.6, command=u), simulator=simulator)
+    exact = solve_ivp(
+        lambda t, x: plant_derivative(arm, x, u), (0, 0.6), np.zeros(12), "DOP853", rtol=1e-11, atol=1e-12
+    )
+    assert np.abs(final(run) - exact.y[:, -1]).max() < 1e-6
+
+
+def test_order_three(cmu):
+    """Halving the step divides RK3's error by 8."""
+    arm, simulator = cmu
+    u = np.array([10.0, -40.0, 20.0, 15.0, -4.0, 3.0])
+    ends = {
+        h: final(aw.simulate(aw.Scenario(arm, duration=0.256, step=h, command=u, record_every=0), simulator=simulator))
+        for h in (2e-3, 1e-3, 5e-4, 2.5e-4, 3.125e-5)
+    }
+    errors = [np.abs(ends[h] - ends[3.125e-5]).max() for h in (2e-3, 1e-3, 5e-4, 2.5e-4)]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all(np.abs(orders - 3.0) < 0.2), orders
+
+
+def test_energy_balance(cmu):
+    """d(T + U)/dt = power of the motors - power lost in friction, integrated along a run by Simpson's rule."""
+    from scipy.integrate import simpson
+
+    arm, simulator = cmu
+    u = np.array([20.0, -15.0, 8.0, 5.0, -2.0, 1.5])
+    run = aw.simulate(aw.Scenario(arm, duration=0.5, step=2.5e-4, command=u), simulator=simulator)
+    q, qd, tau = (run[name].values for name in ("q", "qd", "tau"))
+    energy = [aw.kinetic_energy(arm, *row) + aw.potential_energy(arm, row[0]) for row in zip(q, qd, strict=True)]
+    viscous = np.array([body.friction.viscous for body in arm.bodies])
+    power = np.sum(tau * qd - viscous * qd**2, axis=1)
+    gained = simpson(power, x=run.time.values)
+    assert energy[-1] - energy[0] == pytest.approx(gained, rel=1e-6, abs=1e-6)
+    assert abs(gained) > 1.0  # and something did happen
+
+
+def test_electrical_power_is_heat_and_motion(cmu):
+    """V i = R i² + tau q̇, row by row."""
+    arm, simulator = cmu
+    run = aw.simulate(aw.Scenario(arm, duration=0.2, command=np.full(6, 5.0)), simulator=simulator)
+    resistance = np.array([body.drive.resistance for body in arm.bodies])
+    v, i, tau, qd = (run[name].values for name in ("voltage", "current", "tau", "qd"))
+    assert np.allclose(v * i, resistance * i**2 + tau * qd, rtol=0, atol=1e-10 * np.abs(v * i).max())
+
+
+def test_bits_do_not_depend_on_lanes_threads_or_width(cmu):
+    """The lane's own bits, whatever the number of lanes, its place, the threads, the vector width."""
+    arm, simulator = cmu
+    rng = np.random.default_rng(5)
+    command, q0 = rng.uniform(-5, 5, (37, 6)), rng.uniform(-1, 1, (37, 6))
+    whole = aw.simulate(aw.Scenario(arm, duration=0.1, command=command, q0=q0), simulator=simulator)
+    for lane in (0, 7, 8, 36):
+        alone = aw.simulate(aw.Scenario(arm, duration=0.1, command=command[lane], q0=q0[lane]), simulator=simulator)
+        assert np.array_equal(final(alone), final(whole)[lane])
+        assert np.array_equal(alone.qdd.values, whole.qdd.values[lane])
+    many = aw.Scenario(arm, duration=0.1, command=np.tile(command, (8, 1)), q0=np.tile(q0, (8, 1)), record_every=0)
+    for threads in (1, 2, 3):
+        assert np.array_equal(
+            final(aw.simulate(many, simulator=simulator, threads=threads)), np.tile(final(whole), (8, 1))
+        )
+    if select_target().width == 8:
+        narrow = aw.simulate(aw.Scenario(arm, duration=0.1, command=command, q0=q0, target="x86-64-v3"))
+        assert np.array_equal(narrow.q.values, whole.q.values)
+
+
+def test_schedule_rows_are_landed_on(cmu):
+    """Rows on and between ticks act at their own times: against SciPy restarted at every row."""
+    arm, simulator = cmu
+    times = np.array([0.0, 0.01234321, 0.01236789, 0.05, 0.0876543, 0.1])
+    commands = np.random.default_rng(6).uniform(-8, 8, (6, 6))
+    schedule = aw.Schedule(times, commands, tuple(arm.names))
+    run = aw.simulate(aw.Scenario(arm, duration=0.12, step=1e-4, schedule=schedule), simulator=simulator)
+    x = np.zeros(12)
+    for first, last, u in zip(times, [*times[1:], 0.12], commands, strict=True):
+        x = solve_ivp(
+            lambda t, x, u=u: plant_derivative(arm, x, u), (first, last), x, "DOP853", rtol=1e-12, atol=1e-13
+        ).y[:, -1]
+    assert np.abs(final(run) - x).max() < 1e-8  # a row put on the next tick would cost 1e-4
+    for row, command in ((500, 3), (123, 0), (124, 2)):
+        assert np.array_equal(run.u.values[row], commands[command])
+
+
+def test_schedules_a_lane(cmu):
+    """Lanes with schedules of their own, rows at different times: each lane's bits are those of its own run."""
+    arm, simulator = cmu
+    rng = np.random.default_rng(7)
+    schedules = [
+        aw.Schedule(
+            np.concatenate([[0.0], np.sort(rng.uniform(0.001, 0.09, k))]),
+            rng.uniform(-5, 5, (k + 1, 6)),
+            tuple(arm.names),
+        )
+        for k in range(11)
+    ]
+    together = aw.simulate(aw.Scenario(arm, duration=0.1, schedule=schedules), simulator=simulator)
+    for lane in (0, 1, 5, 10):
+        alone = aw.simulate(aw.Scenario(arm, duration=0.1, schedule=schedules[lane]), simulator=simulator)
+        assert np.array_equal(alone.q.values, together.q.values[lane])
+        assert np.array_equal(alone.u.values, together.u.values[lane])
+
+
+def test_row_beside_a_tick_is_put_on_it():
+    """0.3 s written in decimals is tick 300, though 300 · 0.001 is another double."""
+    arm = aw.load("two-link")
+    rows = aw.Schedule(np.array([0.0, 0.3, 0.7]), np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]]), ("shoulder", "elbow"))
+    run = aw.simulate(aw.Scenario(arm, duration=0.9, schedule=rows))
+    assert [int(k) for k in np.flatnonzero(np.any(np.diff(run.u.values, axis=0), axis=1)) + 1] == [300, 700]
+
+
+def test_diverged_lane_is_frozen_and_the_rest_go_on():
+    """A lane with an absurd speed leaves the finite numbers; its neighbours keep their bits."""
+    arm = aw.load("two-link")
+    qd0 = np.random.default_rng(8).normal(size=(10, 2))
+    clean = aw.simulate(aw.Scenario(arm, duration=0.05, command=np.zeros(2), qd0=qd0))
+    qd0[3] = 1e200
+    run = aw.simulate(aw.Scenario(arm, duration=0.05, command=np.zeros(2), qd0=qd0))
+    assert np.isfinite(run.q.values).all()
+    assert run.diverged_at.values[3] == 0.0
+    assert np.isnan(np.delete(run.diverged_at.values, 3)).all()
+    assert np.array_equal(np.delete(run.q.values, 3, axis=0), np.delete(clean.q.values, 3, axis=0))
+    with pytest.raises(DivergenceError, match=r"two-link: the simulation left the finite numbers at t = 0 s"):
+        aw.simulate(aw.Scenario(arm, duration=0.05, command=np.zeros(2), qd0=[1e200, 0]))
+
+
+def test_step_too_large_is_refused_before_it_runs():
+    """Names the time constant and a step that does; that step is then taken, and the run stays bounded."""
+    arm = motor_alone(motor={"resistance_ohm": 0.01})
+    drive = arm.bodies[0].drive
+    constant = (0.02 + 25e-4) / (25 * drive.torque_constant**2 / drive.resistance + 0.03)
+    with pytest.raises(ScenarioError, match="a step of 0.00[0-9]+ s would do") as caught:
+        aw.simulate(aw.Scenario(arm, duration=0.1, step=0.01, command=[1.0]))
+    assert f"{constant:.3g} s" in str(caught.value)
+    would_do = float(str(caught.value).split("a step of ")[1].split()[0])
+    assert 1.2 * constant < would_do < 2.5127 * constant
+    run = aw.simulate(aw.Scenario(arm, duration=100 * would_do, step=would_do, command=[1.0]))
+    assert abs(run.qd.values[-1, 0]) == pytest.approx(0.25 / 0.01 / (25 * 0.05**2 / 0.01 + 0.03), rel=1e-6)
+
+
+def test_coulomb_friction_bounds_the_step():
+    """An explicit rule needs h < 2.5 J qd_smooth / Fc, here less than the default 1 ms."""
+    friction = {"coulomb_positive_n_m": 2.0, "coulomb_negative_n_m": 2.0, "smoothing_rad_per_s": 1e-4}
+    arm = motor_alone(friction=friction)
+    with pytest.raises(ScenarioError, match="friction slope included"):
+        aw.simulate(aw.Scenario(arm, duration=0.1, command=[1.0]))
+    limit = 2.5127 * (0.02 + 25e-4) * 1e-4 / 2.0
+    assert compile_simulator(arm).stability.largest_step(_rk3()) == pytest.approx(limit, rel=0.01)
+
+
+def _rk3():
+    from armwright.simulation.integrators import INTEGRATORS
+
+    return INTEGRATORS["rk3"]
+
+
+def test_limits_clip_and_are_reported():
+    """Voltage clipped to its limit, current realised through the voltage; the notes say so."""
+    arm = motor_alone(limits={"voltage_v": 4.0, "current_a": 2.0})
+    run = aw.simulate(aw.Scenario(arm, duration=0.5, command=[9.0]))
+    assert np.abs(run.voltage.values).max() <= 4.0 + 1e-12
+    assert np.abs(run.current.values).max() <= 2.0 + 1e-12
+    assert run.voltage.values[0, 0] == pytest.approx(2.0 * 0.8)  # at rest the current limit is what holds
+    assert "axis: the drive's limits clipped its voltage in 100% of the rows" in run.attrs["notes"]
+    v, i, tau, qd = (run[name].values[:, 0] for name in ("voltage", "current", "tau", "qd"))
+    assert np.allclose(v * i, 0.8 * i**2 + tau * qd, atol=1e-12)
+
+
+def test_a_limit_does_not_hide_a_diverged_lane():
+    """Clipping keeps NaN: a lane that is lost is found by its state, not kept alive by its voltage limit."""
+    arm = motor_alone(limits={"voltage_v": 4.0})
+    run = aw.simulate(
+        aw.Scenario(arm, duration=0.01, command=[[1.0], [1.0]], qd0=[[1e308], [0.0]], q0=[[1e308], [0.0]])
+    )
+    assert run.diverged_at.values[0] >= 0.0
+    assert np.isnan(run.diverged_at.values[1])
+
+
+def test_position_limit_is_reported():
+    """Nothing stops the arm at its limit yet, but the run says that it was passed and when."""
+    arm = aw.load("cmu-dd")
+    run = aw.simulate(aw.Scenario(arm, duration=1.0, command=np.zeros(6), q0=[0, 1.0, 0, 0, 0, 0]))
+    assert any(
+        note.startswith("joint2: passed its position limits [-1.92, 1.92] at t = 0.") for note in run.attrs["notes"].splitlines()
+    )
+
+
+def test_record_every_and_state_only(cmu):
+    """Fewer rows are the same rows."""
+    arm, simulator = cmu
+    full = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6)), simulator=simulator)
+    tenth = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6), record_every=10), simulator=simulator)
+    ends = aw.simulate(
+        aw.Scenario(arm, duration=0.06, command=np.ones(6), record_every=0, record="state"), simulator=simulator
+    )
+    assert np.array_equal(tenth.q.values, full.q.values[::10])
+    assert np.array_equal(tenth.time.values, full.time.values[::10])
+    assert np.array_equal(ends.q.values, full.q.values[[0, -1]])
+    assert "tau" not in ends
+    assert set(full.data_vars) == {"q", "qd", "qdd", "tau", "u", "voltage", "current"}
+
+
+def test_progress_counts_all_steps(cmu):
+    """The last call says that all is done, with one thread or more."""
+    arm, simulator = cmu
+    for threads in (1, 2):
+        seen = []
+        scenario = aw.Scenario(arm, duration=0.1, command=np.zeros((600, 6)), record_every=0)
+        aw.simulate(
+            scenario, simulator=simulator, threads=threads, progress=lambda done, total: seen.append((done, total))
+        )
+        assert seen[-1][0] == seen[-1][1] > 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({}, "nothing drives the arm"),
+        ({"command": [0, 0]}, "duration: expected one"),
+        ({"command": [0, 0], "duration": -1.0}, "duration = -1.0: expected a time above 0 s"),
+        ({"command": [0, 0], "duration": float("nan")}, "duration = nan"),
+        ({"command": [0, 0], "duration": 1.0, "step": 0}, "step = 0: expected"),
+        ({"command": [0, 0], "duration": 1.0, "step": "fast"}, "step = 'fast': expected"),
+        ({"command": [0, 0], "duration": 0.0105}, "no whole number of steps"),
+        ({"command": [0, 0], "duration": 1.0, "record_every": 3}, "record_every = 3 does not divide the 1000 steps"),
+        ({"command": [0, 0], "duration": 1.0, "record_every": -1}, "record_every = -1"),
+        ({"command": [0, 0], "duration": 1.0, "record": "some"}, "record = 'some'"),
+        ({"command": [0, 0, 0], "duration": 1.0}, r"command has shape \(3,\), expected \(2,\) or \(lanes, 2\)"),
+        ({"command": [0, float("nan")], "duration": 1.0}, "command holds nan"),
+        ({"command": ["a", "b"], "duration": 1.0}, "expected 2 numbers"),
+        (
+            {"command": [0, 0], "duration": 1.0, "q0": np.zeros((3, 2)), "qd0": np.zeros((4, 2))},
+            "lanes do not fit together",
+        ),
+        ({"command": np.zeros((0, 2)), "duration": 1.0}, "command has no lanes"),
+        ({"command": [0, 0], "duration": 1.0, "integrator": "rk33"}, "integrator = 'rk33': unknown; did you mean rk3"),
+        (
+            {"schedule": aw.Schedule.constant(["a"], [1.0]), "duration": 1.0},
+            "schedule has 1 columns, expected 2: shoulder, elbow",
+        ),
+    ],
+)
+def test_scenarios_that_cannot_run(changes, message):
+    """Refused before anything runs, naming the field, its value and what was expected."""
+    with pytest.raises(ScenarioError, match=message):
+        aw.Scenario(aw.load("two-link"), **changes)
