@@ -129,6 +129,17 @@ def test_motor_side_is_referred(ratio, speed):
     assert ours == pytest.approx(referred, rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.parametrize("ratio", [40.0, -40.0])
+@given(speed=speeds)
+def test_sigmoid_on_the_motor_side(ratio, speed):
+    """a |n|/(1 + exp(-b |n| (q̇ + c/|n|))) less its value at rest: the motor's torque at the motor's speed."""
+    model = one_joint({"side": "motor", **LOPSIDED["sigmoid"]}, {"gear_ratio": ratio, "rotor_inertia_kg_m2": 0.0})
+    on_joint = one_joint(LOPSIDED["sigmoid"])
+    with np.errstate(over="ignore"):
+        expected = 40.0 * friction_at(on_joint, 40.0 * speed)
+        assert friction_at(model, speed) == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
 @pytest.mark.parametrize("record", [*SYMMETRIC.values(), *LOPSIDED.values()])
 def test_traced_is_the_same(record):
     """The law through trace and interpreter, both directions and rest."""

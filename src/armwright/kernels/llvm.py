@@ -40,16 +40,24 @@ def select_target(name: str | None = None) -> Target:
         ModelError: a level that is unknown, or that this processor does not reach.
     """
     _initialise()
-    features = binding.get_host_cpu_features()
+    features = _host_features()
     if name is None:
         width = 8 if features.get("avx512f") else 4 if features.get("avx") else 2
-        features["prefer-256-bit"] = False
-        return Target(binding.get_host_cpu_name(), features.flatten(), width)
+        if features.get("avx512f"):
+            features["prefer-256-bit"] = False  # or LLVM leaves half of every register empty
+        return Target(binding.get_host_cpu_name(), binding.FeatureMap(features).flatten(), width)
     if name not in WIDTHS:
         raise ModelError(f"target = {name!r}: unknown; {nearest(name, WIDTHS)}")
     if not features.get(NEEDS[name]):
         raise ModelError(f"target = {name!r}: this processor ({binding.get_host_cpu_name()}) has no {NEEDS[name]}")
     return Target(name, "-prefer-256-bit", WIDTHS[name])
+
+
+def _host_features() -> dict[str, bool]:
+    try:
+        return dict(binding.get_host_cpu_features())
+    except RuntimeError:  # LLVM knows them on x86 and some others; the processor's name is enough elsewhere
+        return {}
 
 
 @functools.cache

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 
 from armwright.description import read_description
+from armwright.errors import DescriptionError
 from armwright.model.build import build_model
 from armwright.model.model import Model
 
@@ -20,4 +21,8 @@ def load(name_or_path: str | os.PathLike[str], *, on_impossible: str = "error") 
     Raises:
         DescriptionError: no such robot, or a file that cannot be believed.
     """
-    return build_model(read_description(name_or_path), on_impossible=on_impossible)
+    description = read_description(name_or_path)
+    try:
+        return build_model(description, on_impossible=on_impossible)
+    except DescriptionError as error:  # it knows the robot, not the file
+        raise DescriptionError(f"{os.fspath(name_or_path)}: {error}") from None

@@ -1,7 +1,7 @@
 """Traced functions as straight-line programs."""
 
-from armwright.program.interpret import interpret
+from armwright.program.interpret import evaluate, interpret
 from armwright.program.program import Instruction, Port, Program
 from armwright.program.trace import call, trace
 
-__all__ = ["Instruction", "Port", "Program", "call", "interpret", "trace"]
+__all__ = ["Instruction", "Port", "Program", "call", "evaluate", "interpret", "trace"]

@@ -1,12 +1,14 @@
-"""Running a program through CasADi's interpreter, one state after another: slow, portable, and nobody's code of ours."""
+"""Running a program without compiling it: through CasADi's interpreter, or operation by operation with NumPy."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from armwright.program.program import Program
+from armwright.program.operations import OPERATIONS
+from armwright.program.program import Instruction, Program, Value
 
 
 def interpret(program: Program, *arguments: Any) -> Any:
@@ -33,3 +35,47 @@ def interpret(program: Program, *arguments: Any) -> Any:
         for result, port in zip(results, program.outputs, strict=True)
     ]
     return shaped[0] if len(shaped) == 1 else tuple(shaped)
+
+
+def evaluate(instructions: Sequence[Instruction], *arguments: Any) -> list[np.ndarray]:
+    """What instructions mean: each done with NumPy on whole batches, by the table's own column.
+
+    Args:
+        instructions: of a program, before or after the passes.
+        arguments: one array an input, (batch, entries).
+    Returns:
+        outputs: one array an output, (batch, entries); exact rows of the table give the bits of every back end.
+    """
+    inputs = [np.asarray(value, dtype=float) for value in arguments]
+    values: dict[Value, Any] = {}
+    outputs: dict[int, dict[int, Any]] = {}
+    for i in instructions:
+        given = [values[a] for a in i.arguments]
+        if i.operation == "INPUT" and i.place is not None:
+            results = [inputs[i.place[0]][:, i.place[1]]]
+        elif i.operation == "OUTPUT" and i.place is not None:
+            outputs.setdefault(i.place[0], {})[i.place[1]] = given[0]
+            continue
+        elif i.operation == "CONST":
+            results = [np.float64(i.constant)]
+        elif i.callee is not None:
+            results = _called(i.callee, given, len(inputs[0]))
+        else:
+            meaning = OPERATIONS[i.operation].numpy
+            assert meaning is not None
+            results = [meaning(*given)]
+        values.update(zip(i.results, results, strict=True))
+    batch = len(inputs[0]) if inputs else 1
+    return [
+        np.stack([np.broadcast_to(entries[k], batch) for k in sorted(entries)], axis=1)
+        for _, entries in sorted(outputs.items())
+    ]
+
+
+def _called(callee: Program, given: list[Any], batch: int) -> list[np.ndarray]:
+    """The results of a call, entry by entry."""
+    columns, at = [], 0
+    for port in callee.inputs:
+        columns.append(np.stack([np.broadcast_to(v, batch) for v in given[at : at + port.size]], axis=1))
+        at += port.size
+    return [column for output in evaluate(callee.instructions, *columns) for column in output.T]
