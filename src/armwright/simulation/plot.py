@@ -56,7 +56,7 @@ def panels(run: xr.Dataset) -> list[Panel]:
     found = []
     for quantity in (name for name in ("q", "qd", "tau", *drives[:1]) if name in run):
         units = run_units(run, quantity)
-        known = np.isfinite(run[quantity].values.reshape(-1, len(commands))).any(axis=0).tolist()
+        known = [np.isfinite(own).any() for own in run[quantity].values.reshape(-1, len(commands)).T]
         for unit in dict.fromkeys(units):
             joints = tuple(k for k, own in enumerate(units) if own == unit and known[k])
             if joints:

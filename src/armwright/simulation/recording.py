@@ -175,17 +175,23 @@ def save(run: xr.Dataset, path: str | os.PathLike[str]) -> None:
         OutputError: an unknown ending, a folder that is missing, no permission, a full disk, Parquet without pyarrow.
     """
     path = check_recording(path)
-    writers = {".nc": _write_netcdf, ".csv": lambda run, file: write_table(file, wide(run)), ".parquet": _write_parquet}
+    writers = {".nc": _write_netcdf, ".csv": _write_csv, ".parquet": _write_parquet}
     with whole_file(path, ENDINGS) as temporary:
         try:
             writers[path.suffix.lower()](run, temporary)
-        except (RuntimeError, ValueError) as error:  # what HDF5 and Arrow say of a full disk
+        except (RuntimeError, ValueError, TypeError) as error:  # an attribute that the format cannot hold
             reason = (str(error).splitlines() or [type(error).__name__])[0]
             raise OutputError(f"{path}: cannot be written: {reason}") from error
 
 
 def _write_netcdf(run: xr.Dataset, path: Path) -> None:
-    run.to_netcdf(path, engine="h5netcdf", format="NETCDF4")
+    """Made in memory first: on a disk that fills up HDF5 itself ends the process with a segmentation fault."""
+    path.write_bytes(run.to_netcdf(engine="h5netcdf", format="NETCDF4"))
+
+
+def _write_csv(run: xr.Dataset, path: Path) -> None:
+    with open(path, "w", encoding="utf-8", newline="") as file:
+        write_table(None, wide(run), file)
 
 
 def _write_parquet(run: xr.Dataset, path: Path) -> None:
