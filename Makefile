@@ -5,8 +5,9 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 PIP    := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 
-# The main job: the built-in CMU arm, driven by six constant voltages for two seconds.
-DEMO   := simulate cmu-dd --voltage 8,12,8,4,2,1 --duration 2 -o build/demo/cmu-dd.nc --plot build/demo/cmu-dd.png
+# The main job: voltages planned by the inverse arm, fed forward into the built-in CMU arm.
+DEMO   := simulate cmu-dd --schedule examples/cmu-dd-feedforward.csv --q0 0,0.35,0,0.6,0,0.4 --duration 2 \
+          -o build/demo/cmu-dd.nc --plot build/demo/cmu-dd.png
 
 # More words for pytest:  make test ARGS="-k pendulum"
 ARGS   :=

@@ -12,13 +12,23 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
+import pinocchio as pin  # pyright: ignore[reportMissingImports]
 
 from armwright.model import Model
 
 SOURCE = Path(__file__).with_name("pinocchio_loop.cpp")
 BUILD = Path(__file__).parents[2] / "build" / "benchmarks"
-FLAGS = ("-std=c++17", "-O3", "-march=native", "-DNDEBUG", "-w", "-fPIC", "-shared", "-fvisibility=hidden", "-fno-gnu-unique")
+FLAGS = (
+    "-std=c++17",
+    "-O3",
+    "-march=native",
+    "-DNDEBUG",
+    "-w",
+    "-fPIC",
+    "-shared",
+    "-fvisibility=hidden",
+    "-fno-gnu-unique",
+)
 DEFINITIONS = (  # those of Pinocchio's own CMake target
     *("-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS"),
     "-DBOOST_FUSION_INVOKE_MAX_ARITY=12",
@@ -99,7 +109,7 @@ def compiled_loop(build: bool) -> Path:
         NoLoop: no compiler, no headers, or (without `build`) it was not compiled yet.
     """
     compiler = shutil.which("g++") or shutil.which("clang++")
-    headers = next(folder for folder in Path(pin.__file__).parents if folder.name == "cmeel.prefix") / "include"
+    headers = next(folder for folder in Path(str(pin.__file__)).parents if folder.name == "cmeel.prefix") / "include"
     eigen = next((folder for folder in EIGEN if Path(folder, "Eigen/Core").exists()), None)
     if compiler is None:
         raise NoLoop("no g++ or clang++")

@@ -129,6 +129,18 @@ def test_out_and_odd_layouts():
     assert np.array_equal(dyn.gravity_torques(short), dyn.gravity_torques(short.astype(float)))
 
 
+def test_out_may_be_an_input():
+    """Results written over an input are those of the input as it was."""
+    dyn = aw.compile(aw.load("puma560"))
+    q, qd, qdd = np.random.default_rng(9).normal(size=(3, 50, 6))
+    expected = dyn.inverse_dynamics(q, qd, qdd)
+    assert dyn.inverse_dynamics(q, qd, qdd, out=qdd) is qdd
+    assert np.array_equal(qdd, expected)
+    both = np.concatenate([q, np.zeros((1, 6))])
+    dyn.gravity_torques(both[:50], out=both[1:])
+    assert np.array_equal(both[1:], dyn.gravity_torques(q))
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [

@@ -41,8 +41,9 @@ def test_joints_of_each_unit_have_their_panel(run):
         ("Motor torques", "N m", (0, 2)),
         ("Motor forces", "N", (1,)),
         ("Motor voltages", "V", (0,)),
+        ("Motor currents", "A", (0, 2)),
     ]
-    assert [panel.held for panel in panels(run)] == [False, False, False, False, False, True, True]
+    assert [panel.held for panel in panels(run)] == [False, False, False, False, False, True, True, False]
 
 
 @pytest.mark.parametrize(

@@ -259,7 +259,8 @@ def test_position_limit_is_reported():
     arm = aw.load("cmu-dd")
     run = aw.simulate(aw.Scenario(arm, duration=1.0, command=np.zeros(6), q0=[0, 1.0, 0, 0, 0, 0]))
     assert any(
-        note.startswith("joint2: passed its position limits [-1.92, 1.92] at t = 0.") for note in run.attrs["notes"].splitlines()
+        note.startswith("joint2: passed its position limits [-1.92, 1.92] at t = 0.")
+        for note in run.attrs["notes"].splitlines()
     )
 
 

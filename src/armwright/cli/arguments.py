@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from math import pi
+from math import isfinite, nan, pi
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from armwright.errors import ScenarioError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 Robot = Annotated[
     str,
@@ -41,6 +43,8 @@ def vector(option: str, text: str, names: Sequence[str], units: Sequence[str]) -
     Raises:
         ScenarioError: too few or too many numbers, or something that is no finite number.
     """
+    import numpy as np
+
     parts = [part.strip() for part in text.split(",")]
     if len(parts) not in (1, len(names)):
         expected = f"{len(names)} numbers ({', '.join(names)})" if len(names) > 1 else "1 number"
@@ -64,8 +68,8 @@ def _number(option: str, text: str, name: str, unit: str) -> float:
         else:
             value = float(word) * factor
     except (ValueError, ZeroDivisionError):
-        value = np.nan
-    if not np.isfinite(value):
+        value = nan
+    if not isfinite(value):
         example = "such as 0.5, 30deg or pi/6" if angle else "such as 0.5"
         raise ScenarioError(f"{option}: {text!r} for joint {name!r}: expected a finite number [{unit}], {example}")
     return value

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from math import isnan
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -16,7 +15,7 @@ WIDTH = 140  # columns, where no terminal says how many
 
 def number(value: Any) -> str:
     """A number as people read it; — for one that is not known, ∞ for a limit that there is not."""
-    if value is None or np.isnan(float(value)):
+    if value is None or isnan(float(value)):
         return "—"
     value = float(value) + 0.0  # no -0
     return f"{value:.5g}".replace("inf", "∞").replace("-", "−")

@@ -15,6 +15,7 @@ from armwright.kernels.llvm import Engine, Module, Target
 from armwright.program import Program
 
 POINTER = ctypes.c_void_p
+FLOAT64 = np.dtype(np.float64)
 
 
 class Kernel:
@@ -25,11 +26,10 @@ class Kernel:
         module = Module(target.width)
         name = module.add_batch_function(program)
         self._expected = [(port.name, port.shape) for port in program.inputs]
-        self._slots = (
-            POINTER * len(program.inputs),
-            ctypes.c_int64 * len(program.inputs),
-            POINTER * len(program.outputs),
-        )
+        self._shapes = [port.shape for port in program.outputs]
+        self._slots = POINTER * len(program.inputs), POINTER * len(program.outputs)
+        sizes = [port.size * target.width for port in program.inputs]
+        self._moves = (ctypes.c_int64 * len(sizes))(*sizes)
         self._run = Engine(module, target).function(name, ctypes.c_int64, POINTER, POINTER, POINTER)
 
     def __call__(self, *arrays: Any, out: Any = None, threads: int = 1) -> Any:
@@ -44,6 +44,21 @@ class Kernel:
         Raises:
             ShapeError: an array of the wrong shape or type; names the input, its shape and the one expected.
         """
+        if not self._plain(arrays):
+            return self._any(arrays, out, threads)
+        lead = arrays[0].shape[: -len(self._expected[0][1])]
+        addresses = [_address(array) for array in arrays]
+        if out is None:
+            results = [np.empty(lead + shape) for shape in self._shapes]
+        elif self._plain_output(out, lead) and not _overlap(out, arrays, addresses):
+            results = [out]
+        else:
+            return self._any(arrays, out, threads)
+        self._launch(math.prod(lead), addresses, self._moves, results, threads)
+        return results[0] if len(results) == 1 else tuple(results)
+
+    def _any(self, arrays: tuple[Any, ...], out: Any, threads: int) -> Any:
+        """The general case: any numbers, layouts and broadcasting."""
         ports = self.program.inputs
         if len(arrays) != len(ports):
             expected = ", ".join(port.name for port in ports)
@@ -56,8 +71,9 @@ class Kernel:
             block, stride = self._block(array, shape, lead, count)
             blocks.append(block)
             strides.append(stride)
-        results, wanted = self._outputs(lead, out)
-        self._run_all(count, blocks, strides, results, threads)
+        results, wanted = self._outputs(lead, out, blocks)
+        moves = (ctypes.c_int64 * len(strides))(*strides)
+        self._launch(count, [_address(block) for block in blocks], moves, results, threads)
         if out is not None:
             for result, target in zip(results, wanted, strict=True):
                 if result is not target:
@@ -75,8 +91,10 @@ class Kernel:
             array = np.broadcast_to(array, lead + shape)
         return array if array.flags.c_contiguous else np.ascontiguousarray(array), size * w
 
-    def _outputs(self, lead: tuple[int, ...], out: Any) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Arrays that the kernel writes, and those that the caller gets: the same unless `out` is not contiguous."""
+    def _outputs(
+        self, lead: tuple[int, ...], out: Any, inputs: list[np.ndarray]
+    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Arrays that the kernel writes, and those that the caller gets: the same where `out` is contiguous and no input."""
         shapes = [lead + port.shape for port in self.program.outputs]
         if out is None:
             results = [np.empty(shape) for shape in shapes]
@@ -93,14 +111,34 @@ class Kernel:
                 raise ShapeError(
                     f"{self.program.name}: out for {port.name} is {found}, expected writeable float64 {shape}"
                 )
-        return [a if a.flags.c_contiguous else np.empty(a.shape) for a in wanted], wanted
+        usable = [a.flags.carray and not any(np.may_share_memory(a, block) for block in inputs) for a in wanted]
+        return [a if fits else np.empty(a.shape) for a, fits in zip(wanted, usable, strict=True)], wanted
 
-    def _run_all(
-        self, count: int, blocks: list[np.ndarray], strides: list[int], results: list[np.ndarray], threads: int
-    ) -> None:
+    def _plain(self, arrays: tuple[Any, ...]) -> bool:
+        """Whether all is as the kernel wants it, float64, contiguous, one shape of leading axes: the common, fast case."""
+        if len(arrays) != len(self._expected):
+            return False
+        lead = None
+        for array, (_, shape) in zip(arrays, self._expected, strict=True):
+            if type(array) is not np.ndarray or array.dtype is not FLOAT64 or not array.flags.c_contiguous:
+                return False
+            split = array.ndim - len(shape)
+            full = array.shape
+            if split < 0 or not shape or full[split:] != shape or (lead is not None and full[:split] != lead):
+                return False
+            lead = full[:split]
+        return True
+
+    def _plain_output(self, out: Any, lead: tuple[int, ...]) -> bool:
+        """Whether `out` is one contiguous float64 array of the result's shape."""
+        if type(out) is not np.ndarray or len(self._shapes) > 1 or out.dtype is not FLOAT64 or not out.flags.carray:
+            return False
+        return out.shape == lead + self._shapes[0]
+
+    def _launch(self, count: int, inputs: list[int], moves: Any, results: list[np.ndarray], threads: int) -> None:
+        """Runs the native batch function over all states, in parts of whole tiles where several threads share them."""
         w = self.target.width
-        sources, steps, sinks = self._slots
-        inputs, moves = [_address(block) for block in blocks], steps(*strides)
+        sources, sinks = self._slots
         outputs = [_address(result) for result in results]
         parts = min(threads, count // (w * TILES_A_THREAD))
         if parts <= 1:
@@ -110,7 +148,7 @@ class Kernel:
 
         def run(first: int, last: int) -> None:
             tile = first // w
-            ins = sources(*(a + 8 * tile * s for a, s in zip(inputs, strides, strict=True)))
+            ins = sources(*(a + 8 * tile * s for a, s in zip(inputs, moves, strict=True)))
             outs = sinks(*(a + first * size for a, size in zip(outputs, sizes, strict=True)))
             self._run(last - first, ins, moves, outs)
 
@@ -119,6 +157,12 @@ class Kernel:
 
 
 TILES_A_THREAD = 128  # fewer tiles than this are done sooner than a thread is woken
+
+
+def _overlap(out: np.ndarray, arrays: tuple[np.ndarray, ...], addresses: list[int]) -> bool:
+    """Whether a contiguous output shares memory with one of the contiguous inputs."""
+    start, end = _address(out), _address(out) + out.nbytes
+    return any(a < end and start < a + array.nbytes for a, array in zip(addresses, arrays, strict=True))
 
 
 def _address(array: np.ndarray) -> int:

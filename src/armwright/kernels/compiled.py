@@ -52,7 +52,11 @@ def _method(signature: Signature) -> Callable[..., Any]:
     required = [a.name for a in signature.inputs]
     optional = [a.name for a in signature.optional]
 
+    key = (signature.name,)
+
     def method(self: CompiledArm, *arrays: Any, out: Any = None, **named: Any) -> Any:
+        if len(arrays) == len(required) and not named and key in self._kernels:
+            return self._kernels[key](*arrays, out=out, threads=self.threads)
         values = list(arrays)
         for name in [*required, *optional][len(values) :]:
             if name in named:

@@ -52,9 +52,10 @@ class Panel:
 def panels(run: xr.Dataset) -> list[Panel]:
     """What is drawn of a run: each quantity, joints in radians and in metres apart."""
     commands = [str(command) for command in run["command"].values]
-    drives = [name for name in ("voltage", "current") if name in run] or ["u"] * ("tau" not in run)
     found = []
-    for quantity in (name for name in ("q", "qd", "tau", *drives[:1]) if name in run):
+    for quantity in ("q", "qd", "tau", *_drives(run)):
+        if quantity not in run:
+            continue
         units = run_units(run, quantity)
         known = [np.isfinite(own).any() for own in run[quantity].values.reshape(-1, len(commands)).T]
         for unit in dict.fromkeys(units):
@@ -64,6 +65,14 @@ def panels(run: xr.Dataset) -> list[Panel]:
                 held = all(quantity == "u" or commands[k] == HELD.get(quantity) for k in joints)
                 found.append(Panel(quantity, TITLES[quantity][linear], unit, joints, held))
     return found
+
+
+def _drives(run: xr.Dataset) -> list[str]:
+    """What is drawn of the drives: voltages; currents too, or instead, where voltages are not known of every motor."""
+    known = [name for name in ("voltage", "current") if name in run]
+    if known and np.isfinite(run[known[0]].values).any(axis=tuple(range(run[known[0]].ndim - 1))).all():
+        return known[:1]
+    return known or ["u"] * ("tau" not in run)
 
 
 def draw(run: xr.Dataset) -> Figure:

@@ -1,0 +1,129 @@
+"""Bad input: one line on stderr that says what is wrong, exit code 2, no traceback and no file."""
+
+import pytest
+from typer.testing import CliRunner
+
+from armwright.cli.app import app
+from simulation.runs import mixed_file
+
+SIMULATE = ("simulate", "two-link", "--torque", "0", "--duration", "0.1")
+
+REFUSED = [
+    (("simulat",), "No such command 'simulat'"),
+    (("--colour",), "No such option: --colour"),
+    (("simulate",), "Missing argument 'ROBOT'"),
+    (("simulate", "two-link", "--colour"), "No such option: --colour"),
+    (("inverse", "two-link"), "Missing argument 'IN.csv'"),
+    (("info", "pma560"), "no robot 'pma560': not a built-in arm and not a file; did you mean puma560?"),
+    (("info", "nowhere.toml"), "nowhere.toml: no such file"),
+    (("simulate", "two-link"), "two-link: no command given; expected one of --schedule FILE and --torque N m,N m"),
+    (("simulate", "two-link", "--torque", "0"), "duration: expected one"),
+    (
+        ("simulate", "lwa4p", "--voltage", "1"),
+        "lwa4p: --voltage, but joint 'joint1' is driven by current; expected --current",
+    ),
+    (("simulate", "cmu-dd", "--voltage", "1", "--torque", "1"), "--voltage and --torque given; expected one of"),
+    (("simulate", "cmu-dd", "--voltage", "1", "--schedule", "v.csv"), "--voltage and --schedule given"),
+    (
+        ("simulate", "cmu-dd", "--voltage", "1,2", "--duration", "1"),
+        "--voltage 1,2: holds 2; expected 6 numbers (joint1",
+    ),
+    (
+        ("simulate", "cmu-dd", "--voltage", "", "--duration", "1"),
+        "--voltage: '' for joint 'joint1': expected a finite number",
+    ),
+    (
+        ("simulate", "cmu-dd", "--voltage", "nan", "--duration", "1"),
+        "'nan' for joint 'joint1': expected a finite number [V]",
+    ),
+    (("simulate", "cmu-dd", "--voltage", "30deg", "--duration", "1"), "'30deg' for joint 'joint1'"),
+    (("simulate", "cmu-dd", "--schedule", "nowhere.csv"), "nowhere.csv: no such file"),
+    (
+        (*SIMULATE, "--q0", "1,up"),
+        "--q0: 'up' for joint 'elbow': expected a finite number [rad], such as 0.5, 30deg or pi/6",
+    ),
+    ((*SIMULATE, "--q0", "pi/0"), "--q0: 'pi/0'"),
+    ((*SIMULATE, "--duration", "long"), "Invalid value for '--duration'"),
+    ((*SIMULATE, "--duration", "-1"), "duration = -1.0: expected a time above 0 s"),
+    ((*SIMULATE, "--duration", "nan"), "duration = nan"),
+    ((*SIMULATE, "--step", "0"), "step = 0.0: expected a time above 0 s"),
+    ((*SIMULATE, "--step", "0.03"), "no whole number of steps"),
+    ((*SIMULATE, "--record-every", "-1"), "record_every = -1"),
+    ((*SIMULATE, "--record-every", "1.5"), "Invalid value for '--record-every'"),
+    ((*SIMULATE, "-o", "run.mat"), "run.mat: the ending '.mat' is not offered; expected .nc, .csv or .parquet"),
+    ((*SIMULATE, "-o", "nowhere/run.nc"), "nowhere/run.nc: there is no folder 'nowhere'"),
+    ((*SIMULATE, "--plot", "run.gif"), "run.gif: the ending '.gif' is not offered; expected .png, .svg or .pdf"),
+    ((*SIMULATE, "-o", "run.nc", "--plot", "nowhere/run.png"), "nowhere/run.png: there is no folder"),
+    (("simulate", "cmu-dd", "--voltage", "1", "--duration", "1", "--step", "0.1"), "step = 0.1 s is too large"),
+]
+
+
+def refused(arguments):
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    assert result.exit_code == 2, result.output
+    assert result.stdout == ""
+    assert result.stderr.startswith("armwright: error: ")
+    assert result.stderr.count("\n") == 1
+    return result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"), REFUSED, ids=lambda value: " ".join(value) if isinstance(value, tuple) else ""
+)
+def test_refused(arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert message in refused(arguments)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("t,shoulder\n0,1\n", "volts.csv: line 1: no column 'elbow'"),
+        ("t,shoulder,elbow\n0,1,2\n1,2,3\n0.5,2,3\n", "volts.csv: line 4, column 't' = 0.5: earlier than 1 before it"),
+        ("t,shoulder,elbow\n0,1,nan\n", "volts.csv: line 2, column 'elbow': nan: expected a finite number"),
+        ("t,shoulder,elbow\n0,1,much\n", "volts.csv: line 2, column 'elbow': 'much': expected a finite number"),
+        ("t,shoulder [V],elbow\n0,1,2\n", "volts.csv: line 1, column 'shoulder': in 'V'; expected its unit to be N m"),
+    ],
+)
+def test_bad_schedules(text, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "volts.csv").write_text(text)
+    assert message in refused(("simulate", "two-link", "--schedule", "volts.csv", "--duration", "1", "-o", "run.nc"))
+    assert [entry.name for entry in tmp_path.iterdir()] == ["volts.csv"]
+
+
+@pytest.mark.parametrize("command", ["inverse", "forward"])
+def test_bad_tables(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "in.csv").write_text("1,2,3\n")
+    message = refused((command, "two-link", "in.csv", "-o", "out.csv"))
+    assert "in.csv: line 1: 3 columns, expected 6 columns: q_shoulder, q_elbow" in message
+    (tmp_path / "in.csv").write_text("1,2,3,4,5,6\n")
+    assert "nowhere/out.csv: there is no folder" in refused((command, "two-link", "in.csv", "-o", "nowhere/out.csv"))
+    assert [entry.name for entry in tmp_path.iterdir()] == ["in.csv"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("mass_kg = 2\n", "", "mass_kg: missing"),
+        ("mass_kg = 2\n", "mass_kg = -2\n", "mass_kg = -2"),
+        ("mass_kg = 2\n", "mass_lb = 2\n", "unknown key; did you mean mass_kg?"),
+        ("torque_constant_n_m_per_a = 0.2\n", "", "needs motor.torque_constant_n_m_per_a"),
+        ("[[joints]]", "[[joints", "not TOML"),
+    ],
+)
+def test_bad_robots(old, new, message, tmp_path):
+    path = mixed_file(tmp_path)
+    path.write_text(path.read_text().replace(old, new, 1))
+    error = refused(("simulate", path, "--command", "0", "--duration", "0.1", "-o", tmp_path / "run.nc"))
+    assert message in error
+    assert "lathe.toml" in error
+    assert not (tmp_path / "run.nc").exists()
+
+
+def test_a_simulation_that_diverges(tmp_path):
+    error = refused(("simulate", "two-link", "--torque", "1e9", "--duration", "5", "-o", tmp_path / "run.nc"))
+    assert "left the finite numbers at t = " in error
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,183 @@
+"""What each command shows and writes."""
+
+import io
+import re
+
+import numpy as np
+import pandas
+import pytest
+from typer.testing import CliRunner
+
+import armwright as aw
+from armwright.cli.app import app
+from simulation.runs import mixed_file
+
+
+def run(*arguments, code=0):
+    """The result of a command that should end with that exit code."""
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    assert result.exit_code == code, result.output
+    return result
+
+
+def table(path, columns):
+    """Writes a CSV file of columns {header: values}."""
+    pandas.DataFrame(columns).to_csv(path, index=False)
+    return path
+
+
+def motions(arm, quantities, rows=5, seed=0):
+    """A random table of data sets."""
+    random = np.random.default_rng(seed)
+    return {f"{quantity}_{name}": random.normal(size=rows) for quantity in quantities for name in arm.names}
+
+
+def columns(frame, quantity, arm):
+    return np.stack([frame[f"{quantity}_{name}"] for name in arm.names], axis=1)
+
+
+def test_version():
+    assert run("--version").stdout == f"armwright {aw.__version__}\n"
+
+
+@pytest.mark.parametrize("command", ["robots", "info", "inverse", "forward", "simulate"])
+def test_help_teaches_by_example(command):
+    shown = run(command, "--help").stdout
+    assert re.search(r"^ *Usage: .*armwright|^ *Usage: ", shown, re.M)
+    if command != "robots":
+        assert f"armwright {command} " in shown
+        assert "Examples:" in shown
+
+
+def test_alone_it_shows_its_help():
+    shown = run().stdout
+    assert all(command in shown for command in ("robots", "info", "inverse", "forward", "simulate", "Try:"))
+
+
+def test_robots_lists_every_built_in_arm():
+    shown = run("robots").stdout
+    for name in aw.builtin_names():
+        arm = aw.load(name)
+        assert re.search(rf"^{name} +{arm.n} +{arm.bodies[0].drive.command} ", shown, re.M)
+
+
+@pytest.mark.parametrize("name", ["cmu-dd", "puma560", "lwa4p", "panda", "two-link"])
+def test_info(name):
+    arm = aw.load(name)
+    assert arm.description is not None
+    shown = run("info", name).stdout
+    assert arm.description.title in shown
+    assert f"{arm.description.total_mass:.5g} kg" in shown
+    assert "m at most, base to" in shown
+    words = " ".join(shown.split())
+    for joint in arm.names:
+        assert len(re.findall(rf"^{joint} ", shown, re.M)) >= 2
+    for source in arm.description.sources.values():
+        assert " ".join(source.text.split())[:40] in words
+    for warning in arm.warnings:
+        assert "warning: " + " ".join(warning.split())[:60] in words
+
+
+def test_info_of_every_kind_of_joint(tmp_path):
+    shown = run("info", mixed_file(tmp_path)).stdout
+    assert "Denavit-Hartenberg, classic" in shown
+    assert re.search(r"^slide +prismatic +column +carriage +28.648 +0.1 +q \+ 0.2 +14.324", shown, re.M)
+    assert "Denavit-Hartenberg, modified" in shown
+    assert re.search(r"^hinge +revolute +carriage +hand +0 +0 +0.3 +q − 28.648", shown, re.M)
+    assert "Joint frames in the parent link" in shown
+    assert "−0.1 … 0.6 m" in shown
+
+
+def test_info_shows_an_arm_that_load_would_refuse(tmp_path):
+    path = mixed_file(tmp_path)
+    path.write_text(path.read_text().replace("mass_kg = 1\n", "mass_kg = 1e-9\n").replace("zz = 0.1 }", "zz = 9 }"))
+    run("simulate", path, "--command", "0", "--duration", "1", code=2)
+    assert "warning: link 'hand' has an impossible inertia" in run("info", path).stdout
+
+
+@pytest.mark.parametrize("name", ["cmu-dd", "lwa4p", "two-link"])
+def test_inverse(tmp_path, name):
+    arm = aw.load(name)
+    sets = motions(arm, ("q", "qd", "qdd"))
+    run("inverse", name, table(tmp_path / "in.csv", sets), "-o", tmp_path / "out.csv")
+    frame = pandas.read_csv(tmp_path / "out.csv")
+    q, qd, qdd = (columns(sets, quantity, arm) for quantity in ("q", "qd", "qdd"))
+    expected = np.array([aw.inverse_dynamics(arm, *row) for row in zip(q, qd, qdd, strict=True)])
+    got = np.stack([frame[f"tau_{joint} [N m]"] for joint in arm.names], axis=1)
+    np.testing.assert_allclose(got, expected, rtol=1e-9, atol=1e-9)
+    drive = {"cmu-dd": "voltage", "lwa4p": "current", "two-link": None}[name]
+    kinds = {head.split("_")[0] for head in frame.columns}
+    assert kinds == {"tau", drive} - {None}
+    if drive == "voltage":
+        volts = np.array([aw.motor_voltage(arm, *row) for row in zip(qd, expected, strict=True)])
+        got = np.stack([frame[f"voltage_{joint} [V]"] for joint in arm.names], axis=1)
+        np.testing.assert_allclose(got, volts, rtol=1e-9, atol=1e-9)
+    if drive == "current":
+        amperes = np.array([aw.motor_current(arm, row) for row in expected])
+        got = np.stack([frame[f"current_{joint} [A]"] for joint in arm.names], axis=1)
+        np.testing.assert_allclose(got, amperes, rtol=1e-9, atol=1e-9)
+
+
+def test_forward_undoes_inverse(tmp_path):
+    arm = aw.load("cmu-dd")
+    sets = motions(arm, ("q", "qd", "qdd"))
+    run("inverse", "cmu-dd", table(tmp_path / "in.csv", sets), "-o", tmp_path / "out.csv")
+    volts = pandas.read_csv(tmp_path / "out.csv")
+    states = {head: values for head, values in sets.items() if not head.startswith("qdd")}
+    states |= {f"u_{joint}": volts[f"voltage_{joint} [V]"] for joint in arm.names}
+    shown = run("forward", "cmu-dd", table(tmp_path / "states.csv", states)).stdout  # without -o it is printed
+    frame = pandas.read_csv(io.StringIO(shown))
+    got = np.stack([frame[f"qdd_{joint} [rad/s²]"] for joint in arm.names], axis=1)
+    np.testing.assert_allclose(got, columns(sets, "qdd", arm), rtol=1e-8, atol=1e-8)
+
+
+def test_simulate_writes_run_and_picture(tmp_path):
+    files = [tmp_path / name for name in ("run.nc", "run.png")]
+    result = run(
+        "simulate", "cmu-dd", "--voltage", "8,12,8,4,2,1", "--duration", "0.2", "-o", files[0], "--plot", files[1]
+    )
+    assert "200 steps of 1 ms" in result.stdout
+    assert all(f"wrote {file}" in result.stdout for file in files)
+    saved = aw.load_run(files[0])
+    arm = aw.load("cmu-dd")
+    same = aw.simulate(aw.Scenario(arm, duration=0.2, command=[8, 12, 8, 4, 2, 1]))
+    np.testing.assert_array_equal(saved["q"], same["q"])
+    assert saved["time"].values[-1] == pytest.approx(0.2)
+    assert files[1].read_bytes().startswith(b"\x89PNG")
+
+
+def test_simulate_shows_the_end_state():
+    shown = run("simulate", "two-link", "--torque", "0", "--duration", "0.1", "--q0=-90deg,0").stdout
+    assert re.search(r"^joint +q \[rad\] +qd \[rad/s\] +tau \[N m\]$", shown, re.M)
+    assert re.search(r"^shoulder +−1.5708 ", shown, re.M)  # it hangs straight down and stays there
+
+
+def test_simulate_reads_a_schedule(tmp_path):
+    (tmp_path / "torques.csv").write_text("t,elbow,shoulder\n0,1,20\n0.05,2,30\n0.1,0,0\n")
+    run("simulate", "two-link", "--schedule", tmp_path / "torques.csv", "-o", tmp_path / "run.csv")
+    frame = pandas.read_csv(tmp_path / "run.csv")
+    assert len(frame) == 101
+    assert frame["u_shoulder [N m]"].iloc[[0, 49, 50, 99]].tolist() == [20, 20, 30, 30]
+    assert frame["u_elbow [N m]"].iloc[[0, 49, 50, 99]].tolist() == [1, 1, 2, 2]
+
+
+def test_simulate_takes_starts_step_and_recording(tmp_path):
+    options = ("--torque", "0", "--duration", "0.1", "--step", "5e-4", "--q0", "pi/2,30deg", "--qd0", "0.5")
+    run("simulate", "two-link", *options, "--record-every", "50", "-o", tmp_path / "run.nc")
+    saved = aw.load_run(tmp_path / "run.nc")
+    np.testing.assert_allclose(saved["time"], [0, 0.025, 0.05, 0.075, 0.1])
+    np.testing.assert_allclose(saved["q"][0], [np.pi / 2, np.pi / 6])
+    np.testing.assert_allclose(saved["qd"][0], [0.5, 0.5])
+
+
+def test_mixed_drives_take_commands_in_their_own_units(tmp_path):
+    path = mixed_file(tmp_path)
+    run("simulate", path, "--command", "1,2,3", "--duration", "0.01", "-o", tmp_path / "run.csv")
+    first = pandas.read_csv(tmp_path / "run.csv").iloc[0]
+    assert [first["u_turn [V]"], first["u_slide [N]"], first["u_hinge [A]"]] == [1, 2, 3]
+
+
+def test_notes_go_to_stderr():
+    result = run("simulate", "cmu-dd", "--voltage", "80", "--duration", "0.1")
+    assert "armwright: note: " in result.stderr
+    assert "note" not in result.stdout

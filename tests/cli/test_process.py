@@ -1,0 +1,72 @@
+"""The command line as a process: `python -m armwright`, start-up, pipes and Ctrl-C."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+COMMAND = (sys.executable, "-m", "armwright")
+
+
+def run(*arguments, **options):
+    return subprocess.run(
+        [*COMMAND, *arguments], capture_output=True, text=True, encoding="utf-8", check=False, **options
+    )
+
+
+def test_module_runs():
+    done = run("--version")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("armwright ")
+
+
+def test_an_error_is_one_line_and_exit_code_2():
+    done = run("info", "pma560")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("armwright: error: no robot 'pma560'")
+    assert done.stderr.count("\n") == 1
+
+
+def test_help_needs_nothing_heavy():
+    script = (
+        "import sys, armwright.cli.app\n"
+        "heavy = {'numpy', 'casadi', 'llvmlite', 'xarray', 'pandas', 'matplotlib', 'scipy', 'pydantic'}\n"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+def test_a_console_without_greek_letters():
+    done = run("info", "cmu-dd", env={**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"})
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
+def test_ctrl_c_is_quiet_and_leaves_no_file(tmp_path):
+    arguments = ("simulate", "cmu-dd", "--voltage", "0", "--duration", "100000", "--record-every", "1000")
+    process = subprocess.Popen(
+        [*COMMAND, *arguments, "-o", str(tmp_path / "run.nc")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    time.sleep(4.0)
+    assert process.poll() is None, process.communicate()
+    process.send_signal(signal.SIGINT)
+    out, error = process.communicate(timeout=20)
+    assert (process.returncode, out, error) == (130, "", "")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes break differently there")
+def test_a_reader_that_leaves_early(tmp_path):
+    rows = "\n".join(["0,0,0,0,0,0"] * 20000)
+    (tmp_path / "in.csv").write_text(rows)
+    inverse = f'"{sys.executable}" -m armwright inverse two-link "{tmp_path / "in.csv"}" | head -1'
+    done = subprocess.run(inverse, shell=True, capture_output=True, text=True, check=False)
+    assert done.stdout == "tau_shoulder [N m],tau_elbow [N m]\n"
+    assert done.stderr == ""
