@@ -1,6 +1,7 @@
 """MuJoCo: the arm with its motors built there from the model's numbers, without contacts, stepped by its own integrators."""
 
-# pyright: reportAttributeAccessIssue=false  (MuJoCo's names come from compiled modules without stubs)
+# MuJoCo's names come from compiled modules without stubs.
+# pyright: reportAttributeAccessIssue=false
 
 from __future__ import annotations
 

@@ -38,7 +38,8 @@ def info(robot: Robot) -> None:
     console.print(_summary(arm, record))
     for part in (
         *_geometry(record),
-        _links(record),
+        _masses(record),
+        _inertias(record),
         _drives(arm, record),
         _friction(record),
         _limits(arm),
@@ -112,14 +113,18 @@ def _values(quantity: Any) -> tuple[float, ...]:
     return quantity.value
 
 
-def _links(record: RobotDescription) -> Group | None:
+def _masses(record: RobotDescription) -> Group | None:
+    rows = [[link.name, *map(number, (link.mass_kg, *_values(link.com_m)))] for link in record.links]
+    return table("Links: mass [kg], centre of mass [m] in the link's frame", ("link", "mass", "x", "y", "z"), rows)
+
+
+def _inertias(record: RobotDescription) -> Group | None:
     rows = []
     for link in record.links:
-        tensor = link.inertia_kg_m2
-        entries = (tensor.xx, tensor.yy, tensor.zz, tensor.xy, tensor.xz, tensor.yz)
-        rows.append([link.name, *map(number, (link.mass_kg, *_values(link.com_m), *entries))])
-    heads = ("link", "mass", "x", "y", "z", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-    return table("Links: mass [kg], centre of mass [m], inertia about it [kg m²]", heads, rows)
+        i = link.inertia_kg_m2
+        rows.append([link.name, *map(number, (i.xx, i.yy, i.zz, i.xy, i.xz, i.yz))])
+    heads = ("link", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+    return table("Links: inertia about the centre of mass, in the link's axes [kg m²]", heads, rows)
 
 
 def _drives(arm: Model, record: RobotDescription) -> Group | None:

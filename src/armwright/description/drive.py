@@ -21,12 +21,14 @@ class Motor(Record):
         description="Motor side. 0 for a direct drive: the rotor is part of its link."
     )
     gear_efficiency: Share | None = Field(default=None, description="η of design section 3; absent = 1.")
-    torque_constant_n_m_per_a: Positive | None = None
+    torque_constant_n_m_per_a: Positive | None = Field(default=None, description="Kt: motor torque per ampere.")
     back_emf_constant_v_s_per_rad: Positive | None = Field(
         default=None, description="Absent: equal to the torque constant."
     )
-    resistance_ohm: Positive | None = None
-    inductance_h: Positive | None = None
+    resistance_ohm: Positive | None = Field(default=None, description="R of the armature.")
+    inductance_h: Positive | None = Field(
+        default=None, description="L of the armature; recorded, and neglected in eq. (11)."
+    )
     basis: Basis = Field("dc", description="How the electrical constants of a brushless motor were measured.")
 
     @model_validator(mode="after")
@@ -48,18 +50,34 @@ class RotaryFriction(Record):
     """
 
     source: str | None = None
-    side: Literal["joint", "motor"] = "joint"
-    law: Literal["coulomb", "sigmoid"] = "coulomb"
-    viscous_n_m_s_per_rad: NotNegative | None = None
-    coulomb_positive_n_m: NotNegative | None = None
-    coulomb_negative_n_m: NotNegative | None = None
-    offset_n_m: Number | None = None
-    stribeck_torque_n_m: NotNegative | None = None
-    stribeck_speed_rad_per_s: Positive | None = None
-    smoothing_rad_per_s: Positive | None = None
-    sigmoid_amplitude_n_m: NotNegative | None = None
-    sigmoid_slope_s_per_rad: Positive | None = None
-    sigmoid_shift_rad_per_s: Number | None = None
+    side: Literal["joint", "motor"] = Field(
+        default="joint",
+        description="Whose friction it is: the joint's, or the motor's in motor radians, which is referred by n² and |n|.",
+    )
+    law: Literal["coulomb", "sigmoid"] = Field(default="coulomb", description="The equation above that holds.")
+    viscous_n_m_s_per_rad: NotNegative | None = Field(default=None, description="Slope of the friction over the speed.")
+    coulomb_positive_n_m: NotNegative | None = Field(
+        default=None, description="Magnitude of the dry friction where q̇ > 0."
+    )
+    coulomb_negative_n_m: NotNegative | None = Field(
+        default=None, description="Magnitude of the dry friction where q̇ < 0."
+    )
+    offset_n_m: Number | None = Field(
+        default=None, description="A constant torque against positive motion, whichever way the joint moves."
+    )
+    stribeck_torque_n_m: NotNegative | None = Field(
+        default=None, description="Magnitude at the beginning of motion, above Coulomb's."
+    )
+    stribeck_speed_rad_per_s: Positive | None = Field(
+        default=None, description="Speed over which it falls to Coulomb's."
+    )
+    smoothing_rad_per_s: Positive | None = Field(
+        default=None,
+        description="Speed over which dry friction and gear loss change their sign; sets the largest step.",
+    )
+    sigmoid_amplitude_n_m: NotNegative | None = Field(default=None, description="a of the sigmoid law.")
+    sigmoid_slope_s_per_rad: Positive | None = Field(default=None, description="b of the sigmoid law.")
+    sigmoid_shift_rad_per_s: Number | None = Field(default=None, description="c of the sigmoid law.")
 
     @model_validator(mode="after")
     def _complete(self) -> RotaryFriction:
@@ -71,18 +89,31 @@ class LinearFriction(Record):
     """Friction force against the speed of a prismatic joint: `RotaryFriction` in N and metres."""
 
     source: str | None = None
-    side: Literal["joint"] = "joint"
-    law: Literal["coulomb", "sigmoid"] = "coulomb"
-    viscous_n_s_per_m: NotNegative | None = None
-    coulomb_positive_n: NotNegative | None = None
-    coulomb_negative_n: NotNegative | None = None
-    offset_n: Number | None = None
-    stribeck_force_n: NotNegative | None = None
-    stribeck_speed_m_per_s: Positive | None = None
-    smoothing_m_per_s: Positive | None = None
-    sigmoid_amplitude_n: NotNegative | None = None
-    sigmoid_slope_s_per_m: Positive | None = None
-    sigmoid_shift_m_per_s: Number | None = None
+    side: Literal["joint"] = Field(
+        default="joint", description="A slide's own friction; its motor's is told in N m with side = 'motor'."
+    )
+    law: Literal["coulomb", "sigmoid"] = Field(default="coulomb", description="The equation above that holds.")
+    viscous_n_s_per_m: NotNegative | None = Field(default=None, description="Slope of the friction over the speed.")
+    coulomb_positive_n: NotNegative | None = Field(
+        default=None, description="Magnitude of the dry friction where q̇ > 0."
+    )
+    coulomb_negative_n: NotNegative | None = Field(
+        default=None, description="Magnitude of the dry friction where q̇ < 0."
+    )
+    offset_n: Number | None = Field(
+        default=None, description="A constant force against positive motion, whichever way the joint moves."
+    )
+    stribeck_force_n: NotNegative | None = Field(
+        default=None, description="Magnitude at the beginning of motion, above Coulomb's."
+    )
+    stribeck_speed_m_per_s: Positive | None = Field(default=None, description="Speed over which it falls to Coulomb's.")
+    smoothing_m_per_s: Positive | None = Field(
+        default=None,
+        description="Speed over which dry friction and gear loss change their sign; sets the largest step.",
+    )
+    sigmoid_amplitude_n: NotNegative | None = Field(default=None, description="a of the sigmoid law.")
+    sigmoid_slope_s_per_m: Positive | None = Field(default=None, description="b of the sigmoid law.")
+    sigmoid_shift_m_per_s: Number | None = Field(default=None, description="c of the sigmoid law.")
 
     @model_validator(mode="after")
     def _complete(self) -> LinearFriction:
@@ -127,10 +158,10 @@ class RotaryLimits(Record):
 
     source: str | None = None
     position_rad: Range | None = Field(default=None, description="[lowest, highest].")
-    velocity_rad_per_s: Positive | None = None
+    velocity_rad_per_s: Positive | None = Field(default=None, description="Either way.")
     torque_n_m: Positive | None = Field(default=None, description="Of the motor referred to the joint, either way.")
-    voltage_v: Positive | None = None
-    current_a: Positive | None = None
+    voltage_v: Positive | None = Field(default=None, description="Of the drive, either way.")
+    current_a: Positive | None = Field(default=None, description="Of the drive, either way.")
 
     @model_validator(mode="after")
     def _ordered(self) -> RotaryLimits:
@@ -142,10 +173,10 @@ class LinearLimits(Record):
 
     source: str | None = None
     position_m: Range | None = Field(default=None, description="[lowest, highest].")
-    velocity_m_per_s: Positive | None = None
+    velocity_m_per_s: Positive | None = Field(default=None, description="Either way.")
     force_n: Positive | None = Field(default=None, description="Of the motor referred to the joint, either way.")
-    voltage_v: Positive | None = None
-    current_a: Positive | None = None
+    voltage_v: Positive | None = Field(default=None, description="Of the drive, either way.")
+    current_a: Positive | None = Field(default=None, description="Of the drive, either way.")
 
     @model_validator(mode="after")
     def _ordered(self) -> LinearLimits:

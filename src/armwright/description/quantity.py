@@ -47,11 +47,11 @@ Date = Annotated[str, BeforeValidator(_written_date)]
 class Source(Record):
     """Where numbers come from: `[sources.KEY]` of a robot file, named elsewhere as `source = "KEY"`."""
 
-    kind: SourceKind
+    kind: SourceKind = Field(description="What sort of evidence it is.")
     text: str = Field(min_length=1, description="The citation, drawing number or reasoning, for a reader to follow.")
-    date: Date | None = None
-    licence: str | None = None
-    url: str | None = None
+    date: Date | None = Field(default=None, description="When it was measured, drawn or published.")
+    licence: str | None = Field(default=None, description="What it may be used under.")
+    url: str | None = Field(default=None, description="Where to find it.")
 
 
 class Quantity(Record):
@@ -61,10 +61,10 @@ class Quantity(Record):
     The unit is the ending of the key.
     """
 
-    value: float | tuple[float, ...]
+    value: float | tuple[float, ...] = Field(description="The number, or as many as the key takes.")
     std: float | tuple[float, ...] | None = Field(default=None, description="Standard deviation, same unit.")
     source: str | None = Field(default=None, description="A key of [sources], or a kind of source such as 'estimate'.")
-    date: Date | None = None
+    date: Date | None = Field(default=None, description="When this number was found.")
 
     def __float__(self) -> float:
         if isinstance(self.value, tuple):

@@ -28,46 +28,46 @@ class RevoluteDH(Record):
     """Denavit-Hartenberg row of a revolute joint: θ = q + offset."""
 
     source: str | None = None
-    alpha_rad: Number
+    alpha_rad: Number = Field(description="Twist about x.")
     r_m: Number = Field(description="Offset along z, which others call d.")
-    a_m: Number
-    offset_rad: Number
+    a_m: Number = Field(description="Length along x.")
+    offset_rad: Number = Field(description="θ at q = 0.")
 
 
 class PrismaticDH(Record):
     """Denavit-Hartenberg row of a prismatic joint: r = q + offset."""
 
     source: str | None = None
-    alpha_rad: Number
-    theta_rad: Number
-    a_m: Number
-    offset_m: Number
+    alpha_rad: Number = Field(description="Twist about x.")
+    theta_rad: Number = Field(description="Angle about z.")
+    a_m: Number = Field(description="Length along x.")
+    offset_m: Number = Field(description="r at q = 0.")
 
 
 class FixedDH(Record):
     """Denavit-Hartenberg row of a joint that does not move."""
 
     source: str | None = None
-    alpha_rad: Number
-    r_m: Number
-    a_m: Number
-    theta_rad: Number
+    alpha_rad: Number = Field(description="Twist about x.")
+    r_m: Number = Field(description="Offset along z.")
+    a_m: Number = Field(description="Length along x.")
+    theta_rad: Number = Field(description="Angle about z.")
 
 
 class JointFrame(Record):
     """Joint frame in the parent link's frame, as URDF has it: fixed-axis angles roll, pitch, yaw."""
 
     source: str | None = None
-    xyz_m: Vector3
-    rpy_rad: Vector3
+    xyz_m: Vector3 = Field(description="Origin.")
+    rpy_rad: Vector3 = Field(description="Angles about fixed x, then y, then z.")
 
 
 class _Joint(Record):
     source: str | None = None
-    name: Name
+    name: Name = Field(description="What q, schedules and results call it.")
     parent: Name = Field(description="The link that carries the joint.")
     child: Name = Field(description="The link that the joint moves.")
-    frame: JointFrame | None = None
+    frame: JointFrame | None = Field(default=None, description="Where the joint stands: this, dh or modified_dh.")
 
     @model_validator(mode="after")
     def _one_placement(self) -> Any:
@@ -101,27 +101,31 @@ SlideFriction = Annotated[
 class RevoluteJoint(_Joint):
     """A joint that turns about the z axis of its frame (DH), or about `axis` in its frame."""
 
-    type: Literal["revolute"]
-    dh: RevoluteDH | None = None
-    modified_dh: RevoluteDH | None = None
-    axis: Direction | None = None
-    command: Command | None = None
-    motor: Motor | None = None
-    friction: RotaryFriction | None = None
-    limits: RotaryLimits = RotaryLimits()
+    type: Literal["revolute"] = Field(description="Kind of joint.")
+    dh: RevoluteDH | None = Field(default=None, description="Classic Denavit-Hartenberg row.")
+    modified_dh: RevoluteDH | None = Field(default=None, description="Modified (Craig's) row.")
+    axis: Direction | None = Field(
+        default=None, description="Direction of the joint in its frame; goes with frame only."
+    )
+    command: Command | None = Field(default=None, description="What its drive is told; absent: the robot's.")
+    motor: Motor | None = Field(default=None, description="Motor and gear.")
+    friction: RotaryFriction | None = Field(default=None, description="Absent: none.")
+    limits: RotaryLimits = Field(default=RotaryLimits(), description="Absent: none known.")
 
 
 class PrismaticJoint(_Joint):
     """A joint that slides along the z axis of its frame (DH), or along `axis` in its frame."""
 
-    type: Literal["prismatic"]
-    dh: PrismaticDH | None = None
-    modified_dh: PrismaticDH | None = None
-    axis: Direction | None = None
-    command: Command | None = None
-    motor: Motor | None = None
-    friction: SlideFriction | None = None
-    limits: LinearLimits = LinearLimits()
+    type: Literal["prismatic"] = Field(description="Kind of joint.")
+    dh: PrismaticDH | None = Field(default=None, description="Classic Denavit-Hartenberg row.")
+    modified_dh: PrismaticDH | None = Field(default=None, description="Modified (Craig's) row.")
+    axis: Direction | None = Field(
+        default=None, description="Direction of the joint in its frame; goes with frame only."
+    )
+    command: Command | None = Field(default=None, description="What its drive is told; absent: the robot's.")
+    motor: Motor | None = Field(default=None, description="Motor and gear.")
+    friction: SlideFriction | None = Field(default=None, description="Absent: none.")
+    limits: LinearLimits = Field(default=LinearLimits(), description="Absent: none known.")
 
     @model_validator(mode="after")
     def _friction_side(self) -> PrismaticJoint:
@@ -135,9 +139,9 @@ class PrismaticJoint(_Joint):
 class FixedJoint(_Joint):
     """A joint that does not move: its child is one body with its parent."""
 
-    type: Literal["fixed"]
-    dh: FixedDH | None = None
-    modified_dh: FixedDH | None = None
+    type: Literal["fixed"] = Field(description="Kind of joint.")
+    dh: FixedDH | None = Field(default=None, description="Classic Denavit-Hartenberg row.")
+    modified_dh: FixedDH | None = Field(default=None, description="Modified (Craig's) row.")
 
 
 Joint = Annotated[RevoluteJoint | PrismaticJoint | FixedJoint, Field(discriminator="type")]
@@ -148,12 +152,12 @@ class Inertia(Record):
     """Tensor of inertia about the link's centre of mass, in link axes."""
 
     source: str | None = None
-    xx: NotNegative
-    xy: Number
-    xz: Number
-    yy: NotNegative
-    yz: Number
-    zz: NotNegative
+    xx: NotNegative = Field(description="∫ (y² + z²) dm, and yy, zz likewise.")
+    xy: Number = Field(description="−∫ x y dm, and xz, yz likewise.")
+    xz: Number = Field(description="As xy.")
+    yy: NotNegative = Field(description="As xx.")
+    yz: Number = Field(description="As xy.")
+    zz: NotNegative = Field(description="As xx.")
 
     def matrix(self) -> np.ndarray:
         """(3, 3) [kg m²]."""
@@ -165,8 +169,8 @@ class Link(Record):
     """A body. Its frame is that of the joint that moves it: after the motion (frame, modified DH), or the DH frame."""
 
     source: str | None = None
-    name: Name
-    mass_kg: NotNegative
+    name: Name = Field(description="What joints and errors call it.")
+    mass_kg: NotNegative = Field(description="0 is allowed where it is written.")
     com_m: Vector3 = Field(description="Centre of mass in the link's frame.")
     inertia_kg_m2: Inertia = Field(description="About the centre of mass, in link axes.")
     accept_impossible: str | None = Field(
@@ -178,27 +182,30 @@ class NamedFrame(Record):
     """A frame of interest, such as the tool: fixed in a link."""
 
     source: str | None = None
-    name: Name
-    link: Name
-    xyz_m: Vector3
-    rpy_rad: Vector3
+    name: Name = Field(description="What tip and errors call it.")
+    link: Name = Field(description="The link (or the base) that carries it.")
+    xyz_m: Vector3 = Field(description="Origin in the link's frame.")
+    rpy_rad: Vector3 = Field(description="Angles about the link's fixed x, then y, then z.")
 
 
 class RobotDescription(Record):
     """A robot arm on paper: joints and links in a tree, drives, limits, frames; each number with its source."""
 
-    name: Name
+    name: Name = Field(description="What the arm is called.")
     title: str | None = Field(default=None, description="One line for the catalogue.")
-    notes: str | None = None
+    notes: str | None = Field(default=None, description="What a user should know, in a few sentences.")
     source: str | None = Field(default=None, description="Source of every number below that names none of its own.")
-    sources: dict[str, Source] = Field(default_factory=dict)
+    sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: where numbers come from.")
     gravity_m_s2: Vector3 | None = Field(default=None, description="In base axes; absent: standard gravity along -z.")
-    base: Name = "base"
+    base: Name = Field(default="base", description="What the joints' parents call the base.")
     command: Command | None = Field(default=None, description="What drives the joints that do not say it themselves.")
-    tip: Name | None = None
-    joints: tuple[Joint, ...]
-    links: tuple[Link, ...]
-    frames: tuple[NamedFrame, ...] = ()
+    tip: Name | None = Field(
+        default=None,
+        description="The frame or link that kinematics and wrench are about; absent: the last link of a chain.",
+    )
+    joints: tuple[Joint, ...] = Field(description="One table a joint, in the order of q.")
+    links: tuple[Link, ...] = Field(description="One table a link.")
+    frames: tuple[NamedFrame, ...] = Field(default=(), description="One table a named frame.")
 
     @model_validator(mode="after")
     def _consistent(self) -> RobotDescription:

@@ -1,0 +1,61 @@
+"""What the site says from the source itself, so that it cannot drift: `<!-- generated: NAME -->` in a page becomes a table
+made from the kernels' signatures, the record types, the robots' files or the command line. Docstrings become reST here.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+
+import armwright_record
+import armwright_tables
+
+GENERATORS = {**armwright_tables.GENERATORS, **armwright_record.GENERATORS}
+MARK = re.compile(r"<!-- generated: ([\w-]+)(?: ([\w-]+))? -->")
+KEY = re.compile(r"\[([A-Z][A-Za-z]+(?:\d{4})?)\]")  # a citation: [WalkerOrin1982]
+SECTION = re.compile(r"^(Args|Attributes|Returns|Raises):$")
+SEVERAL = re.compile(r" {3}(?=\w+: )")  # between two arguments on one line
+
+
+def fill(app, name: str, content: list[str]) -> None:
+    """Puts what is generated in the place of its marks."""
+    content[0] = MARK.sub(lambda mark: GENERATORS[mark[1]](*filter(None, [mark[2]])), content[0])
+
+
+def docstring(app, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
+    """A docstring of the house as reST: code in backticks, equations as they are, one argument a line, keys as links."""
+    lines[:] = list(_rewritten(lines))
+
+
+def _rewritten(lines: Sequence[str]) -> Iterable[str]:
+    section = ""
+    for line in lines:
+        found = SECTION.match(line)
+        if found:
+            section = found[1]
+            yield from ("", line)
+        elif section in ("Args", "Attributes") and line.startswith("    "):
+            for part in SEVERAL.split(line.strip()) if not line.startswith("     ") else [line.strip()]:
+                indent = "    " if not line.startswith("     ") else "        "
+                yield indent + _escaped(part)
+        else:
+            yield _escaped(line)
+
+
+def _escaped(line: str) -> str:
+    """Only backticks mean something in our docstrings; what reST would read into the rest is taken literally."""
+    parts = line.split("`")
+    for k, part in enumerate(parts):
+        if k % 2:
+            parts[k] = f"``{part}``"
+        else:
+            part = re.sub(r"([*|\\])", r"\\\1", part)
+            part = re.sub(r"(?<=\w)_(?=\W|$)", r"\\_", part)
+            parts[k] = KEY.sub(lambda key: rf":ref:`[{key[1]}] <{key[1].lower()}>`", part)
+    return "".join(parts)
+
+
+def setup(app) -> dict[str, bool]:
+    app.connect("source-read", fill)
+    app.connect("autodoc-process-docstring", docstring, priority=100)  # before napoleon, which has 500
+    return {"parallel_read_safe": True}

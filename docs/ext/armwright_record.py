@@ -1,0 +1,131 @@
+"""The reference of the robot file: every table and key with unit and meaning, made from the record types."""
+
+from __future__ import annotations
+
+import inspect
+import typing
+from typing import Any
+
+from armwright_tables import table
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from armwright.description import drive, robot
+from armwright.description.quantity import Quantity, Source
+
+TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
+    ("The file itself", "", (robot.RobotDescription,)),
+    ("[sources.KEY]", "", (Source,)),
+    ("[[joints]]", "Every joint has exactly one of `dh`, `modified_dh` and `frame`.", (robot.RevoluteJoint, robot.PrismaticJoint, robot.FixedJoint)),  # fmt: skip  # noqa: E501
+    ("dh, modified_dh", "The keys that vary with the joint's type.", (robot.RevoluteDH, robot.PrismaticDH, robot.FixedDH)),  # fmt: skip  # noqa: E501
+    ("frame", "", (robot.JointFrame,)),
+    ("[joints.motor]", "", (drive.Motor,)),
+    ("[joints.friction]", "", (drive.RotaryFriction, drive.LinearFriction)),
+    ("[joints.limits]", "", (drive.RotaryLimits, drive.LinearLimits)),
+    ("[[links]]", "", (robot.Link,)),
+    ("inertia_kg_m2", "", (robot.Inertia,)),
+    ("[[frames]]", "", (robot.NamedFrame,)),
+    ("A number with its source", "", (Quantity,)),
+)
+UNITS = {  # endings of keys, the longest first
+    "_n_m_s_per_rad": "N m s/rad",
+    "_v_s_per_rad": "V s/rad",
+    "_n_m_per_a": "N m/A",
+    "_rad_per_s": "rad/s",
+    "_s_per_rad": "s/rad",
+    "_n_s_per_m": "N s/m",
+    "_s_per_m": "s/m",
+    "_m_per_s": "m/s",
+    "_kg_m2": "kg m²",
+    "_m_s2": "m/s²",
+    "_n_m": "N m",
+    "_ohm": "Ω",
+    "_rad": "rad",
+    "_kg": "kg",
+    "_m": "m",
+    "_n": "N",
+    "_v": "V",
+    "_a": "A",
+    "_h": "H",
+}
+INERTIA = ("xx", "xy", "xz", "yy", "yz", "zz")
+SOURCE = "Source of the numbers in this table that name none of their own."
+
+
+def unit(key: str) -> str:
+    """What a key's ending says: kg for `mass_kg`."""
+    if key in INERTIA:
+        return "kg m²"
+    return next((text for ending, text in UNITS.items() if key.endswith(ending)), "")
+
+
+def meaning(name: str, field: FieldInfo) -> str:
+    return field.description or (SOURCE if name == "source" else "")
+
+
+def expected(annotation: Any, metadata: list[Any]) -> str:
+    """What a key takes, in words."""
+    words = [note.func.expected for note in metadata if hasattr(getattr(note, "func", None), "expected")]
+    if words:
+        return words[0]
+    choices = _choices(annotation)
+    if choices:
+        return " &#124; ".join(f'`"{choice}"`' for choice in choices)
+    told = _told(annotation)
+    if told:
+        return told
+    records = _records(annotation)
+    if any(record is Quantity for record in records):
+        return "a number"
+    if records:
+        return "a table" if typing.get_origin(annotation) is not tuple else "tables"
+    return "text"
+
+
+def _parts(annotation: Any) -> list[Any]:
+    return [annotation, *(inner for part in typing.get_args(annotation) for inner in _parts(part))]
+
+
+def _choices(annotation: Any) -> list[Any]:
+    found = [part for part in _parts(annotation) if typing.get_origin(part) is typing.Literal]
+    return [choice for part in found for choice in typing.get_args(part)]
+
+
+def _told(annotation: Any) -> str:
+    notes = [note for part in _parts(annotation) for note in getattr(part, "__metadata__", ())]
+    words = [note.func.expected for note in notes if hasattr(getattr(note, "func", None), "expected")]
+    return words[0] if words else ""
+
+
+def _records(annotation: Any) -> list[type]:
+    return [part for part in _parts(annotation) if isinstance(part, type) and issubclass(part, BaseModel)]
+
+
+def robot_file() -> str:
+    parts = []
+    for title, about, records in TABLES:
+        parts += [f"## {title}" if not title.startswith(("[", "dh", "frame", "inertia")) else f"## `{title}`", about]
+        for record in records:
+            parts += [_record(record)]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _record(record: type[BaseModel]) -> str:
+    rows = []
+    for name, field in record.model_fields.items():
+        needed = "needed" if field.is_required() else ""
+        default = field.get_default(call_default_factory=False)
+        if not field.is_required() and isinstance(default, str):
+            needed = f'default `"{default}"`'
+        takes = expected(field.annotation, field.metadata)
+        rows.append([f"`{name}`", takes, unit(name), needed, meaning(name, field)])
+    return "\n\n".join([_prose(record), table(("key", "takes", "unit", "", "meaning"), rows)])
+
+
+def _prose(record: type[BaseModel]) -> str:
+    """The docstring: its first paragraph as text, equations below it line by line."""
+    head, _, rest = inspect.cleandoc(record.__doc__ or "").partition("\n\n")
+    return head + (f"\n\n{rest}" if rest else "")
+
+
+GENERATORS = {"robot-file": robot_file}

@@ -1,0 +1,162 @@
+"""Tables made from the kernels' signatures, the units of results, the robots' files, the command line and a program."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import typer.main
+
+import armwright as aw
+from armwright.actuators.drive import UNITS as COMMAND_UNITS
+from armwright.cli.app import app
+from armwright.cli.tables import number
+from armwright.description.brushless import DC_EQUIVALENT
+from armwright.description.quantity import quantities
+from armwright.kernels.signatures import SIGNATURES, trace_kernel
+from armwright.kinematics.reach import reach
+from armwright.simulation.recording import LONG_NAMES, UNITS
+
+STAR = re.compile(r"\[[A-Z][A-Za-z]+\d{4}\]\s*$")
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """A Markdown table."""
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "\n".join(f"| {' | '.join(str(cell).replace('|', '\\|') for cell in line)} |" for line in lines)
+
+
+def shape(argument: Any) -> str:
+    return f"`{argument.name}` (…, {', '.join(str(size) for size in argument.shape)}) [{argument.unit}]"
+
+
+def kernels() -> str:
+    rows = []
+    for name, signature in SIGNATURES.items():
+        inputs = [shape(a) for a in signature.inputs] + [f"{shape(a)}, optional" for a in signature.optional]
+        rows.append([f"`{name}`", "<br>".join(inputs), shape(signature.output)])
+    return table(("kernel", "inputs", "output"), rows)
+
+
+def results() -> str:
+    rows = []
+    for name, text in LONG_NAMES.items():
+        units = list(COMMAND_UNITS.values()) + ["N"] if name == "u" else list(dict.fromkeys(UNITS[name]))
+        rows.append([f"`{name}`", text, " &#124; ".join(units)])
+    return table(("variable", "what it is", "unit"), rows)
+
+
+def brushless() -> str:
+    rows = []
+    for basis, f in DC_EQUIVALENT.items():
+        factors = (f.torque_constant, f.back_emf_constant, f.impedance, f.voltage, f.current)
+        rows.append([f"`{basis}`", *(f"{x:.6g}" for x in factors)])
+    return table(("`basis`", "Kt ×", "Ke ×", "R, L ×", "voltage ×", "current ×"), rows)
+
+
+def robots() -> str:
+    return "\n\n".join(_robot(name) for name in aw.builtin_names())
+
+
+def _robot(name: str) -> str:
+    arm = aw.load(name, on_impossible="warn")
+    record = arm.description
+    assert record is not None
+    drive = ", ".join(dict.fromkeys(body.drive.command for body in arm.bodies))
+    facts = [
+        ("joints", f"{arm.n}: {', '.join(arm.names)}"),
+        ("mass", f"{number(record.total_mass)} kg, all links"),
+        ("reach", f"{number(reach(arm))} m at most, base to {arm.tip}"),
+        ("driven by", drive),
+        ("gravity", f"({', '.join(f'{g:g}' for g in arm.gravity)}) m/s², base axes"),
+    ]
+    parts = [f"## {name}", f"{record.title}.", record.notes or "", table(("", ""), facts), _joints(arm)]
+    parts += ["Where the numbers come from:", _sources(record)]
+    parts += [f":::{{note}}\n{warning}\n:::" for warning in arm.warnings]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _joints(arm: Any) -> str:
+    """One row a moving joint; columns without any entry are left out."""
+    columns: dict[str, list[str]] = {"joint": [body.joint for body in arm.bodies], "mass [kg]": []}
+    for body in arm.bodies:
+        columns["mass [kg]"].append(number(body.mass))
+        drive, limits = body.drive, body.limits
+        motor = drive.torque_constant is not None or drive.armature
+        known = {
+            "gear": drive.gear_ratio if motor else None,
+            "rotor at the joint [kg m²]": drive.armature or None,
+            "Kt [N m/A]": drive.torque_constant,
+            "R [Ω]": drive.resistance,
+            "voltage ≤ [V]": limits.voltage,
+            "current ≤ [A]": limits.current,
+            "torque ≤ [N m]": limits.torque,
+            "speed ≤ [rad/s]": limits.velocity,
+        }
+        for head, value in known.items():
+            columns.setdefault(head, []).append("" if value in (None, float("inf")) else number(value))
+    used = {head: cells for head, cells in columns.items() if any(cells)}
+    return table(tuple(used), zip(*used.values(), strict=True))
+
+
+def _sources(record: Any) -> str:
+    counts: dict[str, int] = {}
+    for _, _, key in quantities(record):
+        counts[key or ""] = counts.get(key or "", 0) + 1
+    rows = []
+    for key, count in counts.items():
+        source = record.source_of(key)
+        text = ", ".join(str(part) for part in (source.text, source.date, source.licence) if part)
+        rows.append([f"`{key}`", source.kind, count, text])
+    return table(("source", "kind", "numbers", "what it is"), rows)
+
+
+def commands() -> str:
+    group: Any = typer.main.get_command(app)
+    parts = []
+    for name, command in group.commands.items():
+        parameters = [p for p in command.params if not getattr(p, "hidden", False)]
+        arguments = [p for p in parameters if p.param_type_name == "argument"]
+        options = [p for p in parameters if p.param_type_name == "option"]
+        usage = " ".join([f"armwright {name}", *(_argument(p) for p in arguments), *(["[options]"] if options else [])])
+        parts += [f"## {name}", f"```text\n{usage}\n```", _help(command.help or "")]
+        if arguments:
+            parts.append(table(("argument", ""), [[f"`{p.metavar}`", p.help] for p in arguments]))
+        if options:
+            parts.append(table(("option", "", "default"), [_option(p) for p in options]))
+    return "\n\n".join(parts)
+
+
+def _argument(parameter: Any) -> str:
+    return parameter.metavar if parameter.required else f"[{parameter.metavar}]"
+
+
+def _option(parameter: Any) -> list[str]:
+    names = ", ".join(f"`{name}`" for name in parameter.opts)
+    value = f" `{parameter.metavar}`" if parameter.metavar else ""
+    default = "" if parameter.default is None or parameter.is_flag else f"`{parameter.default}`"
+    return [names + value, parameter.help or "", default]
+
+
+def _help(text: str) -> str:
+    """The help text; what stands behind a \\b are examples."""
+    prose, _, examples = text.partition("\b")
+    lines = [line.strip() for line in examples.strip().splitlines()]
+    prose = re.sub(r"(\b[a-zτ]+_JOINT\b)", r"`\1`", prose.strip())
+    return prose + (f"\n\n```sh\n{chr(10).join(lines[1:])}\n```" if lines else "")
+
+
+def program() -> str:
+    arm = aw.load("two-link")
+    return f"```text\n{trace_kernel(arm, SIGNATURES['gravity_torques'])}\n```"
+
+
+GENERATORS = {
+    "kernels": kernels,
+    "results": results,
+    "brushless": brushless,
+    "robots": robots,
+    "commands": commands,
+    "program": program,
+}
