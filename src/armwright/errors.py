@@ -34,6 +34,10 @@ class DivergenceError(ArmwrightError):
     """A simulation left the finite numbers."""
 
 
+class RunError(ArmwrightError):
+    """A saved run cannot be read as one."""
+
+
 class OutputError(ArmwrightError):
     """A result cannot be written where it was asked to go."""
 

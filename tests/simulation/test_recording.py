@@ -12,7 +12,7 @@ import pandas
 import pytest
 import xarray as xr
 
-from armwright.errors import OutputError
+from armwright.errors import OutputError, RunError
 from armwright.simulation.recording import ENDINGS, joint_units, load_run, make_dataset, run_units, save
 from simulation.runs import invented, mixed_arm
 
@@ -236,10 +236,10 @@ def test_permissions_are_those_of_any_new_file(arm, folder):
 
 
 def test_load_run_refuses(folder):
-    with pytest.raises(OutputError, match="no such file"):
+    with pytest.raises(RunError, match="no such file"):
         load_run(folder / "run.nc")
-    with pytest.raises(OutputError, match="a folder"):
+    with pytest.raises(RunError, match="a folder"):
         load_run(folder)
     (folder / "run.nc").write_text("hello")
-    with pytest.raises(OutputError, match="cannot be read as a run"):
+    with pytest.raises(RunError, match="cannot be read as a run"):
         load_run(folder / "run.nc")

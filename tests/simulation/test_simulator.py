@@ -229,7 +229,7 @@ def test_step_too_large_is_refused_before_it_runs():
     arm = motor_alone(motor={"resistance_ohm": 0.01})
     drive = arm.bodies[0].drive
     constant = (0.02 + 25e-4) / (25 * drive.torque_constant**2 / drive.resistance + 0.03)
-    with pytest.raises(ScenarioError, match="a step of 0.00[0-9]+ s would do") as caught:
+    with pytest.raises(ScenarioError, match=r"a step of 0\.00[0-9]+ s would do") as caught:
         aw.simulate(aw.Scenario(arm, duration=0.1, step=0.01, command=[1.0]))
     assert f"{constant:.3g} s" in str(caught.value)
     would_do = float(str(caught.value).split("a step of ")[1].split()[0])
@@ -308,7 +308,7 @@ def test_progress_counts_all_steps(cmu):
         seen = []
         scenario = aw.Scenario(arm, duration=0.1, command=np.zeros((600, 6)), record_every=0)
         aw.simulate(
-            scenario, simulator=simulator, threads=threads, progress=lambda done, total: seen.append((done, total))
+            scenario, simulator=simulator, threads=threads, progress=lambda *steps, seen=seen: seen.append(steps)
         )
         assert seen[-1][0] == seen[-1][1] > 0
 

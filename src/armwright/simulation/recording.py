@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armwright.errors import OutputError
+from armwright.errors import OutputError, RunError
 from armwright.model import Model
 from armwright.simulation.output import check_destination, whole_file
 from armwright.simulation.tables import joint_columns, write_table
@@ -215,15 +215,15 @@ def load_run(path: str | os.PathLike[str]) -> xr.Dataset:
     """A run that `save` wrote as NetCDF, all of it in memory.
 
     Raises:
-        OutputError: no such file, or one that is no NetCDF file.
+        RunError: no such file, or one that is no NetCDF file.
     """
     import xarray as xr
 
     path = Path(path)
     if not path.is_file():
-        raise OutputError(f"{path}: {'a folder' if path.is_dir() else 'no such file'}; expected a run saved as .nc")
+        raise RunError(f"{path}: {'a folder' if path.is_dir() else 'no such file'}; expected a run saved as .nc")
     try:
         return xr.load_dataset(path, engine="h5netcdf")
     except (OSError, ValueError, KeyError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise OutputError(f"{path}: cannot be read as a run; expected NetCDF 4: {reason}") from None
+        raise RunError(f"{path}: cannot be read as a run; expected NetCDF 4: {reason}") from None
