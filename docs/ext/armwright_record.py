@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import typing
 from typing import Any
 
@@ -49,6 +50,7 @@ UNITS = {  # endings of keys, the longest first
     "_h": "H",
 }
 INERTIA = ("xx", "xy", "xz", "yy", "yz", "zz")
+KEY = re.compile(r"\[([A-Z][A-Za-z]+\d{4})\]")
 SOURCE = "Source of the numbers in this table that name none of their own."
 
 
@@ -70,10 +72,12 @@ def expected(annotation: Any, metadata: list[Any]) -> str:
         return words[0]
     choices = _choices(annotation)
     if choices:
-        return " &#124; ".join(f'`"{choice}"`' for choice in choices)
+        return " | ".join(f'`"{choice}"`' for choice in choices)
     told = _told(annotation)
     if told:
         return told
+    if float in _parts(annotation):
+        return "a number, or numbers"
     records = _records(annotation)
     if any(record is Quantity for record in records):
         return "a number"
@@ -125,7 +129,8 @@ def _record(record: type[BaseModel]) -> str:
 def _prose(record: type[BaseModel]) -> str:
     """The docstring: its first paragraph as text, equations below it line by line."""
     head, _, rest = inspect.cleandoc(record.__doc__ or "").partition("\n\n")
-    return head + (f"\n\n{rest}" if rest else "")
+    text = head + (f"\n\n```text\n{rest}\n```" if rest else "")
+    return KEY.sub(lambda key: rf"[\[{key[1]}\]](#{key[1].lower()})", text) if not rest else text
 
 
 GENERATORS = {"robot-file": robot_file}

@@ -18,13 +18,16 @@ from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.kinematics.reach import reach
 from armwright.simulation.recording import LONG_NAMES, UNITS
 
-STAR = re.compile(r"\[[A-Z][A-Za-z]+\d{4}\]\s*$")
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     """A Markdown table."""
     lines = [heads, ["---"] * len(heads), *rows]
-    return "\n".join(f"| {' | '.join(str(cell).replace('|', '\\|') for cell in line)} |" for line in lines)
+    return "\n".join(f"| {' | '.join(_cell(cell) for cell in line)} |" for line in lines)
+
+
+def _cell(value: Any) -> str:
+    return str(value).replace("|", "\\|")
 
 
 def shape(argument: Any) -> str:
@@ -43,7 +46,7 @@ def results() -> str:
     rows = []
     for name, text in LONG_NAMES.items():
         units = list(COMMAND_UNITS.values()) + ["N"] if name == "u" else list(dict.fromkeys(UNITS[name]))
-        rows.append([f"`{name}`", text, " &#124; ".join(units)])
+        rows.append([f"`{name}`", text, " | ".join(units)])
     return table(("variable", "what it is", "unit"), rows)
 
 

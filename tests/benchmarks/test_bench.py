@@ -38,8 +38,8 @@ def test_a_wrong_result_prints_no_time(monkeypatch):
     from run import cells  # type: ignore[import-not-found]
     from timing import Check, Contestant, Pair, race  # type: ignore[import-not-found]
 
-    right = Contestant("right", lambda: None, 1, lambda _: Check(0.0, 1e-9, "truth"))
-    wrong = Contestant("wrong", lambda: None, 1, lambda _: Check(float("nan"), 1e-9, "truth"))
+    right = Contestant("right", lambda: None, 1, lambda _: Check(0.0, 1e-9))
+    wrong = Contestant("wrong", lambda: None, 1, lambda _: Check(float("nan"), 1e-9))
     (row,) = race([Pair("nothing", wrong, right, 1.0)], repetitions=1, least=1e-6)
     assert not row.checked
     assert not row.ours.samples

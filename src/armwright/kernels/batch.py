@@ -49,7 +49,7 @@ class Kernel:
         lead = arrays[0].shape[: -len(self._expected[0][1])]
         addresses = [_address(array) for array in arrays]
         if out is None:
-            results = [np.empty(lead + shape) for shape in self._shapes]
+            results = [_empty(lead + shape) for shape in self._shapes]
         elif self._plain_output(out, lead) and not _overlap(out, arrays, addresses):
             results = [out]
         else:
@@ -97,7 +97,7 @@ class Kernel:
         """Arrays that the kernel writes, and those that the caller gets: the same where `out` is contiguous and no input."""
         shapes = [lead + port.shape for port in self.program.outputs]
         if out is None:
-            results = [np.empty(shape) for shape in shapes]
+            results = [_empty(shape) for shape in shapes]
             return results, results
         wanted = list(out) if isinstance(out, tuple) else [out]
         for array, port, shape in zip(wanted, self.program.outputs, shapes, strict=True):
@@ -156,7 +156,19 @@ class Kernel:
         list(_pool(parts).map(run, bounds[:-1], bounds[1:]))
 
 
+LINE = 8  # doubles in a cache line
+LARGE = 4096  # doubles in an array that is worth aligning
 TILES_A_THREAD = 128  # fewer tiles than this are done sooner than a thread is woken
+
+
+def _empty(shape: tuple[int, ...]) -> np.ndarray:
+    """A new array; a large one begins at a cache line, which makes storing into it up to a quarter faster."""
+    size = math.prod(shape)
+    if size < LARGE:
+        return np.empty(shape)
+    room = np.empty(size + LINE)
+    start = -(_address(room) // 8) % LINE
+    return room[start : start + size].reshape(shape)
 
 
 def _overlap(out: np.ndarray, arrays: tuple[np.ndarray, ...], addresses: list[int]) -> bool:

@@ -1,0 +1,74 @@
+"""What README and tutorial show is what happens."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from docs.pages import ROOT, blocks, page, python, sessions, shell, without_times, write_files
+
+NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")
+README_COMMANDS = [
+    line.partition("#")[0].strip()
+    for kind, text in blocks("README.md")
+    if kind == "sh"
+    for line in text.splitlines()
+    if line.startswith("armwright")
+]
+SHOWN = [(command, lines) for kind, text in blocks("docs/tutorial.md") if kind == "console" for command, lines in sessions(text)]  # fmt: skip  # noqa: E501
+
+
+def test_the_readme_s_python_prints_what_it_shows(tmp_path: Path) -> None:
+    code, printed = (next(text for kind, text in blocks("README.md") if kind == wanted) for wanted in ("python", "text"))
+    assert 5 <= len([line for line in code.splitlines() if line]) <= 12
+    result = python(code, tmp_path)
+    assert NUMBER.sub("#", result).split() == NUMBER.sub("#", printed).split()
+    ours, shown = ([float(number) for number in NUMBER.findall(text)] for text in (result, printed))
+    np.testing.assert_allclose(ours, shown, atol=1e-3)
+
+
+@pytest.mark.parametrize("command", README_COMMANDS)
+def test_the_readme_s_commands_run(command: str, tmp_path: Path) -> None:
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    done = shell(command, tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_picture_s_command_is_the_demo_s() -> None:
+    """The README's picture is what `make demo` draws."""
+    demo = re.search(r"^DEMO\s*:= (.*?)(?<!\\)$", page("Makefile"), re.DOTALL | re.MULTILINE)
+    assert demo is not None
+    words = shlex.split(demo[1].replace("\\\n", " "))
+    shown = shlex.split(README_COMMANDS[-1])[1:]
+    files = {"-o", "--plot"}
+
+    def driven(command: list[str]) -> list[str]:
+        return [w for k, w in enumerate(command) if w not in files and (k == 0 or command[k - 1] not in files)]
+
+    assert driven(words) == driven(shown)
+
+
+def test_the_tutorial_runs_as_it_says(tmp_path: Path) -> None:
+    """Commands and Python of the tutorial, in its order, in one folder."""
+    write_files("docs/tutorial.md", tmp_path)
+    told = blocks("docs/tutorial.md")
+    for k, (kind, text) in enumerate(told):
+        if kind == "python":
+            result = python(text, tmp_path)
+            if k + 1 < len(told) and told[k + 1][0] == "text":
+                assert without_times(result.splitlines()) == without_times(told[k + 1][1].splitlines())
+        for command, lines in sessions(text) if kind == "console" else ():
+            done = shell(command, tmp_path)
+            wrong = any("armwright: error:" in line for line in lines)
+            assert done.returncode == (2 if wrong else 0), f"{command}: {done.stderr}"
+            happened = without_times((done.stdout + done.stderr).splitlines())
+            for line in without_times(lines):
+                assert line in happened, f"{command}: {line!r} is shown, but what it prints is {happened}"
+
+
+def test_the_pages_show_commands() -> None:
+    assert len(README_COMMANDS) >= 4
+    assert len(SHOWN) >= 6

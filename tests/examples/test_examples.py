@@ -1,0 +1,42 @@
+"""Every example runs, says what it found, and writes its pictures only where it was told."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("[0-9]*.py"))
+SAYS = {  # lines that must come out, and files that must be there
+    "01": (["joint2  q =  1.8338 rad"], ["first_motion.nc", "first_motion.png"]),
+    "02": (["forward(inverse) off by at most"], []),
+    "03": (["bit for bit: True"], []),
+    "04": (["<arm scara: 4 joints", "rod.mass_kg: estimate"], ["own_robot.png"]),
+    "05": (["1000 lanes of 1500 steps"], ["lanes.png"]),
+}
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_example(example: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    done = subprocess.run(
+        [sys.executable, str(example), str(folder)],
+        cwd=tmp_path, capture_output=True, text=True, encoding="utf-8", timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "Warning" not in done.stderr
+    assert not [path for path in tmp_path.iterdir() if path != folder]
+    lines, files = SAYS.get(example.stem[:2], ([], []))
+    for line in lines:
+        assert line in done.stdout
+    for name in files:
+        assert (folder / name).stat().st_size > 1000
+    assert 2 <= len(done.stdout.splitlines()) <= 12
+
+
+def test_examples_are_numbered_and_short() -> None:
+    assert [path.stem[:2] for path in EXAMPLES] == [f"{k + 1:02}" for k in range(len(EXAMPLES))]
+    for path in EXAMPLES:
+        assert len(path.read_text(encoding="utf-8").splitlines()) <= 40, f"{path.name} is long"
