@@ -10,6 +10,7 @@ import datetime
 import importlib.util
 import platform
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
@@ -38,6 +39,8 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     repetitions = 3 if options.quick else 11
     races, notes = chapters(options.quick)
+    if options.quick:  # too small and too short to expect anything of
+        races = [[replace(pair, expected=None) for pair in pairs] for pairs in races]
     rows: list[Row] = []
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:

@@ -1,6 +1,6 @@
 """Voltages in, motion out: six motor voltages move the direct-drive arm for a second and a half.
 
-    python examples/01_first_motion.py [FOLDER]
+Run it:  python examples/01_first_motion.py [FOLDER]
 """
 
 import sys

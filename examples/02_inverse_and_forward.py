@@ -1,35 +1,36 @@
-"""The report's use of the Inverse Arm: the voltages along a planned motion, and whether they really give that motion.
+"""The two arms of the report: torques and voltages from a motion, and the motion back from the voltages.
 
-    python examples/02_inverse_and_forward.py [FOLDER]
+Run it:  python examples/02_inverse_and_forward.py
 """
-
-import sys
-from pathlib import Path
 
 import numpy as np
 
 import armwright as aw
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "build/examples")
-folder.mkdir(parents=True, exist_ok=True)
-
-arm = aw.load("cmu-dd")
+arm = aw.load("puma560")
 dyn = aw.compile(arm)
 
-# A smooth way from q0 to q1 in one second: a quintic, at rest at both ends.
-q0, q1, step = np.zeros(6), np.array([0.6, 0.4, -0.5, 0.8, 0.3, -0.4]), 1e-3
-t = np.arange(0.0, 1.0 + step / 2, step)
-s, sd, sdd = 10 * t**3 - 15 * t**4 + 6 * t**5, 30 * t**2 - 60 * t**3 + 30 * t**4, 60 * t - 180 * t**2 + 120 * t**3
-q, qd, qdd = q0 + np.outer(s, q1 - q0), np.outer(sd, q1 - q0), np.outer(sdd, q1 - q0)
+q = np.radians([0.0, 45.0, 180.0, 0.0, 45.0, 0.0])
+qd = np.array([0.5, -0.3, 0.4, 0.0, 0.2, 0.0])  # [rad/s]
+qdd = np.array([1.0, 2.0, -1.0, 0.5, 0.0, 0.0])  # [rad/s²]
 
-tau = dyn.inverse_dynamics(q, qd, qdd)  # (1001, 6): all instants in one call
+# Inverse Arm, and what its torques are made of.
+tau = dyn.inverse_dynamics(q, qd, qdd)
+parts = {
+    "gravity": dyn.gravity_torques(q),
+    "speed and friction": dyn.bias_torques(q, qd) - dyn.gravity_torques(q),
+    "acceleration": dyn.mass_matrix(q) @ qdd,  # rotors included
+}
+for name, part in parts.items():
+    print(f"{name:<20}", np.array2string(part, precision=3, suppress_small=True), "N m")
+print(f"{'torque':<20}", np.array2string(tau, precision=3, suppress_small=True), "N m")
+
+# Equation (11), and the Forward Arm, which takes voltages and gives the accelerations that we began with.
 voltage = dyn.motor_voltage(qd, tau)
-back = dyn.forward_arm(q, qd, voltage)
-print(f"largest voltage                    {np.abs(voltage).max():.2f} V")
-print(f"forward(inverse) off by at most    {np.abs(back - qdd).max():.1e} rad/s²")
+print(f"{'voltage':<20}", np.array2string(voltage, precision=3, suppress_small=True), "V")
+print(f"forward(inverse) off by at most {np.abs(dyn.forward_arm(q, qd, voltage) - qdd).max():.0e} rad/s²")
 
-# Played to the motors row by row: a held voltage is half a step late, and nothing corrects it.
-run = aw.simulate(aw.Scenario(arm, schedule=aw.Schedule(t, voltage, arm.names), duration=1.0, q0=q0))
-error = run.q.values - q
-print(f"open loop, off after one second    {np.degrees(np.abs(error[-1]).max()):.2f}°")
-aw.plot(run, folder / "inverse_and_forward.png")
+# What a gripper feels is a wrench at the tip: 20 N that pull down change the torques by -Jᵀ wrench.
+wrench = np.array([0.0, 0.0, -20.0, 0.0, 0.0, 0.0])
+change = dyn.inverse_dynamics(q, qd, qdd, wrench=wrench) - tau
+print("with 20 N pulling down", np.array2string(change, precision=3, suppress_small=True), "N m more")

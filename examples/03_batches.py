@@ -1,6 +1,6 @@
 """Hundred thousand states in one call: batches, broadcasting, out= and threads.
 
-    python examples/03_batches.py
+Run it:  python examples/03_batches.py
 """
 
 import time

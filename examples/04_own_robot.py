@@ -1,6 +1,6 @@
 """Your own robot: a SCARA from its TOML file, with a sliding joint, lossy gears and motors. See scara.toml beside this.
 
-    python examples/04_own_robot.py [FOLDER]
+Run it:  python examples/04_own_robot.py [FOLDER]
 """
 
 import sys

@@ -1,6 +1,6 @@
 """A thousand simulations at once: how far do motor voltages that are 5 % off, and a late switch, carry the arm astray?
 
-    python examples/05_lanes.py [FOLDER]
+Run it:  python examples/05_lanes.py [FOLDER]
 """
 
 import sys

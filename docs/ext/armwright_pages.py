@@ -22,6 +22,11 @@ def fill(app, name: str, content: list[str]) -> None:
     content[0] = MARK.sub(lambda mark: GENERATORS[mark[1]](*filter(None, [mark[2]])), content[0])
 
 
+def outdated(app, env, added: set[str], changed: set[str], removed: set[str]) -> list[str]:
+    """Every page, always: what is generated in it may have changed where the page has not."""
+    return sorted(env.found_docs)
+
+
 def docstring(app, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
     """A docstring of the house as reST: code in backticks, equations as they are, one argument a line, keys as links."""
     lines[:] = list(_rewritten(lines))
@@ -33,11 +38,15 @@ def _rewritten(lines: Sequence[str]) -> Iterable[str]:
         found = SECTION.match(line)
         if found:
             section = found[1]
-            yield from ("", line)
+            yield from ("",) if section == "Returns" else ("", line)
         elif section in ("Args", "Attributes") and line.startswith("    "):
-            for part in SEVERAL.split(line.strip()) if not line.startswith("     ") else [line.strip()]:
-                indent = "    " if not line.startswith("     ") else "        "
-                yield indent + _escaped(part)
+            more = line.startswith("     ")  # goes on with the argument above
+            for part in [line.strip()] if more else SEVERAL.split(line.strip()):
+                yield ("        " if more else "    ") + _escaped(part)
+        elif section == "Returns" and line.startswith("    "):
+            name, _, what = line.strip().partition(": ")
+            more = line.startswith("     ")
+            yield f"    {_escaped(line.strip())}" if more else f":returns: **{name}** – {_escaped(what)}"
         else:
             yield _escaped(line)
 
@@ -56,6 +65,8 @@ def _escaped(line: str) -> str:
 
 
 def setup(app) -> dict[str, bool]:
+    """What Sphinx calls."""
+    app.connect("env-get-outdated", outdated)
     app.connect("source-read", fill)
     app.connect("autodoc-process-docstring", docstring, priority=100)  # before napoleon, which has 500
     return {"parallel_read_safe": True}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import textwrap
 import typing
 from typing import Any
 
@@ -17,8 +18,16 @@ from armwright.description.quantity import Quantity, Source
 TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("The file itself", "", (robot.RobotDescription,)),
     ("[sources.KEY]", "", (Source,)),
-    ("[[joints]]", "Every joint has exactly one of `dh`, `modified_dh` and `frame`.", (robot.RevoluteJoint, robot.PrismaticJoint, robot.FixedJoint)),  # fmt: skip  # noqa: E501
-    ("dh, modified_dh", "The keys that vary with the joint's type.", (robot.RevoluteDH, robot.PrismaticDH, robot.FixedDH)),  # fmt: skip  # noqa: E501
+    (
+        "[[joints]]",
+        "Every joint has exactly one of `dh`, `modified_dh` and `frame`.",
+        (robot.RevoluteJoint, robot.PrismaticJoint, robot.FixedJoint),
+    ),
+    (
+        "dh, modified_dh",
+        "The keys that vary with the joint's type.",
+        (robot.RevoluteDH, robot.PrismaticDH, robot.FixedDH),
+    ),
     ("frame", "", (robot.JointFrame,)),
     ("[joints.motor]", "", (drive.Motor,)),
     ("[joints.friction]", "", (drive.RotaryFriction, drive.LinearFriction)),
@@ -62,6 +71,7 @@ def unit(key: str) -> str:
 
 
 def meaning(name: str, field: FieldInfo) -> str:
+    """What a key means."""
     return field.description or (SOURCE if name == "source" else "")
 
 
@@ -106,6 +116,7 @@ def _records(annotation: Any) -> list[type]:
 
 
 def robot_file() -> str:
+    """A section for every table of a robot file."""
     parts = []
     for title, about, records in TABLES:
         parts += [f"## {title}" if not title.startswith(("[", "dh", "frame", "inertia")) else f"## `{title}`", about]
@@ -116,21 +127,24 @@ def robot_file() -> str:
 
 def _record(record: type[BaseModel]) -> str:
     rows = []
-    for name, field in record.model_fields.items():
+    last = {name: name == "source" for name in record.model_fields}
+    for name, field in sorted(record.model_fields.items(), key=lambda item: last[item[0]]):
         needed = "needed" if field.is_required() else ""
         default = field.get_default(call_default_factory=False)
         if not field.is_required() and isinstance(default, str):
             needed = f'default `"{default}"`'
         takes = expected(field.annotation, field.metadata)
-        rows.append([f"`{name}`", takes, unit(name), needed, meaning(name, field)])
+        rows.append([f"`{name}`", takes, unit(name).replace(" ", "\u00a0"), needed, meaning(name, field)])
     return "\n\n".join([_prose(record), table(("key", "takes", "unit", "", "meaning"), rows)])
 
 
 def _prose(record: type[BaseModel]) -> str:
     """The docstring: its first paragraph as text, equations below it line by line."""
     head, _, rest = inspect.cleandoc(record.__doc__ or "").partition("\n\n")
-    text = head + (f"\n\n```text\n{rest}\n```" if rest else "")
-    return KEY.sub(lambda key: rf"[\[{key[1]}\]](#{key[1].lower()})", text) if not rest else text
+    if not rest:
+        return KEY.sub(lambda key: rf"[\[{key[1]}\]](#{key[1].lower()})", head)
+    lines = [textwrap.fill(line.replace("`", ""), 84, subsequent_indent="    ") for line in rest.splitlines()]
+    return "\n".join([head, "", "```text", *lines, "```"])
 
 
 GENERATORS = {"robot-file": robot_file}

@@ -19,7 +19,6 @@ from armwright.kinematics.reach import reach
 from armwright.simulation.recording import LONG_NAMES, UNITS
 
 
-
 def table(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     """A Markdown table."""
     lines = [heads, ["---"] * len(heads), *rows]
@@ -31,10 +30,12 @@ def _cell(value: Any) -> str:
 
 
 def shape(argument: Any) -> str:
+    """Name, shape and unit of a kernel's input or output."""
     return f"`{argument.name}` (…, {', '.join(str(size) for size in argument.shape)}) [{argument.unit}]"
 
 
 def kernels() -> str:
+    """The table of kernels."""
     rows = []
     for name, signature in SIGNATURES.items():
         inputs = [shape(a) for a in signature.inputs] + [f"{shape(a)}, optional" for a in signature.optional]
@@ -43,14 +44,16 @@ def kernels() -> str:
 
 
 def results() -> str:
+    """What a run holds."""
     rows = []
     for name, text in LONG_NAMES.items():
-        units = list(COMMAND_UNITS.values()) + ["N"] if name == "u" else list(dict.fromkeys(UNITS[name]))
+        units = [*COMMAND_UNITS.values(), "N"] if name == "u" else list(dict.fromkeys(UNITS[name]))
         rows.append([f"`{name}`", text, " | ".join(units)])
     return table(("variable", "what it is", "unit"), rows)
 
 
 def brushless() -> str:
+    """Factors to DC-equivalent constants."""
     rows = []
     for basis, f in DC_EQUIVALENT.items():
         factors = (f.torque_constant, f.back_emf_constant, f.impedance, f.voltage, f.current)
@@ -59,6 +62,7 @@ def brushless() -> str:
 
 
 def robots() -> str:
+    """A section for every built-in arm."""
     return "\n\n".join(_robot(name) for name in aw.builtin_names())
 
 
@@ -100,7 +104,8 @@ def _joints(arm: Any) -> str:
         for head, value in known.items():
             columns.setdefault(head, []).append("" if value in (None, float("inf")) else number(value))
     used = {head: cells for head, cells in columns.items() if any(cells)}
-    return table(tuple(used), zip(*used.values(), strict=True))
+    heads = [re.sub(r"(?<=\w) (?=[^\[]*\])", "\u00a0", head) for head in used]  # units stay in one piece
+    return table(heads, zip(*used.values(), strict=True))
 
 
 def _sources(record: Any) -> str:
@@ -110,12 +115,14 @@ def _sources(record: Any) -> str:
     rows = []
     for key, count in counts.items():
         source = record.source_of(key)
-        text = ", ".join(str(part) for part in (source.text, source.date, source.licence) if part)
+        date = source.date if source.date and source.date[:4] not in source.text else None
+        text = ", ".join(part for part in (source.text, date, source.licence) if part)
         rows.append([f"`{key}`", source.kind, count, text])
     return table(("source", "kind", "numbers", "what it is"), rows)
 
 
 def commands() -> str:
+    """A section for every command."""
     group: Any = typer.main.get_command(app)
     parts = []
     for name, command in group.commands.items():
@@ -151,6 +158,7 @@ def _help(text: str) -> str:
 
 
 def program() -> str:
+    """The two-link arm's gravity torques, traced."""
     arm = aw.load("two-link")
     return f"```text\n{trace_kernel(arm, SIGNATURES['gravity_torques'])}\n```"
 

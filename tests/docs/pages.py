@@ -14,6 +14,7 @@ ROOT = Path(__file__).parents[2]
 FILE = re.compile(r"```\{code-block\} \w+\n:caption: (?P<name>\S+)\n\n(?P<text>.*?)```", re.DOTALL)
 BLOCK = re.compile(r"^```(?P<kind>sh|console|python|text)\n(?P<text>.*?)^```", re.DOTALL | re.MULTILINE)
 TIME = re.compile(r"in \d+(\.\d+)? s$")  # how long something took
+LONG = re.compile(r"\d+\.\d{9,}(e-?\d+)?")  # a number in all its digits
 
 
 def page(name: str) -> str:
@@ -61,5 +62,7 @@ def python(code: str, folder: Path) -> str:
     return done.stdout
 
 
-def without_times(lines: list[str]) -> list[str]:
-    return [TIME.sub("in … s", line.rstrip()) for line in lines if line.strip()]
+def comparable(lines: list[str]) -> list[str]:
+    """Lines without what differs from run to run and from processor to processor: times, and the last digits."""
+    shorter = [TIME.sub("in … s", line.rstrip()) for line in lines if line.strip()]
+    return [LONG.sub(lambda number: f"{float(number[0]):.9g}", line) for line in shorter]

@@ -8,21 +8,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from docs.pages import ROOT, blocks, page, python, sessions, shell, without_times, write_files
+
+from docs.pages import ROOT, blocks, comparable, page, python, sessions, shell, write_files
 
 NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")
 README_COMMANDS = [
     line.partition("#")[0].strip()
     for kind, text in blocks("README.md")
     if kind == "sh"
-    for line in text.splitlines()
+    for line in text.replace("\\\n", " ").splitlines()
     if line.startswith("armwright")
 ]
 SHOWN = [(command, lines) for kind, text in blocks("docs/tutorial.md") if kind == "console" for command, lines in sessions(text)]  # fmt: skip  # noqa: E501
 
 
 def test_the_readme_s_python_prints_what_it_shows(tmp_path: Path) -> None:
-    code, printed = (next(text for kind, text in blocks("README.md") if kind == wanted) for wanted in ("python", "text"))
+    code, printed = (
+        next(text for kind, text in blocks("README.md") if kind == wanted) for wanted in ("python", "text")
+    )
     assert 5 <= len([line for line in code.splitlines() if line]) <= 12
     result = python(code, tmp_path)
     assert NUMBER.sub("#", result).split() == NUMBER.sub("#", printed).split()
@@ -59,14 +62,20 @@ def test_the_tutorial_runs_as_it_says(tmp_path: Path) -> None:
         if kind == "python":
             result = python(text, tmp_path)
             if k + 1 < len(told) and told[k + 1][0] == "text":
-                assert without_times(result.splitlines()) == without_times(told[k + 1][1].splitlines())
+                assert comparable(result.splitlines()) == comparable(told[k + 1][1].splitlines())
         for command, lines in sessions(text) if kind == "console" else ():
             done = shell(command, tmp_path)
             wrong = any("armwright: error:" in line for line in lines)
             assert done.returncode == (2 if wrong else 0), f"{command}: {done.stderr}"
-            happened = without_times((done.stdout + done.stderr).splitlines())
-            for line in without_times(lines):
+            happened = comparable((done.stdout + done.stderr).splitlines())
+            for line in comparable(lines):
                 assert line in happened, f"{command}: {line!r} is shown, but what it prints is {happened}"
+
+
+def test_the_batches_page_runs(tmp_path: Path) -> None:
+    code = "".join(text for kind, text in blocks("docs/how-to/batches.md") if kind == "python")
+    printed = python(code + "print(grid.shape, tau.shape, run.q.dims)", tmp_path)
+    assert printed.strip() == "(100, 1000, 6) (100000, 6) ('lane', 'time', 'joint')"
 
 
 def test_the_pages_show_commands() -> None:

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
 from docs.pages import ROOT, page
 
 KEY = re.compile(r"\[([A-Z][A-Za-z]+(?:\d{4})?)\]")

@@ -16,7 +16,11 @@ from armwright.errors import DescriptionError, nearest
 
 
 def builtin_names() -> list[str]:
-    """Names of the arms that come with Armwright."""
+    """Names of the arms that come with Armwright.
+
+    Returns:
+        names: what `load` takes, in alphabetical order.
+    """
     folder = resources.files("armwright.robots")
     return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
 

@@ -20,7 +20,9 @@ class Motor(Record):
     rotor_inertia_kg_m2: NotNegative = Field(
         description="Motor side. 0 for a direct drive: the rotor is part of its link."
     )
-    gear_efficiency: Share | None = Field(default=None, description="η of design section 3; absent = 1.")
+    gear_efficiency: Share | None = Field(
+        default=None, description="η, the share of the power that passes; absent: 1. Below 0.5 the load warns."
+    )
     torque_constant_n_m_per_a: Positive | None = Field(default=None, description="Kt: motor torque per ampere.")
     back_emf_constant_v_s_per_rad: Positive | None = Field(
         default=None, description="Absent: equal to the torque constant."

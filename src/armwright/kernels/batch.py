@@ -16,21 +16,27 @@ from armwright.program import Program
 
 POINTER = ctypes.c_void_p
 FLOAT64 = np.dtype(np.float64)
+addressof: Any = ctypes.addressof
+byte_of: Any = ctypes.c_char.from_buffer  # refuses what is read-only, not contiguous or empty
+CHAIN = 4  # divisions
+PLANS = 64  # shapes that are remembered
 
 
 class Kernel:
     """A compiled program. `kernel(a, b, …)` takes (…, *shape) arrays and broadcasts over the leading axes."""
 
     def __init__(self, program: Program, target: Target):
-        self.program, self.target = program, target
-        module = Module(target.width)
-        name = module.add_batch_function(program)
+        self.program, self.target = program, target.doubled() if _waits(program) else target
         self._expected = [(port.name, port.shape) for port in program.inputs]
         self._shapes = [port.shape for port in program.outputs]
         self._slots = POINTER * len(program.inputs), POINTER * len(program.outputs)
-        sizes = [port.size * target.width for port in program.inputs]
-        self._moves = (ctypes.c_int64 * len(sizes))(*sizes)
-        self._run = Engine(module, target).function(name, ctypes.c_int64, POINTER, POINTER, POINTER)
+        self._plans: dict[tuple[tuple[int, ...], ...], tuple[int, tuple[int, ...]]] = {}
+        module = Module(self.target.width)
+        name = module.add_batch_function(program)
+        engine = Engine(module, self.target)
+        self._run = engine.function(name, ctypes.c_int64, POINTER, POINTER, POINTER)
+        pointers = [POINTER] * (len(program.inputs) + len(program.outputs))
+        self._run_whole = engine.function(f"{program.name}.whole", ctypes.c_int64, *pointers)
 
     def __call__(self, *arrays: Any, out: Any = None, threads: int = 1) -> Any:
         """The program's outputs for all states.
@@ -44,18 +50,40 @@ class Kernel:
         Raises:
             ShapeError: an array of the wrong shape or type; names the input, its shape and the one expected.
         """
-        if not self._plain(arrays):
+        try:  # the usual call: contiguous float64 arrays that hold every state, of shapes that were seen before
+            count, lead = self._plans[tuple([array.shape for array in arrays])]
+            addresses = [addressof(byte_of(array)) for array in arrays]
+        except (AttributeError, KeyError, TypeError, ValueError, BufferError):
             return self._any(arrays, out, threads)
-        lead = arrays[0].shape[: -len(self._expected[0][1])]
-        addresses = [_address(array) for array in arrays]
-        if out is None:
-            results = [_empty(lead + shape) for shape in self._shapes]
-        elif self._plain_output(out, lead) and not _overlap(out, arrays, addresses):
-            results = [out]
-        else:
+        results = [_empty(lead + shape) for shape in self._shapes] if out is None else [out]
+        if not self._usual(arrays, addresses, results, lead) or min(threads, count // self._least) > 1:
             return self._any(arrays, out, threads)
-        self._launch(math.prod(lead), addresses, self._moves, results, threads)
+        self._run_whole(count, *addresses, *[addressof(byte_of(result)) for result in results])
         return results[0] if len(results) == 1 else tuple(results)
+
+    @property
+    def _least(self) -> int:
+        """States that are worth a thread."""
+        return TILES_A_THREAD * self.target.width
+
+    def _usual(self, arrays: tuple[Any, ...], addresses: list[int], results: list[Any], lead: tuple[int, ...]) -> bool:
+        """Whether arrays of the right shapes are of float64, and results contiguous, writeable and no input."""
+        for array in arrays:
+            if array.dtype is not FLOAT64:
+                return False
+        if len(results) != len(self._shapes):
+            return False
+        for result, shape in zip(results, self._shapes, strict=True):
+            if type(result) is not np.ndarray or result.dtype is not FLOAT64 or result.shape != lead + shape:
+                return False
+            if not result.flags.carray:
+                return False
+            start = addressof(byte_of(result))
+            end = start + result.nbytes
+            for array, address in zip(arrays, addresses, strict=True):
+                if address < end and start < address + array.nbytes:
+                    return False
+        return True
 
     def _any(self, arrays: tuple[Any, ...], out: Any, threads: int) -> Any:
         """The general case: any numbers, layouts and broadcasting."""
@@ -74,6 +102,10 @@ class Kernel:
         results, wanted = self._outputs(lead, out, blocks)
         moves = (ctypes.c_int64 * len(strides))(*strides)
         self._launch(count, [_address(block) for block in blocks], moves, results, threads)
+        if count and all(a.shape == lead + shape for a, (_, shape) in zip(given, self._expected, strict=True)):
+            if len(self._plans) >= PLANS:
+                self._plans.clear()
+            self._plans[tuple([array.shape for array in given])] = count, lead
         if out is not None:
             for result, target in zip(results, wanted, strict=True):
                 if result is not target:
@@ -114,33 +146,12 @@ class Kernel:
         usable = [a.flags.carray and not any(np.may_share_memory(a, block) for block in inputs) for a in wanted]
         return [a if fits else np.empty(a.shape) for a, fits in zip(wanted, usable, strict=True)], wanted
 
-    def _plain(self, arrays: tuple[Any, ...]) -> bool:
-        """Whether all is as the kernel wants it, float64, contiguous, one shape of leading axes: the common, fast case."""
-        if len(arrays) != len(self._expected):
-            return False
-        lead = None
-        for array, (_, shape) in zip(arrays, self._expected, strict=True):
-            if type(array) is not np.ndarray or array.dtype is not FLOAT64 or not array.flags.c_contiguous:
-                return False
-            split = array.ndim - len(shape)
-            full = array.shape
-            if split < 0 or not shape or full[split:] != shape or (lead is not None and full[:split] != lead):
-                return False
-            lead = full[:split]
-        return True
-
-    def _plain_output(self, out: Any, lead: tuple[int, ...]) -> bool:
-        """Whether `out` is one contiguous float64 array of the result's shape."""
-        if type(out) is not np.ndarray or len(self._shapes) > 1 or out.dtype is not FLOAT64 or not out.flags.carray:
-            return False
-        return out.shape == lead + self._shapes[0]
-
     def _launch(self, count: int, inputs: list[int], moves: Any, results: list[np.ndarray], threads: int) -> None:
         """Runs the native batch function over all states, in parts of whole tiles where several threads share them."""
         w = self.target.width
         sources, sinks = self._slots
         outputs = [_address(result) for result in results]
-        parts = min(threads, count // (w * TILES_A_THREAD))
+        parts = min(threads, count // self._least)
         if parts <= 1:
             self._run(count, sources(*inputs), moves, sinks(*outputs))
             return
@@ -171,15 +182,15 @@ def _empty(shape: tuple[int, ...]) -> np.ndarray:
     return room[start : start + size].reshape(shape)
 
 
-def _overlap(out: np.ndarray, arrays: tuple[np.ndarray, ...], addresses: list[int]) -> bool:
-    """Whether a contiguous output shares memory with one of the contiguous inputs."""
-    start, end = _address(out), _address(out) + out.nbytes
-    return any(a < end and start < a + array.nbytes for a, array in zip(addresses, arrays, strict=True))
+def _waits(program: Program) -> bool:
+    """Whether the program is a chain of divisions that wait for each other, such as the pivots of a symmetric solve."""
+    counts = program.operation_counts()
+    return counts["DIV"] + counts["INV"] >= CHAIN
 
 
 def _address(array: np.ndarray) -> int:
     try:  # five times as fast as asking the array
-        return ctypes.addressof(ctypes.c_char.from_buffer(array))  # pyright: ignore[reportArgumentType]
+        return addressof(byte_of(array))
     except (TypeError, ValueError, BufferError):  # read-only or empty
         return array.ctypes.data
 

@@ -107,6 +107,8 @@ def compile_arm(arm: Model, target: str | None = None) -> CompiledArm:
         arm: the model.
         target: a processor level such as "x86-64-v3" to make code for; by default the processor this runs on. One
             program gives the same bits on every target that has fused multiply-add.
+    Returns:
+        dyn: the kernels as methods, (…, n) arrays in and out.
     Raises:
         ModelError: an unknown target, or one that this processor does not reach.
     """

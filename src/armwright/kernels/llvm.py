@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from llvmlite import binding
 
@@ -30,6 +30,10 @@ class Target:
     cpu: str
     features: str
     width: int
+
+    def doubled(self) -> Target:
+        """Two registers for each value: a program that waits for a chain of divisions does two tiles in the same time."""
+        return replace(self, width=2 * self.width)
 
 
 @functools.cache
@@ -102,6 +106,7 @@ class Module:
 
         `inputs` and `outputs` point to one pointer a port; `strides` says by how many doubles an input moves a tile: its
         size times W, or 0 for one tile that serves all. A tail of fewer than W states is computed in padded copies.
+        Beside it `<program>.whole(count, in0, …, out0, …)` serves arrays that hold every state.
         """
         tile = f"{program.name}.tile"
         m = self.machine()
@@ -112,6 +117,7 @@ class Module:
         self._define(tile, program, m)
         name = f"{program.name}.batch"
         self.functions[name] = _batch_loop(name, tile, program, self.width)
+        self.functions[f"{program.name}.whole"] = _whole(f"{program.name}.whole", name, program, self.width)
         self.declarations.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
         return name
 
@@ -137,7 +143,9 @@ class Module:
     def _define(self, name: str, program: Program, m: LlvmMachine) -> None:
         parameters = [f"ptr noalias readonly %in{k}" for k in range(len(program.inputs))]
         parameters += [f"ptr noalias %out{k}" for k in range(len(program.outputs))]
-        head = f"define internal void @{name}({', '.join(parameters)}) noinline nounwind {{\nentry:"
+        # alignstack: LLVM does not align the stack for spilled vectors by itself, and split ones cost up to half the speed
+        head = f"define internal void @{name}({', '.join(parameters)}) noinline nounwind alignstack({min(8 * m.width, 64)})"
+        head += " {\nentry:"
         self.functions[name] = "\n".join([head, *m.lines, "  ret void", "}"])
 
 
@@ -220,6 +228,24 @@ def _batch_loop(name: str, tile: str, program: Program, w: int) -> str:
         text.append(f"  %out{k}.bytes = mul i64 %rest, {8 * program.outputs[k].size}")
         text.append(f"  call void @llvm.memcpy.p0.p0.i64(ptr %out{k}.p, ptr %out{k}.pad, i64 %out{k}.bytes, i1 false)")
     return "\n".join([*text, "  br label %done", "done:", "  ret void", "}"])
+
+
+def _whole(name: str, batch: str, program: Program, w: int) -> str:
+    """`void name(count, in0, …, out0, …)`: the batch function for arrays that hold every state, without tables of pointers."""
+    ports = [*((f"in{k}", "inputs", k) for k in range(len(program.inputs)))]
+    ports += [*((f"out{k}", "outputs", k) for k in range(len(program.outputs)))]
+    text = [f"define void @{name}({', '.join(['i64 %count', *(f'ptr %{port}' for port, _, _ in ports)])}) nounwind {{"]
+    text.append(f"  %inputs = alloca [{len(program.inputs)} x ptr]")
+    text.append(f"  %strides = alloca [{len(program.inputs)} x i64]")
+    text.append(f"  %outputs = alloca [{len(program.outputs)} x ptr]")
+    for port, table, k in ports:
+        text.append(f"  %{port}.slot = getelementptr ptr, ptr %{table}, i64 {k}")
+        text.append(f"  store ptr %{port}, ptr %{port}.slot")
+    for k, port in enumerate(program.inputs):
+        text.append(f"  %in{k}.step = getelementptr i64, ptr %strides, i64 {k}")
+        text.append(f"  store i64 {port.size * w}, ptr %in{k}.step")
+    text.append(f"  call void @{batch}(i64 %count, ptr %inputs, ptr %strides, ptr %outputs)")
+    return "\n".join([*text, "  ret void", "}"])
 
 
 class Engine:

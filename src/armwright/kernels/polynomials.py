@@ -186,14 +186,14 @@ def tan(m: Machine, x: Value) -> Value:
 
 
 def _two_sum(m: Machine, a: Value, b: Value) -> tuple[Value, Value]:
-    """a + b as the rounded sum and what it lacks, exactly. [Knuth]"""
+    """a + b as the rounded sum and what it lacks, exactly. [Knuth1997]"""
     total = m.add(a, b)
     share = m.sub(total, a)
     return total, m.add(m.sub(a, m.sub(total, share)), m.sub(b, share))
 
 
 def _fast_two_sum(m: Machine, a: Value, b: Value) -> tuple[Value, Value]:
-    """The same for |a| >= |b|. [Dekker]"""
+    """The same for |a| >= |b|. [Dekker1971]"""
     total = m.add(a, b)
     return total, m.add(m.sub(a, total), b)
 

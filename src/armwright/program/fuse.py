@@ -67,7 +67,34 @@ def _first_fresh(instructions: Instructions) -> Value:
     return max((value for i in instructions for value in i.results), default=-1) + 1
 
 
-PASSES = (shared_reciprocals, fused_products)
+def in_need_order(instructions: Instructions) -> list[Instruction]:
+    """Each instruction right before the first that needs it, the longest chain of its arguments first: few values live at once.
+
+    Which operations are done does not change, so neither do the bits.
+    """
+    made = {result: i for i in instructions for result in i.results}
+    depth: dict[Value, int] = {}
+    for i in instructions:
+        deep = 1 + max((depth[a] for a in i.arguments), default=0)
+        depth.update(dict.fromkeys(i.results, deep))
+    ordered: list[Instruction] = []
+    done: set[int] = set()
+    wanted = [i for i in instructions if not i.results]
+    stack = [(i, False) for i in reversed(wanted)]
+    while stack:
+        i, ready = stack.pop()
+        if id(i) in done:
+            continue
+        if ready:
+            done.add(id(i))
+            ordered.append(i)
+            continue
+        stack.append((i, True))
+        stack += [(made[a], False) for a in sorted(i.arguments, key=lambda a: depth[a])]
+    return ordered
+
+
+PASSES = (shared_reciprocals, fused_products, in_need_order)
 
 
 def optimised(instructions: Instructions) -> list[Instruction]:

@@ -214,6 +214,10 @@ def _write_parquet(run: xr.Dataset, path: Path) -> None:
 def load_run(path: str | os.PathLike[str]) -> xr.Dataset:
     """A run that `save` wrote as NetCDF, all of it in memory.
 
+    Args:
+        path: the file, ending in .nc.
+    Returns:
+        run: what `simulate` returned.
     Raises:
         RunError: no such file, or one that is no NetCDF file.
     """

@@ -98,6 +98,8 @@ def read_schedule(path: str | os.PathLike[str], names: Sequence[str], units: Seq
 
     Args:
         path: the file.   names: (n,) the joints.   units: (n,) the unit of each joint's command, if known.
+    Returns:
+        schedule: commands (k, n) in the order of `names`.
     Raises:
         ScheduleError: a file that is no such table (see `read_numbers`), or times that do not increase from 0; one line
             that names file, line, column, value and what was expected.

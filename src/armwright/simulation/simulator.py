@@ -57,7 +57,7 @@ def compile_simulator(arm: Model, integrator: str = "rk3", target: str | None = 
     )
     names = ("qdd", "tau", "voltage", "current")
     outputs = trace("outputs", lambda x, u: plant_outputs(arm, x, u), state | command, names)
-    return Simulator(Loop(step, chosen), Kernel(outputs, chosen), Stability(arm))
+    return Simulator(Loop(step, chosen.doubled()), Kernel(outputs, chosen), Stability(arm))
 
 
 def simulate(
@@ -105,7 +105,13 @@ def _lane_state(scenario: Scenario, target: Target) -> LaneState:
     w, x0, ticks = target.width, scenario.initial_state, scenario.ticks
     tiles = -(-len(x0) // w)
     order = np.concatenate([np.arange(len(x0)), np.zeros(tiles * w - len(x0), dtype=int)])
-    rows = [_rows(schedule.times, scenario.step) for schedule in scenario.schedules]
+    seen: dict[
+        bytes, tuple[np.ndarray, np.ndarray]
+    ] = {}  # lanes of constant commands, or of one clock, share their times
+    for schedule in scenario.schedules:
+        if schedule.times.tobytes() not in seen:
+            seen[schedule.times.tobytes()] = _rows(schedule.times, scenario.step)
+    rows = [seen[schedule.times.tobytes()] for schedule in scenario.schedules]
     starts = np.cumsum([0, *(len(tick) for tick, _ in rows)])
     which = order if len(rows) > 1 else np.zeros(len(order), dtype=int)
     row_tick = np.concatenate([tick for tick, _ in rows])
@@ -189,8 +195,12 @@ def _dataset(
     arm, n = scenario.arm, scenario.arm.n
     k = np.arange(states.shape[1]) * every
     t = k * scenario.step
-    u = np.stack([_held(schedule, k, scenario.step) for schedule in scenario.schedules])
-    u = np.broadcast_to(u, (len(states), *u.shape[1:]))
+    if all(len(schedule.times) == 1 for schedule in scenario.schedules):  # constant commands: one row serves all times
+        u = np.stack([schedule.commands for schedule in scenario.schedules])
+        u = np.broadcast_to(u, (len(states), len(k), n))
+    else:
+        u = np.stack([_held(schedule, k, scenario.step) for schedule in scenario.schedules])
+        u = np.broadcast_to(u, (len(states), *u.shape[1:]))
     parts: dict[str, Any] = {}
     if scenario.record == "all":
         names = (port.name for port in simulator.outputs.program.outputs)
