@@ -39,7 +39,7 @@ def kernels() -> str:
     rows = []
     for name, signature in SIGNATURES.items():
         inputs = [shape(a) for a in signature.inputs] + [f"{shape(a)}, optional" for a in signature.optional]
-        rows.append([f"`{name}`", "<br>".join(inputs), shape(signature.output)])
+        rows.append([f"`{name}`", "<br>".join(inputs), "<br>".join(shape(output) for output in signature.outputs)])
     return table(("kernel", "inputs", "output"), rows)
 
 

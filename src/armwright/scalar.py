@@ -238,3 +238,35 @@ def solve_symmetric(matrix: Array, right: Array) -> np.ndarray:
 
 def _dot(a: np.ndarray, b: np.ndarray) -> Scalar:
     return a @ b if len(a) else 0.0
+
+
+def jacobian(function: Callable[[np.ndarray], Array], x: Array) -> np.ndarray:
+    """∂f/∂x of a plain function by algorithmic differentiation, exact to rounding; on floats and in a trace.
+
+    Forward or reverse mode, whichever takes fewer operations.  [GriewankWalther2008]
+
+    Args:
+        function: of one (n,) array, written with these functions; returns an array of any shape.
+        x: (n,) where to differentiate.
+    Returns:
+        J: (*shape of f, n).
+    """
+    inner = np.array([Symbol.named(f"x{k}") for k in range(len(x))], dtype=object)
+    value = np.asarray(function(inner), dtype=object)
+    columns = [casadi.vertcat(*(_sx(entry) for entry in array.flat)) for array in (value, inner)]
+    slopes = [
+        casadi.cse(casadi.densify(casadi.jacobian(*columns, {"helper_options": {"ad_weight": weight}})))
+        for weight in (0.0, 1.0)
+    ]
+    slope = min(slopes, key=casadi.n_nodes)
+    outer = casadi.vertcat(*(_sx(entry) for entry in np.asarray(x, dtype=object)))
+    placed = casadi.substitute(slope, columns[1], outer)
+    entries = zeros(value.size, len(x))
+    for index in np.ndindex(*entries.shape):
+        element = placed[index]
+        entries[index] = np.float64(element) if element.is_constant() else Symbol(element)
+    return array(entries.reshape(*value.shape, len(x)))
+
+
+def _sx(entry: Scalar) -> Any:
+    return entry.sx if isinstance(entry, Symbol) else casadi.SX(float(entry))

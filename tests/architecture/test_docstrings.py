@@ -57,7 +57,7 @@ def test_compiled_kernels_tell_shape_and_unit_of_everything(name: str) -> None:
     for argument in (*signature.inputs, *signature.optional):
         line = rf"{argument.name}: \(…, .+\) \[{re.escape(argument.unit)}\]"
         assert re.search(line, _section(method, "Args")), f"{name}: {argument.name}"
-    assert re.search(rf"\[{re.escape(signature.output.unit)}\]", _section(method, "Returns"))
+    assert re.search(rf"\[{re.escape(signature.outputs[0].unit)}\]", _section(method, "Returns"))
     assert (inspect.getdoc(method) or "").split("\n")[0].strip()
 
 

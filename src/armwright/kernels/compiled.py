@@ -26,7 +26,7 @@ class CompiledArm:
         self.arm = arm
         self.target = select_target(target)
         self.threads = os.cpu_count() or 1
-        self._kernels: dict[tuple[str, ...], Any] = {}
+        self._kernels: dict[tuple[Any, ...], Any] = {}
 
     def __repr__(self) -> str:
         return f"<compiled {self.arm.name} for {self.target.cpu}, {self.target.width} states at once>"
@@ -34,53 +34,63 @@ class CompiledArm:
     def __getattr__(self, name: str) -> Any:
         raise AttributeError(f"no kernel {name!r}; {nearest(name, SIGNATURES)}")
 
-    def kernel(self, name: str, *optional: str) -> Any:
+    def kernel(self, name: str, *optional: str, **options: Any) -> Any:
         """The compiled kernel of that name; compiles it where this is its first use.
 
+        Args:
+            name: of the table.   optional: names of the optional inputs that it takes.
+            options: keyword arguments that are fixed when it is compiled, such as `frame`.
+        Returns:
+            kernel: takes and returns arrays, (…, *shape).
         Raises:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
         """
-        if (name, *optional) not in self._kernels:
+        key = (name, *optional, *sorted(options.items()))
+        if key not in self._kernels:
             from armwright.kernels.batch import Kernel
 
-            program = trace_kernel(self.arm, SIGNATURES[name], optional)
-            self._kernels[name, *optional] = Kernel(program, self.target)
-        return self._kernels[name, *optional]
+            program = trace_kernel(self.arm, SIGNATURES[name], optional, **options)
+            self._kernels[key] = Kernel(program, self.target)
+        return self._kernels[key]
 
 
 def _method(signature: Signature) -> Callable[..., Any]:
     required = [a.name for a in signature.inputs]
     optional = [a.name for a in signature.optional]
-
-    key = (signature.name,)
+    usual = (signature.name,)
 
     def method(self: CompiledArm, *arrays: Any, out: Any = None, **named: Any) -> Any:
-        if len(arrays) == len(required) and not named and key in self._kernels:
-            return self._kernels[key](*arrays, out=out, threads=self.threads)
+        if len(arrays) == len(required) and not named and usual in self._kernels:
+            return self._kernels[usual](*arrays, out=out, threads=self.threads)
+        options = {name: named.pop(name) for name in signature.options if named.get(name) is not None}
         values = list(arrays)
         for name in [*required, *optional][len(values) :]:
             if name in named:
                 values.append(named.pop(name))
             elif name in required:
                 raise ShapeError(f"{signature.name}: {name} is missing; expected {', '.join(required)}")
+        named = {name: value for name, value in named.items() if name not in signature.options}
         if named or len(values) > len(required) + len(optional):
             extra = f"unknown argument {next(iter(named))!r}" if named else f"{len(values)} arrays"
-            raise ShapeError(f"{signature.name}: {extra}; expected {', '.join([*required, *optional])}")
+            expected = ", ".join([*required, *optional, *signature.options])
+            raise ShapeError(f"{signature.name}: {extra}; expected {expected}")
         if len(values) > len(required) and values[-1] is None:
             values.pop()
-        return self.kernel(signature.name, *optional[: len(values) - len(required)])(
-            *values, out=out, threads=self.threads
-        )
+        kernel = self.kernel(signature.name, *optional[: len(values) - len(required)], **options)
+        return kernel(*values, out=out, threads=self.threads)
 
-    kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+    kind, keyword = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
     parameters = [inspect.Parameter("self", kind), *(inspect.Parameter(name, kind) for name in required)]
     parameters += [inspect.Parameter(name, kind, default=None) for name in optional]
-    parameters.append(inspect.Parameter("out", inspect.Parameter.KEYWORD_ONLY, default=None))
+    parameters += [inspect.Parameter(name, keyword, default=None) for name in (*signature.options, "out")]
     method.__name__ = signature.name
     method.__qualname__ = f"CompiledArm.{signature.name}"
     method.__doc__ = _docstring(signature)
     method.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     return method
+
+
+OPTIONS = {"frame": "name of a frame of the arm; by default its tip"}
 
 
 def _docstring(signature: Signature) -> str:
@@ -90,10 +100,12 @@ def _docstring(signature: Signature) -> str:
         return f"    {argument.name}: (…, {', '.join(str(size) for size in argument.shape)}) [{argument.unit}]"
 
     inputs = [line(a) for a in signature.inputs] + [f"{line(a)}, optional" for a in signature.optional]
-    output = line(signature.output)
-    return "\n".join(
-        [equation, "", "Args:", *inputs, "    out: where to write the result, float64.", "Returns:", output]
-    )
+    options = [f"    {name}: {OPTIONS[name]}." for name in signature.options]
+    out = "    out: where to write the result, float64."
+    if len(signature.outputs) > 1:
+        out = "    out: tuple of arrays to write the results into, float64."
+    outputs = [line(a) for a in signature.outputs]
+    return "\n".join([equation, "", "Args:", *inputs, *options, out, "Returns:", *outputs])
 
 
 for _signature in SIGNATURES.values():

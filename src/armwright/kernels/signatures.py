@@ -29,12 +29,20 @@ class Argument:
 
 @dataclass(frozen=True)
 class Signature:
-    """One kernel. `optional` inputs may be left out, which compiles another, shorter program."""
+    """One kernel.
+
+    Attributes:
+        function: the plain function, (model, *inputs) → one array, or a tuple of them.
+        inputs, outputs: in order.
+        optional: inputs that may be left out, which compiles another, shorter program.
+        options: names of keyword arguments that are fixed when the kernel is compiled, such as `frame`.
+    """
 
     function: Callable[..., Any]
     inputs: tuple[Argument, ...]
-    output: Argument
+    outputs: tuple[Argument, ...]
     optional: tuple[Argument, ...] = ()
+    options: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -53,22 +61,22 @@ WRENCH = Argument("wrench", (6,), "N, N m")
 SIGNATURES: dict[str, Signature] = {
     signature.name: signature
     for signature in (
-        Signature(dynamics.inverse_dynamics, (Q, QD, QDD), TAU, (WRENCH,)),
-        Signature(dynamics.forward_dynamics, (Q, QD, TAU), QDD, (WRENCH,)),
-        Signature(dynamics.mass_matrix, (Q,), Argument("M", ("n", "n"), "kg m² | kg m | kg")),
-        Signature(dynamics.bias_torques, (Q, QD), Argument("h", ("n",), "N m | N"), (WRENCH,)),
-        Signature(dynamics.gravity_torques, (Q,), Argument("g", ("n",), "N m | N")),
-        Signature(kinematics.forward_kinematics, (Q,), Argument("T", (4, 4), "- | m")),
-        Signature(kinematics.jacobian, (Q,), Argument("J", (6, "n"), "m/rad | -, - | 1/m")),
-        Signature(actuators.motor_voltage, (QD, TAU), VOLTAGE),
-        Signature(actuators.motor_torque, (QD, VOLTAGE), TAU),
-        Signature(dynamics.forward_arm, (Q, QD, U), QDD),
+        Signature(dynamics.inverse_dynamics, (Q, QD, QDD), (TAU,), (WRENCH,)),
+        Signature(dynamics.forward_dynamics, (Q, QD, TAU), (QDD,), (WRENCH,)),
+        Signature(dynamics.mass_matrix, (Q,), (Argument("M", ("n", "n"), "kg m² | kg m | kg"),)),
+        Signature(dynamics.bias_torques, (Q, QD), (Argument("h", ("n",), "N m | N"),), (WRENCH,)),
+        Signature(dynamics.gravity_torques, (Q,), (Argument("g", ("n",), "N m | N"),)),
+        Signature(kinematics.forward_kinematics, (Q,), (Argument("T", (4, 4), "- | m"),), options=("frame",)),
+        Signature(kinematics.jacobian, (Q,), (Argument("J", (6, "n"), "m/rad | -, - | 1/m"),), options=("frame",)),
+        Signature(actuators.motor_voltage, (QD, TAU), (VOLTAGE,)),
+        Signature(actuators.motor_torque, (QD, VOLTAGE), (TAU,)),
+        Signature(dynamics.forward_arm, (Q, QD, U), (QDD,)),
     )
 }
 
 
-def trace_kernel(model: Model, signature: Signature, given: tuple[str, ...] = ()):
-    """The program of a kernel for one arm, with the optional inputs named in `given`.
+def trace_kernel(model: Model, signature: Signature, given: tuple[str, ...] = (), **options: Any):
+    """The program of a kernel for one arm, with the optional inputs named in `given` and the options' values.
 
     Raises:
         ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
@@ -78,7 +86,10 @@ def trace_kernel(model: Model, signature: Signature, given: tuple[str, ...] = ()
     arguments = [*signature.inputs, *(a for a in signature.optional if a.name in given)]
     return trace(
         signature.name,
-        lambda *values: signature.function(model, *values),
+        lambda *values: signature.function(model, *values, **options),
         {argument.name: argument.sized(model) for argument in arguments},
-        (signature.output.name,),
+        tuple(
+            argument.name if argument.name not in {a.name for a in arguments} else f"{argument.name}_out"
+            for argument in signature.outputs
+        ),
     )
