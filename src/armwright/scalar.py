@@ -254,10 +254,8 @@ def jacobian(function: Callable[[np.ndarray], Array], x: Array) -> np.ndarray:
     inner = np.array([Symbol.named(f"x{k}") for k in range(len(x))], dtype=object)
     value = np.asarray(function(inner), dtype=object)
     columns = [casadi.vertcat(*(_sx(entry) for entry in array.flat)) for array in (value, inner)]
-    slopes = [
-        casadi.cse(casadi.densify(casadi.jacobian(*columns, {"helper_options": {"ad_weight": weight}})))
-        for weight in (0.0, 1.0)
-    ]
+    modes: list[Any] = [{"helper_options": {"ad_weight": weight}} for weight in (0.0, 1.0)]
+    slopes = [casadi.cse(casadi.densify(casadi.jacobian(columns[0], columns[1], mode))) for mode in modes]
     slope = min(slopes, key=casadi.n_nodes)
     outer = casadi.vertcat(*(_sx(entry) for entry in np.asarray(x, dtype=object)))
     placed = casadi.substitute(slope, columns[1], outer)
