@@ -73,7 +73,7 @@ def mjcf(arm: Model, integrator: str, step: float) -> str:
         joint = {"name": body.joint, "type": "hinge" if body.kind == "revolute" else "slide", "axis": "0 0 1"}
         joint |= {"armature": repr(float(drive.armature)), "damping": repr(float(friction.viscous))}
         ElementTree.SubElement(element, "joint", joint)
-        tensor = np.array(body.inertia, dtype=float)
+        tensor = np.array(body.inertia_com, dtype=float)
         full = _text(tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
         mass = {"mass": repr(float(body.mass)), "pos": _text(body.com), "fullinertia": full}
         ElementTree.SubElement(element, "inertial", mass)

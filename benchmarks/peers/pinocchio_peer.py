@@ -49,7 +49,7 @@ class PinocchioArm:
             kind = pin.JointModelRZ() if body.kind == "revolute" else pin.JointModelPZ()
             placement = pin.SE3(_floats(body.placement.rotation), _floats(body.placement.position))
             joint = self.model.addJoint(i, kind, placement, body.joint)
-            inertia = pin.Inertia(float(body.mass), _floats(body.com), _floats(body.inertia))
+            inertia = pin.Inertia(float(body.mass), _floats(body.com), _floats(body.inertia_com))
             self.model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
         self.model.armature = np.array([float(body.drive.armature) for body in arm.bodies])
         self.data = self.model.createData()

@@ -10,7 +10,7 @@ from armwright.dynamics.inverse import newton_euler
 from armwright.kinematics import JointMotion, joint_motions
 from armwright.model import BASE, Body, Model
 from armwright.scalar import Array
-from armwright.spatial import inertia_about_origin, skew
+from armwright.spatial import skew
 
 
 def articulated_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
@@ -56,9 +56,8 @@ def articulated_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Arra
 
 def _spatial_inertia(body: Body) -> np.ndarray:
     """(6, 6) about the body's origin: linear rows first, as everywhere in Armwright."""
-    first = skew(body.mass * body.com)
-    tensor = inertia_about_origin(body.mass, body.com, body.inertia)
-    return scalar.array(np.block([[body.mass * np.eye(3), -first], [first, tensor]]))
+    first = skew(body.first_moment)
+    return scalar.array(np.block([[body.mass * np.eye(3), -first], [first, body.inertia]]))
 
 
 def _force_transform(motion: JointMotion) -> np.ndarray:

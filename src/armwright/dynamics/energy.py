@@ -10,7 +10,7 @@ from armwright.spatial import cross
 
 
 def kinetic_energy(model: Model, q: Array, qd: Array) -> Scalar:
-    """T = ½ Σ ( m |v_c|² + ω·J ω ) + ½ Σ n² J_m q̇²: from the bodies' velocities, independent of the mass matrix.
+    """T = ½ Σ ( m |v|² + 2 v·(ω × m c) + ω·I ω ) + ½ Σ n² J_m q̇²: from the bodies' velocities, independent of the mass matrix.
 
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
@@ -26,9 +26,10 @@ def kinetic_energy(model: Model, q: Array, qd: Array) -> Scalar:
             w[i] = w[i] + along_z
         else:
             v[i] = v[i] + along_z
-        at_com = v[i] + cross(w[i], body.com)
         total = total + 0.5 * (
-            body.mass * (at_com @ at_com) + w[i] @ (body.inertia @ w[i]) + body.drive.armature * qd[i] * qd[i]
+            v[i] @ (body.mass * v[i] + 2.0 * cross(w[i], body.first_moment))
+            + w[i] @ (body.inertia @ w[i])
+            + body.drive.armature * qd[i] * qd[i]
         )
     return total
 
@@ -42,4 +43,7 @@ def potential_energy(model: Model, q: Array) -> Scalar:
         U: () [J].
     """
     placed = body_placements(model, q)
-    return -sum(body.mass * (model.gravity @ placed[i].point(body.com)) for i, body in model.outward())
+    return -sum(
+        model.gravity @ (placed[i].rotation @ body.first_moment + body.mass * placed[i].position)
+        for i, body in model.outward()
+    )

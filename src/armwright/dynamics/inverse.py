@@ -73,8 +73,8 @@ def newton_euler(model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | 
         if body.kind == "prismatic":
             vd[i] = vd[i] + _slid(w[i], qd[i], qdd[i])
         u[i] = acceleration_tensor(w[i], wd[i])
-        f[i] = body.mass * (vd[i] + u[i] @ body.com)  # (5) (6)
-        n[i] = inertial_moment(body.inertia, u[i]) + cross(body.com, f[i])  # (7), about the body's origin
+        f[i] = body.mass * vd[i] + u[i] @ body.first_moment  # (5) (6)
+        n[i] = inertial_moment(body.inertia, u[i]) + cross(body.first_moment, vd[i])  # (7), about the body's origin
     if wrench is not None:
         tip, force, moment = _wrench_on_body(model, q, wrench)
         if tip != BASE:

@@ -8,7 +8,7 @@ from armwright import scalar
 from armwright.kinematics import joint_motions
 from armwright.model import BASE, Model
 from armwright.scalar import Array
-from armwright.spatial import cross, inertia_about_origin
+from armwright.spatial import cross, displaced_inertia
 
 
 def mass_matrix(model: Model, q: Array) -> np.ndarray:
@@ -25,8 +25,8 @@ def mass_matrix(model: Model, q: Array) -> np.ndarray:
     """
     motion = joint_motions(model, q)
     m = [body.mass for body in model.bodies]
-    h = [body.mass * body.com for body in model.bodies]  # M_j c_j
-    e = [inertia_about_origin(body.mass, body.com, body.inertia) for body in model.bodies]
+    h = [body.first_moment for body in model.bodies]  # M_j c_j
+    e = [body.inertia for body in model.bodies]
     columns = scalar.zeros(model.n, model.n)
     for j, body in model.inward():
         force, moment = _unit_acceleration(body.kind, m[j], h[j], e[j])  # (19)-(22)
@@ -42,7 +42,7 @@ def mass_matrix(model: Model, q: Array) -> np.ndarray:
             p, shifted = motion[j].position, motion[j].to_parent(h[j])
             m[a] = m[a] + m[j]  # (16)
             h[a] = h[a] + shifted + m[j] * p  # (17)
-            e[a] = e[a] + motion[j].tensor_to_parent(e[j]) + _moved(m[j], shifted, p)  # (18)
+            e[a] = e[a] + motion[j].tensor_to_parent(e[j]) + displaced_inertia(m[j], shifted, p)  # (18)
     return scalar.array(columns)
 
 
@@ -51,14 +51,3 @@ def _unit_acceleration(kind: str, m: Array, h: Array, e: Array) -> tuple[np.ndar
     if kind == "revolute":
         return scalar.array([-h[1], h[0], 0.0]), e[:, 2]  # z × h, E z
     return scalar.array([0.0, 0.0, m]), scalar.array([h[1], -h[0], 0.0])  # m z, h × z
-
-
-def _moved(m: Array, h: Array, p: Array) -> np.ndarray:
-    """What a tensor about the origin gains when the origin moves by -p:  (2 h·p + m p·p) 1 - h pᵀ - p hᵀ - m p pᵀ.
-
-    With k = h + ½ m p it is  2 (k·p) 1 - k pᵀ - p kᵀ.
-    """
-    k = h + (0.5 * m) * p
-    xx, yy, zz = ((k[i] + k[i]) * p[i] for i in range(3))
-    xy, xz, yz = (-(k[i] * p[j] + k[j] * p[i]) for i, j in ((0, 1), (0, 2), (1, 2)))
-    return scalar.array([[yy + zz, xy, xz], [xy, xx + zz, yz], [xz, yz, xx + yy]])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ShapeError
-from armwright.kernels.llvm import Engine, Module, Target
+from armwright.kernels.llvm import Engine, Target, batch_module
 from armwright.program import Program
 
 POINTER = ctypes.c_void_p
@@ -31,10 +31,8 @@ class Kernel:
         self._shapes = [port.shape for port in program.outputs]
         self._slots = POINTER * len(program.inputs), POINTER * len(program.outputs)
         self._plans: dict[tuple[tuple[int, ...], ...], tuple[int, tuple[int, ...]]] = {}
-        module = Module(self.target.width)
-        name = module.add_batch_function(program)
-        engine = Engine(module, self.target)
-        self._run = engine.function(name, ctypes.c_int64, POINTER, POINTER, POINTER)
+        engine = Engine(self.target, batch_module, program)
+        self._run = engine.function(f"{program.name}.batch", ctypes.c_int64, POINTER, POINTER, POINTER)
         pointers = [POINTER] * (len(program.inputs) + len(program.outputs))
         self._run_whole = engine.function(f"{program.name}.whole", ctypes.c_int64, *pointers)
 

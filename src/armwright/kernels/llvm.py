@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import ctypes
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from llvmlite import binding
 
 from armwright.errors import ModelError, nearest
+from armwright.kernels import cache
 from armwright.kernels.llvm_machine import LlvmMachine, register_libm
 from armwright.kernels.machine import Value
 from armwright.kernels.tiles import load_tile, store_tile
@@ -248,21 +250,46 @@ def _whole(name: str, batch: str, program: Program, w: int) -> str:
     return "\n".join([*text, "  ret void", "}"])
 
 
+def batch_module(width: int, program: Program) -> Module:
+    """The module of a program's batch functions, `<program>.batch` and `<program>.whole`."""
+    module = Module(width)
+    module.add_batch_function(program)
+    return module
+
+
+def _compiled(module: Module, machine: binding.TargetMachine) -> bytes:
+    """Object code of a module."""
+    parsed = binding.parse_assembly(module.text())
+    parsed.triple = machine.triple  # both before the passes run, which crash without
+    parsed.data_layout = str(machine.target_data)
+    options = binding.create_pipeline_tuning_options(speed_level=2)
+    options.slp_vectorization = options.loop_vectorization = False  # the lanes are vectors already
+    builder = binding.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(parsed, builder)
+    return machine.emit_object(parsed)
+
+
 class Engine:
     """Native code of one module. Functions obtained from it must keep it alive: dropping it unmaps the code."""
 
-    def __init__(self, module: Module, target: Target):
+    def __init__(self, target: Target, build: Callable[..., Module], *ingredients: Program | str | int | float):
+        """The code of `build(target.width, *ingredients)`, from the cache where it is there.
+
+        Args:
+            target: what it is made for.
+            build: a function at the top level of a file of `kernels`; it sees nothing but its arguments.
+            ingredients: what it makes the module of.
+        """
         machine = binding.Target.from_default_triple().create_target_machine(
             cpu=target.cpu, features=target.features, opt=3, codemodel="small", jit=True
         )
-        parsed = binding.parse_assembly(module.text())
-        parsed.triple = machine.triple  # both before the passes run, which crash without
-        parsed.data_layout = str(machine.target_data)
-        options = binding.create_pipeline_tuning_options(speed_level=2)
-        options.slp_vectorization = options.loop_vectorization = False  # the lanes are vectors already
-        builder = binding.create_pass_builder(machine, options)
-        builder.getModulePassManager().run(parsed, builder)
-        self._engine = binding.create_mcjit_compiler(parsed, machine)
+        key = cache.key(build, ingredients, machine.triple, target)
+        code = cache.load(key)
+        if code is None:
+            code = _compiled(build(target.width, *ingredients), machine)
+            cache.store(key, code)
+        self._engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
+        self._engine.add_object_file(binding.ObjectFileRef.from_data(code))
         self._engine.finalize_object()
 
     def function(self, name: str, *argument_types: type, result: type | None = None):

@@ -59,14 +59,8 @@ class Loop:
 
     def __init__(self, step: Program, target: Target):
         self.step, self.target = step, target
-        module = Module(target.width)
-        function = module.add_block_function(step)
-        nx, nu = step.inputs[0].size, step.inputs[1].size
-        module.functions["advance"] = _advance(target.width, nu)
-        module.functions["loop"] = _loop(module, function, nx, nu)
-        module.declarations.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
         types = (INTEGER, INTEGER, INTEGER, INTEGER, INTEGER, ctypes.c_double, INTEGER, *[POINTER] * 11)
-        self._run = Engine(module, target).function("loop", *types)
+        self._run = Engine(target, _module, step).function("loop", *types)
 
     def run(self, lanes: LaneState, h: float, tiles: tuple[int, int], ticks: tuple[int, int], every: int) -> None:
         """Takes the lanes of some tiles through some ticks of h seconds; the GIL is released."""
@@ -76,6 +70,16 @@ class Loop:
         )
         stride = lanes.record.shape[1] * lanes.record.shape[2]
         self._run(*tiles, *ticks, every, h, stride, *(a.ctypes.data for a in arrays))
+
+
+def _module(width: int, step: Program) -> Module:
+    module = Module(width)
+    function = module.add_block_function(step)
+    nx, nu = step.inputs[0].size, step.inputs[1].size
+    module.functions["advance"] = _advance(width, nu)
+    module.functions["loop"] = _loop(module, function, nx, nu)
+    module.declarations.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
+    return module
 
 
 def _advance(w: int, nu: int) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 
 from armwright import actuators, dynamics, kinematics
 from armwright.model import Model
+from armwright.model.simplify import aligned_frames, simplified
 
 Size = int | str  # "n": number of joints
 
@@ -36,6 +37,7 @@ class Signature:
         inputs, outputs: in order.
         optional: inputs that may be left out, which compiles another, shorter program.
         options: names of keyword arguments that are fixed when the kernel is compiled, such as `frame`.
+        regroup: whether the result follows from the arm's motion alone, so that its inertial parameters may be regrouped.
     """
 
     function: Callable[..., Any]
@@ -43,6 +45,7 @@ class Signature:
     outputs: tuple[Argument, ...]
     optional: tuple[Argument, ...] = ()
     options: tuple[str, ...] = ()
+    regroup: bool = False
 
     @property
     def name(self) -> str:
@@ -61,16 +64,16 @@ WRENCH = Argument("wrench", (6,), "N, N m")
 SIGNATURES: dict[str, Signature] = {
     signature.name: signature
     for signature in (
-        Signature(dynamics.inverse_dynamics, (Q, QD, QDD), (TAU,), (WRENCH,)),
-        Signature(dynamics.forward_dynamics, (Q, QD, TAU), (QDD,), (WRENCH,)),
-        Signature(dynamics.mass_matrix, (Q,), (Argument("M", ("n", "n"), "kg m² | kg m | kg"),)),
-        Signature(dynamics.bias_torques, (Q, QD), (Argument("h", ("n",), "N m | N"),), (WRENCH,)),
-        Signature(dynamics.gravity_torques, (Q,), (Argument("g", ("n",), "N m | N"),)),
+        Signature(dynamics.inverse_dynamics, (Q, QD, QDD), (TAU,), (WRENCH,), regroup=True),
+        Signature(dynamics.forward_dynamics, (Q, QD, TAU), (QDD,), (WRENCH,), regroup=True),
+        Signature(dynamics.mass_matrix, (Q,), (Argument("M", ("n", "n"), "kg m² | kg m | kg"),), regroup=True),
+        Signature(dynamics.bias_torques, (Q, QD), (Argument("h", ("n",), "N m | N"),), (WRENCH,), regroup=True),
+        Signature(dynamics.gravity_torques, (Q,), (Argument("g", ("n",), "N m | N"),), regroup=True),
         Signature(kinematics.forward_kinematics, (Q,), (Argument("T", (4, 4), "- | m"),), options=("frame",)),
         Signature(kinematics.jacobian, (Q,), (Argument("J", (6, "n"), "m/rad | -, - | 1/m"),), options=("frame",)),
         Signature(actuators.motor_voltage, (QD, TAU), (VOLTAGE,)),
         Signature(actuators.motor_torque, (QD, VOLTAGE), (TAU,)),
-        Signature(dynamics.forward_arm, (Q, QD, U), (QDD,)),
+        Signature(dynamics.forward_arm, (Q, QD, U), (QDD,), regroup=True),
     )
 }
 
@@ -83,6 +86,7 @@ def trace_kernel(model: Model, signature: Signature, given: tuple[str, ...] = ()
     """
     from armwright.program import trace  # CasADi, which takes a while to import
 
+    model = simplified(model) if signature.regroup else aligned_frames(model)
     arguments = [*signature.inputs, *(a for a in signature.optional if a.name in given)]
     return trace(
         signature.name,

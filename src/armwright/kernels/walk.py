@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from armwright.kernels.lowering import lower
+from armwright.kernels import lowering
 from armwright.kernels.machine import Machine, Value
 from armwright.program import Program
 from armwright.program.fuse import optimised
 
 Call = Callable[[Program, list[Value]], list[Value]]
+Lower = Callable[..., Value]
 
 
 def walk(
-    machine: Machine, program: Program, inputs: Sequence[Sequence[Value]], call: Call | None = None
+    machine: Machine,
+    program: Program,
+    inputs: Sequence[Sequence[Value]],
+    call: Call | None = None,
+    lower: Lower = lowering.lower,
 ) -> list[list[Value]]:
     """Prints a program's operations.
 
     Args:
         machine: prints them.   program: what is printed.   inputs: the machine's values of every entry of every input.
         call: prints a call of another program, flat arguments to flat results; needed where the program makes one.
+        lower: prints an operation of the table on values, (machine, name, *values) to a value; C prints calls for some.
     Returns:
         outputs: the machine's values of every entry of every output.
     """

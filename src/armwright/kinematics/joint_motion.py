@@ -20,7 +20,8 @@ class JointMotion:
     def __init__(self, body: Body, q: Scalar):
         self.fixed = body.placement.rotation
         if body.kind == "revolute":
-            self.cos, self.sin = scalar.cos(q), scalar.sin(q)
+            angle = q if not scalar.is_symbolic(body.offset) and body.offset == 0.0 else q + body.offset
+            self.cos, self.sin = scalar.cos(angle), scalar.sin(angle)
             self.position = body.placement.position
         else:
             self.cos, self.sin = 1.0, 0.0

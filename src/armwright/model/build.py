@@ -17,7 +17,7 @@ from armwright.errors import DescriptionError
 from armwright.model.model import BASE, Body, Frame, Model
 from armwright.model.plausibility import check_bodies, check_drives
 from armwright.model.referred import drive_of, friction_of, limits_of
-from armwright.spatial import Placement, parallel_axes, rotation_rpy, rotation_to_axis, rotation_x, rotation_z
+from armwright.spatial import Placement, inertia_about_origin, rotation_rpy, rotation_to_axis, rotation_x, rotation_z
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.80665)  # [m/s²], where a file says nothing about its place; CGPM 1901
 
@@ -127,17 +127,13 @@ def _body(
 def _add_mass(moving: list[dict[str, Any]], frame: Frame, link: Link) -> None:
     if frame.body == BASE:
         return  # stands still
+    mass, com = float(link.mass_kg), frame.placement.point(np.array(link.com_m))
     rotation = frame.placement.rotation
-    com = frame.placement.point(np.array(link.com_m))
-    moving[frame.body]["masses"].append((float(link.mass_kg), com, rotation @ link.inertia_kg_m2.matrix() @ rotation.T))
+    tensor = inertia_about_origin(mass, com, rotation @ link.inertia_kg_m2.matrix() @ rotation.T)
+    moving[frame.body]["masses"].append((mass, mass * com, 0.5 * (tensor + tensor.T)))
 
 
 def _merged(body: dict[str, Any]) -> dict[str, Any]:
-    """The masses that move together as one body: parallel axes."""
-    masses = body.pop("masses")
-    mass = sum(m for m, _, _ in masses)
-    com = sum((m * c for m, c, _ in masses), scalar.zeros(3)) / mass if mass > 0 else scalar.zeros(3)
-    if len(masses) == 1:
-        com = masses[0][1]
-    inertia = sum((j + parallel_axes(m, c - com) for m, c, j in masses), scalar.zeros(3, 3))
-    return {**body, "mass": mass, "com": com, "inertia": 0.5 * (inertia + inertia.T)}
+    """The masses that move together as one body: about one origin they add up."""
+    mass, first_moment, inertia = (sum(parts) for parts in zip(*body.pop("masses"), strict=True))
+    return {**body, "mass": mass, "first_moment": first_moment, "inertia": inertia}

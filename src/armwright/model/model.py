@@ -13,7 +13,7 @@ from armwright import scalar
 from armwright.description.robot import RobotDescription, Source
 from armwright.errors import ModelError, nearest
 from armwright.scalar import Array, Scalar
-from armwright.spatial import Placement
+from armwright.spatial import Placement, parallel_axes
 
 BASE = -1  # the parent of bodies that stand on the base
 
@@ -70,7 +70,8 @@ class Body:
     """A moving joint and the body it carries.
 
     The body's frame has the joint's axis as its z axis, whatever the file's convention; at q = 0 it stands in the
-    parent body's frame at `placement`. `link_frame` is where the link's own frame (DH or URDF) stands in it.
+    parent body's frame at `placement`, turned about z by `offset`. `link_frame` is where the link's own frame (DH or
+    URDF) stands in it.
     """
 
     joint: str
@@ -79,12 +80,25 @@ class Body:
     parent: int  # index of a body, or BASE
     placement: Placement
     link_frame: Placement
-    mass: Scalar  # [kg], fixed links and their masses merged
-    com: Array  # (3,) [m], in the body's frame
-    inertia: Array  # (3, 3) [kg m²], about the centre of mass, in the body's axes
+    mass: Scalar  # m [kg], fixed links and their masses merged
+    first_moment: Array  # m c (3,) [kg m], c the centre of mass in the body's frame
+    inertia: Array  # (3, 3) [kg m²], about the body's origin, in the body's axes
     drive: Drive
     friction: Friction | None = None
     limits: Limits = Limits()
+    offset: Scalar = 0.0  # [rad], what a revolute joint's angle is beyond q
+
+    @property
+    def com(self) -> Array:
+        """Centre of mass (3,) [m] in the body's frame; the origin where the body has no mass."""
+        return (
+            self.first_moment / self.mass if scalar.is_symbolic(self.mass) or self.mass > 0 else 0.0 * self.first_moment
+        )
+
+    @property
+    def inertia_com(self) -> Array:
+        """Tensor of inertia about the centre of mass (3, 3) [kg m²], in the body's axes."""
+        return self.inertia - parallel_axes(self.mass, self.com)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from armwright.kernels.batch import Kernel
 from armwright.kernels.llvm import Target, select_target
 from armwright.kernels.loop import LaneState, Loop
 from armwright.model import Model
+from armwright.model.simplify import simplified
 from armwright.program import call, trace
 from armwright.simulation.integrators import INTEGRATORS
 from armwright.simulation.plant import plant_derivative, plant_outputs
@@ -48,15 +49,15 @@ def compile_simulator(arm: Model, integrator: str = "rk3", target: str | None = 
     Raises:
         ModelError: a drive without the constants that its command needs.
     """
-    n, chosen = arm.n, select_target(target)
+    n, chosen, plain = arm.n, select_target(target), simplified(arm)
     state, command = {"x": (2 * n,)}, {"u": (n,)}
-    plant = trace("plant", lambda x, u: plant_derivative(arm, x, u), state | command, ("xd",), noinline=True)
+    plant = trace("plant", lambda x, u: plant_derivative(plain, x, u), state | command, ("xd",), noinline=True)
     rule = INTEGRATORS[integrator].step
     step = trace(
         "step", lambda x, u, h: rule(lambda x, u: call(plant, x, u), x, u, h), state | command | {"h": ()}, ("x_next",)
     )
     names = ("qdd", "tau", "voltage", "current")
-    outputs = trace("outputs", lambda x, u: plant_outputs(arm, x, u), state | command, names)
+    outputs = trace("outputs", lambda x, u: plant_outputs(plain, x, u), state | command, names)
     return Simulator(Loop(step, chosen.doubled()), Kernel(outputs, chosen), Stability(arm))
 
 

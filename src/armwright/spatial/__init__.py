@@ -2,6 +2,7 @@
 
 from armwright.spatial.inertia import (
     acceleration_tensor,
+    displaced_inertia,
     inertia_about_origin,
     inertial_moment,
     parallel_axes,
@@ -9,12 +10,22 @@ from armwright.spatial.inertia import (
     second_moment,
 )
 from armwright.spatial.placement import Placement
-from armwright.spatial.rotation import cross, rotation_rpy, rotation_to_axis, rotation_x, rotation_y, rotation_z, skew
+from armwright.spatial.rotation import (
+    cross,
+    rotation_rpy,
+    rotation_to_axis,
+    rotation_x,
+    rotation_y,
+    rotation_z,
+    skew,
+    snap,
+)
 
 __all__ = [
     "Placement",
     "acceleration_tensor",
     "cross",
+    "displaced_inertia",
     "inertia_about_origin",
     "inertial_moment",
     "parallel_axes",
@@ -26,4 +37,5 @@ __all__ = [
     "rotation_z",
     "second_moment",
     "skew",
+    "snap",
 ]

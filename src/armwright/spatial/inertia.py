@@ -74,3 +74,19 @@ def pseudo_inertia(mass: Scalar, com: Array, inertia_com: Array) -> np.ndarray:
     first = mass * np.asarray(com)
     sigma = second_moment(inertia_about_origin(mass, com, inertia_com))
     return scalar.array(np.block([[sigma, first.reshape(3, 1)], [first.reshape(1, 3), np.reshape(mass, (1, 1))]]))
+
+
+def displaced_inertia(m: Scalar, h: Array, p: Array) -> np.ndarray:
+    """What a tensor about the origin gains when the body is displaced by p:  (2 h·p + m p·p) 1 - h pᵀ - p hᵀ - m p pᵀ.
+
+    With k = h + ½ m p it is  2 (k·p) 1 - k pᵀ - p kᵀ.
+
+    Args:
+        m: () [kg].   h: (3,) [kg m] first moment before the displacement.   p: (3,) [m].
+    Returns:
+        gain: (3, 3) [kg m²].
+    """
+    k = h + (0.5 * m) * p
+    xx, yy, zz = ((k[i] + k[i]) * p[i] for i in range(3))
+    xy, xz, yz = (-(k[i] * p[j] + k[j] * p[i]) for i, j in ((0, 1), (0, 2), (1, 2)))
+    return scalar.array([[yy + zz, xy, xz], [xy, xx + zz, yz], [xz, yz, xx + yy]])

@@ -24,7 +24,7 @@ class Placement:
     @classmethod
     def identity(cls) -> Placement:
         """The frame itself."""
-        return cls(np.eye(3), scalar.zeros(3))
+        return cls(np.eye(3), scalar.array([0.0, 0.0, 0.0]))
 
     def __matmul__(self, inner: Placement) -> Placement:
         """Frame c in a, from b in a and c in b."""

@@ -1,0 +1,1 @@
+"""An arm in other programs' languages: C for microcontrollers."""

@@ -1,0 +1,209 @@
+"""Native code kept on disk, so that a program is compiled once and not once a process.
+
+An entry is the object code of one module. Its name is its key: a digest of everything the code follows from, so that it is
+known from a traced program alone, before any LLVM text is printed. In its file,
+
+    magic | key | length | SHA-256 of the code | code
+
+all of which is checked before the code is linked: a linker takes a flipped byte without a word. An entry is written to a
+temporary file and renamed, so that of many processes each sees a whole entry or none. What cannot be read, written or
+believed is compiled again; nothing here raises.
+
+Code is executed, so it is read only from a folder, and a file, that belongs to this user and that no other can write.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import os
+import stat
+import struct
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import fields
+from pathlib import Path
+
+import casadi
+import llvmlite
+from llvmlite import binding
+
+from armwright.program import Program
+
+VARIABLE = "ARMWRIGHT_CACHE_DIR"  # the folder; empty: nothing is kept
+MAGIC = b"armwright code 1"
+HEAD = struct.Struct(f"<{len(MAGIC)}s32sQ32s")
+SUFFIX = ".code"
+MOST_BYTES = 256 << 20  # of all entries; the least recently used ones go
+STALE = 3600.0  # [s] after which a temporary file is one that its writer left behind
+OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+
+
+def key(build: Callable[..., object], ingredients: tuple[object, ...], *machine: object) -> bytes | None:
+    """The digest of everything that the code of `build(…, *ingredients)` follows from, or None where that is not known.
+
+    Args:
+        build: a function of the emitter, at the top level of its file.
+        ingredients: what it makes the module of: programs, numbers, strings.
+        machine: what the code is made for: triple, processor, features, width.
+    """
+    assert build.__module__.startswith("armwright.kernels.") and "<" not in build.__qualname__, build
+    if _EMITTER is None:
+        return None
+    versions = casadi.__version__, llvmlite.__version__, binding.llvm_version_info
+    parts = [MAGIC, _EMITTER, repr((versions, build.__module__, build.__qualname__, machine)).encode()]
+    for ingredient in ingredients:
+        parts += _content(ingredient)
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(struct.pack("<Q", len(part)) + part)
+    return digest.digest()
+
+
+def _content(ingredient: object) -> Iterator[bytes]:
+    if isinstance(ingredient, Program):
+        for field in fields(ingredient):
+            value = getattr(ingredient, field.name)
+            yield (value.serialize() if isinstance(value, casadi.Function) else repr(value)).encode()
+    else:
+        assert isinstance(ingredient, (str, int, float)), ingredient
+        yield repr(ingredient).encode()
+
+
+def _emitter() -> bytes | None:
+    """Digest of the sources that turn a program into code, of whatever version; None where they cannot be read."""
+    digest = hashlib.sha256()
+    here = Path(__file__).parent
+    try:
+        for path in sorted([*here.glob("*.py"), *(here.parent / "program").glob("*.py")]):
+            digest.update(f"{path.parent.name}/{path.name}\n".encode() + hashlib.sha256(path.read_bytes()).digest())
+    except OSError:
+        return None
+    return digest.digest() if here.joinpath("llvm.py").exists() else None
+
+
+_EMITTER = (
+    _emitter()
+)  # now, while the sources are those that were imported: a developer may change them under a session
+
+
+def load(key: bytes | None) -> bytes | None:
+    """The code of that key; None where there is none that can be believed."""
+    folder = _folder() if key is not None else None
+    if key is None or folder is None:
+        return None
+    path = _path(folder, key)
+    try:
+        data = _read(path)
+    except OSError:
+        return None
+    if len(data) < HEAD.size:
+        return None
+    code = data[HEAD.size :]
+    if HEAD.unpack_from(data) != (MAGIC, key, len(code), hashlib.sha256(code).digest()):
+        return None
+    with contextlib.suppress(OSError):  # a read-only file system does not remember which entries are used
+        os.utime(path)
+    return code
+
+
+def store(key: bytes | None, code: bytes) -> None:
+    """Keeps code for next time, where that is possible."""
+    folder = _folder() if key is not None else None
+    if key is None or folder is None:
+        return
+    temporary = None
+    try:
+        number, temporary = tempfile.mkstemp(dir=folder, suffix=".tmp")  # readable and writable by its owner only
+        with open(number, "wb") as file:
+            file.write(HEAD.pack(MAGIC, key, len(code), hashlib.sha256(code).digest()) + code)
+        os.replace(temporary, _path(folder, key))
+    except OSError:  # read-only, full, over a quota, or (Windows) just being read
+        if temporary is not None:
+            with contextlib.suppress(OSError):
+                os.unlink(temporary)
+        return
+    _trim(folder)
+
+
+def _path(folder: Path, key: bytes) -> Path:
+    return folder / f"{key.hex()}{SUFFIX}"
+
+
+def _read(path: Path) -> bytes:
+    """The bytes of a regular file that is ours alone to write: no link, no pipe to wait for."""
+    flags = sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
+    with open(os.open(path, os.O_RDONLY | flags), "rb") as file:
+        about = os.fstat(file.fileno())
+        if not stat.S_ISREG(about.st_mode) or not _ours_alone(about) or about.st_size > MOST_BYTES:
+            raise PermissionError(path)
+        return file.read()
+
+
+def _ours_alone(about: os.stat_result) -> bool:
+    """Whether this user owns it and nobody else can write it. On Windows the user's profile sees to that."""
+    if sys.platform == "win32":
+        return True
+    return about.st_uid == os.geteuid() and not about.st_mode & OTHERS_WRITE
+
+
+def _folder() -> Path | None:
+    """Where entries are, made where it is missing; None where none can be kept."""
+    named = os.environ.get(VARIABLE)
+    place = _usual_folder() if named is None else Path(named).expanduser().absolute() if named else None
+    if place is None:
+        return None
+    try:
+        place.mkdir(mode=0o700, parents=True, exist_ok=True)
+        about = place.stat()
+    except OSError as error:
+        if named is not None:  # who names a folder wants to know; a home that cannot be written is nobody's surprise
+            _say_once(f"{VARIABLE}={named}: {error.strerror}; compiled code is not kept")
+        return None
+    if not _ours_alone(about):
+        found = f"mode {stat.S_IMODE(about.st_mode):o}, owner {about.st_uid}"
+        _say_once(f"{place}: {found}; compiled code is kept only in a folder that you own and nobody else can write")
+        return None
+    return place
+
+
+def _usual_folder() -> Path | None:
+    try:
+        if sys.platform == "win32":
+            local = os.environ.get("LOCALAPPDATA")
+            return (Path(local) if local else Path.home() / "AppData" / "Local") / "armwright"
+        if sys.platform == "darwin":
+            return Path.home() / "Library" / "Caches" / "armwright"
+        given = Path(os.environ.get("XDG_CACHE_HOME") or "~")
+        return (given if given.is_absolute() else Path.home() / ".cache") / "armwright"
+    except RuntimeError:  # a user without a home
+        return None
+
+
+@functools.cache
+def _say_once(sentence: str) -> None:
+    warnings.warn(sentence, RuntimeWarning, stacklevel=2)
+
+
+def _trim(folder: Path) -> None:
+    """Takes the least recently used entries away until the rest fits, and what dead writers left behind."""
+    entries = []
+    with contextlib.suppress(OSError), os.scandir(folder) as found:
+        for file in found:
+            with contextlib.suppress(OSError):
+                about = file.stat(follow_symlinks=False)
+                if file.name.endswith(".tmp") and about.st_mtime < time.time() - STALE:
+                    os.unlink(file.path)
+                elif file.name.endswith(SUFFIX) and stat.S_ISREG(about.st_mode):
+                    entries.append((about.st_mtime, about.st_size, file.path))
+    size = sum(bytes_ for _, bytes_, _ in entries)
+    for _, bytes_, path in sorted(entries):
+        if size <= MOST_BYTES:
+            break
+        with contextlib.suppress(OSError):  # another process was faster
+            os.unlink(path)
+        size -= bytes_
