@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import typer.main
@@ -123,9 +123,8 @@ def _sources(record: Any) -> str:
 
 def commands() -> str:
     """A section for every command."""
-    group: Any = typer.main.get_command(app)
     parts = []
-    for name, command in group.commands.items():
+    for name, command in _single("", typer.main.get_command(app)):
         parameters = [p for p in command.params if not getattr(p, "hidden", False)]
         arguments = [p for p in parameters if p.param_type_name == "argument"]
         options = [p for p in parameters if p.param_type_name == "option"]
@@ -136,6 +135,15 @@ def commands() -> str:
         if options:
             parts.append(table(("option", "", "default"), [_option(p) for p in options]))
     return "\n\n".join(parts)
+
+
+def _single(name: str, command: Any) -> Iterator[tuple[str, Any]]:
+    """Every command with its full name; a group such as `export` by what is in it."""
+    if not hasattr(command, "commands"):
+        yield name.strip(), command
+        return
+    for word, inner in command.commands.items():
+        yield from _single(f"{name} {word}", inner)
 
 
 def _argument(parameter: Any) -> str:

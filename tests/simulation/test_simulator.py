@@ -245,7 +245,7 @@ def test_coulomb_friction_bounds_the_step():
     with pytest.raises(ScenarioError, match="friction slope included"):
         aw.simulate(aw.Scenario(arm, duration=0.1, command=[1.0]))
     limit = 2.5127 * (0.02 + 25e-4) * 1e-4 / 2.0
-    assert compile_simulator(arm).stability.largest_step(_rk3()) == pytest.approx(limit, rel=0.01)
+    assert compile_simulator(arm).stability.largest_step(_rk3(), np.zeros(1)) == pytest.approx(limit, rel=0.01)
 
 
 def _rk3():
@@ -337,7 +337,7 @@ def test_progress_counts_all_steps(cmu):
         ({"command": [0, 0], "duration": 1.0, "integrator": "rk33"}, "integrator = 'rk33': unknown; did you mean rk3"),
         (
             {"schedule": aw.Schedule.constant(["a"], [1.0]), "duration": 1.0},
-            "schedule has 1 columns, expected 2: shoulder, elbow",
+            "the schedule is for a; expected the joints of two-link: shoulder, elbow",
         ),
     ],
 )
@@ -345,3 +345,107 @@ def test_scenarios_that_cannot_run(changes, message):
     """Refused before anything runs, naming the field, its value and what was expected."""
     with pytest.raises(ScenarioError, match=message):
         aw.Scenario(aw.load("two-link"), **changes)
+
+
+def test_a_simulator_serves_its_own_arm_only(cmu):
+    """Another arm, or a variant of the same, is another simulator: refused, not run with the wrong numbers."""
+    arm, simulator = cmu
+    for other in (aw.load("two-link"), arm.replace(gravity=[0, 0, 0])):
+        with pytest.raises(ScenarioError, match="the simulator was compiled for arm"):
+            aw.simulate(aw.Scenario(other, duration=0.1, command=np.zeros(other.n)), simulator=simulator)
+
+
+def test_gear_loss_under_load_bounds_the_step():
+    """A gear's loss has the slope (1/η - 1) tau / (smoothing J): with tau, the step that does shrinks."""
+    arm = motor_alone(
+        command="torque",
+        motor={"gear_efficiency": 0.6},
+        friction={"smoothing_rad_per_s": 1e-3, "viscous_n_m_s_per_rad": 0.03},
+    )
+    with pytest.raises(ScenarioError, match="too large for the arm's fastest time constant"):
+        aw.simulate(aw.Scenario(arm, duration=0.1, command=[1.5]))
+    aw.simulate(aw.Scenario(arm, duration=0.1, command=[1e-3]))
+
+
+def test_a_swing_bounds_the_step():
+    """An undamped pendulum wants a dozen steps a period; what is named then stays bounded for a minute."""
+    arm = aw.load("two-link")
+    with pytest.raises(ScenarioError, match="lose track") as caught:
+        aw.simulate(aw.Scenario(arm, duration=60.0, step=0.3, command=[0, 0], q0=[-1.5, 0]))
+    step = float(str(caught.value).split("a step of ")[1].split()[0])
+    run = aw.simulate(aw.Scenario(arm, duration=600 * step, step=step, command=[0, 0], q0=[-1.5, 0]))
+    assert np.abs(run.qd.values).max() < 30
+
+
+def test_steep_sigmoid_bounds_the_step():
+    """A sigmoid is steepest at -shift, wherever that is: slope a b / 4."""
+    law = {
+        "law": "sigmoid",
+        "sigmoid_amplitude_n_m": 5.0,
+        "sigmoid_slope_s_per_rad": 1000.0,
+        "sigmoid_shift_rad_per_s": 0.1,
+    }
+    arm = motor_alone(friction=law)
+    limit = 2.5127 * (0.02 + 25e-4) / (5.0 * 1000.0 / 4)
+    assert compile_simulator(arm).stability.largest_step(_rk3(), np.zeros(1)) == pytest.approx(limit, rel=0.01)
+
+
+def test_uneven_coulomb_friction_bounds_the_step_by_its_steeper_side():
+    """Fc is the larger of the two."""
+    arm = motor_alone(friction={"coulomb_positive_n_m": 1.0, "coulomb_negative_n_m": 5.0, "smoothing_rad_per_s": 1e-2})
+    limit = 2.5127 * (0.02 + 25e-4) / (5.0 / 1e-2 + 25 * 0.05**2 / 0.8)
+    assert compile_simulator(arm).stability.largest_step(_rk3(), np.zeros(1)) == pytest.approx(limit, rel=0.01)
+
+
+def test_columns_go_by_name():
+    """A schedule written for the joints in another order drives the joints it names; another arm's is refused."""
+    arm = aw.load("two-link")
+    straight = aw.Schedule(np.zeros(1), np.array([[3.0, 1.0]]), ("shoulder", "elbow"))
+    swapped = aw.Schedule(np.zeros(1), np.array([[1.0, 3.0]]), ("elbow", "shoulder"))
+    ends = [final(aw.simulate(aw.Scenario(arm, duration=0.1, schedule=schedule))) for schedule in (straight, swapped)]
+    assert np.array_equal(*ends)
+    for wrong in ("run.csv", [], [1, 2]):
+        with pytest.raises(ScenarioError):
+            aw.Scenario(arm, duration=0.1, schedule=wrong)
+
+
+def test_no_false_word_of_clipping():
+    """Rounding of a current that goes through the voltage is no clipping."""
+    arm = motor_alone(command="current", limits={"voltage_v": 100.0})
+    times = np.arange(100) * 0.01
+    schedule = aw.Schedule(times, 0.5 * np.sin(2 * np.pi * times)[:, None], ("axis",))
+    assert aw.simulate(aw.Scenario(arm, duration=1.0, schedule=schedule)).attrs["notes"] == ""
+
+
+def test_a_joint_without_inertia_is_named():
+    """A massless last link is found before the run."""
+    arm = motor_alone(motor={"rotor_inertia_kg_m2": 0.0})
+    import dataclasses
+
+    empty = dataclasses.replace(arm.bodies[0], mass=0.0, first_moment=np.zeros(3), inertia=np.zeros((3, 3)))
+    with pytest.raises(ScenarioError, match="joint 'axis' moves no inertia"):
+        aw.simulate(aw.Scenario(dataclasses.replace(arm, bodies=(empty,)), duration=0.1, command=[0.0]))
+
+
+def test_too_much_to_record(cmu):
+    """What memory cannot hold is said before it runs, with what to do."""
+    arm, simulator = cmu
+    for duration in (1e12, 1e300):
+        with pytest.raises(ScenarioError, match=r"record_every above 1|more than can be counted"):
+            aw.simulate(aw.Scenario(arm, duration=duration, command=np.zeros(6)), simulator=simulator)
+
+
+def test_ctrl_c_comes_back_soon(cmu):
+    """An interruption while threads share the lanes ends them after the piece each is in."""
+    import time
+
+    arm, simulator = cmu
+    scenario = aw.Scenario(arm, duration=400.0, command=np.zeros((600, 6)), record_every=0)
+    start = time.perf_counter()
+
+    def interrupt(done, total):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        aw.simulate(scenario, simulator=simulator, threads=2, progress=interrupt)
+    assert time.perf_counter() - start < 5.0  # the whole run takes a quarter of a minute

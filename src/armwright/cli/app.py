@@ -10,6 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 from armwright import __version__
+from armwright.cli.export import export
 from armwright.cli.forward import forward
 from armwright.cli.info import info
 from armwright.cli.inverse import inverse
@@ -79,3 +80,4 @@ def _commands(
 
 for command in (robots, info, inverse, forward, simulate):
     app.command()(command)
+app.add_typer(export, name="export")

@@ -20,6 +20,8 @@ from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.model import Model
 from armwright.simulation.output import whole_file
 
+WIDTH = 100  # of a function's first line, above which its parameters stand below each other
+
 
 def write_c(arm: Model, functions: Sequence[str], folder: str | Path, real: str = "double") -> list[Path]:
     """Writes `NAME.h`, `NAME.c` and `NAME_selftest.c` for an arm, NAME a C identifier made from the arm's name.
@@ -103,7 +105,8 @@ def _prototype(name: str, function: CFunction, real: str) -> str:
             for size, length in zip(argument.shape, port.shape, strict=True)
         ]
         sizes.append(" * ".join(dims) if dims else "1")
-    return f"void {function.name}({parameters(function.program, real, sizes)})"
+    line = f"void {function.name}({parameters(function.program, real, sizes)})"
+    return line if len(line) <= WIDTH else line.replace("(", "(\n    ", 1).replace(", ", ",\n    ")
 
 
 def _documented(name: str, function: CFunction) -> str:

@@ -5,31 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 _WORDS = {
-    **{
-        "q̈": "qdd",
-        "q̇": "qd",
-        "Ṁ": "Mdot",
-        "J̇": "Jdot",
-        "⁻": "^-",
-        "¹": "1",
-        "ᵀ": "^T",
-        "²": "^2",
-        "³": "^3",
-        "½": "1/2",
-    },
-    **{
-        "τ": "tau",
-        "θ": "theta",
-        "ω": "omega",
-        "η": "eta",
-        "λ": "lambda",
-        "π": "pi",
-        "Σ": "sum",
-        "∂": "d",
-        "Δ": "delta",
-    },
-    **{"·": "*", "×": "x", "−": "-", "–": "-", "≤": "<=", "≥": ">=", "≈": "~", "→": "->", "…": "...", "√": "sqrt"},
-    **{"*/": "* /", "/*": "/ *", "??": "? ?"},  # the end and the beginning of a comment; a trigraph
+    **dict(zip("τθωηλπΣ∂Δ", ("tau", "theta", "omega", "eta", "lambda", "pi", "sum", "d", "delta"), strict=True)),
+    **dict(zip("·×−–≤≥≈→…√", ("*", "x", "-", "-", "<=", ">=", "~", "->", "...", "sqrt"), strict=True)),
+    **dict(zip("⁻¹ᵀ²³½", ("^-", "1", "^T", "^2", "^3", "1/2"), strict=True)),
+    "Ṁ": "Mdot",
+    "q̇": "qd",
+    "q̈": "qdd",
+    "J̇": "Jdot",
+    "*/": "* /",  # the end and the beginning of a comment, and of a trigraph
+    "/*": "/ *",
+    "??": "? ?",
 }
 
 
@@ -40,7 +25,8 @@ def comment(lines: Iterable[str]) -> str:
 
 def plain(line: str) -> str:
     """A line that can stand in a comment: Greek letters by name, anything else that is not ASCII by number."""
-    for mark, word in _WORDS.items():
-        line = line.replace(mark, word)
     line = "".join(c if c.isprintable() else " " for c in line)
-    return line.encode("ascii", "backslashreplace").decode("ascii").replace("*/", "* /")
+    for mark in sorted(_WORDS, key=len, reverse=True):
+        line = line.replace(mark, _WORDS[mark])
+    line = line.encode("ascii", "backslashreplace").decode("ascii")
+    return line.replace("*/", "* /").replace("??", "? ?")

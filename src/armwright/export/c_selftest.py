@@ -10,7 +10,7 @@ import numpy as np
 
 from armwright.export.c_comment import comment
 from armwright.kernels.c import REALS
-from armwright.kernels.c_machine import number, port_names
+from armwright.kernels.c_machine import literal, port_names
 from armwright.kernels.signatures import Argument, Signature
 from armwright.model import Model
 from armwright.program import Program, interpret
@@ -68,10 +68,11 @@ def _vectors(
 
 
 def _values(array: Any, real: str) -> str:
-    return ", ".join(number(float(value), REALS[real]) for value in np.ravel(array)) or "0"
+    return ", ".join(literal(float(value), REALS[real]) for value in np.ravel(array)) or "0"
 
 
 def selftest(arm: Model, name: str, functions: Sequence[CFunction], real: str) -> str:
+    """The program's text. It prints a line a function, and ends with 0 if all vectors are met, else with 1."""
     calls = [f"    failed += test_{each.signature.name}();" for each in functions]
     parts = [
         comment(

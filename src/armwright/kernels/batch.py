@@ -35,6 +35,7 @@ class Kernel:
         self._run = engine.function(f"{program.name}.batch", ctypes.c_int64, POINTER, POINTER, POINTER)
         pointers = [POINTER] * (len(program.inputs) + len(program.outputs))
         self._run_whole = engine.function(f"{program.name}.whole", ctypes.c_int64, *pointers)
+        self.bound_entry = engine.function(f"{program.name}.bound", POINTER)  # (table of the count and every pointer)
 
     def __call__(self, *arrays: Any, out: Any = None, threads: int = 1) -> Any:
         """The program's outputs for all states.
@@ -53,7 +54,10 @@ class Kernel:
             addresses = [addressof(byte_of(array)) for array in arrays]
         except (AttributeError, KeyError, TypeError, ValueError, BufferError):
             return self._any(arrays, out, threads)
-        results = [_empty(lead + shape) for shape in self._shapes] if out is None else [out]
+        if out is None:
+            results = [_empty(lead + shape) for shape in self._shapes]
+        else:
+            results = list(out) if type(out) is tuple else [out]
         if not self._usual(arrays, addresses, results, lead) or min(threads, count // self._least) > 1:
             return self._any(arrays, out, threads)
         self._run_whole(count, *addresses, *[addressof(byte_of(result)) for result in results])

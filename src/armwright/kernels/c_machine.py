@@ -23,9 +23,25 @@ from armwright.program import Program
 
 NAME = re.compile(r"\b[vpi]\d+\b")  # values of ours in a line of text: reals, truths, integers
 KEYWORDS = frozenset(
-    "auto break case char class const continue default delete do double else enum extern float for goto if inline int "
-    "long namespace new operator private public register restrict return short signed sizeof static struct switch "
-    "template this throw typedef union unsigned using virtual void volatile while".split()
+    {  # of C and C++
+        *("auto", "break", "case", "char", "class", "const", "continue", "default", "delete", "do", "double", "else"),
+        *("enum", "extern", "float", "for", "goto", "if", "inline", "int", "long", "namespace", "new", "operator"),
+        *("private", "public", "register", "restrict", "return", "short", "signed", "sizeof", "static", "struct"),
+        *(
+            "switch",
+            "template",
+            "this",
+            "throw",
+            "typedef",
+            "union",
+            "unsigned",
+            "using",
+            "virtual",
+            "void",
+            "volatile",
+        ),
+        *("while"),
+    }
 )
 
 #: Operations whose polynomial is printed once, as a function; sine and cosine share one.
@@ -63,7 +79,7 @@ def identifier(text: str) -> str:
     return f"arm_{word}".rstrip("_") if not word or word[0].isdigit() or word in KEYWORDS else word
 
 
-def number(value: float, dialect: Dialect) -> str:
+def literal(value: float, dialect: Dialect) -> str:
     """A literal that reads back as that double (or as that float, rounded once)."""
     single = dialect.real == "float"
     if single:
@@ -297,8 +313,8 @@ class CMachine(Machine):
 
     # Reals.
 
-    def constant(self, number_: float) -> Value:
-        return number(number_, self.dialect)
+    def constant(self, number: float) -> Value:
+        return literal(number, self.dialect)
 
     def add(self, a, b):
         return self._real(f"{a} + {b}")
@@ -375,8 +391,8 @@ class CMachine(Machine):
     def from_bits(self, i):
         return self._real(f"{self.unit.prefix}from_bits({i})")
 
-    def int_constant(self, number_):
-        return self.dialect.literal.format(number_ % (1 << 64))
+    def int_constant(self, number):
+        return self.dialect.literal.format(number % (1 << 64))
 
     def int_add(self, i, j):
         return self._integer(f"{i} + {j}")

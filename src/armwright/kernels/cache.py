@@ -51,10 +51,11 @@ def key(build: Callable[..., object], ingredients: tuple[object, ...], *machine:
         ingredients: what it makes the module of: programs, numbers, strings.
         machine: what the code is made for: triple, processor, features, width.
     """
-    assert build.__module__.startswith("armwright.kernels.") and "<" not in build.__qualname__, build
+    assert build.__module__.startswith("armwright.kernels."), build
+    assert "<" not in build.__qualname__, build
     if _EMITTER is None:
         return None
-    versions = casadi.__version__, llvmlite.__version__, binding.llvm_version_info
+    versions = casadi.CasadiMeta.version(), llvmlite.__version__, binding.llvm_version_info
     parts = [MAGIC, _EMITTER, repr((versions, build.__module__, build.__qualname__, machine)).encode()]
     for ingredient in ingredients:
         parts += _content(ingredient)
@@ -154,7 +155,7 @@ def _ours_alone(about: os.stat_result) -> bool:
 def _folder() -> Path | None:
     """Where entries are, made where it is missing; None where none can be kept."""
     named = os.environ.get(VARIABLE)
-    place = _usual_folder() if named is None else Path(named).expanduser().absolute() if named else None
+    place = _usual_folder() if named is None else Path(os.path.expanduser(named)).absolute() if named else None
     if place is None:
         return None
     try:
@@ -162,11 +163,13 @@ def _folder() -> Path | None:
         about = place.stat()
     except OSError as error:
         if named is not None:  # who names a folder wants to know; a home that cannot be written is nobody's surprise
-            _say_once(f"{VARIABLE}={named}: {error.strerror}; compiled code is not kept")
+            _say_once(f"{VARIABLE} = {named!r}: {error.strerror}; compiled code is not kept")
         return None
     if not _ours_alone(about):
         found = f"mode {stat.S_IMODE(about.st_mode):o}, owner {about.st_uid}"
-        _say_once(f"{place}: {found}; compiled code is kept only in a folder that you own and nobody else can write")
+        _say_once(
+            f"{str(place)!r}: {found}; compiled code is kept only in a folder that you own and nobody else can write"
+        )
         return None
     return place
 

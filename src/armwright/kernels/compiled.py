@@ -53,6 +53,25 @@ class CompiledArm:
             self._kernels[key] = Kernel(program, self.target)
         return self._kernels[key]
 
+    def bind(self, name: str, *optional: str, lead: tuple[int, ...] = (), options: Any = None, **arrays: Any) -> Any:
+        """A kernel with its arrays fixed: a call of it costs little more than the computing, for control loops.
+
+        Args:
+            name: of the table.   optional: names of the optional inputs that it takes.
+            lead: leading axes of the arrays; () for one state.
+            options: keyword arguments of the kernel, such as {"frame": "tool"}.
+            arrays: by name, float64 and contiguous, to use as inputs and outputs; the others are allocated.
+        Returns:
+            bound: `bound.inputs["q"][:] = q; tau = bound()`.
+        Raises:
+            ShapeError: an unknown name, or an array that does not fit.
+        """
+        from armwright.kernels.bound import Bound
+
+        if name not in SIGNATURES:
+            raise ShapeError(f"no kernel {name!r}; {nearest(name, SIGNATURES)}")
+        return Bound(self.kernel(name, *optional, **(options or {})), tuple(lead), arrays)
+
 
 def _method(signature: Signature) -> Callable[..., Any]:
     required = [a.name for a in signature.inputs]

@@ -108,7 +108,8 @@ class Module:
 
         `inputs` and `outputs` point to one pointer a port; `strides` says by how many doubles an input moves a tile: its
         size times W, or 0 for one tile that serves all. A tail of fewer than W states is computed in padded copies.
-        Beside it `<program>.whole(count, in0, …, out0, …)` serves arrays that hold every state.
+        Beside it `<program>.whole(count, in0, …, out0, …)` serves arrays that hold every state, and `<program>.bound(table)`
+        takes the same from a table in memory.
         """
         tile = f"{program.name}.tile"
         m = self.machine()
@@ -120,6 +121,7 @@ class Module:
         name = f"{program.name}.batch"
         self.functions[name] = _batch_loop(name, tile, program, self.width)
         self.functions[f"{program.name}.whole"] = _whole(f"{program.name}.whole", name, program, self.width)
+        self.functions[f"{program.name}.bound"] = _bound(program)
         self.declarations.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
         return name
 
@@ -232,6 +234,16 @@ def _batch_loop(name: str, tile: str, program: Program, w: int) -> str:
     return "\n".join([*text, "  br label %done", "done:", "  ret void", "}"])
 
 
+def _bound(program: Program) -> str:
+    """`void name(table)`: the whole function, its count and pointers read from a table of 64-bit numbers."""
+    pointers = range(1, 1 + len(program.inputs) + len(program.outputs))
+    text = [f"define void @{program.name}.bound(ptr %table) nounwind {{", "  %count = load i64, ptr %table"]
+    for k in pointers:
+        text += [f"  %at{k} = getelementptr i64, ptr %table, i64 {k}", f"  %p{k} = load ptr, ptr %at{k}"]
+    text.append(f"  call void @{program.name}.whole(i64 %count, {', '.join(f'ptr %p{k}' for k in pointers)})")
+    return "\n".join([*text, "  ret void", "}"])
+
+
 def _whole(name: str, batch: str, program: Program, w: int) -> str:
     """`void name(count, in0, …, out0, …)`: the batch function for arrays that hold every state, without tables of pointers."""
     ports = [*((f"in{k}", "inputs", k) for k in range(len(program.inputs)))]
@@ -281,7 +293,7 @@ class Engine:
             ingredients: what it makes the module of.
         """
         machine = binding.Target.from_default_triple().create_target_machine(
-            cpu=target.cpu, features=target.features, opt=3, codemodel="small", jit=True
+            cpu=target.cpu, features=target.features, opt=3, jit=True
         )
         key = cache.key(build, ingredients, machine.triple, target)
         code = cache.load(key)

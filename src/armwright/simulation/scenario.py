@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numbers
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +15,7 @@ from armwright.model import Model
 from armwright.simulation.integrators import INTEGRATORS
 from armwright.simulation.schedule import Schedule
 
+MOST_STEPS = 2**53
 LANDING = 1e-9  # of a step: a schedule row this near a tick is meant to be on it
 
 
@@ -49,11 +51,19 @@ class Scenario:
     target: str | None = None
 
     def __post_init__(self) -> None:
-        if self.integrator not in INTEGRATORS:
-            raise ScenarioError(f"integrator = {self.integrator!r}: unknown; {nearest(self.integrator, INTEGRATORS)}")
+        if not isinstance(self.arm, Model):
+            raise ScenarioError(f"arm = {self.arm!r}: expected an arm, as aw.load(name) gives")
+        if not isinstance(self.integrator, str) or self.integrator not in INTEGRATORS:
+            raise ScenarioError(
+                f"integrator = {self.integrator!r}: unknown; {nearest(str(self.integrator), INTEGRATORS)}"
+            )
         if not (_is_time(self.step)):
             raise ScenarioError(f"step = {self.step!r}: expected a time above 0 s")
-        if isinstance(self.record_every, bool) or not isinstance(self.record_every, int) or self.record_every < 0:
+        if (
+            isinstance(self.record_every, bool)
+            or not isinstance(self.record_every, numbers.Integral)
+            or self.record_every < 0
+        ):
             raise ScenarioError(f"record_every = {self.record_every!r}: expected a whole number, 0 or more")
         if self.record not in ("all", "state"):
             raise ScenarioError(f'record = {self.record!r}: expected "all" or "state"')
@@ -63,18 +73,14 @@ class Scenario:
                 if self.command is not None
                 else "nothing drives the arm: expected a schedule or constant commands"
             )
-        for schedule in self.schedules:
-            if schedule.commands.shape[1] != self.arm.n:
-                raise ScenarioError(
-                    f"schedule has {schedule.commands.shape[1]} columns, expected {self.arm.n}: {', '.join(self.arm.names)}"
-                )
-        _ = self.ticks, self.lanes, self.initial_state
+        _ = self.schedules, self.ticks, self.lanes, self.initial_state
 
     @cached_property
     def schedules(self) -> list[Schedule]:
         """One schedule for all lanes, or one a lane."""
         if self.schedule is not None:
-            return [self.schedule] if isinstance(self.schedule, Schedule) else list(self.schedule)
+            given = [self.schedule] if isinstance(self.schedule, Schedule) else list(self.schedule)
+            return [_by_name(schedule, self.arm) for schedule in given]
         commands = self._vectors("command", self.command)
         return [Schedule.constant(self.arm.names, row) for row in np.atleast_2d(commands)]
 
@@ -95,6 +101,10 @@ class Scenario:
             raise ScenarioError(
                 f"duration = {duration:g} s is no whole number of steps of {self.step:g} s; expected a multiple of the step"
             )
+        if ticks > MOST_STEPS:
+            raise ScenarioError(
+                f"duration = {duration:g} s is {ticks:.3g} steps of {self.step:g} s, more than can be counted"
+            )
         if self.record_every and ticks % self.record_every:
             raise ScenarioError(f"record_every = {self.record_every} does not divide the {ticks} steps of the run")
         return ticks
@@ -102,7 +112,7 @@ class Scenario:
     @cached_property
     def lanes(self) -> int | None:
         """Number of lanes, None for a single run without a lane axis."""
-        counts = {}
+        counts: dict[str, int] = {}
         if self.schedule is not None and not isinstance(self.schedule, Schedule):
             counts["schedule"] = len(self.schedules)
         for name in ("command", "q0", "qd0"):
@@ -140,4 +150,21 @@ class Scenario:
 
 
 def _is_time(value: Any) -> bool:
-    return isinstance(value, (int, float, np.floating)) and bool(np.isfinite(value) and value > 0)
+    return isinstance(value, numbers.Real) and not isinstance(value, bool) and 0.0 < float(value) < np.inf
+
+
+def _by_name(schedule: Any, arm: Model) -> Schedule:
+    """The schedule with its columns in the order of the arm's joints."""
+    if not isinstance(schedule, Schedule):
+        raise ScenarioError(
+            f"schedule = {schedule!r}: expected a Schedule, as Schedule(...) or read_schedule(path, names) make"
+        )
+    names = list(schedule.names)
+    if names == arm.names:
+        return schedule
+    if sorted(names) != sorted(arm.names):
+        raise ScenarioError(
+            f"the schedule is for {', '.join(names)}; expected the joints of {arm.name}: {', '.join(arm.names)}"
+        )
+    order = [names.index(name) for name in arm.names]
+    return Schedule(schedule.times, schedule.commands[:, order], tuple(arm.names))

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armwright.actuators.drive import UNITS
-from armwright.errors import DivergenceError
+from armwright.dynamics import mass_matrix
+from armwright.errors import DivergenceError, ScenarioError
 from armwright.kernels.batch import Kernel
 from armwright.kernels.llvm import Target, select_target
 from armwright.kernels.loop import LaneState, Loop
@@ -28,6 +30,8 @@ from armwright.simulation.stability import Stability
 if TYPE_CHECKING:
     import xarray
 
+ROUNDING = 1e-9  # of the largest command of a run: less is no clipping
+SINGULAR = 1e-13  # of the largest eigenvalue of the mass matrix
 PIECE = 0.05  # [s] after which native code comes back, for progress and Ctrl-C
 TILES_A_PIECE = 32
 
@@ -36,8 +40,11 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, eq=False)
 class Simulator:
-    """A compiled arm, ready for any scenario with the same arm and integrator."""
+    """A compiled arm, ready for any scenario with the same arm, integrator and target."""
 
+    arm: Model
+    integrator: str
+    target: str | None
     loop: Loop
     outputs: Kernel
     stability: Stability
@@ -58,7 +65,7 @@ def compile_simulator(arm: Model, integrator: str = "rk3", target: str | None = 
     )
     names = ("qdd", "tau", "voltage", "current")
     outputs = trace("outputs", lambda x, u: plant_outputs(plain, x, u), state | command, names)
-    return Simulator(Loop(step, chosen.doubled()), Kernel(outputs, chosen), Stability(arm))
+    return Simulator(arm, integrator, target, Loop(step, chosen.doubled()), Kernel(outputs, chosen), Stability(arm))
 
 
 def simulate(
@@ -87,7 +94,18 @@ def simulate(
     arm = scenario.arm
     simulator = simulator or compile_simulator(arm, scenario.integrator, scenario.target)
     x0 = scenario.initial_state
-    simulator.stability.check_step(scenario.integrator, INTEGRATORS[scenario.integrator], scenario.step)
+    for what in ("arm", "integrator", "target"):
+        if getattr(simulator, what) is not getattr(scenario, what) and getattr(simulator, what) != getattr(
+            scenario, what
+        ):
+            raise ScenarioError(
+                f"the simulator was compiled for {what} = {getattr(simulator, what)}, not for the scenario's "
+                f"{getattr(scenario, what)}; expected compile_simulator of the scenario's own"
+            )
+    _check_inertia(arm, x0[0, : arm.n])
+    rule = INTEGRATORS[scenario.integrator]
+    commands = np.concatenate([schedule.commands for schedule in scenario.schedules])
+    simulator.stability.check_step(scenario.integrator, rule, scenario.step, commands)
     lanes = _lane_state(scenario, simulator.loop.target)
     every = scenario.record_every or scenario.ticks
     _run(simulator.loop, lanes, scenario, every, progress, threads or os.cpu_count() or 1)
@@ -96,7 +114,7 @@ def simulate(
     if scenario.lanes is None and frozen[0] >= 0:
         raise DivergenceError(
             f"{arm.name}: the simulation left the finite numbers at t = {frozen[0] * scenario.step:g} s; "
-            f"last state q = {np.array2string(lanes.record[-1, 0, : arm.n], precision=4)}"
+            f"last state q = {np.array2string(lanes.record[-1, 0, : arm.n], precision=4, max_line_width=10**6)}"
         )
     return _dataset(scenario, simulator, lanes.record[:, :rows].transpose(1, 0, 2), every, frozen)
 
@@ -119,7 +137,15 @@ def _lane_state(scenario: Scenario, target: Target) -> LaneState:
     row_offset = np.concatenate([offset for _, offset in rows])
     cursor, end = starts[which], starts[which + 1]
     every = scenario.record_every or ticks
-    record = np.empty((ticks // every + 1, tiles * w, x0.shape[1]))
+    rows_kept = ticks // every + 1
+    try:
+        record = np.empty((rows_kept, tiles * w, x0.shape[1]))
+    except (MemoryError, ValueError):
+        size = 8e-9 * rows_kept * tiles * w * x0.shape[1]
+        raise ScenarioError(
+            f"the run would record {rows_kept} rows of {len(x0)} lanes, {size:.3g} GB, more than there is memory for; "
+            f"expected a shorter one, or record_every above {scenario.record_every}"
+        ) from None
     record[0] = x0[order]
 
     def lane(values: np.ndarray, kind: type = float) -> np.ndarray:
@@ -153,35 +179,52 @@ def _run(loop: Loop, lanes: LaneState, scenario: Scenario, every: int, progress:
     tiles, ticks, total = len(lanes.x), scenario.ticks, len(lanes.x) * scenario.ticks
     group = max(1, min(TILES_A_PIECE, -(-tiles // threads)))
     groups = [(first, min(first + group, tiles)) for first in range(0, tiles, group)]
-    done = 0
+    done, stopped = [0] * len(groups), threading.Event()
 
-    def pieces(part: tuple[int, int]) -> Iterator[int]:
-        tick, piece = 0, 100
-        while tick < ticks:
+    def go(which: int) -> None:
+        tick, piece, part = 0, 100, groups[which]
+        while tick < ticks and not stopped.is_set():
             last, start = min(ticks, tick + piece), time.perf_counter()
             loop.run(lanes, scenario.step, part, (tick, last), every)
             spent = time.perf_counter() - start
-            yield (last - tick) * (part[1] - part[0])
+            done[which] += (last - tick) * (part[1] - part[0])
             tick, piece = last, max(1, int(piece * min(4.0, PIECE / max(spent, 1e-6))))
-
-    def advance(steps: int) -> None:
-        nonlocal done
-        done += steps
-        if progress is not None:
-            progress(done, total)
+            if progress is not None and threading.current_thread() is threading.main_thread():
+                progress(sum(done), total)
 
     if threads == 1 or len(groups) == 1:
-        for part in groups:
-            for steps in pieces(part):
-                advance(steps)
-        return
-    with ThreadPoolExecutor(threads) as pool:
-        try:
-            for steps in pool.map(lambda part: sum(pieces(part)), groups):
-                advance(steps)
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+        for which in range(len(groups)):
+            go(which)
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            try:
+                waiting = {pool.submit(go, which) for which in range(len(groups))}
+                while waiting:
+                    finished, waiting = wait(waiting, timeout=PIECE, return_when=FIRST_COMPLETED)
+                    for future in finished:
+                        future.result()
+                    if progress is not None and waiting:
+                        progress(sum(done), total)
+            finally:  # on Ctrl-C every thread comes back after the piece it is in
+                stopped.set()
+                pool.shutdown(cancel_futures=True)
+    if progress is not None:
+        progress(total, total)
+
+
+def _check_inertia(arm: Model, q: np.ndarray) -> None:
+    """Refuses an arm with a joint that nothing gives inertia to.
+
+    Raises:
+        ScenarioError: names the joint.
+    """
+    values, vectors = np.linalg.eigh(mass_matrix(arm, q).astype(float))
+    if values[0] <= SINGULAR * values[-1]:
+        joint = arm.names[int(np.abs(vectors[:, 0]).argmax())]
+        raise ScenarioError(
+            f"{arm.name}: the mass matrix is singular at the initial position: joint {joint!r} moves no inertia "
+            "(a massless link without a rotor?); expected mass or rotor_inertia_kg_m2 behind every joint"
+        )
 
 
 def _unblocked(values: np.ndarray) -> np.ndarray:
@@ -241,7 +284,7 @@ def _notes(arm: Model, q: np.ndarray, qd: np.ndarray, u: np.ndarray, parts: dict
         if parts:
             asked = u[..., j]
             applied = parts["tau" if command == "torque" else command][..., j]
-            clipped = np.abs(applied - asked) > 1e-9 * (np.abs(asked) + 1e-9)
+            clipped = np.abs(applied - asked) > ROUNDING * max(np.abs(asked).max(), np.abs(applied).max())
             if clipped.any():
                 unit = "N" if command == "torque" and body.kind == "prismatic" else UNITS[command]
                 notes.append(

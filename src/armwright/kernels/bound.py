@@ -1,0 +1,57 @@
+"""Bound: a kernel with its arrays fixed, for a control loop that calls it every tick."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+
+from armwright.errors import ShapeError
+from armwright.kernels.batch import Kernel
+
+
+class Bound:
+    """A kernel bound to its arrays: write into `inputs`, call it, read `outputs`; nothing is checked or allocated again.
+
+    Attributes:
+        inputs, outputs: the arrays by name, float64; write into them (`bound.inputs["q"][:] = …`), never replace them.
+        result: the output, or a tuple of them, as the call returns it.
+    """
+
+    __slots__ = ("_call", "_kept", "_table", "inputs", "outputs", "result")
+
+    def __init__(self, kernel: Kernel, lead: tuple[int, ...], given: dict[str, np.ndarray]):
+        program = kernel.program
+        known = [port.name for port in (*program.inputs, *program.outputs)]
+        for name in given:
+            if name not in known:
+                raise ShapeError(f"{program.name}: nothing is called {name!r}; expected {', '.join(known)}")
+        self.inputs, self.outputs = (
+            {port.name: _buffer(program.name, port.name, lead + port.shape, given.get(port.name)) for port in ports}
+            for ports in (program.inputs, program.outputs)
+        )
+        arrays = [*self.inputs.values(), *self.outputs.values()]
+        count = int(np.prod(lead, dtype=np.int64))
+        self._table = ctypes.addressof(
+            table := (ctypes.c_int64 * (1 + len(arrays)))(count, *(a.ctypes.data for a in arrays))
+        )
+        self._kept = table, kernel
+        self._call = kernel.bound_entry
+        results = tuple(self.outputs.values())
+        self.result: Any = results[0] if len(results) == 1 else results
+
+    def __call__(self) -> Any:
+        """Computes the outputs from what the inputs hold now, and returns them."""
+        self._call(self._table)
+        return self.result
+
+
+def _buffer(place: str, name: str, shape: tuple[int, ...], given: np.ndarray | None) -> np.ndarray:
+    if given is None:
+        return np.zeros(shape)
+    fits = isinstance(given, np.ndarray) and given.shape == shape and given.dtype == np.float64
+    if not fits or not given.flags.carray:
+        found = f"{given.dtype} {given.shape}" if isinstance(given, np.ndarray) else type(given).__name__
+        raise ShapeError(f"{place}: {name} is {found}, expected writeable contiguous float64 {shape}")
+    return given

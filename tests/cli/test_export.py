@@ -1,0 +1,68 @@
+"""`armwright export`: what it writes, and what it refuses in one line."""
+
+import subprocess
+
+import pytest
+from typer.testing import CliRunner
+
+from armwright.cli.app import app
+from kernels.c_compilers import BITS, STRICT, build, compiler
+
+
+def run(*arguments, code=0):
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    assert result.exit_code == code, result.output
+    return result
+
+
+@pytest.mark.parametrize("real", [(), ("--float",)])
+def test_a_library_that_compiles_and_passes_its_self_test(tmp_path, real):
+    folder = tmp_path / "firmware"
+    shown = run("export", "c", "cmu-dd", "--functions", "inverse_dynamics, forward_arm", *real, "-o", folder).stdout
+    names = ["cmu_dd.h", "cmu_dd.c", "cmu_dd_selftest.c"]
+    assert [line.split("/")[-1] for line in shown.splitlines()] == names
+    assert sorted(path.name for path in folder.iterdir()) == sorted(names)
+    assert ("float q[" if real else "double q[") in (folder / "cmu_dd.h").read_text()
+    build([compiler("gcc"), *BITS, *STRICT, *folder.glob("*.c"), "-o", tmp_path / "selftest", "-lm"])
+    assert subprocess.run([tmp_path / "selftest"], capture_output=True).returncode == 0
+
+
+def test_help_teaches_by_example():
+    shown = run("export", "c", "--help").stdout
+    assert "Examples:" in shown
+    assert "armwright export c puma560 --functions" in shown
+
+
+REFUSED = [
+    (("export",), "Missing command"),
+    (("export", "rust"), "No such command 'rust'"),
+    (("export", "c"), "Missing argument 'ROBOT'"),
+    (("export", "c", "panda"), "Missing option '--functions'"),
+    (("export", "c", "panda", "--functions", "jacobian"), "Missing option '--output'"),
+    (("export", "c", "pnda", "--functions", "jacobian", "-o", "x"), "did you mean panda?"),
+    (
+        ("export", "c", "panda", "--functions", "gravity", "-o", "x"),
+        "no function 'gravity'; there is inverse_dynamics,",
+    ),
+    (("export", "c", "panda", "--functions", ",", "-o", "x"), "no function is named; there is inverse_dynamics,"),
+    (
+        ("export", "c", "panda", "--functions", "motor_torque", "-o", "x"),
+        "panda: motor_torque needs motor.resistance_ohm of joint 'joint1'",
+    ),
+    (("export", "c", "panda", "--functions", "jacobian", "-o", "file"), "file: cannot be made or is no folder"),
+    (("export", "c", "panda", "--functions", "jacobian", "-o", "file/x"), "file/x: cannot be made or is no folder"),
+]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"), REFUSED, ids=lambda value: " ".join(value) if isinstance(value, tuple) else ""
+)
+def test_refused_in_one_line(arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("")
+    result = run(*arguments, code=2)
+    assert result.stdout == ""
+    assert result.stderr.startswith("armwright: error: ")
+    assert message in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
