@@ -79,7 +79,7 @@ class PinocchioLoop:
             *(np.array(v, dtype=np.int64) for v in ([b.parent for b in bodies],)),
             np.array([b.kind == "revolute" for b in bodies], dtype=np.bool_),
             *(_floats([getattr(b.placement, part) for b in bodies]) for part in ("rotation", "position")),
-            *(_floats([getattr(b, part) for b in bodies]) for part in ("mass", "com", "inertia")),
+            *(_floats([getattr(b, part) for b in bodies]) for part in ("mass", "com", "inertia_com")),
             _floats([b.drive.armature for b in bodies]),
             _floats(arm.gravity),
         )

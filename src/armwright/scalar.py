@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import casadi
@@ -228,18 +229,64 @@ def solve_symmetric(matrix: Array, right: Array) -> np.ndarray:
     Returns:
         x: (n,). Not finite where the matrix is singular.
     """
-    n = len(right)
-    lower, scaled, inverse, y = zeros(n, n), zeros(n, n), zeros(n), zeros(n)
-    for j in range(n):  # matrix = L D Lᵀ; `scaled` is L D, `inverse` is D⁻¹: n divisions in all
+    return solve_factored(factor_symmetric(matrix), right)
+
+
+@dataclass(frozen=True, eq=False)
+class Factored:
+    """A symmetric matrix as L D Lᵀ: `lower` (n, n) is L without its ones on the diagonal, `inverse` (n,) is D⁻¹."""
+
+    lower: np.ndarray
+    inverse: np.ndarray
+
+
+def factor_symmetric(matrix: Array) -> Factored:
+    """L D Lᵀ of a symmetric positive definite matrix without square roots or pivots: n divisions in all.
+
+    Args:
+        matrix: (n, n), only the lower triangle is read.
+    Returns:
+        factors: for `solve_factored`, `solve_lower` and `inverse_factored`. Not finite where the matrix is singular.
+    """
+    n = len(matrix)
+    lower, scaled, inverse = zeros(n, n), zeros(n, n), zeros(n)  # `scaled` is L D
+    for j in range(n):
         for k in range(j):
             scaled[j, k] = matrix[j, k] - _dot(scaled[j, :k], lower[k, :k])
             lower[j, k] = scaled[j, k] * inverse[k]
         inverse[j] = 1.0 / (matrix[j, j] - _dot(scaled[j, :j], lower[j, :j]))
-        y[j] = right[j] - _dot(lower[j, :j], y[:j])
-    x = zeros(n)
-    for j in reversed(range(n)):
-        x[j] = y[j] * inverse[j] - _dot(lower[j + 1 :, j], x[j + 1 :])
+    return Factored(array(lower), array(inverse))
+
+
+def solve_lower(factors: Factored, right: Array) -> np.ndarray:
+    """y with  L y = right,  right (n,) or (n, k)."""
+    y = zeros(*np.shape(right))
+    for j in range(len(y)):
+        y[j] = right[j] - _dot(factors.lower[j, :j], y[:j])
+    return array(y)
+
+
+def solve_factored(factors: Factored, right: Array) -> np.ndarray:
+    """x with  L D Lᵀ x = right,  right (n,) or (n, k): n² products for each column."""
+    y = solve_lower(factors, right)
+    x = zeros(*y.shape)
+    for j in reversed(range(len(y))):
+        x[j] = y[j] * factors.inverse[j] - _dot(factors.lower[j + 1 :, j], x[j + 1 :])
     return array(x)
+
+
+def inverse_factored(factors: Factored) -> np.ndarray:
+    """(L D Lᵀ)⁻¹ (n, n) from  X = L⁻¹  as  Xᵀ D⁻¹ X: about n³/3 products, since X is triangular and the result symmetric."""
+    n = len(factors.lower)
+    x, full = eye(n), zeros(n, n)
+    for i in range(n):
+        for j in range(i):
+            x[i, j] = -(factors.lower[i, j] + _dot(factors.lower[i, j + 1 : i], x[j + 1 : i, j]))
+    scaled = x * factors.inverse.reshape(n, 1)
+    for i in range(n):
+        for j in range(i + 1):
+            full[i, j] = full[j, i] = x[i:, i] @ scaled[i:, j]
+    return array(full)
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> Scalar:
@@ -261,10 +308,9 @@ def jacobian(function: Callable[[np.ndarray], Array], x: Array) -> np.ndarray:
     value = np.asarray(function(inner), dtype=object)
     columns = [casadi.vertcat(*(_sx(entry) for entry in array.flat)) for array in (value, inner)]
     modes: list[Any] = [{"helper_options": {"ad_weight": weight}} for weight in (0.0, 1.0)]
-    slopes = [casadi.cse(casadi.densify(casadi.jacobian(columns[0], columns[1], mode))) for mode in modes]
-    slope = min(slopes, key=casadi.n_nodes)
+    slopes = [casadi.densify(casadi.jacobian(columns[0], columns[1], mode)) for mode in modes]
     outer = casadi.vertcat(*(_sx(entry) for entry in np.asarray(x, dtype=object)))
-    placed = casadi.substitute(slope, columns[1], outer)
+    placed = min((casadi.cse(casadi.substitute(slope, columns[1], outer)) for slope in slopes), key=casadi.n_nodes)
     entries = zeros(value.size, len(x))
     for index in np.ndindex(*entries.shape):
         element = placed[index]

@@ -28,18 +28,21 @@ def builtin_names() -> list[str]:
 def read_description(name_or_path: str | os.PathLike[str]) -> RobotDescription:
     """The description of a built-in arm (by name) or of a TOML database (by path).
 
+    A built-in name is that arm, whatever else in the working directory is called so; `./panda` is the file.
+
     Raises:
         DescriptionError: no such robot, no such file, or a file that cannot be believed; one line that names file,
             place, value and what was expected.
     """
-    text = os.fspath(name_or_path)
-    path = Path(text)
-    if text and (path.suffix == ".toml" or path.exists()):
-        return read_toml(path)
-    names = builtin_names()
-    if text in names:
+    text = os.fspath(name_or_path) if isinstance(name_or_path, (str, os.PathLike)) else None
+    if not isinstance(text, str):
+        raise DescriptionError(f"{name_or_path!r}: expected the name of a built-in arm, or the path of a TOML file")
+    path, names = Path(text), builtin_names()
+    if text in names and (isinstance(name_or_path, str) or not path.exists()):
         with resources.as_file(resources.files("armwright.robots") / f"{text}.toml") as builtin:
             return read_toml(builtin)
+    if text and (path.suffix == ".toml" or path.exists()):
+        return read_toml(path)
     raise DescriptionError(f"no robot {text!r}: not a built-in arm and not a file; {nearest(text, names)}")
 
 

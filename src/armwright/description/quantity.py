@@ -54,6 +54,17 @@ class Source(Record):
     url: str | None = Field(default=None, description="Where to find it.")
 
 
+def _spread(value: Any) -> Any:
+    """A standard deviation, or one for each of several numbers."""
+    numbers = value if isinstance(value, (list, tuple)) else [value]
+    if any(_is_number(v) and v < 0 for v in numbers):
+        raise ValueError("expected a standard deviation of 0 or more")
+    return value
+
+
+Spread = Annotated[float | tuple[float, ...], BeforeValidator(_spread)]
+
+
 class Quantity(Record):
     """A value with its source. In a file either a bare number (the source of the enclosing table holds) or a table.
 
@@ -62,7 +73,7 @@ class Quantity(Record):
     """
 
     value: float | tuple[float, ...] = Field(description="The number, or as many as the key takes.")
-    std: float | tuple[float, ...] | None = Field(default=None, description="Standard deviation, same unit.")
+    std: Spread | None = Field(default=None, description="Standard deviation, same unit.")
     source: str | None = Field(default=None, description="A key of [sources], or a kind of source such as 'estimate'.")
     date: Date | None = Field(default=None, description="When this number was found.")
 

@@ -64,7 +64,7 @@ class JointFrame(Record):
 
 class _Joint(Record):
     source: str | None = None
-    name: Name = Field(description="What q, schedules and results call it.")
+    name: Name = Field(description="What q, schedules and results call it; not t, which is the time.")
     parent: Name = Field(description="The link that carries the joint.")
     child: Name = Field(description="The link that the joint moves.")
     frame: JointFrame | None = Field(default=None, description="Where the joint stands: this, dh or modified_dh.")
@@ -255,6 +255,8 @@ def _check_names(robot: RobotDescription) -> None:
     if not robot.joints:
         raise ValueError("expected at least one joint")
     _unique("joints", [joint.name for joint in robot.joints])
+    if any(joint.name == "t" for joint in robot.joints):
+        raise ValueError("a joint is called 't': expected another name, t is the time in schedules")
     links = [link.name for link in robot.links]
     _unique("links", links)
     _unique("frames or links", [*links, *(frame.name for frame in robot.frames), robot.base])

@@ -6,9 +6,9 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators import friction_torques, transmission
-from armwright.kinematics import JointMotion, body_placements, joint_motions
-from armwright.model import BASE, Body, Model
-from armwright.scalar import Array, Scalar
+from armwright.kinematics import body_placements, joint_motions, sliding, turning
+from armwright.model import BASE, Model
+from armwright.scalar import Array
 from armwright.spatial import acceleration_tensor, cross, inertial_moment
 
 STILL = scalar.zeros(3)
@@ -27,9 +27,8 @@ def inverse_dynamics(model: Model, q: Array, qd: Array, qdd: Array, wrench: Arra
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    behind_gear = newton_euler(model, q, qd, qdd, wrench) + friction_torques(model, qd)
-    behind_gear = behind_gear + scalar.array([body.drive.armature * qdd[i] for i, body in model.outward()])
-    return scalar.array(behind_gear / transmission(model, qd, behind_gear))
+    behind = behind_gear(model, q, qd, qdd, wrench)
+    return scalar.array(behind / transmission(model, qd, behind))
 
 
 def bias_torques(model: Model, q: Array, qd: Array, wrench: Array | None = None) -> np.ndarray:
@@ -57,21 +56,32 @@ def gravity_torques(model: Model, q: Array) -> np.ndarray:
     return newton_euler(model, q, scalar.zeros(model.n), scalar.zeros(model.n))
 
 
-def newton_euler(model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None) -> np.ndarray:
+def behind_gear(
+    model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
+) -> np.ndarray:
+    """Torques behind the gears:  e tau = M(q) q̈ + C(q, q̇) q̇ + g(q) + f(q̇) - Jᵀ wrench  (n,) [N m | N]."""
+    torques = newton_euler(model, q, qd, qdd, wrench, nudge) + friction_torques(model, qd)
+    return torques + scalar.array([body.drive.armature * qdd[i] for i, body in model.outward()])
+
+
+def newton_euler(
+    model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
+) -> np.ndarray:
     """The links' part alone:  M_links(q) q̈ + C(q, q̇) q̇ + g(q) - Jᵀ wrench  (n,) [N m | N].
 
     In Craig's form (each body's frame on its own joint's axis), so moments are about the body's own origin; the
-    acceleration tensor U = ω̇× + ω×ω× carries equations (4), (5) and (7).
+    acceleration tensor U = ω̇× + ω×ω× carries equations (4), (5) and (7). `nudge` (n,) moves q on by a first-order
+    amount, for derivatives; the wrench stays as it is.
     """
-    motion = joint_motions(model, q)
+    motion = joint_motions(model, q, nudge)
     w, wd, vd, u = {BASE: STILL}, {BASE: STILL}, {BASE: -model.gravity}, {BASE: scalar.zeros(3, 3)}
     f, n = {}, {}
     for i, body in model.outward():
         a = body.parent
-        w[i], wd[i] = _turned(body, motion[i], w[a], wd[a], qd[i], qdd[i])  # (1) (2)
+        w[i], wd[i] = turning(body, motion[i], w[a], wd[a], qd[i], qdd[i])  # (1) (2)
         vd[i] = motion[i].to_body(vd[a] + u[a] @ motion[i].position)  # (4)
         if body.kind == "prismatic":
-            vd[i] = vd[i] + _slid(w[i], qd[i], qdd[i])
+            vd[i] = vd[i] + sliding(w[i], qd[i], qdd[i])
         u[i] = acceleration_tensor(w[i], wd[i])
         f[i] = body.mass * vd[i] + u[i] @ body.first_moment  # (5) (6)
         n[i] = inertial_moment(body.inertia, u[i]) + cross(body.first_moment, vd[i])  # (7), about the body's origin
@@ -87,21 +97,6 @@ def newton_euler(model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | 
             f[body.parent] = f[body.parent] + pushed  # (8)
             n[body.parent] = n[body.parent] + motion[i].to_parent(n[i]) + cross(motion[i].position, pushed)  # (9)
     return scalar.array(tau)
-
-
-def _turned(body: Body, motion: JointMotion, w: Array, wd: Array, qd: Scalar, qdd: Scalar) -> tuple[Array, Array]:
-    """Angular velocity and acceleration behind a joint, in the body's axes: (1) and (2), with (R ω) × θ̇ z written out."""
-    w, wd = motion.to_body(w), motion.to_body(wd)
-    if body.kind == "prismatic":
-        return w, wd
-    turned = scalar.array([w[0], w[1], w[2] + qd])
-    return turned, scalar.array([wd[0] + w[1] * qd, wd[1] - w[0] * qd, wd[2] + qdd])
-
-
-def _slid(w: Array, qd: Scalar, qdd: Scalar) -> np.ndarray:
-    """What sliding along z adds to the origin's acceleration:  2 ω × q̇ z + q̈ z."""
-    twice = qd + qd
-    return scalar.array([w[1] * twice, -(w[0] * twice), qdd])
 
 
 def _wrench_on_body(model: Model, q: Array, wrench: Array) -> tuple[int, Array, Array]:

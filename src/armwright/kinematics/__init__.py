@@ -2,6 +2,17 @@
 
 from armwright.kinematics.forward_kinematics import body_placements, forward_kinematics, frame_placement
 from armwright.kinematics.jacobian import jacobian
-from armwright.kinematics.joint_motion import JointMotion, joint_motions
+from armwright.kinematics.jacobian_dot_qd import jacobian_dot_qd
+from armwright.kinematics.joint_motion import JointMotion, joint_motions, sliding, turning
 
-__all__ = ["JointMotion", "body_placements", "forward_kinematics", "frame_placement", "jacobian", "joint_motions"]
+__all__ = [
+    "JointMotion",
+    "body_placements",
+    "forward_kinematics",
+    "frame_placement",
+    "jacobian",
+    "jacobian_dot_qd",
+    "joint_motions",
+    "sliding",
+    "turning",
+]

@@ -28,14 +28,14 @@ def frame_placement(model: Model, q: Array, frame: str | None = None) -> Placeme
     return placed @ target.placement
 
 
-def forward_kinematics(model: Model, q: Array) -> np.ndarray:
-    """Pose of the tip:  T = A_0^1 A_1^2 … A_{N-1}^N.  [DenavitHartenberg1955]
+def forward_kinematics(model: Model, q: Array, frame: str | None = None) -> np.ndarray:
+    """Pose of the tip or of another frame:  T = A_0^1 A_1^2 … A_{N-1}^N.  [DenavitHartenberg1955]
 
     Args:
-        model: the arm.   q: (n,) [rad | m].
+        model: the arm.   q: (n,) [rad | m].   frame: name of a frame of the arm; by default its tip.
     Returns:
-        T: (4, 4) homogeneous transform, tip coordinates to base coordinates; [-] and [m].
+        T: (4, 4) homogeneous transform, the frame's coordinates to base coordinates; [-] and [m].
     Raises:
-        ModelError: the arm branches and names no tip.
+        ModelError: no such frame, or the arm branches and names no tip.
     """
-    return frame_placement(model, q).matrix()
+    return frame_placement(model, q, frame).matrix()

@@ -1,4 +1,4 @@
-"""Jacobian of the tip."""
+"""Jacobian of the tip or of another frame."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from armwright.scalar import Array
 from armwright.spatial import cross
 
 
-def jacobian(model: Model, q: Array) -> np.ndarray:
-    """Geometric Jacobian of the tip:  [v; ω] = J(q) q̇.  [Whitney1972]
+def jacobian(model: Model, q: Array, frame: str | None = None) -> np.ndarray:
+    """Geometric Jacobian of the tip or of another frame:  [v; ω] = J(q) q̇.  [Whitney1972]
 
     Column of a revolute joint: [z × (p - o); z], of a prismatic one: [z; 0], with z the joint's axis and o its origin.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].
+        model: the arm.   q: (n,) [rad | m].   frame: name of a frame of the arm; by default its tip.
     Returns:
-        J: (6, n) linear rows first, of the tip's origin, in base axes; [m/rad | -] and [- | 1/m].
+        J: (6, n) linear rows first, of the frame's origin, in base axes; [m/rad | -] and [- | 1/m].
     Raises:
-        ModelError: the arm branches and names no tip.
+        ModelError: no such frame, or the arm branches and names no tip.
     """
-    tip = model.frame()
+    tip = model.frame(frame)
     placed = body_placements(model, q)
     p = placed[tip.body].point(tip.placement.position)
     columns = scalar.zeros(6, model.n)

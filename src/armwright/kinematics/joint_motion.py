@@ -15,9 +15,12 @@ class JointMotion:
 
     The product of the two rotations is never formed, so a constant of zeros and ones (any Denavit-Hartenberg row with
     a right angle) costs nothing. In the report's notation `to_parent` is A_i^{i+1} and `to_body` is A_{i+1}^i.
+
+    `nudge` moves the joint on by a first-order amount [rad | m], for derivatives by q: a turn by q + δ is the turn by q,
+    and then x + δ y, y - δ x. So they need no derivatives of sine and cosine, and what was turned is used again.
     """
 
-    def __init__(self, body: Body, q: Scalar):
+    def __init__(self, body: Body, q: Scalar, nudge: Scalar | None = None):
         self.fixed = body.placement.rotation
         if body.kind == "revolute":
             angle = q if not scalar.is_symbolic(body.offset) and body.offset == 0.0 else q + body.offset
@@ -25,16 +28,20 @@ class JointMotion:
             self.position = body.placement.position
         else:
             self.cos, self.sin = 1.0, 0.0
-            self.position = body.placement.position + self.fixed[:, 2] * q
+            self.position = body.placement.position + self.fixed[:, 2] * (q if nudge is None else q + nudge)
+        self.nudge = nudge if body.kind == "revolute" else None
 
     def to_body(self, v: Array) -> np.ndarray:
         """A vector in the parent's axes, in the body's axes."""
         x, y, z = self.fixed.T @ v
-        return scalar.array([self.cos * x + self.sin * y, self.cos * y - self.sin * x, z])
+        x, y = self.cos * x + self.sin * y, self.cos * y - self.sin * x
+        return scalar.array([x, y, z] if self.nudge is None else [x + self.nudge * y, y - self.nudge * x, z])
 
     def to_parent(self, v: Array) -> np.ndarray:
         """A vector in the body's axes, in the parent's axes."""
         x, y, z = v
+        if self.nudge is not None:
+            x, y = x - self.nudge * y, y + self.nudge * x
         return self.fixed @ scalar.array([self.cos * x - self.sin * y, self.sin * x + self.cos * y, z])
 
     def tensor_to_parent(self, tensor: Array) -> np.ndarray:
@@ -43,7 +50,7 @@ class JointMotion:
         With t = s (Txx - Tyy) + 2 c Txy:  Txx' = Txx - s t,  Tyy' = Tyy + s t,  Txy' = c t - Txy.
         """
         xx, xy, xz, yy, yz, zz = tensor[0, 0], tensor[0, 1], tensor[0, 2], tensor[1, 1], tensor[1, 2], tensor[2, 2]
-        c, s = self.cos, self.sin
+        c, s = self._turn()
         t = s * (xx - yy) + c * (xy + xy)
         xy_, xz_, yz_ = c * t - xy, c * xz - s * yz, s * xz + c * yz
         turned = scalar.array([[xx - s * t, xy_, xz_], [xy_, yy + s * t, yz_], [xz_, yz_, zz]])
@@ -51,8 +58,15 @@ class JointMotion:
 
     def placement(self) -> Placement:
         """The body's frame in its parent's."""
-        turn = scalar.array([[self.cos, -self.sin, 0.0], [self.sin, self.cos, 0.0], [0.0, 0.0, 1.0]])
+        c, s = self._turn()
+        turn = scalar.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         return Placement(self.fixed @ turn, self.position)
+
+    def _turn(self) -> tuple[Scalar, Scalar]:
+        """Cosine and sine of the whole turn."""
+        if self.nudge is None:
+            return self.cos, self.sin
+        return self.cos - self.nudge * self.sin, self.sin + self.nudge * self.cos
 
 
 def _congruent(r: Array, t: Array) -> np.ndarray:
@@ -65,6 +79,24 @@ def _congruent(r: Array, t: Array) -> np.ndarray:
     return scalar.array(full)
 
 
-def joint_motions(model: Model, q: Array) -> list[JointMotion]:
-    """All joints' motions at q (n,) [rad | m]."""
-    return [JointMotion(body, q[i]) for i, body in model.outward()]
+def joint_motions(model: Model, q: Array, nudge: Array | None = None) -> list[JointMotion]:
+    """All joints' motions at q (n,) [rad | m], moved on to first order by `nudge` (n,) where that is given."""
+    return [JointMotion(body, q[i], None if nudge is None else nudge[i]) for i, body in model.outward()]
+
+
+def turning(body: Body, motion: JointMotion, w: Array, wd: Array, qd: Scalar, qdd: Scalar) -> tuple[Array, Array]:
+    """Angular velocity and acceleration behind a joint, in the body's axes: (1) and (2) of the CMU report.
+
+    ω' = R ω + q̇ z,  ω̇' = R ω̇ + (R ω) × q̇ z + q̈ z, the product written out; a slide passes both on.
+    """
+    w, wd = motion.to_body(w), motion.to_body(wd)
+    if body.kind == "prismatic":
+        return w, wd
+    turned = scalar.array([w[0], w[1], w[2] + qd])
+    return turned, scalar.array([wd[0] + w[1] * qd, wd[1] - w[0] * qd, wd[2] + qdd])
+
+
+def sliding(w: Array, qd: Scalar, qdd: Scalar) -> np.ndarray:
+    """What sliding along z adds to the origin's acceleration:  2 ω × q̇ z + q̈ z."""
+    twice = qd + qd
+    return scalar.array([w[1] * twice, -(w[0] * twice), qdd])

@@ -13,8 +13,9 @@ from armwright import scalar
 from armwright.description.robot import RobotDescription, Source
 from armwright.errors import ModelError, nearest
 from armwright.scalar import Array, Scalar
-from armwright.spatial import Placement, parallel_axes
+from armwright.spatial import Frozen, Placement, displaced_inertia, parallel_axes
 
+TENSOR = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # entries of a symmetric tensor, in the regressor's order
 BASE = -1  # the parent of bodies that stand on the base
 
 
@@ -41,7 +42,7 @@ class Drive:
     command: Literal["voltage", "current", "torque"]
     gear_ratio: Scalar = 1.0  # n [motor rad / rad | rad/m], signed
     rotor_inertia: Scalar = 0.0  # J_m [kg m²], motor side
-    efficiency: Scalar | None = None  # η [-]; None: 1
+    efficiency: Scalar | None = None  # η [-]; None: 1, no loss
     smoothing: Scalar | None = None  # speed over which the gear's loss is smoothed [rad/s | m/s]
     torque_constant: Scalar | None = None  # Kt [N m/A]
     back_emf_constant: Scalar | None = None  # Ke [V s/rad]
@@ -66,7 +67,7 @@ class Limits:
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class Body(Frozen):
     """A moving joint and the body it carries.
 
     The body's frame has the joint's axis as its z axis, whatever the file's convention; at q = 0 it stands in the
@@ -100,6 +101,28 @@ class Body:
         """Tensor of inertia about the centre of mass (3, 3) [kg m²], in the body's axes."""
         return self.inertia - parallel_axes(self.mass, self.com)
 
+    @property
+    def inertial_parameters(self) -> Array:
+        """[m, m c_x, m c_y, m c_z, Ixx, Ixy, Ixz, Iyy, Iyz, Izz]  (10,), about the link frame's origin, in its axes."""
+        back, p = self.link_frame.rotation.T, self.link_frame.position
+        first = back @ (self.first_moment - self.mass * p)
+        tensor = back @ (self.inertia + displaced_inertia(self.mass, self.first_moment, -p)) @ back.T
+        return scalar.array([self.mass, *first, *(tensor[i, j] for i, j in TENSOR)])
+
+    def with_inertial_parameters(self, parameters: Array) -> Body:
+        """The body with other `inertial_parameters` (10,), numbers or symbols."""
+        tensor = scalar.zeros(3, 3)
+        for (i, j), entry in zip(TENSOR, parameters[4:], strict=True):
+            tensor[i, j] = tensor[j, i] = entry
+        m, rotation, p = parameters[0], self.link_frame.rotation, self.link_frame.position
+        h = rotation @ parameters[1:4]
+        return dataclasses.replace(
+            self,
+            mass=m,
+            first_moment=h + m * p,
+            inertia=rotation @ tensor @ rotation.T + displaced_inertia(m, h, p),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -110,7 +133,7 @@ class Frame:
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class Model(Frozen):
     """A robot arm as numbers: bodies in an order in which parents come before children, gravity, named frames, tip."""
 
     name: str
@@ -130,6 +153,29 @@ class Model:
     def names(self) -> list[str]:
         """Names of the moving joints, in the order of q."""
         return [body.joint for body in self.bodies]
+
+    @property
+    def inertial_parameters(self) -> Array:
+        """Mass properties of all moving links (10 n,), fixed links merged: what `regressor` multiplies.
+
+        For each, in the order of joints, [m, m c_x, m c_y, m c_z, Ixx, Ixy, Ixz, Iyy, Iyz, Izz]  [kg, kg m, kg m²]; the tensor is
+        about the origin of the link's frame, in its axes.
+        """
+        return scalar.array([p for body in self.bodies for p in body.inertial_parameters])
+
+    @property
+    def drive_parameters(self) -> Array:
+        """Rotors and friction of all joints (7 n,): what `regressor_drive` multiplies; 0 where the record has none.
+
+        For each joint [n² J_m, viscous, offset, Coulomb where q̇ > 0, Coulomb where q̇ < 0, Stribeck, sigmoid amplitude], joint side,
+        in [kg m² | kg, N m s/rad | N s/m, then N m | N].
+        """
+        rows = []
+        for body in self.bodies:
+            f = Friction() if body.friction is None else body.friction
+            peaks = [0.0 if f.stribeck is None else f.stribeck, 0.0 if f.sigmoid is None else f.sigmoid[0]]
+            rows += [body.drive.armature, f.viscous, f.offset, f.coulomb_positive, f.coulomb_negative, *peaks]
+        return scalar.array(rows)
 
     def __repr__(self) -> str:
         return f"<arm {self.name}: {self.n} joints {', '.join(self.names)}>"
@@ -160,8 +206,8 @@ class Model:
             if self.tip is None:
                 raise ModelError(f"{self.name}: the arm names no tip; replace(tip=...) can be {', '.join(self.frames)}")
             name = self.tip
-        if name not in self.frames:
-            raise ModelError(f"{self.name}: no frame {name!r}; {nearest(name, self.frames)}")
+        if not isinstance(name, str) or name not in self.frames:
+            raise ModelError(f"{self.name}: no frame {name!r}; {nearest(str(name), self.frames)}")
         return self.frames[name]
 
     def provenance(self, path: str) -> Source:
@@ -185,6 +231,16 @@ class Model:
         return changed
 
 
+def _gravity(value: Any) -> Array:
+    try:
+        gravity = scalar.array(value)
+    except (TypeError, ValueError):  # rows of unequal length, or no numbers
+        gravity = scalar.array([])
+    if gravity.shape != (3,) or not (scalar.is_symbolic(gravity) or np.isfinite(gravity).all()):
+        raise ModelError(f"replace(gravity={value!r}): expected three finite numbers [m/s²] in base axes")
+    return gravity
+
+
 def _replaced(model: Model, what: str, value: Any) -> Model:
     def bodies(change: Any) -> Model:
         return dataclasses.replace(model, bodies=tuple(change(body) for body in model.bodies))
@@ -199,10 +255,7 @@ def _replaced(model: Model, what: str, value: Any) -> Model:
             return bodies(lambda body: dataclasses.replace(body, friction=None))
         return drives(rotor_inertia=0.0) if what == "rotors" else drives(efficiency=None)
     if what == "gravity":
-        gravity = np.asarray(value)
-        if gravity.shape != (3,) or not (scalar.is_symbolic(gravity) or np.isfinite(gravity.astype(float)).all()):
-            raise ModelError(f"replace(gravity={value!r}): expected three finite numbers [m/s²] in base axes")
-        return dataclasses.replace(model, gravity=gravity if scalar.is_symbolic(gravity) else gravity.astype(float))
+        return dataclasses.replace(model, gravity=_gravity(value))
     if what == "tip":
         model.frame(value)
         return dataclasses.replace(model, tip=value)

@@ -24,7 +24,7 @@ def drive_of(joint: MovingJoint, command: Any) -> Drive:
         command,
         gear_ratio=float(motor.gear_ratio),
         rotor_inertia=float(motor.rotor_inertia_kg_m2),
-        efficiency=None if motor.gear_efficiency is None else float(motor.gear_efficiency),
+        efficiency=_lossy(motor.gear_efficiency),
         smoothing=_smoothing(joint),
         torque_constant=constant,
         back_emf_constant=constant if ke is None else ke,
@@ -35,6 +35,11 @@ def drive_of(joint: MovingJoint, command: Any) -> Drive:
 
 def _scaled(quantity: Any, factor: float) -> float | None:
     return None if quantity is None else float(quantity) * factor
+
+
+def _lossy(efficiency: Any) -> float | None:
+    """η of a gear that loses power; None for η = 1, which has no loss to smooth."""
+    return None if efficiency is None or float(efficiency) == 1.0 else float(efficiency)
 
 
 def _smoothing(joint: MovingJoint) -> float | None:

@@ -52,7 +52,7 @@ def aligned_frames(model: Model) -> Model:
         placement, offset = _split(placement) if body.kind == "revolute" else (placement, 0.0)
         bodies.append(_snapped(replace(told, placement=placement, offset=body.offset + offset)))
     frames = {
-        name: frame if frame.body == BASE else Frame(frame.body, own[frame.body].inverse() @ frame.placement)
+        name: frame if frame.body == BASE else Frame(frame.body, _clean(own[frame.body].inverse() @ frame.placement))
         for name, frame in model.frames.items()
     }
     return replace(model, bodies=tuple(bodies), frames=frames)
@@ -157,13 +157,19 @@ def _reframed(body: Body, frame: Placement) -> Body:
 
 def _snapped(body: Body) -> Body:
     """The body with what is rounding beside its own size set to 0."""
-    placement = Placement(snap(body.placement.rotation), _without_dust(body.placement.position, 1.0))
+    body = replace(body, placement=_clean(body.placement), link_frame=_clean(body.link_frame))
     if scalar.is_symbolic(body.mass, body.first_moment, body.inertia):
-        return replace(body, placement=placement)
+        return body
     largest = float(np.abs(body.inertia).max())
     moment = float(np.sqrt(largest * body.mass)) if body.mass > 0 else 1.0  # no first moment of a real body is larger
     first, tensor = _without_dust(body.first_moment, moment), _without_dust(body.inertia, largest)
-    return replace(body, placement=placement, first_moment=first, inertia=tensor)
+    return replace(body, first_moment=first, inertia=tensor)
+
+
+def _clean(placement: Placement) -> Placement:
+    if scalar.is_symbolic(placement.rotation, placement.position):
+        return placement
+    return Placement(snap(placement.rotation), _without_dust(placement.position, 1.0))
 
 
 def _without_dust(values: Array, size: float) -> Array:

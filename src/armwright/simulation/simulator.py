@@ -92,17 +92,10 @@ def simulate(
         DivergenceError: a single run left the finite numbers.
     """
     arm = scenario.arm
+    _check_inertia(arm, scenario.initial_state[0, : arm.n])
     simulator = simulator or compile_simulator(arm, scenario.integrator, scenario.target)
     x0 = scenario.initial_state
-    for what in ("arm", "integrator", "target"):
-        if getattr(simulator, what) is not getattr(scenario, what) and getattr(simulator, what) != getattr(
-            scenario, what
-        ):
-            raise ScenarioError(
-                f"the simulator was compiled for {what} = {getattr(simulator, what)}, not for the scenario's "
-                f"{getattr(scenario, what)}; expected compile_simulator of the scenario's own"
-            )
-    _check_inertia(arm, x0[0, : arm.n])
+    _check_simulator(simulator, scenario)
     rule = INTEGRATORS[scenario.integrator]
     commands = np.concatenate([schedule.commands for schedule in scenario.schedules])
     simulator.stability.check_step(scenario.integrator, rule, scenario.step, commands)
@@ -210,6 +203,21 @@ def _run(loop: Loop, lanes: LaneState, scenario: Scenario, every: int, progress:
                 pool.shutdown(cancel_futures=True)
     if progress is not None:
         progress(total, total)
+
+
+def _check_simulator(simulator: Simulator, scenario: Scenario) -> None:
+    """Refuses a simulator that was compiled for something else.
+
+    Raises:
+        ScenarioError: names what differs.
+    """
+    for what in ("arm", "integrator", "target"):
+        compiled, asked = getattr(simulator, what), getattr(scenario, what)
+        if compiled is not asked and compiled != asked and asked is not None:
+            raise ScenarioError(
+                f"the simulator was compiled for {what} = {compiled}, not for the scenario's {asked}; "
+                "expected compile_simulator of the scenario's own"
+            )
 
 
 def _check_inertia(arm: Model, q: np.ndarray) -> None:

@@ -1,5 +1,6 @@
 """3-D algebra over any scalar: rotations, placements of frames, moving mass."""
 
+from armwright.spatial.frozen import Frozen
 from armwright.spatial.inertia import (
     acceleration_tensor,
     displaced_inertia,
@@ -22,6 +23,7 @@ from armwright.spatial.rotation import (
 )
 
 __all__ = [
+    "Frozen",
     "Placement",
     "acceleration_tensor",
     "cross",

@@ -8,10 +8,11 @@ import numpy as np
 
 from armwright import scalar
 from armwright.scalar import Array
+from armwright.spatial.frozen import Frozen
 
 
 @dataclass(frozen=True, eq=False)
-class Placement:
+class Placement(Frozen):
     """Frame b in frame a: a point is  p_a = rotation @ p_b + position.
 
     Args:

@@ -64,7 +64,9 @@ def rotation_to_axis(axis: Array) -> np.ndarray:
 
     Of the many, the one that turns least; -z is reached by half a turn about x.
     """
-    x, y, z = np.asarray(axis, dtype=float) / scalar.sqrt(float(axis @ axis))
+    axis = np.asarray(axis, dtype=float)
+    axis = axis / np.abs(axis).max()  # first, or the squares of 1e200 overflow and those of 1e-200 vanish
+    x, y, z = axis / scalar.sqrt(float(axis @ axis))
     if z < -1.0 + SNAP:
         return np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
     k = 1.0 / (1.0 + z)

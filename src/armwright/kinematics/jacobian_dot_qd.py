@@ -1,0 +1,40 @@
+"""What a frame accelerates by although no joint does."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armwright import scalar
+from armwright.kinematics.joint_motion import joint_motions, sliding, turning
+from armwright.model import Model
+from armwright.scalar import Array
+from armwright.spatial import acceleration_tensor
+
+
+def jacobian_dot_qd(model: Model, q: Array, qd: Array, frame: str | None = None) -> np.ndarray:
+    """Acceleration of the tip or of another frame at q̈ = 0:  [v̇; ω̇] = J q̈ + J̇ q̇.  [LuhWalkerPaul1980]
+
+    The outward half of Newton and Euler's recursion, (1), (2) and (4) of the CMU report, without gravity; then back into base axes.
+
+    Args:
+        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
+        frame: name of a frame of the arm; by default its tip.
+    Returns:
+        a: (6,) linear rows first, of the frame's origin, in base axes; [m/s²] and [rad/s²].
+    Raises:
+        ModelError: no such frame, or the arm branches and names no tip.
+    """
+    target, motion = model.frame(frame), joint_motions(model, q)
+    path = model.path(target.body)
+    w, wd, vd, u = scalar.zeros(3), scalar.zeros(3), scalar.zeros(3), scalar.zeros(3, 3)
+    for i in path:
+        body = model.bodies[i]
+        w, wd = turning(body, motion[i], w, wd, qd[i], 0.0)  # (1) (2)
+        vd = motion[i].to_body(vd + u @ motion[i].position)  # (4)
+        if body.kind == "prismatic":
+            vd = vd + sliding(w, qd[i], 0.0)
+        u = acceleration_tensor(w, wd)
+    vd = vd + u @ target.placement.position
+    for i in reversed(path):
+        vd, wd = motion[i].to_parent(vd), motion[i].to_parent(wd)
+    return scalar.array([*vd, *wd])
