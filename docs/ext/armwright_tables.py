@@ -31,7 +31,7 @@ def _cell(value: Any) -> str:
 
 def shape(argument: Any) -> str:
     """Name, shape and unit of a kernel's input or output."""
-    return f"`{argument.name}` (…, {', '.join(str(size) for size in argument.shape)}) [{argument.unit}]"
+    return f"`{argument.name}` ({', '.join(['…', *map(str, argument.shape)])}) [{argument.unit}]"
 
 
 def kernels() -> str:

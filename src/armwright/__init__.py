@@ -18,18 +18,27 @@ if TYPE_CHECKING:
     from armwright.dynamics import (
         articulated_body,
         bias_torques,
+        centre_of_mass,
+        coriolis_matrix,
+        energy,
         forward_arm,
+        forward_arm_linearised,
         forward_dynamics,
+        forward_dynamics_derivatives,
         gravity_torques,
         inverse_dynamics,
+        inverse_dynamics_derivatives,
         kinetic_energy,
         mass_matrix,
+        operational_inertia,
         potential_energy,
+        regressor,
+        regressor_drive,
     )
     from armwright.errors import ArmwrightError
     from armwright.kernels.compiled import CompiledArm
     from armwright.kernels.compiled import compile_arm as compile
-    from armwright.kinematics import forward_kinematics, jacobian
+    from armwright.kinematics import forward_kinematics, jacobian, jacobian_dot_qd
     from armwright.model import Model
     from armwright.model.load import load
     from armwright.simulation.plot import plot
@@ -44,12 +53,15 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.actuators": ("motor_current", "motor_torque", "motor_voltage"),
     "armwright.description": ("RobotDescription", "builtin_names"),
     "armwright.dynamics": (
-        *("articulated_body", "bias_torques", "forward_arm", "forward_dynamics", "gravity_torques"),
-        *("inverse_dynamics", "kinetic_energy", "mass_matrix", "potential_energy"),
+        *("articulated_body", "bias_torques", "centre_of_mass", "coriolis_matrix"),
+        *("energy", "forward_arm", "forward_arm_linearised", "forward_dynamics"),
+        *("forward_dynamics_derivatives", "gravity_torques", "inverse_dynamics", "inverse_dynamics_derivatives"),
+        *("kinetic_energy", "mass_matrix", "operational_inertia", "potential_energy"),
+        *("regressor", "regressor_drive"),
     ),
     "armwright.errors": ("ArmwrightError",),
     "armwright.kernels.compiled": ("CompiledArm", "compile"),
-    "armwright.kinematics": ("forward_kinematics", "jacobian"),
+    "armwright.kinematics": ("forward_kinematics", "jacobian", "jacobian_dot_qd"),
     "armwright.model": ("Model",),
     "armwright.model.load": ("load",),
     "armwright.simulation.plot": ("plot",),
@@ -71,13 +83,20 @@ __all__ = [
     "articulated_body",
     "bias_torques",
     "builtin_names",
+    "centre_of_mass",
     "compile",
+    "coriolis_matrix",
+    "energy",
     "forward_arm",
+    "forward_arm_linearised",
     "forward_dynamics",
+    "forward_dynamics_derivatives",
     "forward_kinematics",
     "gravity_torques",
     "inverse_dynamics",
+    "inverse_dynamics_derivatives",
     "jacobian",
+    "jacobian_dot_qd",
     "kinetic_energy",
     "load",
     "load_run",
@@ -85,9 +104,12 @@ __all__ = [
     "motor_current",
     "motor_torque",
     "motor_voltage",
+    "operational_inertia",
     "plot",
     "potential_energy",
     "read_schedule",
+    "regressor",
+    "regressor_drive",
     "save",
     "simulate",
 ]

@@ -35,7 +35,7 @@ class DivergenceError(ArmwrightError):
 
 
 class RunError(ArmwrightError):
-    """A saved run cannot be read as one."""
+    """A dataset or a saved file cannot be read as a run."""
 
 
 class OutputError(ArmwrightError):

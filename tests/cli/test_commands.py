@@ -181,3 +181,13 @@ def test_notes_go_to_stderr():
     result = run("simulate", "cmu-dd", "--voltage", "80", "--duration", "0.1")
     assert "armwright: note: " in result.stderr
     assert "note" not in result.stdout
+
+
+def test_info_counts_operations():
+    """Every kernel of the table with what each step saves; one that the record cannot serve says why."""
+    text = run("info", "lwa4p", "--operations").output
+    assert "aligned frames" in text
+    assert "base parameters" in text
+    line = next(line for line in text.splitlines() if line.startswith("inverse_dynamics "))
+    assert re.search(r"276, 254 +264, 243 +217, 198 +5, 5", line)  # with friction; each step saves
+    assert "needs motor.resistance_ohm" in text

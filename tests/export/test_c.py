@@ -18,6 +18,7 @@ from armwright.export.c_comment import comment, plain
 from armwright.export.c_selftest import ROUNDINGS
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.model import Model, build_model
+from docs.pages import blocks, shell
 from kernels.c_compilers import BITS, CORTEX_M7, STRICT, batch_function, build, compiler, run_batch
 from kernels.harness import same_bits
 from physics.arms import arm, workshop
@@ -253,6 +254,18 @@ def test_it_is_written_whole_or_not_at_all(tmp_path):
     with pytest.raises(ModelError, match="real = 'half'"):
         write_c(arm("two-link"), ["jacobian"], tmp_path / "new", "half")
     assert not (tmp_path / "new").exists()
+
+
+def test_the_page_s_commands_run(tmp_path):
+    """Every command of the how-to, in one folder, for the compilers that are here."""
+    commands = [text.strip() for kind, text in blocks("docs/how-to/microcontroller.md") if kind == "sh"]
+    assert len(commands) == 3
+    for command in commands:
+        if "gcc" in command:
+            compiler(next(word for word in command.split() if word.endswith("gcc")))
+        done = shell(command, tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert "FAILED" not in done.stdout
 
 
 def test_it_replaces_what_was_there(tmp_path):

@@ -1,12 +1,13 @@
 """Motor, gear and friction: equations over any scalar."""
 
-from armwright.actuators.drive import DriveOutput, limited_drive
+from armwright.actuators.drive import DriveOutput, demanded_drive, limited_drive
 from armwright.actuators.friction import friction_torques
 from armwright.actuators.gear import transmission
 from armwright.actuators.motor import drive_torque, motor_current, motor_torque, motor_voltage
 
 __all__ = [
     "DriveOutput",
+    "demanded_drive",
     "drive_torque",
     "friction_torques",
     "limited_drive",

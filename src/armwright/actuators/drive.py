@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armwright import scalar
-from armwright.actuators.motor import check_command, joint_constant
+from armwright.actuators.motor import check_command, joint_constant, joint_current, joint_torque, joint_voltage
 from armwright.model import Body, Model
 from armwright.scalar import Array, Scalar
 
@@ -44,28 +44,63 @@ def limited_drive(model: Model, qd: Array, u: Array) -> DriveOutput:
     return DriveOutput(*(scalar.array(column) for column in zip(*rows, strict=True)))
 
 
+def demanded_drive(model: Model, qd: Array, tau: Array) -> DriveOutput:
+    """Voltages and currents that torques ask of the motors, eq. (11) and i = tau / (n Kt), whatever the limits.
+
+    Args:
+        model: the arm.   qd: (n, …) [rad/s | m/s].   tau: (n, …) [N m | N].
+    Returns:
+        output: tau as it was given, voltage and current of every joint, (n, …).
+    """
+    voltage, current = [], []
+    for i, body in model.outward():
+        drive, unknown = body.drive, np.nan * tau[i]
+        known = drive.torque_constant is not None
+        current.append(joint_current(drive, tau[i]) if known else unknown)
+        has_resistance = known and drive.resistance is not None
+        voltage.append(joint_voltage(drive, qd[i], tau[i]) if has_resistance else unknown)
+    return DriveOutput(tau, scalar.stack(voltage), scalar.stack(current))
+
+
 def _limited(model: Model, body: Body, speed: Scalar, u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     check_command(model, body)
-    drive, limits = body.drive, body.limits
+    drive, supply = body.drive, body.limits.voltage
     if drive.torque_constant is None:
-        return _clipped(u, limits.torque), np.nan, np.nan
-    constant = joint_constant(drive)
-    size = scalar.abs(constant)
-    most = min(limits.current, limits.torque / size) if not scalar.is_symbolic(size) else limits.current
-    if drive.resistance is None:
-        current = _clipped(u if drive.command == "current" else u / constant, most)
-        return constant * current, np.nan, current
-    r, back_emf = drive.resistance, drive.gear_ratio * drive.back_emf_constant * speed
+        return _clipped(u, body.limits.torque), np.nan, np.nan
+    constant, most = joint_constant(drive), _most_current(body)
     if drive.command == "voltage":
         voltage = u
-        if most < np.inf:
-            voltage = scalar.clip(u, back_emf - r * most, back_emf + r * most)
+        if _is_limit(most):
+            lowest, highest = (joint_voltage(drive, speed, constant * i) for i in (-most, most))
+            voltage = scalar.clip(u, lowest, highest)
+        voltage = _clipped(voltage, supply)
+        torque = joint_torque(drive, speed, voltage)
+        return torque, voltage, joint_current(drive, torque)
+    if drive.command == "current":
+        torque = constant * _clipped(u, most)
     else:
-        voltage = r * _clipped(u if drive.command == "current" else u / constant, most) + back_emf
-    voltage = _clipped(voltage, limits.voltage)
-    current = (voltage - back_emf) * (1.0 / r)
-    return constant * current, voltage, current
+        torque = _clipped(u, scalar.abs(constant) * most) if _is_limit(most) else u
+    if drive.resistance is None:
+        return torque, np.nan, joint_current(drive, torque)
+    voltage = joint_voltage(drive, speed, torque)
+    if _is_limit(supply):
+        voltage = _clipped(voltage, supply)
+        torque = joint_torque(drive, speed, voltage)
+    return torque, voltage, joint_current(drive, torque)
 
 
-def _clipped(value: Scalar, most: float) -> Scalar:
-    return scalar.clip(value, -most, most) if most < np.inf else value
+def _most_current(body: Body) -> Scalar:
+    """The most current [A] that the limits of current and of torque allow; infinite without either."""
+    current, torque = body.limits.current, body.limits.torque
+    if not _is_limit(torque):
+        return current
+    of_torque = joint_current(body.drive, torque)
+    return scalar.minimum(current, scalar.abs(of_torque)) if _is_limit(current) else scalar.abs(of_torque)
+
+
+def _clipped(value: Scalar, most: Scalar) -> Scalar:
+    return scalar.clip(value, -most, most) if _is_limit(most) else value
+
+
+def _is_limit(most: Scalar) -> bool:
+    return scalar.is_symbolic(most) or most < np.inf

@@ -9,7 +9,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import ModelError
-from armwright.model import Body, Drive, Model
+from armwright.model import Body, Drive, Model, one_state
 from armwright.scalar import Array, Scalar
 
 ELECTRICAL = {"resistance": "resistance_ohm", "torque_constant": "torque_constant_n_m_per_a"}
@@ -30,6 +30,7 @@ def need_constants(model: Model, what: str, *constants: str) -> None:
                 )
 
 
+@one_state
 def motor_current(model: Model, tau: Array) -> np.ndarray:
     """Armature currents for motor torques:  i = tau / (n Kt).
 
@@ -41,9 +42,10 @@ def motor_current(model: Model, tau: Array) -> np.ndarray:
         ModelError: a drive without a torque constant.
     """
     need_constants(model, "motor_current", "torque_constant")
-    return scalar.array([tau[i] / joint_constant(body.drive) for i, body in model.outward()])
+    return scalar.array([joint_current(body.drive, tau[i]) for i, body in model.outward()])
 
 
+@one_state
 def motor_voltage(model: Model, qd: Array, tau: Array) -> np.ndarray:
     """Motor voltages for joint torques, eq. (11):  V = R tau / (n Kt) + n Ke q̇.
 
@@ -55,9 +57,10 @@ def motor_voltage(model: Model, qd: Array, tau: Array) -> np.ndarray:
         ModelError: a drive without resistance or torque constant.
     """
     need_constants(model, "motor_voltage", "resistance", "torque_constant")
-    return scalar.array([_voltage(body.drive, qd[i], tau[i]) for i, body in model.outward()])
+    return scalar.array([joint_voltage(body.drive, qd[i], tau[i]) for i, body in model.outward()])
 
 
+@one_state
 def motor_torque(model: Model, qd: Array, voltage: Array) -> np.ndarray:
     """Motor torques for voltages, eq. (12):  tau = n Kt (V - n Ke q̇) / R.
 
@@ -69,7 +72,7 @@ def motor_torque(model: Model, qd: Array, voltage: Array) -> np.ndarray:
         ModelError: a drive without resistance or torque constant.
     """
     need_constants(model, "motor_torque", "resistance", "torque_constant")
-    return scalar.array([_torque_of_voltage(body.drive, qd[i], voltage[i]) for i, body in model.outward()])
+    return scalar.array([joint_torque(body.drive, qd[i], voltage[i]) for i, body in model.outward()])
 
 
 def drive_torque(model: Model, qd: Array, u: Array) -> np.ndarray:
@@ -92,7 +95,7 @@ def _torque_of_command(model: Model, joint: int, speed: Scalar, u: Scalar) -> Sc
         return u
     if body.drive.command == "current":
         return joint_constant(body.drive) * u
-    return _torque_of_voltage(body.drive, speed, u)
+    return joint_torque(body.drive, speed, u)
 
 
 def check_command(model: Model, body: Body) -> None:
@@ -115,12 +118,19 @@ def joint_constant(drive: Drive) -> Scalar:
     return drive.gear_ratio * drive.torque_constant
 
 
-def _voltage(drive: Drive, speed: Scalar, torque: Scalar) -> Scalar:
+def joint_current(drive: Drive, torque: Scalar) -> Scalar:
+    """i = tau / (n Kt) of one joint [A]."""
+    return torque / joint_constant(drive)
+
+
+def joint_voltage(drive: Drive, speed: Scalar, torque: Scalar) -> Scalar:
+    """Eq. (11) of one joint [V]."""
     return (
         drive.resistance / joint_constant(drive) * torque + drive.gear_ratio * drive.back_emf_constant * speed
     )  # (11)
 
 
-def _torque_of_voltage(drive: Drive, speed: Scalar, voltage: Scalar) -> Scalar:
+def joint_torque(drive: Drive, speed: Scalar, voltage: Scalar) -> Scalar:
+    """Eq. (12) of one joint [N m | N]."""
     stall = joint_constant(drive) / drive.resistance  # [N m/V]
     return stall * (voltage - drive.gear_ratio * drive.back_emf_constant * speed)  # (12)

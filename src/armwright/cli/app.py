@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import inspect
+import os
 import sys
 from io import TextIOWrapper
 from typing import Annotated, Any
@@ -31,6 +35,7 @@ class Commands(TyperGroup):
                 stream.reconfigure(errors="replace")  # a console without τ and ² shows ? for them
         try:
             code = super().main(*args, standalone_mode=False, **extra)
+            sys.stdout.flush()  # here, where it can still be told that the disk is full
         except ArmwrightError as error:
             code = _tell(str(error))
         except UsageError as error:
@@ -38,9 +43,43 @@ class Commands(TyperGroup):
             code = _tell(f"{error.format_message()} (see {where} --help)")
         except typer.Abort:
             code = 130
+        except SystemExit as stop:  # typer and rich end the process like that where a pipe's reader has gone
+            if not isinstance(stop.__context__, BrokenPipeError):
+                raise
+            code = _reader_gone()
+        except BrokenPipeError:
+            code = _reader_gone()
+        except MemoryError as error:
+            code = _tell(f"not enough memory{': ' if str(error) else ''}{error}")
+        except OSError as error:
+            code = _tell(_told(error))
         if standalone_mode:
             sys.exit(code if isinstance(code, int) else 0)
         return code
+
+
+def _told(error: OSError) -> str:
+    """What the operating system refused; files have their own errors, so without a name it was standard output."""
+    if error.errno == errno.ENOMEM:
+        return "not enough memory"
+    if error.filename is None:
+        _silence()
+        return f"standard output: cannot be written: {error.strerror or error}"
+    return f"{error.filename}: {error.strerror}"
+
+
+def _reader_gone() -> int:
+    """`armwright … | head`: nobody wants the rest. Quiet, with the exit code of a command that SIGPIPE ends."""
+    _silence()
+    return 141
+
+
+def _silence() -> None:
+    """What is left in standard output's buffer goes nowhere, or Python would fail on it again at its end."""
+    with contextlib.suppress(OSError, ValueError):  # ValueError: a stand-in without a file, as in tests
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
 
 
 def _tell(message: str) -> int:
@@ -81,3 +120,14 @@ def _commands(
 for command in (robots, info, inverse, forward, simulate):
     app.command()(command)
 app.add_typer(export, name="export")
+
+
+def _unwrapped(text: str) -> str:
+    """Paragraphs without the source's line breaks, so that they fill the terminal; those marked \\b stay as they are."""
+    paragraphs = inspect.cleandoc(text).split("\n\n")
+    return "\n\n".join(part if part.startswith("\b") else " ".join(part.split()) for part in paragraphs)
+
+
+for told in (*app.registered_commands, *export.registered_commands):
+    assert told.callback is not None
+    told.help = _unwrapped(told.callback.__doc__ or "")

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from armwright.cli.arguments import Robot
 from armwright.cli.tables import number, table
@@ -17,13 +19,19 @@ if TYPE_CHECKING:
 DEGREES = 57.29577951308232  # a degree, for people, in the tables of angles
 
 
-def info(robot: Robot) -> None:
+Operations = Annotated[
+    bool, typer.Option("--operations", help="Count the operations of every kernel instead, step by step.")
+]
+
+
+def info(robot: Robot, operations: Operations = False) -> None:
     """Show what is known of an arm: frames, masses, motors, friction, limits, the source of every number, and warnings.
 
     \b
     Examples:
       armwright info cmu-dd
       armwright info my-arm.toml
+      armwright info puma560 --operations
     """
     import armwright as aw
     from armwright.cli.tables import console_for_tables
@@ -32,6 +40,11 @@ def info(robot: Robot) -> None:
     record = arm.description
     assert record is not None
     console = console_for_tables()
+    if operations:
+        from armwright.cli.operations import operation_table
+
+        console.print(operation_table(arm))
+        return
     console.print(f"{arm.name}: {record.title}" if record.title else arm.name, style="bold")
     if record.notes:
         console.print(record.notes)

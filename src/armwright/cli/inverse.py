@@ -12,14 +12,18 @@ def inverse(robot: Robot, table: Table, output: Out = None) -> None:
 
     The table has the columns q_JOINT, qd_JOINT and qdd_JOINT in rad, rad/s and rad/s² (m for sliding joints), in any order;
     or no header row and the columns in just that order. The result has tau_JOINT, the motor's torque referred to the
-    joint, and voltage_JOINT where the robot's file gives the motors' constants (else current_JOINT where it gives those).
+    joint, and voltage_JOINT where the robot's file gives the motors' constants; where it does not do so for every joint,
+    current_JOINT too, or instead. What is not known of a joint is nan.
 
     \b
     Examples:
       armwright inverse puma560 motions.csv -o torques.csv
       armwright inverse my-arm.toml motions.csv | head
     """
+    import numpy as np
+
     import armwright as aw
+    from armwright.actuators import demanded_drive
     from armwright.cli.progress import progress
     from armwright.simulation.output import check_destination
     from armwright.simulation.recording import joint_units
@@ -34,11 +38,10 @@ def inverse(robot: Robot, table: Table, output: Out = None) -> None:
         dyn = aw.compile(arm)
         tau = dyn.inverse_dynamics(data["q"], data["qd"], data["qdd"])
         columns = joint_columns("tau", arm.names, joint_units(arm, "tau"), tau)
-        if all(body.drive.torque_constant is not None for body in arm.bodies):
-            if all(body.drive.resistance is not None for body in arm.bodies):
-                voltage = dyn.motor_voltage(data["qd"], tau)
-                columns |= joint_columns("voltage", arm.names, joint_units(arm, "voltage"), voltage)
-            else:
-                current = aw.motor_current(arm, tau.T).T
-                columns |= joint_columns("current", arm.names, joint_units(arm, "current"), current)
+        drive = demanded_drive(arm, data["qd"].T, tau.T)
+        for quantity, values in (("voltage", drive.voltage.T), ("current", drive.current.T)):
+            if not np.isnan(values).all():
+                columns |= joint_columns(quantity, arm.names, joint_units(arm, quantity), values)
+            if not np.isnan(values).any():
+                break  # voltages of every motor say it all
         write_table(output, columns, sys.stdout)

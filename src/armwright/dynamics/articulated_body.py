@@ -8,11 +8,12 @@ from armwright import scalar
 from armwright.actuators import friction_torques, transmission
 from armwright.dynamics.inverse import newton_euler
 from armwright.kinematics import JointMotion, joint_motions
-from armwright.model import BASE, Body, Model
+from armwright.model import BASE, Body, Model, one_state
 from armwright.scalar import Array
 from armwright.spatial import skew
 
 
+@one_state
 def articulated_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
     """Accelerations that motor torques give, joint by joint: what `forward_dynamics` gives, in time linear in n.
 

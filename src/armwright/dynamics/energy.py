@@ -4,11 +4,24 @@ from __future__ import annotations
 
 from armwright import scalar
 from armwright.kinematics import body_placements, joint_motions
-from armwright.model import BASE, Model
+from armwright.model import BASE, Model, one_state
 from armwright.scalar import Array, Scalar
 from armwright.spatial import cross
 
 
+@one_state
+def energy(model: Model, q: Array, qd: Array) -> tuple[Scalar, Scalar]:
+    """Kinetic and potential energy, T and U: without friction, gear loss and drives their sum stays what it is.
+
+    Args:
+        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
+    Returns:
+        kinetic: () [J], links and rotors.   potential: () [J], zero where all mass lies at the base's origin.
+    """
+    return kinetic_energy(model, q, qd), potential_energy(model, q)
+
+
+@one_state
 def kinetic_energy(model: Model, q: Array, qd: Array) -> Scalar:
     """T = ½ Σ ( m |v|² + 2 v·(ω × m c) + ω·I ω ) + ½ Σ n² J_m q̇²: from the bodies' velocities, independent of the mass matrix.
 
@@ -34,6 +47,7 @@ def kinetic_energy(model: Model, q: Array, qd: Array) -> Scalar:
     return total
 
 
+@one_state
 def potential_energy(model: Model, q: Array) -> Scalar:
     """U = - Σ m gᵀ p_c, zero where all mass lies at the base's origin.
 

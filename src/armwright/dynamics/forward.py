@@ -8,10 +8,11 @@ from armwright import scalar
 from armwright.actuators import drive_torque, transmission
 from armwright.dynamics.inverse import bias_torques
 from armwright.dynamics.mass_matrix import mass_matrix
-from armwright.model import Model
+from armwright.model import Model, one_state
 from armwright.scalar import Array
 
 
+@one_state
 def forward_dynamics(model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
     """Accelerations that motor torques give:  q̈ = M⁻¹ ( e tau - C q̇ - g - f + Jᵀ wrench ).  [WalkerOrin1982]
 
@@ -30,6 +31,7 @@ def forward_dynamics(model: Model, q: Array, qd: Array, tau: Array, wrench: Arra
     return scalar.solve_symmetric(mass_matrix(model, q), driven - bias_torques(model, q, qd, wrench))  # (15)
 
 
+@one_state
 def forward_arm(model: Model, q: Array, qd: Array, u: Array) -> np.ndarray:
     """The report's Forward Arm: drive commands in, accelerations out.  tau by eq. (12), then `forward_dynamics`.
 

@@ -7,13 +7,14 @@ import numpy as np
 from armwright import scalar
 from armwright.actuators import friction_torques, transmission
 from armwright.kinematics import body_placements, joint_motions, sliding, turning
-from armwright.model import BASE, Model
+from armwright.model import BASE, Model, one_state
 from armwright.scalar import Array
 from armwright.spatial import acceleration_tensor, cross, inertial_moment
 
 STILL = scalar.zeros(3)
 
 
+@one_state
 def inverse_dynamics(model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None) -> np.ndarray:
     """Motor torques that give acceleration `qdd` in state (q, qd).  [LuhWalkerPaul1980]
 
@@ -31,6 +32,7 @@ def inverse_dynamics(model: Model, q: Array, qd: Array, qdd: Array, wrench: Arra
     return scalar.array(behind / transmission(model, qd, behind))
 
 
+@one_state
 def bias_torques(model: Model, q: Array, qd: Array, wrench: Array | None = None) -> np.ndarray:
     """Torques that no acceleration asks for, the report's bias vector, eq. (14):  h = C(q, q̇) q̇ + g(q) + f(q̇) - Jᵀ wrench.
 
@@ -45,6 +47,7 @@ def bias_torques(model: Model, q: Array, qd: Array, wrench: Array | None = None)
     return newton_euler(model, q, qd, scalar.zeros(model.n), wrench) + friction_torques(model, qd)
 
 
+@one_state
 def gravity_torques(model: Model, q: Array) -> np.ndarray:
     """Torques that hold the arm against gravity:  g(q) = ∂U/∂q, inverse dynamics at rest without friction.
 

@@ -97,13 +97,9 @@ def _macro(name: str) -> str:
 
 
 def _prototype(name: str, function: CFunction, real: str) -> str:
-    ports = (*function.program.inputs, *function.program.outputs)
     sizes = []
-    for argument, port in zip(function.arguments, ports, strict=True):
-        dims = [
-            _macro(name) if size == "n" else str(length)
-            for size, length in zip(argument.shape, port.shape, strict=True)
-        ]
+    for argument in function.arguments:
+        dims = [_size(name, size) for size in argument.shape]
         sizes.append(" * ".join(dims) if dims else "1")
     line = f"void {function.name}({parameters(function.program, real, sizes)})"
     return line if len(line) <= WIDTH else line.replace("(", "(\n    ", 1).replace(", ", ",\n    ")
@@ -123,7 +119,11 @@ def _documented(name: str, function: CFunction) -> str:
 
 
 def _size(name: str, size: int | str) -> str:
-    return _macro(name) if size == "n" else str(size)
+    """A size of the table as C: `10n` is ten times the number of joints."""
+    if isinstance(size, int):
+        return str(size)
+    times = size.removesuffix("n")
+    return f"{times} * {_macro(name)}" if times else _macro(name)
 
 
 def _header(arm: Model, name: str, functions: Sequence[CFunction], real: str) -> str:

@@ -18,7 +18,7 @@ from armwright.program import Program, interpret
 STATES = 5  # test vectors a function
 
 #: Roundings that the tolerance of a test vector allows for, in units of the type's epsilon. Some hundreds of operations
-#: stand between an input and a result; what was measured on the built-in arms is up to 4.
+#: stand between an input and a result; up to 8 were measured on the built-in arms.
 ROUNDINGS = 64
 _EPSILON = {"double": float(np.finfo(np.float64).eps), "float": float(np.finfo(np.float32).eps)}
 

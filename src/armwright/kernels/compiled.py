@@ -7,29 +7,48 @@ import os
 from collections.abc import Callable
 from typing import Any
 
-from armwright.errors import ShapeError, nearest
+import numpy as np
+
+from armwright.errors import ModelError, ShapeError, nearest
 from armwright.kernels.signatures import SIGNATURES, Signature, trace_kernel
-from armwright.model import Model
+from armwright.model import Model, check_arm
 
 
 class CompiledArm:
     """Kernels for one arm. Arrays are (…, *shape) and broadcast over their leading axes; each method takes `out=`.
 
+    A copy, or a pickle that is read elsewhere, is of the same arm and compiles its kernels anew when they are used.
+
     Attributes:
-        arm: the model, frozen.   threads: how many threads share a large batch; results do not depend on it.
-        target: the processor that code is made for.
+        arm: the model, frozen.   target: the processor that code is made for.
     """
 
     def __init__(self, arm: Model, target: str | None = None):
         from armwright.kernels.llvm import select_target
 
+        check_arm(arm)
         self.arm = arm
         self.target = select_target(target)
-        self.threads = os.cpu_count() or 1
+        self._asked = target
+        self._threads = os.cpu_count() or 1
         self._kernels: dict[tuple[Any, ...], Any] = {}
 
     def __repr__(self) -> str:
         return f"<compiled {self.arm.name} for {self.target.cpu}, {self.target.width} states at once>"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, (type(self), self.arm, self._asked, self._threads)  # without the native code
+
+    @property
+    def threads(self) -> int:
+        """How many threads share a large batch, 1 or more; results do not depend on it."""
+        return self._threads
+
+    @threads.setter
+    def threads(self, count: int) -> None:
+        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
+            raise ModelError(f"threads = {count!r}: expected a whole number, 1 or more")
+        self._threads = int(count)
 
     def __getattr__(self, name: str) -> Any:
         raise AttributeError(f"no kernel {name!r}; {nearest(name, SIGNATURES)}")
@@ -43,8 +62,11 @@ class CompiledArm:
         Returns:
             kernel: takes and returns arrays, (…, *shape).
         Raises:
+            ShapeError: no kernel has that name.
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
         """
+        if name not in SIGNATURES:
+            raise ShapeError(f"no kernel {name!r}; {nearest(str(name), SIGNATURES)}")
         key = (name, *optional, *sorted(options.items()))
         if key not in self._kernels:
             from armwright.kernels.batch import Kernel
@@ -68,9 +90,29 @@ class CompiledArm:
         """
         from armwright.kernels.bound import Bound
 
-        if name not in SIGNATURES:
-            raise ShapeError(f"no kernel {name!r}; {nearest(name, SIGNATURES)}")
         return Bound(self.kernel(name, *optional, **(options or {})), tuple(lead), arrays)
+
+    def casadi(self, name: str, *optional: str, **options: Any) -> Any:
+        """The kernel's traced function for CasADi, for optimal control: symbols in, symbols out, differentiable.
+
+        Args:
+            name: of the table.   optional: names of the optional inputs that it takes.
+            options: keyword arguments that are fixed, such as `frame`.
+        Returns:
+            function: `casadi.Function` with the table's names; vectors are columns, matrices have their own shape.
+        Raises:
+            ShapeError: no kernel has that name.
+            ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        """
+        if name not in SIGNATURES:
+            raise ShapeError(f"no kernel {name!r}; {nearest(str(name), SIGNATURES)}")
+        return trace_kernel(self.arm, SIGNATURES[name], optional, **options).casadi()
+
+
+def _again(kind: type[CompiledArm], arm: Model, target: str | None, threads: int) -> CompiledArm:
+    dyn = kind(arm, target)
+    dyn.threads = threads
+    return dyn
 
 
 def _method(signature: Signature) -> Callable[..., Any]:
@@ -80,7 +122,7 @@ def _method(signature: Signature) -> Callable[..., Any]:
 
     def method(self: CompiledArm, *arrays: Any, out: Any = None, **named: Any) -> Any:
         if len(arrays) == len(required) and not named and usual in self._kernels:
-            return self._kernels[usual](*arrays, out=out, threads=self.threads)
+            return self._kernels[usual](*arrays, out=out, threads=self._threads)
         options = {name: named.pop(name) for name in signature.options if named.get(name) is not None}
         values = list(arrays)
         for name in [*required, *optional][len(values) :]:
@@ -96,7 +138,7 @@ def _method(signature: Signature) -> Callable[..., Any]:
         if len(values) > len(required) and values[-1] is None:
             values.pop()
         kernel = self.kernel(signature.name, *optional[: len(values) - len(required)], **options)
-        return kernel(*values, out=out, threads=self.threads)
+        return kernel(*values, out=out, threads=self._threads)
 
     kind, keyword = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
     parameters = [inspect.Parameter("self", kind), *(inspect.Parameter(name, kind) for name in required)]
@@ -116,7 +158,7 @@ def _docstring(signature: Signature) -> str:
     equation = (signature.function.__doc__ or "").split("\n\n")[0]
 
     def line(argument: Any) -> str:
-        return f"    {argument.name}: (…, {', '.join(str(size) for size in argument.shape)}) [{argument.unit}]"
+        return f"    {argument.name}: ({', '.join(['…', *map(str, argument.shape)])}) [{argument.unit}]"
 
     inputs = [line(a) for a in signature.inputs] + [f"{line(a)}, optional" for a in signature.optional]
     options = [f"    {name}: {OPTIONS[name]}." for name in signature.options]
@@ -141,6 +183,6 @@ def compile_arm(arm: Model, target: str | None = None) -> CompiledArm:
     Returns:
         dyn: the kernels as methods, (…, n) arrays in and out.
     Raises:
-        ModelError: an unknown target, or one that this processor does not reach.
+        ModelError: no arm, an unknown target, or one that this processor does not reach.
     """
     return CompiledArm(arm, target)

@@ -18,8 +18,10 @@ from armwright.kernels import cache
 from armwright.kernels.llvm_machine import LlvmMachine, register_libm
 from armwright.kernels.machine import Value
 from armwright.kernels.tiles import load_tile, store_tile
-from armwright.kernels.walk import walk
+from armwright.kernels.walk import walk, walk_instructions
 from armwright.program import Program
+from armwright.program.cut import WHOLE, Piece, cut
+from armwright.program.fuse import optimised
 
 WIDTHS = {"x86-64-v4": 8, "x86-64-v3": 4, "x86-64-v2": 2, "x86-64": 2}  # doubles in a vector register
 NEEDS = {"x86-64-v4": "avx512f", "x86-64-v3": "avx2", "x86-64-v2": "sse4.2", "x86-64": "sse2"}
@@ -96,7 +98,7 @@ class Module:
         if name not in self.functions:
             m = self.machine()
             inputs = [[_load_block(m, f"%in{k}", e) for e in range(p.size)] for k, p in enumerate(program.inputs)]
-            outputs = walk(m, program, inputs, self.caller(m))
+            outputs = self._computed(m, program, inputs)
             for k, values in enumerate(outputs):
                 for entry, value in enumerate(values):
                     _store_block(m, f"%out{k}", entry, value)
@@ -114,7 +116,7 @@ class Module:
         tile = f"{program.name}.tile"
         m = self.machine()
         inputs = [load_tile(m, f"%in{k}", port.size) for k, port in enumerate(program.inputs)]
-        outputs = walk(m, program, inputs, self.caller(m))
+        outputs = self._computed(m, program, inputs)
         for k, values in enumerate(outputs):
             store_tile(m, f"%out{k}", values)
         self._define(tile, program, m)
@@ -124,6 +126,43 @@ class Module:
         self.functions[f"{program.name}.bound"] = _bound(program)
         self.declarations.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
         return name
+
+    def _computed(self, m: LlvmMachine, program: Program, inputs: list[list[Value]]) -> list[list[Value]]:
+        """A program's outputs: in one block, or, where it is long, in functions of a few thousand instructions each."""
+        instructions = optimised(program.instructions)
+        if len(instructions) <= WHOLE:
+            return walk(m, program, inputs, self.caller(m))
+        ports = [[_alloca(m, port.size) for port in side] for side in (program.inputs, program.outputs)]
+        for pointer, values in zip(ports[0], inputs, strict=True):
+            for entry, value in enumerate(values):
+                _store_block(m, pointer, entry, value)
+        parts = cut(instructions)
+        given = ", ".join(f"ptr {p}" for p in (*ports[0], *ports[1], _alloca(m, max(parts.slots, 1))))
+        for k, piece in enumerate(parts.pieces):
+            name = f"{program.name}.piece{k}"
+            if name not in self.functions:
+                self._add_piece(name, program, piece)
+            m.lines.append(f"  call void @{name}({given})")
+        return [
+            [_load_block(m, pointer, entry) for entry in range(port.size)]
+            for pointer, port in zip(ports[1], program.outputs, strict=True)
+        ]
+
+    def _add_piece(self, name: str, program: Program, piece: Piece) -> None:
+        """`void name(in0, …, out0, …, work)` over blocks: one piece, what crosses its ends waiting in `work`."""
+        m = self.machine()
+        values = {value: _load_block(m, "%work", slot) for value, slot in piece.taken.items()}
+
+        def read(port: int, entry: int) -> Value:
+            return _load_block(m, f"%in{port}", entry)
+
+        def write(port: int, entry: int, value: Value) -> None:
+            _store_block(m, f"%out{port}", entry, value)
+
+        walk_instructions(m, piece.instructions, values, read, write, self.caller(m))
+        for value, slot in piece.left.items():
+            _store_block(m, "%work", slot, values[value])
+        self._define(name, program, m, "ptr noalias %work")
 
     def caller(self, m: LlvmMachine):
         """How the walk prints a call of a block function: arguments and results through the stack."""
@@ -144,9 +183,10 @@ class Module:
 
         return call
 
-    def _define(self, name: str, program: Program, m: LlvmMachine) -> None:
+    def _define(self, name: str, program: Program, m: LlvmMachine, *more: str) -> None:
         parameters = [f"ptr noalias readonly %in{k}" for k in range(len(program.inputs))]
         parameters += [f"ptr noalias %out{k}" for k in range(len(program.outputs))]
+        parameters += more
         # alignstack: LLVM does not align the stack for spilled vectors by itself, and split ones cost up to half the speed
         head = f"define internal void @{name}({', '.join(parameters)}) noinline nounwind alignstack({min(8 * m.width, 64)})"
         head += " {\nentry:"

@@ -10,9 +10,10 @@ from typing import Any
 
 from armwright import actuators, dynamics, kinematics
 from armwright.model import Model
-from armwright.model.simplify import aligned_frames, simplified
+from armwright.model.simplify import STEPS, aligned_frames
 
-Size = int | str  # "n": number of joints
+Step = Callable[[Model], Model]
+Size = int | str  # "n", "2n", …: number of joints, or a multiple of it
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,13 @@ class Argument:
 
     def sized(self, model: Model) -> tuple[int, ...]:
         """The shape for one arm."""
-        return tuple(model.n if size == "n" else int(size) for size in self.shape)
+        return tuple(_sized(size, model.n) for size in self.shape)
+
+
+def _sized(size: Size, n: int) -> int:
+    if isinstance(size, int):
+        return size
+    return int(size.removesuffix("n") or 1) * n
 
 
 @dataclass(frozen=True)
@@ -48,6 +55,11 @@ class Signature:
     regroup: bool = False
 
     @property
+    def steps(self) -> tuple[Step, ...]:
+        """The simplifying steps that keep the kernel's result."""
+        return STEPS if self.regroup else (aligned_frames,)
+
+    @property
     def name(self) -> str:
         """The function's name, which is the kernel's."""
         return self.function.__name__
@@ -59,6 +71,9 @@ QDD = Argument("qdd", ("n",), "rad/s² | m/s²")
 TAU = Argument("tau", ("n",), "N m | N")
 VOLTAGE = Argument("voltage", ("n",), "V")
 U = Argument("u", ("n",), "V | A | N m | N")
+MASS = Argument("M", ("n", "n"), "kg m² | kg m | kg")
+PER_POSITION = "N m/rad | N m/m, N/rad | N/m"
+PER_SPEED = "N m s/rad | N m s/m, N s/rad | N s/m"
 WRENCH = Argument("wrench", (6,), "N, N m")
 
 SIGNATURES: dict[str, Signature] = {
@@ -66,7 +81,7 @@ SIGNATURES: dict[str, Signature] = {
     for signature in (
         Signature(dynamics.inverse_dynamics, (Q, QD, QDD), (TAU,), (WRENCH,), regroup=True),
         Signature(dynamics.forward_dynamics, (Q, QD, TAU), (QDD,), (WRENCH,), regroup=True),
-        Signature(dynamics.mass_matrix, (Q,), (Argument("M", ("n", "n"), "kg m² | kg m | kg"),), regroup=True),
+        Signature(dynamics.mass_matrix, (Q,), (MASS,), regroup=True),
         Signature(dynamics.bias_torques, (Q, QD), (Argument("h", ("n",), "N m | N"),), (WRENCH,), regroup=True),
         Signature(dynamics.gravity_torques, (Q,), (Argument("g", ("n",), "N m | N"),), regroup=True),
         Signature(kinematics.forward_kinematics, (Q,), (Argument("T", (4, 4), "- | m"),), options=("frame",)),
@@ -74,19 +89,73 @@ SIGNATURES: dict[str, Signature] = {
         Signature(actuators.motor_voltage, (QD, TAU), (VOLTAGE,)),
         Signature(actuators.motor_torque, (QD, VOLTAGE), (TAU,)),
         Signature(dynamics.forward_arm, (Q, QD, U), (QDD,), regroup=True),
+        Signature(
+            dynamics.inverse_dynamics_derivatives,
+            (Q, QD, QDD),
+            (Argument("dtau_dq", ("n", "n"), PER_POSITION), Argument("dtau_dqd", ("n", "n"), PER_SPEED), MASS),
+            regroup=True,
+        ),
+        Signature(
+            dynamics.forward_dynamics_derivatives,
+            (Q, QD, TAU),
+            (
+                Argument("dqdd_dq", ("n", "n"), "1/s² | rad/(m s²), m/(rad s²)"),
+                Argument("dqdd_dqd", ("n", "n"), "1/s | rad/(m s), m/(rad s)"),
+                Argument("M_inverse", ("n", "n"), "1/(kg m²) | 1/(kg m) | 1/kg"),
+            ),
+            regroup=True,
+        ),
+        Signature(
+            dynamics.forward_arm_linearised,
+            (Q, QD, U),
+            (Argument("A", ("2n", "2n"), "1 | 1/s | 1/s²"), Argument("B", ("2n", "n"), "rad/s² | m/s², per unit of u")),
+            regroup=True,
+        ),
+        Signature(dynamics.regressor, (Q, QD, QDD), (Argument("Y", ("n", "10n"), "N m | N, per kg, kg m, kg m²"),)),
+        Signature(
+            dynamics.regressor_drive,
+            (QD, QDD),
+            (Argument("Y_drive", ("n", "7n"), "N m | N, per unit of arm.drive_parameters"),),
+        ),
+        Signature(dynamics.coriolis_matrix, (Q, QD), (Argument("C", ("n", "n"), PER_SPEED),), regroup=True),
+        Signature(dynamics.energy, (Q, QD), (Argument("kinetic", (), "J"), Argument("potential", (), "J"))),
+        Signature(dynamics.centre_of_mass, (Q,), (Argument("p", (3,), "m"),)),
+        Signature(
+            dynamics.operational_inertia,
+            (Q,),
+            (Argument("Lambda", (6, 6), "kg | kg m | kg m²"),),
+            options=("frame",),
+            regroup=True,
+        ),
+        Signature(kinematics.jacobian_dot_qd, (Q, QD), (Argument("a", (6,), "m/s², rad/s²"),), options=("frame",)),
     )
 }
 
 
-def trace_kernel(model: Model, signature: Signature, given: tuple[str, ...] = (), **options: Any):
+def trace_kernel(
+    model: Model,
+    signature: Signature,
+    given: tuple[str, ...] = (),
+    *,
+    steps: tuple[Step, ...] | None = None,
+    **options: Any,
+):
     """The program of a kernel for one arm, with the optional inputs named in `given` and the options' values.
+
+    Args:
+        model: the arm.   signature: a row of the table.   given: names of optional inputs.
+        steps: simplifying steps on the arm before it is traced; by default those that keep the result.
+        options: values of the signature's options.
+    Returns:
+        program: inputs and outputs as the signature names them.
 
     Raises:
         ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
     """
     from armwright.program import trace  # CasADi, which takes a while to import
 
-    model = simplified(model) if signature.regroup else aligned_frames(model)
+    for step in signature.steps if steps is None else steps:
+        model = step(model)
     arguments = [*signature.inputs, *(a for a in signature.optional if a.name in given)]
     return trace(
         signature.name,

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from armwright.kernels import lowering
 from armwright.kernels.machine import Machine, Value
-from armwright.program import Program
+from armwright.program import Instruction, Program
 from armwright.program.fuse import optimised
 
 Call = Callable[[Program, list[Value]], list[Value]]
@@ -29,16 +29,37 @@ def walk(
     Returns:
         outputs: the machine's values of every entry of every output.
     """
-    values: dict[int, Value] = {}
     outputs: list[list[Value]] = [[machine.constant(0.0)] * port.size for port in program.outputs]
-    for i in optimised(program.instructions):
+
+    def write(port: int, entry: int, value: Value) -> None:
+        outputs[port][entry] = value
+
+    walk_instructions(machine, optimised(program.instructions), {}, lambda p, e: inputs[p][e], write, call, lower)
+    return outputs
+
+
+def walk_instructions(
+    machine: Machine,
+    instructions: Sequence[Instruction],
+    values: dict[int, Value],
+    read: Callable[[int, int], Value],
+    write: Callable[[int, int, Value], None],
+    call: Call | None = None,
+    lower: Lower = lowering.lower,
+) -> None:
+    """Prints instructions; `values` knows what was made before them and learns what they make.
+
+    Args:
+        machine: prints them.   instructions: after the passes.   values: the machine's, by the program's.
+        read: gives the value of an input's entry (port, entry).   write: takes that of an output's.
+        call, lower: as in `walk`.
+    """
+    for i in instructions:
         arguments = [values[a] for a in i.arguments]
         if i.operation == "INPUT":
-            port, entry = i.place  # type: ignore[misc]
-            values[i.results[0]] = inputs[port][entry]
+            values[i.results[0]] = read(*i.place)  # type: ignore[misc]
         elif i.operation == "OUTPUT":
-            port, entry = i.place  # type: ignore[misc]
-            outputs[port][entry] = arguments[0]
+            write(*i.place, arguments[0])  # type: ignore[misc]
         elif i.operation == "CONST":
             values[i.results[0]] = machine.constant(i.constant)  # type: ignore[arg-type]
         elif i.callee is not None:
@@ -46,4 +67,3 @@ def walk(
             values.update(zip(i.results, call(i.callee, arguments), strict=True))
         else:
             values[i.results[0]] = lower(machine, i.operation, *arguments)
-    return outputs

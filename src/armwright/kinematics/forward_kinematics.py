@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armwright.kinematics.joint_motion import joint_motions
-from armwright.model import BASE, Model
+from armwright.model import BASE, Model, one_state
 from armwright.scalar import Array
 from armwright.spatial import Placement
 
@@ -28,6 +28,7 @@ def frame_placement(model: Model, q: Array, frame: str | None = None) -> Placeme
     return placed @ target.placement
 
 
+@one_state
 def forward_kinematics(model: Model, q: Array, frame: str | None = None) -> np.ndarray:
     """Pose of the tip or of another frame:  T = A_0^1 A_1^2 … A_{N-1}^N.  [DenavitHartenberg1955]
 

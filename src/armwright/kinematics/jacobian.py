@@ -6,11 +6,12 @@ import numpy as np
 
 from armwright import scalar
 from armwright.kinematics.forward_kinematics import body_placements
-from armwright.model import Model
+from armwright.model import Model, one_state
 from armwright.scalar import Array
 from armwright.spatial import cross
 
 
+@one_state
 def jacobian(model: Model, q: Array, frame: str | None = None) -> np.ndarray:
     """Geometric Jacobian of the tip or of another frame:  [v; ω] = J(q) q̇.  [Whitney1972]
 

@@ -1,6 +1,7 @@
 """The frozen numeric tree that the algorithms read, and how it is built from a description."""
 
+from armwright.model.arguments import check_arm, one_state
 from armwright.model.build import build_model
 from armwright.model.model import BASE, Body, Drive, Frame, Friction, Limits, Model
 
-__all__ = ["BASE", "Body", "Drive", "Frame", "Friction", "Limits", "Model", "build_model"]
+__all__ = ["BASE", "Body", "Drive", "Frame", "Friction", "Limits", "Model", "build_model", "check_arm", "one_state"]

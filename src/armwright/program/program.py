@@ -72,6 +72,16 @@ class Program:
             found[name] = Program(name, inputs, outputs, graph)
         return found
 
+    def casadi(self) -> casadi.Function:
+        """The graph as CasADi's users want it: matrices in their own shape, not as rows behind each other."""
+        inputs = [casadi.SX.sym(port.name, *_columns(port.shape)) for port in self.inputs]  # type: ignore[arg-type]
+        results = self.graph.call([casadi.reshape(x.T, -1, 1) for x in inputs])
+        shaped = [
+            casadi.reshape(y, *reversed(_columns(port.shape))).T for y, port in zip(results, self.outputs, strict=True)
+        ]
+        names = [port.name for port in self.inputs], [port.name for port in self.outputs]
+        return casadi.Function(self.name, inputs, shaped, *names)
+
     def operation_counts(self) -> Counter[str]:
         """How many operations of each name, calls included."""
         counts: Counter[str] = Counter()
@@ -95,6 +105,12 @@ class Program:
                 right = f"{name} {', '.join(f'%{value}' for value in i.arguments)}"
             lines.append(f"  {left} = {right}")
         return "\n".join(lines)
+
+
+def _columns(shape: tuple[int, ...]) -> tuple[int, int]:
+    """CasADi's rows and columns for an array: a vector is a column, more axes than two run on in the columns."""
+    rows = shape[0] if shape else 1
+    return rows, math.prod(shape) // rows if rows else 1
 
 
 def _read(program: Program) -> list[Instruction]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.simulation.output import check_destination, whole_file
-from armwright.simulation.recording import run_units
+from armwright.simulation.recording import in_order, run_units
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -79,10 +79,13 @@ def draw(run: xr.Dataset) -> Figure:
     """The picture of a run as a matplotlib figure, touching nothing of pyplot's.
 
     Args:
-        run: what `simulate` returned.
+        run: what `simulate` returned, or a part of it.
+    Raises:
+        RunError: no run.
     """
     from matplotlib.figure import Figure
 
+    run = in_order(run)
     drawn = panels(run)
     columns = 2 if len(drawn) % 2 == 0 or len(drawn) > 3 else 1
     rows = -(-len(drawn) // columns)
@@ -110,8 +113,10 @@ def plot(run: xr.Dataset, path: str | os.PathLike[str]) -> None:
     """Draws a run into a PNG, SVG or PDF file; whole or not at all.
 
     Args:
-        run: what `simulate` returned.   path: the file; its ending says which format.
+        run: what `simulate` returned, or a part of it such as `run.isel(joint=0)`.
+        path: the file; its ending says which format.
     Raises:
+        RunError: no run.
         OutputError: an unknown ending, a folder that is missing, no permission, a full disk.
     """
     check_picture(path)
@@ -140,7 +145,7 @@ def _draw_panel(run: xr.Dataset, panel: Panel, axis: Axes) -> None:
     for joint in panel.joints:
         own = lanes[:, :, joint]
         if len(own) > FEW_LANES:
-            _draw_band(times, own, joint, axis)
+            _draw_band(times, own, joint, axis, held=panel.held)
             continue
         thin = {"linewidth": 0.8, "alpha": 0.7} if len(own) > 1 else {"linewidth": 1.6}
         axis.plot(times, own.T, drawstyle=drawstyle, **thin, **_style(joint))
@@ -157,12 +162,14 @@ def _draw_panel(run: xr.Dataset, panel: Panel, axis: Axes) -> None:
     _show_no_rounding(axis)
 
 
-def _draw_band(times: np.ndarray, own: np.ndarray, joint: int, axis: Axes) -> None:
+def _draw_band(times: np.ndarray, own: np.ndarray, joint: int, axis: Axes, *, held: bool) -> None:
     every = max(len(times) // POINTS_OF_A_BAND, 1)
     times, own = times[::every], own[:, ::every]
     low, middle, high = np.nanquantile(own, (BAND[0], 0.5, BAND[1]), axis=0)
-    axis.fill_between(times, low, high, color=_style(joint)["color"], alpha=0.18, linewidth=0)
-    axis.plot(times, middle, linewidth=1.6, **_style(joint))
+    axis.fill_between(
+        times, low, high, color=_style(joint)["color"], alpha=0.18, linewidth=0, step="post" if held else None
+    )
+    axis.plot(times, middle, linewidth=1.6, drawstyle="steps-post" if held else "default", **_style(joint))
 
 
 def _show_no_rounding(axis: Axes) -> None:

@@ -125,12 +125,43 @@ def _known(arm: Model, *constants: str) -> np.ndarray:
     return np.array([all(getattr(body.drive, name) is not None for name in constants) for body in arm.bodies])
 
 
+def in_order(run: xr.Dataset) -> xr.Dataset:
+    """The run, or the part of it that was selected, with the dimensions (time, joint) or (lane, time, joint) in that order.
+
+    A time or a joint selected alone, `run.isel(joint=0)`, is a dimension again.
+
+    Raises:
+        RunError: no run: no dataset, one without the coordinates of a run, or one with further dimensions.
+    """
+    import xarray as xr
+
+    if not isinstance(run, xr.Dataset):
+        raise RunError(f"{type(run).__name__}: expected a run, the dataset that simulate returns")
+    missing = [name for name in ("time", "joint", "kind", "command") if name not in run.coords]
+    if missing:
+        raise RunError(f"no coordinate {missing[0]!r}: expected a run, the dataset that simulate returns")
+    of_joint = {"joint": ("joint", "kind", "command"), "time": ("time",)}
+    for dim, coordinates in of_joint.items():
+        if dim not in run.dims:
+            varying = [name for name, variable in run.variables.items() if name in LONG_NAMES or name in coordinates]
+            varying += [name for name, variable in run.data_vars.items() if {"time", "joint"} & set(variable.dims)]
+            run = run.assign({name: run[name].variable.expand_dims(dim) for name in dict.fromkeys(varying)})
+    try:
+        return run.transpose(*(dim for dim in ("lane", "time", "joint") if dim in run.dims))
+    except ValueError:
+        further = [str(dim) for dim in run.dims if dim not in ("lane", "time", "joint")]
+        raise RunError(f"dimension {further[0]!r}: expected those of a run, lane, time and joint") from None
+
+
 def wide(run: xr.Dataset) -> dict[str, np.ndarray]:
     """The run as one table: `lane` (where there are lanes), `t [s]`, then `q_joint1 [rad]` and so on.
 
     Returns:
         columns: header → (rows,), one row a lane and time, lanes one after the other.
+    Raises:
+        RunError: no run.
     """
+    run = in_order(run)
     lanes = run.sizes.get("lane", 1)
     times, joints = run["time"].values, [str(joint) for joint in run["joint"].values]
     columns = {"lane": np.repeat(run["lane"].values, len(times))} if "lane" in run.dims else {}
@@ -170,8 +201,10 @@ def save(run: xr.Dataset, path: str | os.PathLike[str]) -> None:
     """Writes a run in the format that the file's ending names: .nc, .csv or .parquet; whole or not at all.
 
     Args:
-        run: what `simulate` returned.   path: the file; one that is there is replaced when the new one is complete.
+        run: what `simulate` returned, or a part of it such as `run.isel(joint=0)`.
+        path: the file; one that is there is replaced when the new one is complete.
     Raises:
+        RunError: no run.
         OutputError: an unknown ending, a folder that is missing, no permission, a full disk, Parquet without pyarrow.
     """
     path = check_recording(path)

@@ -1,0 +1,32 @@
+"""Where the arm's mass is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armwright import scalar
+from armwright.errors import ModelError
+from armwright.kinematics import body_placements
+from armwright.model import Model, one_state
+from armwright.scalar import Array
+
+
+@one_state
+def centre_of_mass(model: Model, q: Array) -> np.ndarray:
+    """Centre of mass of all moving links:  p = Σ m p_c / Σ m.  [Featherstone2008]
+
+    Links that stand on the base do not count.
+
+    Args:
+        model: the arm.   q: (n,) [rad | m].
+    Returns:
+        p: (3,) in base axes, from the base's origin [m].
+    Raises:
+        ModelError: the moving links have no mass.
+    """
+    total = sum(body.mass for body in model.bodies)
+    if not scalar.is_symbolic(total) and not total > 0.0:
+        raise ModelError(f"{model.name}: centre_of_mass needs mass; the moving links have {total} kg")
+    placed = body_placements(model, q)
+    first = sum(placed[i].rotation @ body.first_moment + body.mass * placed[i].position for i, body in model.outward())
+    return scalar.array(first * (1.0 / total))

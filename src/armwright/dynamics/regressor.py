@@ -1,0 +1,73 @@
+"""The dynamics as a linear function of masses, friction and rotors: what identification fits. [AtkesonAnHollerbach1986]
+
+Newton and Euler's recursion is linear in every body's mass, first moment and tensor, so its slope by them is exact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from armwright import scalar
+from armwright.actuators.friction import joint_friction
+from armwright.dynamics.inverse import newton_euler
+from armwright.model import Body, Friction, Model, one_state
+from armwright.scalar import Array, Scalar
+
+
+@one_state
+def regressor(model: Model, q: Array, qd: Array, qdd: Array) -> np.ndarray:
+    """Y of  M_links q̈ + C q̇ + g = Y(q, q̇, q̈) π,  π = `arm.inertial_parameters`.  [AtkesonAnHollerbach1986]
+
+    Columns for each moving link, in the order of joints: [m, m c_x, m c_y, m c_z, Ixx, Ixy, Ixz, Iyy, Iyz, Izz], the tensor about the
+    origin of the link's frame, in its axes, fixed links merged. All torques behind the gears, e tau, are
+    Y π + Y_d π_d, with `regressor_drive`.
+
+    Args:
+        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
+    Returns:
+        Y: (n, 10 n) [N m | N] per [kg, kg m, kg m²].
+    """
+
+    def torques(parameters: np.ndarray) -> np.ndarray:
+        told = (body.with_inertial_parameters(parameters[10 * i : 10 * i + 10]) for i, body in model.outward())
+        return newton_euler(replace(model, bodies=tuple(told)), q, qd, qdd)
+
+    return scalar.jacobian(torques, scalar.zeros(10 * model.n))
+
+
+@one_state
+def regressor_drive(model: Model, qd: Array, qdd: Array) -> np.ndarray:
+    """Y_d of  Nᵀ J_m N q̈ + f(q̇) = Y_d(q̇, q̈) π_d,  π_d = `arm.drive_parameters`.  [OlssonEtAl1998]
+
+    Columns for each joint: [n² J_m, viscous, offset, Coulomb where q̇ > 0, Coulomb where q̇ < 0, Stribeck, sigmoid
+    amplitude]. A column is 0 where the record has no such term: no smoothing speed for Coulomb, no Stribeck level, no sigmoid.
+
+    Args:
+        model: the arm.   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
+    Returns:
+        Y_d: (n, 7 n) [N m | N] per [kg m² | kg, N m s/rad | N s/m, then N m | N].
+    """
+
+    def torques(parameters: np.ndarray) -> np.ndarray:
+        rows = parameters.reshape(model.n, 7)
+        return scalar.array([_drive(body, rows[i], qd[i], qdd[i]) for i, body in model.outward()])
+
+    return scalar.jacobian(torques, scalar.zeros(7 * model.n))
+
+
+def _drive(body: Body, parameters: Array, speed: Scalar, acceleration: Scalar) -> Scalar:
+    """Rotor and friction of one joint, from its seven parameters."""
+    armature, viscous, offset, positive, negative, stribeck, amplitude = parameters
+    law = Friction() if body.friction is None else body.friction
+    friction = replace(
+        law,
+        viscous=viscous,
+        offset=offset,
+        coulomb_positive=positive,
+        coulomb_negative=negative,
+        stribeck=None if law.stribeck is None else stribeck,
+        sigmoid=None if law.sigmoid is None else (amplitude, *law.sigmoid[1:]),
+    )
+    return armature * acceleration + joint_friction(friction, speed)

@@ -1,0 +1,59 @@
+"""Cutting a long program into pieces that a compiler digests: values that cross a cut go through numbered slots.
+
+Compilers take more than linear time over a straight block. A piece is a list of instructions with the values that it takes
+from slots and leaves in slots; a slot is used again when its value is dead, so the work memory stays small.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from armwright.program.program import Instruction, Value
+
+LONGEST = 500  # instructions in a piece; twice as many take a tenth longer to compile and run no faster
+WHOLE = 5000  # a program up to this long is left in one piece
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Instructions in order; `taken` and `left` say in which slot a value waits before and behind them."""
+
+    instructions: tuple[Instruction, ...]
+    taken: dict[Value, int]
+    left: dict[Value, int]
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A program in pieces, and how many slots they share."""
+
+    pieces: tuple[Piece, ...]
+    slots: int
+
+
+def cut(instructions: Sequence[Instruction], longest: int = LONGEST) -> Cut:
+    """The instructions in pieces of at most `longest`; constants are made anew in every piece that needs them."""
+    constants = {i.results[0]: i for i in instructions if i.operation == "CONST"}
+    working = [i for i in instructions if i.operation != "CONST"]
+    chunks = [working[k : k + longest] for k in range(0, len(working), longest)]
+    made = {value: k for k, chunk in enumerate(chunks) for i in chunk for value in i.results}
+    last = {value: k for k, chunk in enumerate(chunks) for i in chunk for value in i.arguments}
+    slot: dict[Value, int] = {}
+    free: list[int] = []
+    slots, pieces = 0, []
+    for k, chunk in enumerate(chunks):
+        needed = {value for i in chunk for value in i.arguments}
+        taken = {value: slot[value] for value in needed if value not in constants and made[value] < k}
+        for value in [v for v, at in slot.items() if last[v] < k]:
+            heapq.heappush(free, slot.pop(value))
+        left = {}
+        for value in (v for i in chunk for v in i.results if last.get(v, k) > k):
+            if not free:
+                heapq.heappush(free, slots)
+                slots += 1
+            slot[value] = left[value] = heapq.heappop(free)
+        own = [constants[value] for value in sorted(needed & set(constants))]
+        pieces.append(Piece((*own, *chunk), taken, left))
+    return Cut(tuple(pieces), slots)
