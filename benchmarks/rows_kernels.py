@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from peers.pinocchio_peer import NoLoop, PinocchioArm, PinocchioLoop, compiled_loop, pin
+from peers.pinocchio_peer import NoLoop, PinocchioArm, PinocchioLoop, Results, compiled_loop, pin, symmetric
 from timing import Check, Contestant, Pair, relative_error
 
 import armwright as aw
@@ -16,11 +16,27 @@ from armwright.errors import ModelError
 ROBOT = "puma560"
 BATCH = 4096
 TOLERANCE = 1e-9  # relative to a state's largest entry
-INPUTS = {"inverse_dynamics": ("q", "qd", "qdd"), "forward_dynamics": ("q", "qd", "tau"), "mass_matrix": ("q",)}
-EXPECTED = {  # issue 2: on AVX-512, on x86-64-v3
-    "inverse_dynamics": (40.0, 25.0),
-    "forward_dynamics": (40.0, 25.0),
-    "mass_matrix": (28.0, 18.0),
+INPUTS = {
+    "inverse_dynamics": ("q", "qd", "qdd"),
+    "forward_dynamics": ("q", "qd", "tau"),
+    "mass_matrix": ("q",),
+    "inverse_dynamics_derivatives": ("q", "qd", "qdd"),
+    "forward_dynamics_derivatives": ("q", "qd", "tau"),
+}
+EXPECTED = {  # ratios that we want: on AVX-512, on x86-64-v3, a bound single call beside one of `pin` from Python
+    "inverse_dynamics": (60.0, 35.0, 1.8),
+    "forward_dynamics": (70.0, 40.0, 2.5),
+    "mass_matrix": (30.0, 18.0, 1.5),
+    "inverse_dynamics_derivatives": (35.0, 20.0, 2.0),
+    "forward_dynamics_derivatives": (20.0, 12.0, 1.5),
+}
+PARALLEL = {"inverse_dynamics": pin.rneaInParallel, "forward_dynamics": pin.abaInParallel}  # the wheel's own loops
+SINGLE = {
+    "inverse_dynamics": pin.rnea,
+    "forward_dynamics": pin.aba,
+    "mass_matrix": pin.crba,
+    "inverse_dynamics_derivatives": pin.computeRNEADerivatives,
+    "forward_dynamics_derivatives": pin.computeABADerivatives,
 }
 
 
@@ -62,9 +78,9 @@ def kernel_pairs(quick: bool) -> tuple[list[list[Pair]], list[str]]:
         pairs = []
         for (label, dyn), expected in zip(targets.items(), expectations(kernel, here), strict=False):
             pairs.append(Pair(kernel, ours(label, dyn, kernel, inputs, check), peer, expected))
-        if native is not None and kernel != "mass_matrix":
+        if native is not None and kernel in PARALLEL:
             pairs.append(Pair(kernel, pairs[0].ours, parallel, note="the wheel, for reference"))
-        if kernel != "mass_matrix":
+        if kernel in PARALLEL:
             truth = with_friction(wheel, kernel, states, friction)
             rough = ours("with friction", aw.compile(arm), kernel, inputs, checked(truth))
             pairs.append(Pair(kernel, rough, peer, note="the peer without"))
@@ -82,12 +98,19 @@ def random_states(arm: aw.Model, count: int) -> dict[str, np.ndarray]:
 
 def expectations(kernel: str, here: aw.CompiledArm) -> tuple[float, float]:
     """Expected ratios on this processor and on x86-64-v3."""
-    wide, narrow = EXPECTED[kernel]
+    wide, narrow, _ = EXPECTED[kernel]
     return (wide if here.target.width == 8 else narrow), narrow
 
 
-def checked(truth: np.ndarray) -> Callable[[Any], Check]:
-    return lambda result: Check(relative_error(result, truth, truth.ndim - 1), TOLERANCE)
+def together(results: Results) -> np.ndarray:
+    """Results of one kernel as one array, those of a kernel that has several side by side."""
+    return np.stack(results, axis=-3) if isinstance(results, tuple) else results
+
+
+def checked(truth: Results) -> Callable[[Any], Check]:
+    whole = together(truth)
+    axes = 2 if isinstance(truth, tuple) else whole.ndim - 1  # each of several results by its own largest entry
+    return lambda result: Check(relative_error(together(result), whole, axes), TOLERANCE)
 
 
 def ours(
@@ -100,29 +123,34 @@ def ours(
     """A batch through the public API, one thread."""
     dyn.threads = 1
     method = getattr(dyn, kernel)
-    out = method(
-        *inputs
-    )  # used again and again, as a program that cares for speed does; both sides' begin at a cache line
-    out[...] = np.nan
-    return Contestant(label, lambda: method(*inputs, out=out), len(out), check)
+    out = method(*inputs)  # used again, as a program that cares for speed does; both sides' begin at a cache line
+    for array in out if isinstance(out, tuple) else (out,):
+        array[...] = np.nan
+    return Contestant(label, lambda: method(*inputs, out=out), len(inputs[0]), check)
 
 
 def in_loop(
-    native: PinocchioLoop, kernel: str, inputs: list[np.ndarray], like: np.ndarray, check: Callable[[Any], Check]
+    native: PinocchioLoop, kernel: str, inputs: list[np.ndarray], like: Results, check: Callable[[Any], Check]
 ) -> Contestant:
+    out = tuple(map(aligned, like)) if isinstance(like, tuple) else aligned(like)
+    return Contestant("Pinocchio C++", lambda: native.call(kernel, out, *inputs), len(inputs[0]), check)
+
+
+def aligned(like: np.ndarray) -> np.ndarray:
+    """An array of the same shape that begins at a cache line."""
     room = np.full(like.size + 8, np.nan)
     start = -room.ctypes.data // 8 % 8
-    out = room[start : start + like.size].reshape(like.shape)
-    return Contestant("Pinocchio C++", lambda: native.call(kernel, out, *inputs), len(out), check)
+    return room[start : start + like.size].reshape(like.shape)
 
 
 def in_parallel(
     wheel: PinocchioArm, kernel: str, inputs: list[np.ndarray], check: Callable[[Any], Check]
 ) -> Contestant:
     """The wheel's own loop with one thread; for the mass matrix it has none, and Python loops."""
-    if kernel == "mass_matrix":
-        return Contestant("pin.crba, Python loop", lambda: wheel.mass_matrix(*inputs), BATCH, check)
-    function = pin.rneaInParallel if kernel == "inverse_dynamics" else pin.abaInParallel
+    if kernel not in PARALLEL:
+        slow = f"pin.{SINGLE[kernel].__name__}, Python loop"
+        return Contestant(slow, lambda: getattr(wheel, kernel)(*inputs), BATCH, check)
+    function = PARALLEL[kernel]
     columns = [np.asfortranarray(values.T) for values in inputs]
     out = np.full(columns[0].shape, np.nan, order="F")
 
@@ -142,16 +170,18 @@ def with_friction(wheel: PinocchioArm, kernel: str, states: dict[str, np.ndarray
 
 
 def single(dyn: aw.CompiledArm, wheel: PinocchioArm, kernel: str, inputs: list[np.ndarray]) -> Pair:
-    """One state a call, from Python on both sides."""
+    """One state a call, from Python on both sides; ours bound to its arrays, as a control loop would have it."""
     state = [values[0].copy() for values in inputs]
-    truth = getattr(wheel, kernel)(*(values[None] for values in state))[0]
-    check, out, method = checked(truth), np.full_like(truth, np.nan), getattr(dyn, kernel)
-    function = {"inverse_dynamics": pin.rnea, "forward_dynamics": pin.aba, "mass_matrix": pin.crba}[kernel]
-    model, data = wheel.model, wheel.data
-
-    def symmetric(result: np.ndarray) -> Check:
-        return check(result if kernel != "mass_matrix" else np.triu(result) + np.triu(result, 1).T)
-
-    mine = Contestant("one state a call", lambda: method(*state, out=out), 1, check)
-    peer = Contestant(f"pin.{function.__name__}, one call", lambda: function(model, data, *state), 1, symmetric)
-    return Pair(kernel, mine, peer, note="both from Python")
+    truths = getattr(wheel, kernel)(*(values[None] for values in state))
+    check = checked(tuple(part[0] for part in truths) if isinstance(truths, tuple) else truths[0])
+    function, model, data = SINGLE[kernel], wheel.model, wheel.data
+    bound = dyn.bind(kernel, **dict(zip(INPUTS[kernel], state, strict=True)))
+    results: dict[str, Callable[[Any], Any]] = {
+        "mass_matrix": symmetric,
+        "inverse_dynamics_derivatives": lambda _: (data.dtau_dq, data.dtau_dv, symmetric(data.M)),
+        "forward_dynamics_derivatives": lambda _: (data.ddq_dq, data.ddq_dv, symmetric(data.Minv)),
+    }
+    whole = results.get(kernel, lambda result: result)
+    mine = Contestant("one state, bound", bound, 1, check)
+    peer = Contestant(f"pin.{function.__name__}", lambda: function(model, data, *state), 1, lambda r: check(whole(r)))
+    return Pair(kernel, mine, peer, EXPECTED[kernel][2], note="both from Python")

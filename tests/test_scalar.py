@@ -192,3 +192,47 @@ def test_singular_matrix_gives_nothing_finite():
     """No exception, so that one bad lane of many harms no other."""
     with np.errstate(all="ignore"):
         assert not np.isfinite(scalar.solve_symmetric(np.zeros((2, 2)), np.ones(2))).any()
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 6, 12])
+def test_factors_serve_many_right_sides(n):
+    """One factorisation: x for several right sides, L⁻¹ and the whole inverse, symmetric to the bit; floats and traced."""
+    matrix, _ = random_positive(n, 5)
+    right = np.random.default_rng(n).normal(size=(n, 4))
+    expected, inverse = np.linalg.solve(matrix, right), np.linalg.inv(matrix)
+    atol = 1e-13 * np.linalg.cond(matrix)
+
+    def solved(matrix, right):
+        return scalar.solve_factored(scalar.factor_symmetric(matrix), right)
+
+    def inverted(matrix):
+        return scalar.inverse_factored(scalar.factor_symmetric(matrix))
+
+    for run in (lambda f, *x: f(*x), evaluate):
+        np.testing.assert_allclose(run(solved, matrix, right), expected, rtol=0, atol=atol * np.abs(expected).max())
+        result = run(inverted, matrix)
+        np.testing.assert_allclose(result, inverse, rtol=0, atol=atol * np.abs(inverse).max())
+        np.testing.assert_array_equal(result, result.T)
+    factors = scalar.factor_symmetric(matrix)
+    lower = factors.lower + np.eye(n)
+    np.testing.assert_allclose(lower @ np.diag(1.0 / factors.inverse) @ lower.T, matrix, rtol=0, atol=1e-13 * n * 10)
+    np.testing.assert_allclose(lower @ scalar.solve_lower(factors, right), right, rtol=0, atol=atol)
+
+
+def test_jacobian():
+    """Exact slopes of a function of any shape, on floats, and in a trace of what it also depends on."""
+
+    def function(x, a):
+        return scalar.array([[scalar.sin(x[0]) * x[1], a * x[0]], [scalar.exp(x[1]), 3.0]])
+
+    x, a = np.array([0.3, -0.7]), np.array([2.0])
+    expected = np.zeros((2, 2, 2))
+    expected[0, 0] = np.cos(0.3) * -0.7, np.sin(0.3)
+    expected[0, 1, 0], expected[1, 0, 1] = 2.0, np.exp(-0.7)
+
+    def slope(x, a):
+        return scalar.jacobian(lambda inner: function(inner, a[0]), x)
+
+    for run in (lambda f, *x: f(*x), evaluate):
+        np.testing.assert_allclose(run(slope, x, a), expected, rtol=0, atol=1e-15)
+    assert slope(x, a).dtype == float

@@ -4,8 +4,10 @@
 
 #include <pinocchio/multibody.hpp>
 #include <pinocchio/algorithm/aba.hpp>
+#include <pinocchio/algorithm/aba-derivatives.hpp>
 #include <pinocchio/algorithm/crba.hpp>
 #include <pinocchio/algorithm/rnea.hpp>
+#include <pinocchio/algorithm/rnea-derivatives.hpp>
 
 #include <string>
 
@@ -76,5 +78,33 @@ extern "C"
     for (long k = 0; k < count * n; k += n)
       Eigen::Map<Eigen::VectorXd>(qdd + k, n) =
         pinocchio::aba(model, data, Vector(q + k, n), Vector(qd + k, n), Vector(tau + k, n), pinocchio::Convention::WORLD);
+  }
+
+  EXPORTED void inverse_dynamics_derivatives(
+    void * arm, long count, const double * q, const double * qd, const double * qdd, double * dq, double * dqd, double * m)
+  {
+    auto & [model, data] = *static_cast<Arm *>(arm);
+    const auto n = model.nv;
+    for (long k = 0; k < count; ++k)
+    {
+      pinocchio::computeRNEADerivatives(model, data, Vector(q + k * n, n), Vector(qd + k * n, n), Vector(qdd + k * n, n));
+      Eigen::Map<Matrix>(dq + k * n * n, n, n) = data.dtau_dq;
+      Eigen::Map<Matrix>(dqd + k * n * n, n, n) = data.dtau_dv;
+      Eigen::Map<Matrix>(m + k * n * n, n, n) = data.M.selfadjointView<Eigen::Upper>();
+    }
+  }
+
+  EXPORTED void forward_dynamics_derivatives(
+    void * arm, long count, const double * q, const double * qd, const double * tau, double * dq, double * dqd, double * mi)
+  {
+    auto & [model, data] = *static_cast<Arm *>(arm);
+    const auto n = model.nv;
+    for (long k = 0; k < count; ++k)
+    {
+      pinocchio::computeABADerivatives(model, data, Vector(q + k * n, n), Vector(qd + k * n, n), Vector(tau + k * n, n));
+      Eigen::Map<Matrix>(dq + k * n * n, n, n) = data.ddq_dq;
+      Eigen::Map<Matrix>(dqd + k * n * n, n, n) = data.ddq_dv;
+      Eigen::Map<Matrix>(mi + k * n * n, n, n) = data.Minv.selfadjointView<Eigen::Upper>();
+    }
   }
 }

@@ -61,9 +61,31 @@ class PinocchioArm:
     def forward_dynamics(self, q: np.ndarray, qd: np.ndarray, tau: np.ndarray) -> np.ndarray:
         return np.array([pin.aba(self.model, self.data, *state) for state in zip(q, qd, tau, strict=True)])
 
+    def inverse_dynamics_derivatives(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, ...]:
+        rows = []
+        for state in zip(q, qd, qdd, strict=True):
+            pin.computeRNEADerivatives(self.model, self.data, *state)
+            rows.append([self.data.dtau_dq.copy(), self.data.dtau_dv.copy(), symmetric(self.data.M)])
+        return tuple(np.array(part) for part in zip(*rows, strict=True))
+
+    def forward_dynamics_derivatives(self, q: np.ndarray, qd: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, ...]:
+        rows = []
+        for state in zip(q, qd, tau, strict=True):
+            pin.computeABADerivatives(self.model, self.data, *state)
+            rows.append([self.data.ddq_dq.copy(), self.data.ddq_dv.copy(), symmetric(self.data.Minv)])
+        return tuple(np.array(part) for part in zip(*rows, strict=True))
+
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
         upper = np.triu(np.array([pin.crba(self.model, self.data, state) for state in q]))
         return upper + np.triu(upper, 1).swapaxes(1, 2)
+
+
+def symmetric(matrix: np.ndarray) -> np.ndarray:
+    """A matrix of which Pinocchio fills the upper half."""
+    return np.triu(matrix) + np.triu(matrix, 1).T
+
+
+Results = np.ndarray | tuple[np.ndarray, ...]
 
 
 class PinocchioLoop:
@@ -90,10 +112,10 @@ class PinocchioLoop:
         if hasattr(self, "_delete"):
             self._delete(self._arm)
 
-    def call(self, name: str, out: np.ndarray, *arrays: np.ndarray) -> np.ndarray:
+    def call(self, name: str, out: Results, *arrays: np.ndarray) -> Results:
         """One of the loop's algorithms over all states, into `out`."""
-        count = ctypes.c_long(len(arrays[0]))
-        getattr(self._code, name)(self._arm, count, *map(_pointer, arrays), _pointer(out))
+        count, results = ctypes.c_long(len(arrays[0])), out if isinstance(out, tuple) else (out,)
+        getattr(self._code, name)(self._arm, count, *map(_pointer, (*arrays, *results)))
         return out
 
 

@@ -1,5 +1,7 @@
 """Bad input: one line on stderr that says what is wrong, exit code 2, no traceback and no file."""
 
+import errno
+
 import pytest
 from typer.testing import CliRunner
 
@@ -127,3 +129,21 @@ def test_a_simulation_that_diverges(tmp_path):
     error = refused(("simulate", "two-link", "--torque", "1e9", "--duration", "5", "-o", tmp_path / "run.nc"))
     assert "left the finite numbers at t = " in error
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("error", "message"),
+    [
+        (MemoryError(), "not enough memory\n"),
+        (MemoryError("Unable to allocate 7.28 TiB for an array"), "not enough memory: Unable to allocate 7.28 TiB"),
+        (OSError(errno.ENOMEM, "Cannot allocate memory"), "not enough memory\n"),
+        (OSError(errno.EIO, "Input/output error", "/dev/odd"), "/dev/odd: Input/output error"),
+    ],
+)
+def test_what_the_machine_cannot_do(error, message, monkeypatch):
+    def fail(*_, **__):
+        raise error
+
+    monkeypatch.setattr("armwright.simulation.simulator.simulate", fail)
+    monkeypatch.setattr("armwright.simulate", fail, raising=False)
+    assert message in refused(SIMULATE)

@@ -1,6 +1,7 @@
 """What each command shows and writes."""
 
 import io
+import itertools
 import re
 
 import numpy as np
@@ -191,3 +192,29 @@ def test_info_counts_operations():
     line = next(line for line in text.splitlines() if line.startswith("inverse_dynamics "))
     assert re.search(r"276, 254 +264, 243 +217, 198 +5, 5", line)  # with friction; each step saves
     assert "needs motor.resistance_ohm" in text
+
+
+def test_inverse_knows_what_it_can_of_every_joint(tmp_path):
+    """As in a simulation: nan for a joint without a motor, currents beside voltages that are not known of every motor."""
+    path = mixed_file(tmp_path)
+    arm = aw.load(path)
+    sets = motions(arm, ("q", "qd", "qdd"))
+    frame = pandas.read_csv(io.StringIO(run("inverse", path, table(tmp_path / "in.csv", sets)).stdout))
+    tau, qd = frame["tau_turn [N m]"], sets["qd_turn"]
+    np.testing.assert_allclose(frame["voltage_turn [V]"], 2.0 / (50 * 0.1) * tau + 50 * 0.1 * qd, rtol=1e-12)
+    np.testing.assert_allclose(frame["current_turn [A]"], tau / (50 * 0.1), rtol=1e-12)
+    np.testing.assert_allclose(frame["current_hinge [A]"], frame["tau_hinge [N m]"] / (-10 * 0.2), rtol=1e-12)
+    for column in ("voltage_slide [V]", "voltage_hinge [V]", "current_slide [A]"):
+        assert frame[column].isna().all()
+
+
+@pytest.mark.parametrize(
+    "command", [("robots",), ("info",), ("inverse",), ("forward",), ("simulate",), ("export", "c")]
+)
+def test_help_fills_the_width(command):
+    """A line of a paragraph ends where the next word would not have fitted, not where the source's line did."""
+    shown = run(*command, "--help").stdout.split("Examples:")[0].split("╭")[0]
+    lines = [line.rstrip() for line in shown.splitlines()]
+    for line, after in itertools.pairwise(lines):
+        if line.strip() and after.strip():
+            assert len(line) + 1 + len(after.split()[0]) > 78, (line, after)

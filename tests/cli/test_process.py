@@ -70,3 +70,39 @@ def test_a_reader_that_leaves_early(tmp_path):
     done = subprocess.run(inverse, shell=True, capture_output=True, text=True, check=False)
     assert done.stdout == "tau_shoulder [N m],tau_elbow [N m]\n"
     assert done.stderr == ""
+
+
+FULL = pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+COMMANDS = [
+    ("inverse", "two-link", "in.csv"),
+    ("simulate", "two-link", "--torque=0", "--duration=0.1"),
+    ("info", "panda"),
+]
+
+
+@FULL
+@pytest.mark.parametrize("arguments", [*COMMANDS, ("robots",), ("--help",), ("inverse", "--help"), ("--version",)])
+@pytest.mark.parametrize("rows", [1, 20000])
+def test_a_full_disk_behind_standard_output(arguments, rows, tmp_path):
+    """Found at once or at the last flush: one line, no traceback."""
+    (tmp_path / "in.csv").write_text("\n".join(["0,0,0,0,0,0"] * rows))
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*COMMAND, *arguments], stdout=full, stderr=subprocess.PIPE, text=True, check=False, cwd=tmp_path
+        )
+    assert done.stderr == "armwright: error: standard output: cannot be written: No space left on device\n"
+    assert done.returncode == 2
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes break differently there")
+@pytest.mark.parametrize("arguments", COMMANDS)
+def test_a_reader_that_never_reads(arguments, tmp_path):
+    """Quiet, and the exit code is that of any command that a broken pipe ends."""
+    (tmp_path / "in.csv").write_text("\n".join(["0,0,0,0,0,0"] * 20000))
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(
+        [*COMMAND, *arguments], stdout=write, stderr=subprocess.PIPE, text=True, check=False, cwd=tmp_path
+    )
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, "")

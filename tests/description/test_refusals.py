@@ -62,6 +62,21 @@ PUMA: dict[str, tuple[tuple[Any, ...], Any, str]] = {  # where, what, and the li
         GONE,
         "link 'link2' inertia_kg_m2: missing; expected a table of xx, xy, xz, yy, yz, zz",
     ),
+    "a joint called t": (
+        (*ELBOW, "name"),
+        "t",
+        "a joint is called 't': expected another name, t is the time in schedules",
+    ),
+    "negative std": (
+        (*LINK2, "mass_kg"),
+        {"value": 17.4, "std": -1},
+        "link 'link2' mass_kg.std = -1: expected a standard deviation of 0 or more",
+    ),
+    "one negative std of three": (
+        (*LINK2, "com_m"),
+        {"value": [0, 0, 0], "std": [1, 1, -1e-9]},
+        "link 'link2' com_m.std = [1, 1, -1e-09]: expected a standard deviation of 0 or more",
+    ),
     "missing xx": ((*LINK2, "inertia_kg_m2", "xx"), GONE, "link 'link2' inertia_kg_m2.xx: missing"),
     "missing alpha": ((*ELBOW, "dh", "alpha_rad"), GONE, "joint 'elbow' dh.alpha_rad: missing; expected a number"),
     "missing ratio": (

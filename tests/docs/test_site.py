@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from armwright import errors
 from docs.pages import ROOT, page
 
 KEY = re.compile(r"\[([A-Z][A-Za-z]+(?:\d{4})?)\]")
@@ -75,3 +76,11 @@ def test_links_between_pages_lead_somewhere() -> None:
     for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md"):
         for link in re.findall(r"\]\((?!https?://)([^)#]+)\)", page(name)):
             assert (ROOT / link).exists(), f"{name} links to {link}"
+
+
+def test_every_exception_is_in_the_reference() -> None:
+    listed = re.findall(r"autoexception:: armwright\.errors\.(\w+)", page("docs/reference/api.md"))
+    ours = [
+        name for name, thing in vars(errors).items() if isinstance(thing, type) and thing.__module__ == errors.__name__
+    ]
+    assert listed == ours

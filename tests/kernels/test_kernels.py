@@ -96,20 +96,18 @@ def test_bits_do_not_depend_on_how_a_state_is_computed(kernel):
     for target in targets():
         dyn = aw.compile(arm, target=target)
         dyn.threads = 1
-
-        def same(rows, compute=getattr(dyn, kernel)):
-            """Whether the states at those rows give the bits that they gave among all."""
-            parts = as_tuple(compute(*(values[rows] for values in inputs)))
-            return all(np.array_equal(part, whole[rows]) for part, whole in zip(parts, reference, strict=True))
-
-        if reference is None:
-            reference = as_tuple(getattr(dyn, kernel)(*inputs))
-        assert same(slice(None)), target
-        for count in (1, 2, 3, 5, 7, 8, 9, 15, 17):
-            assert same(slice(11 * count, 12 * count)), (target, count)
-        assert same(4098), target
+        reference = as_tuple(getattr(dyn, kernel)(*inputs)) if reference is None else reference
+        counts = (1, 2, 3, 5, 7, 8, 9, 15, 17)
+        for rows in (slice(None), *(slice(11 * count, 12 * count) for count in counts), 4098):
+            assert same_bits(dyn, kernel, inputs, reference, rows), (target, rows)
         dyn.threads = 3
-        assert same(slice(None)), target
+        assert same_bits(dyn, kernel, inputs, reference, slice(None)), target
+
+
+def same_bits(dyn, kernel, inputs, reference, rows) -> bool:
+    """Whether the states at those rows, computed alone, give the bits that they gave among all."""
+    parts = as_tuple(getattr(dyn, kernel)(*(values[rows] for values in inputs)))
+    return all(np.array_equal(part, whole[rows]) for part, whole in zip(parts, reference, strict=True))
 
 
 def test_broadcasting():

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from importlib import resources
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from armwright.description import builtin_names
+from armwright.dynamics import inverse_dynamics
 from armwright.errors import DescriptionError
 from armwright.model.load import load
 
@@ -29,3 +32,36 @@ def test_errors_name_the_file(tmp_path):
     with pytest.raises(DescriptionError, match=r"mine\.toml: puma560: link 'link1' has an impossible inertia"):
         load(path)
     assert len(load(path, on_impossible="warn").warnings) == 2
+
+
+def test_a_built_in_name_is_that_arm(tmp_path, monkeypatch):
+    """Whatever in the working directory is called so; with a separator it is the path."""
+    (tmp_path / "panda").mkdir()
+    (tmp_path / "two-link").write_text("no TOML")
+    monkeypatch.chdir(tmp_path)
+    assert load("panda").name == "panda"
+    assert load("two-link").name == "two-link"
+    assert load(Path("puma560")).name == "puma560"
+    with pytest.raises(DescriptionError, match="a folder, expected a TOML file"):
+        load("./panda")
+    with pytest.raises(DescriptionError, match="not TOML"):
+        load(Path("./two-link"))
+
+
+@pytest.mark.parametrize("thing", [None, 3, b"panda", ["panda"]])
+def test_what_is_no_path_is_refused(thing):
+    with pytest.raises(DescriptionError, match="expected the name of a built-in arm, or the path of a TOML file"):
+        load(thing)
+
+
+def test_a_gear_without_loss(tmp_path):
+    """η = 1 is no loss, and needs no friction table to smooth it."""
+    path = tmp_path / "arm.toml"
+    text = (resources.files("armwright.robots") / "cmu-dd.toml").read_text(encoding="utf-8")
+    assert "gear_efficiency" not in text
+    path.write_text(text.replace("gear_ratio = 1", "gear_efficiency = 1.0\ngear_ratio = 1"), encoding="utf-8")
+    model, plain = load(path), load("cmu-dd")
+    assert "gear_efficiency = 1.0" in path.read_text(encoding="utf-8")
+    assert all(body.drive.efficiency is None for body in model.bodies)
+    q = np.linspace(0.1, 0.6, 6)
+    np.testing.assert_array_equal(inverse_dynamics(model, q, q, q), inverse_dynamics(plain, q, q, q))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
+import pickle
 
 import numpy as np
 import pytest
@@ -66,3 +68,51 @@ def test_frozen():
         arm("panda").tip = "link3"  # type: ignore[misc]
     with pytest.raises(dataclasses.FrozenInstanceError):
         arm("panda").bodies[0].mass = 2.0  # type: ignore[misc]
+
+
+def test_frozen_inside():
+    """Neither its arrays, nor those of its bodies and frames, nor its frames can be changed; all hold floats."""
+    model = arm("panda")
+    arrays = [model.gravity]
+    for body in model.bodies:
+        arrays += [body.first_moment, body.inertia]
+    for placed in (*model.bodies, *model.frames.values()):
+        arrays += [placed.placement.rotation, placed.placement.position]
+    for array in arrays:
+        assert array.dtype == float
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 5.0
+    with pytest.raises(AttributeError):
+        model.frames.pop("base")  # type: ignore[attr-defined]
+    with pytest.raises(TypeError):
+        model.frames["base"] = model.frames[model.tip]  # type: ignore[index]
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda model: pickle.loads(pickle.dumps(model))])
+@pytest.mark.parametrize("name", NAMES)
+def test_copies_are_the_same_arm(again, name):
+    """Deep copies and pickles move alike, are as frozen, and keep the record."""
+    model = arm(name)
+    other = again(model)
+    state = random_state(model, 0)
+    np.testing.assert_array_equal(inverse_dynamics(other, *state), inverse_dynamics(model, *state))
+    assert (other.names, other.tip, other.warnings) == (model.names, model.tip, model.warnings)
+    assert list(other.frames) == list(model.frames)
+    assert other.description == model.description
+    with pytest.raises(ValueError, match="read-only"):
+        other.bodies[0].inertia[0, 0] = 5.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"tip": 3}, "no frame 3; "),
+        ({"tip": ["tool"]}, r"no frame \['tool'\]"),
+        ({"gravity": [1, 2, "a"]}, r"gravity=\[1, 2, 'a'\]\): expected three finite numbers"),
+        ({"gravity": [[1], [2, 3], 4]}, "expected three finite numbers"),
+        ({"gravity": None}, "expected three finite numbers"),
+    ],
+)
+def test_values_of_a_wrong_kind_are_refused(change, message):
+    with pytest.raises(ModelError, match=message):
+        arm("two-link").replace(**change)

@@ -157,6 +157,32 @@ class Pinocchio:
         columns = self.pin.computeFrameJacobian(self.model, self.data, self._theirs(q), self.tip, axes)
         return columns.reshape(6, self.model.nv)[:, self.order]  # one joint comes back without its axis
 
+    def _square(self, theirs: np.ndarray) -> np.ndarray:
+        return theirs.reshape(self.model.nv, self.model.nv)[np.ix_(self.order, self.order)]
+
+    def inverse_dynamics_derivatives(self, q, qd, qdd) -> tuple[np.ndarray, np.ndarray]:
+        state = (self._theirs(v) for v in (q, qd, qdd))
+        self.pin.computeRNEADerivatives(self.model, self.data, *state)
+        return self._square(self.data.dtau_dq), self._square(self.data.dtau_dv)
+
+    def forward_dynamics_derivatives(self, q, qd, tau) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        state = (self._theirs(v) for v in (q, qd, tau))
+        self.pin.computeABADerivatives(self.model, self.data, *state)
+        upper = np.triu(self.data.Minv.reshape(self.model.nv, self.model.nv))
+        inverse = upper + np.triu(upper, 1).T
+        return self._square(self.data.ddq_dq), self._square(self.data.ddq_dv), self._square(inverse)
+
+    def jacobian_dot_qd(self, q, qd) -> np.ndarray:
+        still = np.zeros(self.model.nv)
+        self.pin.forwardKinematics(self.model, self.data, self._theirs(q), self._theirs(qd), still)
+        self.pin.updateFramePlacements(self.model, self.data)
+        axes = self.pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        return self.pin.getFrameClassicalAcceleration(self.model, self.data, self.tip, axes).vector
+
+    def centre_of_mass(self, q) -> np.ndarray:
+        """Of the moving links: Pinocchio leaves out what stands on the base."""
+        return self.pin.centerOfMass(self.model, self.data, self._theirs(q)).copy()
+
 
 class MuJoCo:
     """The arm in MuJoCo, through its XML."""

@@ -1,5 +1,6 @@
 """Pictures: which panels, which units, which files. What they look like is for eyes; that they say it all is for tests."""
 
+import itertools
 import sys
 from xml.etree import ElementTree
 
@@ -9,6 +10,7 @@ import pytest
 import armwright as aw
 from armwright.errors import OutputError
 from armwright.simulation.plot import COLOURS, FEW_LANES, draw, panels, plot
+from armwright.simulation.recording import in_order
 from simulation.runs import invented, mixed_arm
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
@@ -124,3 +126,31 @@ def test_refused_destinations(run, tmp_path, name, message):
         plot(run, tmp_path / name)
     assert message in str(error.value)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("part", [{"joint": 0}, {"time": -1}, {"time": -1, "joint": 1}, {"joint": [2, 0]}])
+@pytest.mark.parametrize("lanes", [None, FEW_LANES + 1])
+def test_parts_of_a_run_are_drawn(tmp_path, part, lanes):
+    whole = invented(mixed_arm(tmp_path), lanes=lanes)
+    kept = {dim: [k] if isinstance(k, int) else k for dim, k in part.items()}
+    assert panels(in_order(whole.isel(part))) == panels(whole.isel(kept))
+    plot(whole.isel(part), tmp_path / "run.png")
+
+
+def test_the_order_of_dimensions_does_not_matter(run):
+    for plain, turned in zip(draw(run).axes, draw(run.transpose("joint", "time")).axes, strict=True):
+        for a, b in zip(plain.lines, turned.lines, strict=True):
+            np.testing.assert_array_equal(a.get_xydata(), b.get_xydata())
+
+
+def test_what_is_held_is_steps_in_a_band_too():
+    """A voltage that is held does not climb from row to row, neither its median nor its band."""
+    figure = draw(invented(aw.load("cmu-dd"), lanes=FEW_LANES + 1, rows=5))
+    angles, volts = figure.axes[0], figure.axes[-1]
+    assert volts.get_title(loc="left") == "Motor voltages"
+    assert {line.get_drawstyle() for line in volts.lines} == {"steps-post"}
+    assert {line.get_drawstyle() for line in angles.lines} == {"default"}
+    (smooth, *_), (stepped, *_) = angles.collections, volts.collections
+    assert len(stepped.get_paths()[0].vertices) > 1.5 * len(smooth.get_paths()[0].vertices)
+    for x, y in itertools.pairwise(stepped.get_paths()[0].vertices[:-1]):
+        assert x[0] == y[0] or x[1] == y[1]  # each edge is level or upright

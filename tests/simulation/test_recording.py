@@ -2,7 +2,9 @@
 
 import builtins
 import importlib.util
+import itertools
 import os
+import re
 import stat
 import subprocess
 import sys
@@ -13,7 +15,7 @@ import pytest
 import xarray as xr
 
 from armwright.errors import OutputError, RunError
-from armwright.simulation.recording import ENDINGS, joint_units, load_run, make_dataset, run_units, save
+from armwright.simulation.recording import ENDINGS, joint_units, load_run, make_dataset, run_units, save, wide
 from simulation.runs import invented, mixed_arm
 
 NEEDS_A_USER = pytest.mark.skipif(
@@ -243,3 +245,60 @@ def test_load_run_refuses(folder):
     (folder / "run.nc").write_text("hello")
     with pytest.raises(RunError, match="cannot be read as a run"):
         load_run(folder / "run.nc")
+
+
+def _columns(run):
+    return {head: np.asarray(values).astype(str).tolist() for head, values in wide(run).items()}  # nan equals nan
+
+
+@pytest.mark.parametrize("lanes", [None, 3])
+def test_the_order_of_dimensions_does_not_matter(arm, lanes):
+    """Transposed values keep their joint, time and lane."""
+    run = invented(arm, lanes=lanes)
+    for order in itertools.permutations(run.dims):
+        assert _columns(run.transpose(*order)) == _columns(run)
+
+
+@pytest.mark.parametrize("lanes", [None, 3])
+@pytest.mark.parametrize(
+    "part", [{"joint": 0}, {"time": -1}, {"time": -1, "joint": 1}, {"joint": [2, 0]}, {"time": [4]}]
+)
+@pytest.mark.parametrize("transposed", [False, True])
+def test_parts_of_a_run_are_saved(arm, folder, lanes, part, transposed):
+    """What was selected is what the table holds, a single joint or time included."""
+    run = invented(arm, lanes=lanes)
+    kept = {dim: [k] if isinstance(k, int) else k for dim, k in part.items()}
+    expected = _columns(run.isel(kept))
+    chosen = run.isel(part)
+    assert _columns(chosen.transpose(*reversed(list(chosen.dims))) if transposed else chosen) == expected
+    if "time" not in part and lanes is None:
+        assert [head for head in expected if head.startswith("u_")] == [
+            f"u_{run['joint'].values[k]} [{run_units(run, 'u')[k]}]" for k in kept["joint"]
+        ]
+    save(chosen, folder / "run.csv")
+    assert pandas.read_csv(folder / "run.csv").columns.tolist() == list(expected)
+
+
+def test_what_belongs_to_a_lane_is_no_column_of_a_part(arm):
+    run = invented(arm, lanes=3)
+    run["diverged_at"] = ("lane", np.full(3, np.nan))
+    assert "diverged_at" not in "".join(_columns(run.isel(time=-1)))
+
+
+@pytest.mark.parametrize(
+    ("thing", "message"),
+    [
+        (lambda run: None, "a NoneType is no run; expected the dataset that simulate returns"),
+        (lambda run: run["q"], "a DataArray is no run"),
+        (lambda run: run.mean("time"), "no coordinate 'time'"),
+        (lambda run: run.isel(joint=0, drop=True), "no coordinate 'joint'"),
+        (lambda run: run.expand_dims("case"), "dimension 'case': expected those of a run, lane, time and joint"),
+    ],
+)
+def test_what_is_no_run_is_refused(arm, folder, thing, message):
+    from armwright.simulation.plot import plot
+
+    for write, name in ((save, "run.csv"), (plot, "run.png")):
+        with pytest.raises(RunError, match=re.escape(message)):
+            write(thing(invented(arm)), folder / name)
+    assert list(folder.iterdir()) == []

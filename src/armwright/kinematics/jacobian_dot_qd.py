@@ -15,7 +15,8 @@ from armwright.spatial import acceleration_tensor
 def jacobian_dot_qd(model: Model, q: Array, qd: Array, frame: str | None = None) -> np.ndarray:
     """Acceleration of the tip or of another frame at q̈ = 0:  [v̇; ω̇] = J q̈ + J̇ q̇.  [LuhWalkerPaul1980]
 
-    The outward half of Newton and Euler's recursion, (1), (2) and (4) of the CMU report, without gravity; then back into base axes.
+    The outward half of Newton and Euler's recursion, (1), (2) and (4) of the CMU report, without gravity; then back
+    into base axes.
 
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].

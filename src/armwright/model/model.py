@@ -167,8 +167,8 @@ class Model(Frozen):
     def drive_parameters(self) -> Array:
         """Rotors and friction of all joints (7 n,): what `regressor_drive` multiplies; 0 where the record has none.
 
-        For each joint [n² J_m, viscous, offset, Coulomb where q̇ > 0, Coulomb where q̇ < 0, Stribeck, sigmoid amplitude], joint side,
-        in [kg m² | kg, N m s/rad | N s/m, then N m | N].
+        For each joint [n² J_m, viscous, offset, Coulomb where q̇ > 0, Coulomb where q̇ < 0, Stribeck, sigmoid amplitude],
+        joint side, in [kg m² | kg, N m s/rad | N s/m, then N m | N].
         """
         rows = []
         for body in self.bodies:

@@ -133,15 +133,11 @@ def in_order(run: xr.Dataset) -> xr.Dataset:
     Raises:
         RunError: no run: no dataset, one without the coordinates of a run, or one with further dimensions.
     """
-    import xarray as xr
-
-    if not isinstance(run, xr.Dataset):
-        raise RunError(f"{type(run).__name__}: expected a run, the dataset that simulate returns")
+    _check_dataset(run)
     missing = [name for name in ("time", "joint", "kind", "command") if name not in run.coords]
     if missing:
         raise RunError(f"no coordinate {missing[0]!r}: expected a run, the dataset that simulate returns")
-    of_joint = {"joint": ("joint", "kind", "command"), "time": ("time",)}
-    for dim, coordinates in of_joint.items():
+    for dim, coordinates in {"joint": ("joint", "kind", "command"), "time": ("time",)}.items():
         if dim not in run.dims:
             varying = [name for name, variable in run.variables.items() if name in LONG_NAMES or name in coordinates]
             varying += [name for name, variable in run.data_vars.items() if {"time", "joint"} & set(variable.dims)]
@@ -151,6 +147,13 @@ def in_order(run: xr.Dataset) -> xr.Dataset:
     except ValueError:
         further = [str(dim) for dim in run.dims if dim not in ("lane", "time", "joint")]
         raise RunError(f"dimension {further[0]!r}: expected those of a run, lane, time and joint") from None
+
+
+def _check_dataset(run: Any) -> None:
+    import xarray as xr
+
+    if not isinstance(run, xr.Dataset):
+        raise RunError(f"a {type(run).__name__} is no run; expected the dataset that simulate returns")
 
 
 def wide(run: xr.Dataset) -> dict[str, np.ndarray]:
@@ -207,6 +210,7 @@ def save(run: xr.Dataset, path: str | os.PathLike[str]) -> None:
         RunError: no run.
         OutputError: an unknown ending, a folder that is missing, no permission, a full disk, Parquet without pyarrow.
     """
+    _check_dataset(run)
     path = check_recording(path)
     writers = {".nc": _write_netcdf, ".csv": _write_csv, ".parquet": _write_parquet}
     with whole_file(path, ENDINGS) as temporary:

@@ -1,0 +1,82 @@
+"""Derivatives of inverse and forward dynamics: against differences of the functions, and against Pinocchio's analytic ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armwright.actuators import transmission
+from armwright.dynamics import (
+    forward_dynamics,
+    forward_dynamics_derivatives,
+    inverse_dynamics,
+    inverse_dynamics_derivatives,
+    mass_matrix,
+)
+from armwright.model import Model, build_model
+from physics.arms import NAMES, arm, description, random_state
+from physics.differences import assert_slope, differences
+from reference.random_trees import random_description, random_position
+
+TREES = range(1, 37, 3)  # of 2 to 11 joints, with friction and gear loss
+ANALYTIC = 1e-9
+
+
+def tree(seed: int) -> Model:
+    """A random tree with friction, rotors and gear loss."""
+    return build_model(random_description(seed))
+
+
+@pytest.mark.parametrize("which", [*NAMES, *TREES])
+def test_slopes_are_differences(which):
+    """∂tau, ∂q̈ of every arm, friction and lossy gears included, within 1e-7 of differences of the float reference."""
+    model = arm(which) if isinstance(which, str) else tree(which)
+    for seed in range(2):
+        q, qd, qdd = random_state(model, seed)
+        by_q, by_qd, mass = inverse_dynamics_derivatives(model, q, qd, qdd)
+        assert_slope(by_q, differences(lambda x, qd=qd, qdd=qdd: inverse_dynamics(model, x, qd, qdd), q))
+        assert_slope(by_qd, differences(lambda x, q=q, qdd=qdd: inverse_dynamics(model, q, x, qdd), qd))
+        tau = inverse_dynamics(model, q, qd, qdd)
+        e = transmission(model, qd, tau)
+        by_qdd = differences(lambda x, q=q, qd=qd: inverse_dynamics(model, q, qd, x), qdd)
+        assert_slope(mass / e[:, None], by_qdd)
+        assert_slope(mass, mass_matrix(model, q), 1e-13)
+
+        by_q, by_qd, inverse = forward_dynamics_derivatives(model, q, qd, tau)
+        assert_slope(by_q, differences(lambda x, qd=qd, tau=tau: forward_dynamics(model, x, qd, tau), q))
+        assert_slope(by_qd, differences(lambda x, q=q, tau=tau: forward_dynamics(model, q, x, tau), qd))
+        by_tau = differences(lambda x, q=q, qd=qd: forward_dynamics(model, q, qd, x), tau)
+        assert_slope(inverse * e, by_tau)
+        assert_slope(inverse @ mass, np.eye(model.n), 1e-10)
+
+
+@pytest.mark.parametrize("which", ["puma560", "lwa4p", "panda", "two-link", *TREES])
+def test_slopes_are_pinocchios(which):
+    """Within 1e-9 of computeRNEADerivatives and computeABADerivatives, rotors' inertia included; friction and gear loss away."""
+    pytest.importorskip("pinocchio", reason="Pinocchio is the oracle here: pip install pin")
+    from reference.peers import Pinocchio
+
+    told = description(which) if isinstance(which, str) else random_description(which)
+    model = build_model(told).replace(friction=None, efficiency=None)
+    peer = Pinocchio(told, model.names)
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        q, (qd, qdd) = random_position(model, rng), rng.normal(size=(2, model.n))
+        ours = inverse_dynamics_derivatives(model, q, qd, qdd)
+        for mine, theirs in zip(ours, peer.inverse_dynamics_derivatives(q, qd, qdd), strict=False):
+            assert_slope(mine, theirs, ANALYTIC)
+        tau = inverse_dynamics(model, q, qd, qdd)
+        ours = forward_dynamics_derivatives(model, q, qd, tau)
+        for mine, theirs in zip(ours, peer.forward_dynamics_derivatives(q, qd, tau), strict=True):
+            assert_slope(mine, theirs, ANALYTIC)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_they_undo_each_other(name):
+    """∂q̈/∂x = -M⁻¹ ∂(e tau)/∂x where q̈ is the acceleration of tau: an identity between the two functions."""
+    model = arm(name).replace(efficiency=None)
+    q, qd, qdd = random_state(model, 3)
+    tau_q, tau_qd, _ = inverse_dynamics_derivatives(model, q, qd, qdd)
+    qdd_q, qdd_qd, inverse = forward_dynamics_derivatives(model, q, qd, inverse_dynamics(model, q, qd, qdd))
+    assert_slope(qdd_q, -inverse @ tau_q, 1e-10)
+    assert_slope(qdd_qd, -inverse @ tau_qd, 1e-10)

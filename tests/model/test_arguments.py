@@ -1,0 +1,65 @@
+"""The plain functions refuse what is no state of the arm, and say what would be one."""
+
+from __future__ import annotations
+
+import inspect
+import re
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import ModelError, ShapeError
+from armwright.model.arguments import JOINTS
+from physics.arms import arm
+
+PLAIN = [
+    name
+    for name in aw.__all__
+    if inspect.isfunction(getattr(aw, name))
+    and {"model"} == {*inspect.signature(getattr(aw, name)).parameters} & {"model"}
+]
+
+
+def _arguments(name, n):
+    parameters = list(inspect.signature(getattr(aw, name)).parameters.values())[1:]
+    return {p.name: np.zeros(n) for p in parameters if p.default is p.empty}
+
+
+def test_they_are_found():
+    assert len(PLAIN) >= 14
+    assert all(set(_arguments(name, 6)) <= set(JOINTS) for name in PLAIN)
+
+
+@pytest.mark.parametrize("name", PLAIN)
+@pytest.mark.parametrize("shape", [(7,), (5,), (4, 6), (6, 1), ()])
+def test_another_shape_is_refused(name, shape):
+    """Too many numbers, too few, a batch, a column, a single number: for every argument in turn."""
+    given = _arguments(name, 6)
+    for argument in given:
+        told = re.escape(f"{name}: {argument} has shape {shape}, expected (6,), one number for each joint of puma560")
+        with pytest.raises(ShapeError, match=told) as error:
+            getattr(aw, name)(arm("puma560"), **given | {argument: np.zeros(shape)})
+        assert ("for many states at once see aw.compile" in str(error.value)) == (len(shape) == 2)
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_something_else_than_an_arm_is_refused(name):
+    with pytest.raises(ModelError, match=r"'puma560': expected an arm; load it first: aw\.load"):
+        getattr(aw, name)("puma560", **_arguments(name, 6))
+
+
+def test_the_wrench_has_six_numbers():
+    model, q = arm("two-link"), np.zeros(2)
+    with pytest.raises(ShapeError, match=r"bias_torques: wrench has shape \(2,\), expected \(6,\), force and moment"):
+        aw.bias_torques(model, q, q, q)
+    np.testing.assert_array_equal(aw.bias_torques(model, q, q, None), aw.bias_torques(model, q, q, np.zeros(6)))
+
+
+def test_rows_of_unequal_length_are_refused_and_lists_taken():
+    model = arm("two-link")
+    with pytest.raises(ShapeError, match="q has rows of unequal length"):
+        aw.gravity_torques(model, [[0.0], [0.0, 0.0]])  # type: ignore[arg-type]
+    np.testing.assert_array_equal(
+        aw.gravity_torques(model, [0.1, 0.2]), aw.gravity_torques(model, np.array([0.1, 0.2]))
+    )
