@@ -48,6 +48,11 @@ def _vectors(
     random = np.random.default_rng(0)
     kind = np.float32 if real == "float" else np.float64
     part = ROUNDINGS * _EPSILON[real]
+
+    def lost(result: np.ndarray) -> float:
+        """How many times larger an error may be for the condition of the matrix that was inverted."""
+        return float(np.linalg.cond(result)) if function.signature.inverted else 1.0
+
     vectors = []
     for _ in range(STATES):
         inputs = [random.normal(size=port.shape).astype(kind).astype(float) for port in function.program.inputs]
@@ -56,7 +61,7 @@ def _vectors(
         nudged = [np.stack([x * (1.0 + part * random.choice([-1.0, 1.0], x.shape)) for _ in range(8)]) for x in inputs]
         moved = interpret(function.program, *nudged)
         tolerances = [
-            max(part * float(np.abs(e).max(initial=0.0)), part, float(np.abs(m - e).max(initial=0.0)))
+            max(part * lost(e) * float(np.abs(e).max(initial=0.0)), part, float(np.abs(m - e).max(initial=0.0)))
             for e, m in zip(expected, moved if isinstance(moved, tuple) else (moved,), strict=True)
         ]
         vectors.append((inputs, expected, tolerances))

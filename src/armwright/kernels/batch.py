@@ -30,7 +30,7 @@ class Kernel:
         self._expected = [(port.name, port.shape) for port in program.inputs]
         self._shapes = [port.shape for port in program.outputs]
         self._slots = POINTER * len(program.inputs), POINTER * len(program.outputs)
-        self._plans: dict[tuple[tuple[int, ...], ...], tuple[int, tuple[int, ...]]] = {}
+        self._plans: dict[tuple[tuple[int, ...], ...], tuple[int, list[tuple[int, ...]], list[int]]] = {}
         engine = Engine(self.target, batch_module, program)
         self._run = engine.function(f"{program.name}.batch", ctypes.c_int64, POINTER, POINTER, POINTER)
         pointers = [POINTER] * (len(program.inputs) + len(program.outputs))
@@ -50,42 +50,26 @@ class Kernel:
             ShapeError: an array of the wrong shape or type; names the input, its shape and the one expected.
         """
         try:  # the usual call: contiguous float64 arrays that hold every state, of shapes that were seen before
-            count, lead = self._plans[tuple([array.shape for array in arrays])]
-            addresses = [addressof(byte_of(array)) for array in arrays]
+            count, wanted, sizes = self._plans[tuple([array.shape for array in arrays])]
+            results = [_empty(shape) for shape in wanted] if out is None else list(out) if type(out) is tuple else [out]
+            every = [*arrays, *results]
+            addresses = [addressof(byte_of(array)) for array in every]  # refuses what is read-only or not contiguous
         except (AttributeError, KeyError, TypeError, ValueError, BufferError):
             return self._any(arrays, out, threads)
-        if out is None:
-            results = [_empty(lead + shape) for shape in self._shapes]
-        else:
-            results = list(out) if type(out) is tuple else [out]
-        if not self._usual(arrays, addresses, results, lead) or min(threads, count // self._least) > 1:
+        if threads > 1 and count >= 2 * self._least:
             return self._any(arrays, out, threads)
-        self._run_whole(count, *addresses, *[addressof(byte_of(result)) for result in results])
+        for array in every:
+            if array.dtype is not FLOAT64:
+                return self._any(arrays, out, threads)
+        if out is not None and not _separate(results, wanted, addresses, sizes):
+            return self._any(arrays, out, threads)
+        self._run_whole(count, *addresses)
         return results[0] if len(results) == 1 else tuple(results)
 
     @property
     def _least(self) -> int:
         """States that are worth a thread."""
         return TILES_A_THREAD * self.target.width
-
-    def _usual(self, arrays: tuple[Any, ...], addresses: list[int], results: list[Any], lead: tuple[int, ...]) -> bool:
-        """Whether arrays of the right shapes are of float64, and results contiguous, writeable and no input."""
-        for array in arrays:
-            if array.dtype is not FLOAT64:
-                return False
-        if len(results) != len(self._shapes):
-            return False
-        for result, shape in zip(results, self._shapes, strict=True):
-            if type(result) is not np.ndarray or result.dtype is not FLOAT64 or result.shape != lead + shape:
-                return False
-            if not result.flags.carray:
-                return False
-            start = addressof(byte_of(result))
-            end = start + result.nbytes
-            for array, address in zip(arrays, addresses, strict=True):
-                if address < end and start < address + array.nbytes:
-                    return False
-        return True
 
     def _any(self, arrays: tuple[Any, ...], out: Any, threads: int) -> Any:
         """The general case: any numbers, layouts and broadcasting."""
@@ -107,7 +91,9 @@ class Kernel:
         if count and all(a.shape == lead + shape for a, (_, shape) in zip(given, self._expected, strict=True)):
             if len(self._plans) >= PLANS:
                 self._plans.clear()
-            self._plans[tuple([array.shape for array in given])] = count, lead
+            shapes = [lead + shape for shape in self._shapes]
+            sizes = [8 * count * port.size for port in (*self.program.inputs, *self.program.outputs)]
+            self._plans[tuple([array.shape for array in given])] = count, shapes, sizes
         if out is not None:
             for result, target in zip(results, wanted, strict=True):
                 if result is not target:
@@ -172,6 +158,20 @@ class Kernel:
 LINE = 8  # doubles in a cache line
 LARGE = 4096  # doubles in an array that is worth aligning
 TILES_A_THREAD = 128  # fewer tiles than this are done sooner than a thread is woken
+
+
+def _separate(results: list[Any], wanted: list[tuple[int, ...]], addresses: list[int], sizes: list[int]) -> bool:
+    """Whether results are arrays of the shapes wanted, and share no memory with an input."""
+    if len(results) != len(wanted):
+        return False
+    inputs = len(addresses) - len(results)
+    for result, shape, start, size in zip(results, wanted, addresses[inputs:], sizes[inputs:], strict=True):
+        if type(result) is not np.ndarray or result.shape != shape:
+            return False
+        for k in range(inputs):
+            if addresses[k] < start + size and start < addresses[k] + sizes[k]:
+                return False
+    return True
 
 
 def _empty(shape: tuple[int, ...]) -> np.ndarray:

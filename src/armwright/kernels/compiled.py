@@ -118,11 +118,11 @@ def _again(kind: type[CompiledArm], arm: Model, target: str | None, threads: int
 def _method(signature: Signature) -> Callable[..., Any]:
     required = [a.name for a in signature.inputs]
     optional = [a.name for a in signature.optional]
-    usual = (signature.name,)
+    usual, count = (signature.name,), len(required)
 
     def method(self: CompiledArm, *arrays: Any, out: Any = None, **named: Any) -> Any:
-        if len(arrays) == len(required) and not named and usual in self._kernels:
-            return self._kernels[usual](*arrays, out=out, threads=self._threads)
+        if not named and len(arrays) == count and (kernel := self._kernels.get(usual)) is not None:
+            return kernel(*arrays, out=out, threads=self._threads)
         options = {name: named.pop(name) for name in signature.options if named.get(name) is not None}
         values = list(arrays)
         for name in [*required, *optional][len(values) :]:

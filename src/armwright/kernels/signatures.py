@@ -44,6 +44,7 @@ class Signature:
         inputs, outputs: in order.
         optional: inputs that may be left out, which compiles another, shorter program.
         options: names of keyword arguments that are fixed when the kernel is compiled, such as `frame`.
+        inverted: whether the result is the inverse of a matrix, and so loses as many digits as its condition number has.
         regroup: whether the result follows from the arm's motion alone, so that its inertial parameters may be regrouped.
     """
 
@@ -53,6 +54,7 @@ class Signature:
     optional: tuple[Argument, ...] = ()
     options: tuple[str, ...] = ()
     regroup: bool = False
+    inverted: bool = False
 
     @property
     def steps(self) -> tuple[Step, ...]:
@@ -126,6 +128,7 @@ SIGNATURES: dict[str, Signature] = {
             (Argument("Lambda", (6, 6), "kg | kg m | kg m²"),),
             options=("frame",),
             regroup=True,
+            inverted=True,
         ),
         Signature(kinematics.jacobian_dot_qd, (Q, QD), (Argument("a", (6,), "m/s², rad/s²"),), options=("frame",)),
     )
