@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import typer.main
@@ -171,7 +172,18 @@ def program() -> str:
     return f"```text\n{trace_kernel(arm, SIGNATURES['gravity_torques'])}\n```"
 
 
+def benchmark() -> str:
+    """The newest table that `make bench` saved: the machine, work, times and ratios, without the columns of the checks."""
+    newest = sorted((Path(__file__).parents[2] / "benchmarks" / "results").glob("*.md"))[-1]
+    head, *lines = newest.read_text(encoding="utf-8").splitlines()
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
+    kept = [0, 1, 2, 3, 4, 5]
+    columns = [rows[0][k] for k in kept]
+    return f"{head.removeprefix('# ')}:\n\n" + table(columns, [[row[k] for k in kept] for row in rows[2:]])
+
+
 GENERATORS = {
+    "benchmark": benchmark,
     "kernels": kernels,
     "results": results,
     "brushless": brushless,
