@@ -53,6 +53,7 @@ def test_ctrl_c_is_quiet_and_leaves_no_file(tmp_path):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore it
     )
     time.sleep(4.0)
     assert process.poll() is None, process.communicate()
