@@ -83,7 +83,7 @@ def test_body_with_its_own_parameters_is_itself(name):
 
 
 def test_traced_regressor_costs_less_than_the_literatures():
-    """A code generator needs 979 products and 686 sums for the PUMA 560, 841 and 568 for the LWA-4P [robot-facts 5.2]."""
+    """A code generator needs 979 products and 686 sums for the PUMA 560, 841 and 568 for the LWA-4P."""
     from armwright.program import trace
 
     for name, products, sums in (("puma560", 530, 470), ("lwa4p", 540, 500)):

@@ -108,7 +108,7 @@ def skew_frames(arm: aw.Model) -> aw.Model:
     [("puma560", 200, 178), ("lwa4p", 201, 181), ("cmu-dd", 184, 157), ("panda", 303, 289)],
 )
 def test_counts_of_inverse_dynamics(name, products, sums):
-    """Khalil and Kleinfinger count 425 and 369 for a general 6R, a code generator 494/402 for the PUMA [robot-facts 5]."""
+    """Khalil and Kleinfinger count 425 and 369 for a general 6R, a code generator 494/402 for the PUMA."""
     arm = simplified(aw.load(name).replace(friction=None))
     inputs = dict.fromkeys(("q", "qd", "qdd"), (arm.n,))
     count = trace("id", lambda *values: aw.inverse_dynamics(arm, *values), inputs, ("tau",)).operation_counts()

@@ -112,24 +112,24 @@ def corke() -> Model:
 
 
 def test_torques_of_the_puma_560(corke):
-    """Inverse dynamics: tau of robot-facts 3.3."""
+    """Inverse dynamics: tau as the tests of SymPyBotics print them."""
     assert_digits(inverse_dynamics(corke, Q, QD, QDD), CORKE_TAU)
 
 
 def test_gravity_torques_of_the_puma_560(corke):
-    """Gravity torques: g of robot-facts 3.3."""
+    """Gravity torques: g as the tests of SymPyBotics print them."""
     assert_digits(gravity_torques(corke, Q), CORKE_G)
 
 
 def test_velocity_torques_of_the_puma_560(corke):
-    """Coriolis and centrifugal torques, bias less gravity: c of robot-facts 3.3."""
+    """Coriolis and centrifugal torques, bias less gravity: c as the tests of SymPyBotics print them."""
     without_gravity = corke.replace(gravity=[0.0, 0.0, 0.0])
     assert_digits(bias_torques(without_gravity, Q, QD), CORKE_C)
     np.testing.assert_allclose(bias_torques(corke, Q, QD) - gravity_torques(corke, Q), CORKE_C, rtol=1e-10, atol=1e-14)
 
 
 def test_mass_matrix_of_the_puma_560(corke):
-    """M of robot-facts 3.3, every entry of the printed upper half."""
+    """M as the tests of SymPyBotics print them, every entry of the printed upper half."""
     ours = mass_matrix(corke, Q)
     for i, row in enumerate(CORKE_M):
         assert_digits(ours[i, i:], row)
@@ -137,12 +137,12 @@ def test_mass_matrix_of_the_puma_560(corke):
 
 
 def test_tip_pose_of_the_puma_560(corke):
-    """T06 of robot-facts 3.3."""
+    """T06 as the tests of SymPyBotics print them."""
     assert_digits(forward_kinematics(corke, Q), CORKE_T)
 
 
 def akb() -> Model:
-    """Armstrong, Khatib, Burdick 1986 in modified DH, the table of robot-facts 3.2; no drives."""
+    """Armstrong, Khatib, Burdick 1986 in modified DH, the table of the Robotics Toolbox; no drives."""
     right = np.pi / 2
     alpha, a = [0, -right, 0, right, -right, right], [0, 0, 0.4318, -0.0203, 0, 0]
     d, mass = [0, 0.2435, -0.0934, 0.4331, 0, 0], [0, 17.4, 4.8, 0.82, 0.34, 0.09]
@@ -180,7 +180,7 @@ def akb() -> Model:
 
 
 def test_modified_dh_puma_560():
-    """tau, g and the printed entries of M of the AKB block of robot-facts 3.3."""
+    """tau, g and the printed entries of M of the AKB block as the tests of SymPyBotics print them."""
     arm = akb()
     assert_digits(inverse_dynamics(arm, Q, QD, QDD), AKB_TAU)
     assert_digits(gravity_torques(arm, Q), AKB_G)
@@ -190,7 +190,7 @@ def test_modified_dh_puma_560():
 
 
 def test_gravity_torques_of_the_lwa4p():
-    """Robot-facts 2.3, N m, to the digits printed there."""
+    """The published model of Liu, Giusti and Althoff, N m, to the digits printed there."""
     arm = build_model(read_description("lwa4p"))
     upright = gravity_torques(arm, np.zeros(6))
     level = gravity_torques(arm, np.array([0, np.pi / 2, 0, 0, 0, 0]))

@@ -6,7 +6,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators import friction_torques, transmission
-from armwright.kinematics import body_placements, joint_motions, sliding, turning
+from armwright.kinematics import body_placements, joint_motions, origin_acceleration, turning
 from armwright.model import BASE, Model, one_state
 from armwright.scalar import Array
 from armwright.spatial import acceleration_tensor, cross, inertial_moment
@@ -82,9 +82,7 @@ def newton_euler(
     for i, body in model.outward():
         a = body.parent
         w[i], wd[i] = turning(body, motion[i], w[a], wd[a], qd[i], qdd[i])  # (1) (2)
-        vd[i] = motion[i].to_body(vd[a] + u[a] @ motion[i].position)  # (4)
-        if body.kind == "prismatic":
-            vd[i] = vd[i] + sliding(w[i], qd[i], qdd[i])
+        vd[i] = origin_acceleration(body, motion[i], w[i], vd[a], u[a], qd[i], qdd[i])  # (4)
         u[i] = acceleration_tensor(w[i], wd[i])
         f[i] = body.mass * vd[i] + u[i] @ body.first_moment  # (5) (6)
         n[i] = inertial_moment(body.inertia, u[i]) + cross(body.first_moment, vd[i])  # (7), about the body's origin

@@ -3,7 +3,7 @@
 from armwright.kinematics.forward_kinematics import body_placements, forward_kinematics, frame_placement
 from armwright.kinematics.jacobian import jacobian
 from armwright.kinematics.jacobian_dot_qd import jacobian_dot_qd
-from armwright.kinematics.joint_motion import JointMotion, joint_motions, sliding, turning
+from armwright.kinematics.joint_motion import JointMotion, joint_motions, origin_acceleration, turning
 
 __all__ = [
     "JointMotion",
@@ -13,6 +13,6 @@ __all__ = [
     "jacobian",
     "jacobian_dot_qd",
     "joint_motions",
-    "sliding",
+    "origin_acceleration",
     "turning",
 ]

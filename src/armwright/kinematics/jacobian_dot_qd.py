@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armwright import scalar
-from armwright.kinematics.joint_motion import joint_motions, sliding, turning
+from armwright.kinematics.joint_motion import joint_motions, origin_acceleration, turning
 from armwright.model import Model, one_state
 from armwright.scalar import Array
 from armwright.spatial import acceleration_tensor
@@ -32,9 +32,7 @@ def jacobian_dot_qd(model: Model, q: Array, qd: Array, frame: str | None = None)
     for i in path:
         body = model.bodies[i]
         w, wd = turning(body, motion[i], w, wd, qd[i], 0.0)  # (1) (2)
-        vd = motion[i].to_body(vd + u @ motion[i].position)  # (4)
-        if body.kind == "prismatic":
-            vd = vd + sliding(w, qd[i], 0.0)
+        vd = origin_acceleration(body, motion[i], w, vd, u, qd[i], 0.0)  # (4)
         u = acceleration_tensor(w, wd)
     vd = vd + u @ target.placement.position
     for i in reversed(path):

@@ -96,7 +96,15 @@ def turning(body: Body, motion: JointMotion, w: Array, wd: Array, qd: Scalar, qd
     return turned, scalar.array([wd[0] + w[1] * qd, wd[1] - w[0] * qd, wd[2] + qdd])
 
 
-def sliding(w: Array, qd: Scalar, qdd: Scalar) -> np.ndarray:
-    """What sliding along z adds to the origin's acceleration:  2 ω × q̇ z + q̈ z."""
+def origin_acceleration(
+    body: Body, motion: JointMotion, w: Array, vd: Array, u: Array, qd: Scalar, qdd: Scalar
+) -> np.ndarray:
+    """Acceleration of the body's origin, in its axes: (4) of the CMU report, v̇' = R (v̇ + U p).
+
+    `vd` and the acceleration tensor `u` are the parent's, `w` is the body's own; sliding along z adds 2 ω × q̇ z + q̈ z.
+    """
+    carried = motion.to_body(vd + u @ motion.position)
+    if body.kind == "revolute":
+        return carried
     twice = qd + qd
-    return scalar.array([w[1] * twice, -(w[0] * twice), qdd])
+    return carried + scalar.array([w[1] * twice, -(w[0] * twice), qdd])
