@@ -71,6 +71,52 @@ def test_slopes_are_pinocchios(which):
             assert_slope(mine, theirs, ANALYTIC)
 
 
+def last_frame(model: Model) -> Model:
+    """The arm with its last frame as its tip, where it names none."""
+    return model if model.tip is not None else model.replace(tip=list(model.frames)[-1])
+
+
+@pytest.mark.parametrize("which", [*NAMES, *TREES])
+def test_slopes_under_a_wrench_are_differences(which):
+    """The environment's wrench is held in base axes while the arm moves under it."""
+    model = last_frame(arm(which) if isinstance(which, str) else tree(which))
+    q, qd, qdd = random_state(model, 5)
+    wrench = 20.0 * np.random.default_rng(6).normal(size=6)
+    by_q, by_qd, mass = inverse_dynamics_derivatives(model, q, qd, qdd, wrench)
+    assert_slope(by_q, differences(lambda x: inverse_dynamics(model, x, qd, qdd, wrench), q))
+    assert_slope(by_qd, differences(lambda x: inverse_dynamics(model, q, x, qdd, wrench), qd))
+    assert_slope(mass, mass_matrix(model, q), 1e-13)
+    tau = inverse_dynamics(model, q, qd, qdd, wrench)
+    by_q, by_qd, inverse = forward_dynamics_derivatives(model, q, qd, tau, wrench=wrench)
+    assert_slope(by_q, differences(lambda x: forward_dynamics(model, x, qd, tau, wrench), q))
+    assert_slope(by_qd, differences(lambda x: forward_dynamics(model, q, x, tau, wrench), qd))
+    assert_slope(inverse @ mass, np.eye(model.n), 1e-10)
+
+
+@pytest.mark.parametrize("name", ["puma560", "lwa4p", "panda"])
+def test_slopes_under_a_wrench_are_pinocchios(name):
+    """Against differences of its RNEA: its own derivatives hold a wrench in the body's axes, not in the base's."""
+    pytest.importorskip("pinocchio", reason="Pinocchio is the oracle here: pip install pin")
+    from reference.peers import Pinocchio
+
+    model = arm(name).replace(friction=None, efficiency=None)
+    peer = Pinocchio(description(name), model.names)
+    q, qd, qdd = random_state(model, 7)
+    wrench = 20.0 * np.random.default_rng(8).normal(size=6)
+    by_q, by_qd, _ = inverse_dynamics_derivatives(model, q, qd, qdd, wrench)
+    assert_slope(by_q, differences(lambda x: peer.inverse_dynamics(x, qd, qdd, wrench), q))
+    assert_slope(by_qd, differences(lambda x: peer.inverse_dynamics(q, x, qdd, wrench), qd))
+
+
+def test_a_wrench_of_zero_changes_nothing():
+    model = arm("workshop")
+    q, qd, qdd = random_state(model, 9)
+    for function in (inverse_dynamics_derivatives, forward_dynamics_derivatives):
+        without, pushed = function(model, q, qd, qdd), function(model, q, qd, qdd, np.zeros(6))
+        for mine, theirs in zip(pushed, without, strict=True):
+            assert_slope(mine, theirs, 1e-12)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_they_undo_each_other(name):
     """∂q̈/∂x = -M⁻¹ ∂(e tau)/∂x where q̈ is the acceleration of tau: an identity between the two functions."""

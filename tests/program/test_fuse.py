@@ -14,7 +14,15 @@ from armwright.kernels.batch import Kernel
 from armwright.kernels.llvm import select_target
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.program import evaluate, interpret, trace
-from armwright.program.fuse import PASSES, fused_products, optimised, shared_reciprocals
+from armwright.program.fuse import (
+    PASSES,
+    fused_products,
+    in_ready_order,
+    optimised,
+    shared_reciprocals,
+    turns_first,
+)
+from reference.chains import chain
 
 
 def counts(instructions) -> Counter[str]:
@@ -110,3 +118,42 @@ def test_fewer_operations_than_the_literature():
         assert products < 300
         assert sums < 260
         assert math.isclose(count["SIN"], 5)
+
+
+def alive(instructions) -> int:
+    """The most values that wait at one time for their last use, constants and inputs apart."""
+    last = {a: k for k, i in enumerate(instructions) for a in i.arguments}
+    waiting, most = set(), 0
+    for k, i in enumerate(instructions):
+        waiting |= {r for r in i.results if last.get(r, k) > k and i.operation not in ("CONST", "INPUT")}
+        waiting -= {a for a in i.arguments if last[a] <= k}
+        most = max(most, len(waiting))
+    return most
+
+
+@pytest.mark.parametrize("kernel", ["inverse_dynamics", "forward_dynamics", "mass_matrix"])
+def test_other_orders_are_the_same_operations(kernel):
+    """Each instruction once, behind those that it needs, to the same bits."""
+    program = trace_kernel(aw.load("puma560"), SIGNATURES[kernel])
+    inputs = np.random.default_rng(0).normal(size=(len(program.inputs), 5, 6))
+    usual = optimised(program.instructions)
+    expected = evaluate(usual, *inputs)[0]
+    for order in (in_ready_order(usual), turns_first(usual), turns_first(in_ready_order(usual))):
+        assert sorted(map(id, order)) == sorted(map(id, usual))
+        assert np.array_equal(evaluate(order, *inputs)[0], expected)
+
+
+@pytest.mark.parametrize("kernel", ["inverse_dynamics", "forward_dynamics"])
+def test_fewer_values_wait_along_a_chain(kernel):
+    """On the way out a body leaves force and moment behind, not all that they are made of."""
+    usual = optimised(trace_kernel(chain(20), SIGNATURES[kernel]).instructions)
+    assert alive(in_ready_order(usual)) < 0.75 * alive(usual)
+
+
+def test_turns_come_first():
+    """Before anything is computed from them, sine beside cosine."""
+    order = turns_first(optimised(trace_kernel(aw.load("puma560"), SIGNATURES["inverse_dynamics"]).instructions))
+    places = [k for k, i in enumerate(order) if i.operation in ("SIN", "COS")]
+    assert {i.operation for i in order[: places[-1] + 1]} <= {"INPUT", "CONST", "ADD", "SUB", "SIN", "COS"}
+    angles = [order[k].arguments[0] for k in places]
+    assert angles == sorted(angles, key=angles.index)

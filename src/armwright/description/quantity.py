@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from math import inf, isfinite
@@ -15,7 +15,10 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from armwright.description.refusal import refusal
 from armwright.errors import DescriptionError
 
-SourceKind = Literal["drawing", "cad", "datasheet", "measurement", "fit", "estimate", "publication", "definition"]
+SourceKind = Literal[
+    *("drawing", "cad", "datasheet", "measurement", "fit", "estimate", "publication", "definition"),
+    "import",  # another program's file, which does not say where it has its numbers from
+]
 
 
 class Record(BaseModel):
@@ -72,10 +75,23 @@ class Quantity(Record):
     The unit is the ending of the key.
     """
 
-    value: float | tuple[float, ...] = Field(description="The number, or as many as the key takes.")
+    value: float | tuple[float, ...] | tuple[tuple[float, ...], ...] = Field(
+        description="The number, or as many as the key takes."
+    )
     std: Spread | None = Field(default=None, description="Standard deviation, same unit.")
     source: str | None = Field(default=None, description="A key of [sources], or a kind of source such as 'estimate'.")
     date: Date | None = Field(default=None, description="When this number was found.")
+
+    @property
+    def number(self) -> Any:
+        """The one number, or the symbol that stands for it in a trace."""
+        return self.value
+
+    @property
+    def numbers(self) -> tuple[Any, ...]:
+        """The several numbers, or symbols."""
+        assert isinstance(self.value, tuple)
+        return self.value
 
     def __float__(self) -> float:
         if isinstance(self.value, tuple):
@@ -116,15 +132,29 @@ def _several(size: int, value: Any) -> tuple[float, ...]:
     return tuple(_finite(v) for v in value)
 
 
+def _one_or_three(value: Any) -> tuple[float, ...]:
+    return (_finite(value),) * 3 if _is_number(value) else _several(3, value)
+
+
+def _points(value: Any) -> tuple[tuple[float, ...], ...]:
+    if not isinstance(value, (list, tuple, np.ndarray)):
+        raise ValueError("expected a list of points [x, y]")
+    return tuple(_several(2, point) for point in value)
+
+
 @dataclass(frozen=True)
-class _Reading:
-    """What a file may give for a quantity: `read` understands its value, `test` allows it, `expected` says so in errors."""
+class Reading:
+    """What a file may give for a quantity: `read` understands its value, `test` allows it, `expected` says so in errors.
+
+    A single number's test takes arrays of them as well.
+    """
 
     expected: str
     read: Callable[[Any], Any]
     test: Callable[[Any], bool] = lambda value: True
 
     def __call__(self, given: Any) -> Any:
+        """What a file gives, as the fields of a quantity."""
         if isinstance(given, dict) and "value" not in given:
             return given  # refused for that
         value = self.read(given["value"] if isinstance(given, dict) else getattr(given, "value", given))
@@ -135,31 +165,16 @@ class _Reading:
         return {**given, "value": value} if isinstance(given, dict) else {"value": value}
 
 
-Number = Annotated[Quantity, BeforeValidator(_Reading("a number", _one))]
-Positive = Annotated[Quantity, BeforeValidator(_Reading("a number above 0", _one, lambda v: v > 0))]
-NotNegative = Annotated[Quantity, BeforeValidator(_Reading("a number of 0 or more", _one, lambda v: v >= 0))]
-NotZero = Annotated[Quantity, BeforeValidator(_Reading("a number other than 0", _one, lambda v: v != 0))]
-Share = Annotated[Quantity, BeforeValidator(_Reading("a number above 0, at most 1", _one, lambda v: 0 < v <= 1))]
-Vector3 = Annotated[Quantity, BeforeValidator(_Reading("3 numbers", partial(_several, 3)))]
-Direction = Annotated[
-    Quantity, BeforeValidator(_Reading("a direction, 3 numbers not all 0", partial(_several, 3), any))
+Number = Annotated[Quantity, BeforeValidator(Reading("a number", _one))]
+Positive = Annotated[Quantity, BeforeValidator(Reading("a number above 0", _one, lambda v: v > 0))]
+NotNegative = Annotated[Quantity, BeforeValidator(Reading("a number of 0 or more", _one, lambda v: v >= 0))]
+NotZero = Annotated[Quantity, BeforeValidator(Reading("a number other than 0", _one, lambda v: v != 0))]
+Share = Annotated[Quantity, BeforeValidator(Reading("a number above 0, at most 1", _one, lambda v: (v > 0) & (v <= 1)))]
+Vector3 = Annotated[Quantity, BeforeValidator(Reading("3 numbers", partial(_several, 3)))]
+Direction = Annotated[Quantity, BeforeValidator(Reading("a direction, 3 numbers not all 0", partial(_several, 3), any))]
+Range = Annotated[Quantity, BeforeValidator(Reading("2 numbers", partial(_several, 2)))]
+Size3 = Annotated[
+    Quantity, BeforeValidator(Reading("3 numbers above 0", partial(_several, 3), lambda v: all(k > 0 for k in v)))
 ]
-Range = Annotated[Quantity, BeforeValidator(_Reading("2 numbers", partial(_several, 2)))]
-
-
-def quantities(record: Record, prefix: str = "") -> Iterator[tuple[str, Quantity, str | None]]:
-    """Every quantity below a record: its dotted path, itself, and the source that holds for it."""
-
-    def walk(value: Any, path: str, source: str | None) -> Iterator[tuple[str, Quantity, str | None]]:
-        if isinstance(value, Quantity):
-            yield path, value, value.source or source
-        elif isinstance(value, Record):
-            own = getattr(value, "source", None) or source
-            for name in type(value).model_fields:
-                yield from walk(getattr(value, name), f"{path}.{name}" if path else name, own)
-        elif isinstance(value, tuple):
-            for k, item in enumerate(value):
-                named = getattr(item, "name", None)
-                yield from walk(item, named if named else f"{path}[{k}]", source)
-
-    yield from walk(record, prefix, None)
+Scale3 = Annotated[Quantity, BeforeValidator(Reading("a number other than 0, or 3 of them", _one_or_three, all))]
+Outline = Annotated[Quantity, BeforeValidator(Reading("a list of points [x, y]", _points))]

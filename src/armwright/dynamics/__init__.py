@@ -2,6 +2,7 @@
 
 from armwright.dynamics.articulated_body import articulated_body
 from armwright.dynamics.centre_of_mass import centre_of_mass
+from armwright.dynamics.composite_body import composite_body
 from armwright.dynamics.coriolis import coriolis_matrix
 from armwright.dynamics.derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
 from armwright.dynamics.energy import energy, kinetic_energy, potential_energy
@@ -16,6 +17,7 @@ __all__ = [
     "articulated_body",
     "bias_torques",
     "centre_of_mass",
+    "composite_body",
     "coriolis_matrix",
     "energy",
     "forward_arm",

@@ -1,4 +1,4 @@
-"""Forward dynamics by articulated bodies, O(n). [Featherstone2008] chapter 7."""
+"""Forward dynamics by articulated bodies, O(n). [Featherstone2008] chapter 7, [BrandlJohanniOtter1986]."""
 
 from __future__ import annotations
 
@@ -6,63 +6,71 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators import friction_torques, transmission
-from armwright.dynamics.inverse import newton_euler
-from armwright.kinematics import JointMotion, joint_motions
-from armwright.model import BASE, Body, Model, one_state
-from armwright.scalar import Array
-from armwright.spatial import skew
+from armwright.dynamics.inverse import inertial_forces
+from armwright.kinematics import AxialMotion, joint_motions
+from armwright.model import BASE, Model, one_state
+from armwright.scalar import Array, Scalar
+from armwright.spatial import ArticulatedInertia
 
 
 @one_state
 def articulated_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
     """Accelerations that motor torques give, joint by joint: what `forward_dynamics` gives, in time linear in n.
 
-    A joint feels all that hangs behind it as one articulated body; with the bias torques already taken from tau the
-    recursion needs inertias only:  D = Sᵀ I S + n² J_m,  U = I S,  q̈ = (r - Uᵀ a) / D.
+    A joint feels all that hangs behind it as one articulated body of inertia I and bias force p, force and moment f at an
+    acceleration a being  f = I a + p.  With S the joint's axis,  u = I S,  D = Sᵀ u + n² J_m,  r = tau - Sᵀ p:
+
+        q̈ = (r - uᵀ a) / D,    I_parent += X (I - u uᵀ/D) Xᵀ,    p_parent += X (p + u r/D).
+
+    Bias forces are those of the motion without q̈, gravity's included, so a is what q̈ adds to it.
 
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
         tau: (n,) [N m | N] motor torque referred to the joints, before rotor, gear loss and friction.
         wrench: (6,) [N, N m] force and moment of the environment on the arm at the tip, in base axes.
     Returns:
-        qdd: (n,) [rad/s² | m/s²].
+        qdd: (n,) [rad/s² | m/s²]; not finite where the mass matrix is singular.
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    left = newton_euler(model, q, qd, scalar.zeros(model.n), wrench) + friction_torques(model, qd)
-    left = transmission(model, qd, tau) * tau - left
     motion = joint_motions(model, q)
-    inertia = [_spatial_inertia(body) for body in model.bodies]
-    pushed = [scalar.zeros(6)] * model.n  # force and moment behind each joint that its own joint does not take
-    u, d, r = {}, {}, {}
+    axial = [AxialMotion(body, motion[i], q[i]) for i, body in model.outward()]
+    share, d = articulated_shares(model, axial)
+    f, n = inertial_forces(model, motion, qd, scalar.zeros(model.n), wrench)
+    driven = transmission(model, qd, tau) * tau - friction_torques(model, qd)
+    freely = {}  # r/D, the acceleration of a joint whose parent has none beyond its bias
     for i, body in model.inward():
-        s = 5 if body.kind == "revolute" else 2  # S picks the moment or the force along z
-        u[i] = inertia[i][:, s]
-        d[i] = u[i][s] + body.drive.armature
-        r[i] = left[i] - pushed[i][s]
+        r = driven[i] - (n[i] if body.kind == "revolute" else f[i])[2]
+        freely[i] = r / d[i]
         if body.parent != BASE:
-            x = _force_transform(motion[i])
-            behind = inertia[i] - np.outer(u[i], u[i] / d[i])
-            inertia[body.parent] = inertia[body.parent] + x @ behind @ x.T
-            pushed[body.parent] = pushed[body.parent] + x @ (pushed[i] + u[i] * (r[i] / d[i]))
-    a, qdd = {BASE: scalar.zeros(6)}, scalar.zeros(model.n)
+            k, kn = share[i]
+            force, moment = axial[i].force_to_parent(f[i] + k * r, n[i] + kn * r)
+            f[body.parent], n[body.parent] = f[body.parent] + force, n[body.parent] + moment
+    a, wd, qdd = {BASE: scalar.zeros(3)}, {BASE: scalar.zeros(3)}, scalar.zeros(model.n)
     for i, body in model.outward():
-        carried = _force_transform(motion[i]).T @ a[body.parent]
-        qdd[i] = (r[i] - u[i] @ carried) / d[i]
-        own = scalar.zeros(6)
-        own[5 if body.kind == "revolute" else 2] = qdd[i]
-        a[i] = carried + own
+        a[i], wd[i] = axial[i].acceleration_to_body(a[body.parent], wd[body.parent])
+        k, kn = share[i]
+        qdd[i] = freely[i] - (k @ a[i] + kn @ wd[i])
+        own = scalar.array([0.0, 0.0, qdd[i]])
+        a[i], wd[i] = (a[i], wd[i] + own) if body.kind == "revolute" else (a[i] + own, wd[i])
     return scalar.array(qdd)
 
 
-def _spatial_inertia(body: Body) -> np.ndarray:
-    """(6, 6) about the body's origin: linear rows first, as everywhere in Armwright."""
-    first = skew(body.first_moment)
-    return scalar.array(np.block([[body.mass * np.eye(3), -first], [first, body.inertia]]))
+def articulated_shares(
+    model: Model, axial: list[AxialMotion]
+) -> tuple[dict[int, tuple[Array, Array]], dict[int, Scalar]]:
+    """u/D as force and moment (3,), and D [kg m² | kg], of every joint: the recursion of articulated inertias.
 
-
-def _force_transform(motion: JointMotion) -> np.ndarray:
-    """(6, 6) that takes force and moment about the body's origin, body axes, to the parent's."""
-    placed = motion.placement()
-    r = placed.rotation
-    return scalar.array(np.block([[r, scalar.zeros(3, 3)], [skew(placed.position) @ r, r]]))
+    D are the pivots of the mass matrix taken from the tips, so they are positive where it is positive definite, and are those of
+    an arm with regrouped parameters too: what is regrouped turns about the axis without inertia, and leaves u as it is.
+    """
+    inertia = [ArticulatedInertia.rigid(body.mass, body.first_moment, body.inertia) for body in model.bodies]
+    share, d = {}, {}
+    for i, body in model.inward():
+        u, un = inertia[i].column(body.kind)
+        d[i] = (un if body.kind == "revolute" else u)[2] + body.drive.armature
+        share[i] = u / d[i], un / d[i]
+        if body.parent != BASE:
+            left = inertia[i].without(body.kind, share[i], body.drive.armature)
+            inertia[body.parent] = inertia[body.parent] + axial[i].inertia_to_parent(left)
+    return share, d

@@ -1,22 +1,25 @@
-"""Forward dynamics: composite bodies and a symmetric solve. [WalkerOrin1982] method 3, eqs (13)-(15) of the CMU report."""
+"""Forward dynamics by whichever way takes fewer operations: composite bodies for short arms, articulated ones for long."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from armwright import scalar
-from armwright.actuators import drive_torque, transmission
-from armwright.dynamics.inverse import bias_torques
-from armwright.dynamics.mass_matrix import mass_matrix
+from armwright.actuators import drive_torque
+from armwright.dynamics.articulated_body import articulated_body
+from armwright.dynamics.composite_body import composite_body
 from armwright.model import Model, one_state
 from armwright.scalar import Array
+
+SHORT = 5  # joints from the base to a body, itself included, on average: a chain of 9. Operations counted on 90 random trees
+# and on chains: at 9 joints composite bodies take 1 % fewer, at 10 1 % more, at 14 a fifth, at 30 twice as many.
 
 
 @one_state
 def forward_dynamics(model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
-    """Accelerations that motor torques give:  q̈ = M⁻¹ ( e tau - C q̇ - g - f + Jᵀ wrench ).  [WalkerOrin1982]
+    """Accelerations that motor torques give:  q̈ = M⁻¹ ( e tau - C q̇ - g - f + Jᵀ wrench ).  [WalkerOrin1982] [Featherstone2008]
 
-    The exact inverse of `inverse_dynamics`, friction and gear loss included; M = L D Lᵀ is solved without pivots.
+    The exact inverse of `inverse_dynamics`, friction and gear loss included. By `composite_body` where bodies stand at most
+    `SHORT` joints from the base on average, by `articulated_body` where they stand farther: they agree to rounding.
 
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
@@ -27,8 +30,8 @@ def forward_dynamics(model: Model, q: Array, qd: Array, tau: Array, wrench: Arra
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    driven = transmission(model, qd, tau) * tau
-    return scalar.solve_symmetric(mass_matrix(model, q), driven - bias_torques(model, q, qd, wrench))  # (15)
+    far = sum(len(model.path(i)) for i in range(model.n)) > SHORT * model.n
+    return (articulated_body if far else composite_body)(model, q, qd, tau, wrench)
 
 
 @one_state

@@ -6,7 +6,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators import friction_torques, transmission
-from armwright.kinematics import body_placements, joint_motions, origin_acceleration, turning
+from armwright.kinematics import JointMotion, joint_motions, origin_acceleration, turning
 from armwright.model import BASE, Model, one_state
 from armwright.scalar import Array
 from armwright.spatial import acceleration_tensor, cross, inertial_moment
@@ -74,22 +74,10 @@ def newton_euler(
 
     In Craig's form (each body's frame on its own joint's axis), so moments are about the body's own origin; the
     acceleration tensor U = ω̇× + ω×ω× carries equations (4), (5) and (7). `nudge` (n,) moves q on by a first-order
-    amount, for derivatives; the wrench stays as it is.
+    amount, for derivatives; the wrench stays as it is in base axes.
     """
     motion = joint_motions(model, q, nudge)
-    w, wd, vd, u = {BASE: STILL}, {BASE: STILL}, {BASE: -model.gravity}, {BASE: scalar.zeros(3, 3)}
-    f, n = {}, {}
-    for i, body in model.outward():
-        a = body.parent
-        w[i], wd[i] = turning(body, motion[i], w[a], wd[a], qd[i], qdd[i])  # (1) (2)
-        vd[i] = origin_acceleration(body, motion[i], w[i], vd[a], u[a], qd[i], qdd[i])  # (4)
-        u[i] = acceleration_tensor(w[i], wd[i])
-        f[i] = body.mass * vd[i] + u[i] @ body.first_moment  # (5) (6)
-        n[i] = inertial_moment(body.inertia, u[i]) + cross(body.first_moment, vd[i])  # (7), about the body's origin
-    if wrench is not None:
-        tip, force, moment = _wrench_on_body(model, q, wrench)
-        if tip != BASE:
-            f[tip], n[tip] = f[tip] - force, n[tip] - moment
+    f, n = inertial_forces(model, motion, qd, qdd, wrench)
     tau = scalar.zeros(model.n)
     for i, body in model.inward():
         tau[i] = n[i][2] if body.kind == "revolute" else f[i][2]  # (10), the axis is z
@@ -100,9 +88,30 @@ def newton_euler(
     return scalar.array(tau)
 
 
-def _wrench_on_body(model: Model, q: Array, wrench: Array) -> tuple[int, Array, Array]:
+def inertial_forces(
+    model: Model, motion: list[JointMotion], qd: Array, qdd: Array, wrench: Array | None = None
+) -> tuple[dict[int, Array], dict[int, Array]]:
+    """Force and moment (3,) [N], [N m] that each body by itself asks for, about its origin, in its axes; less the wrench."""
+    w, wd, vd, u = {BASE: STILL}, {BASE: STILL}, {BASE: -model.gravity}, {BASE: scalar.zeros(3, 3)}
+    f, n = {}, {}
+    for i, body in model.outward():
+        a = body.parent
+        w[i], wd[i] = turning(body, motion[i], w[a], wd[a], qd[i], qdd[i])  # (1) (2)
+        vd[i] = origin_acceleration(body, motion[i], w[i], vd[a], u[a], qd[i], qdd[i])  # (4)
+        u[i] = acceleration_tensor(w[i], wd[i])
+        f[i] = body.mass * vd[i] + u[i] @ body.first_moment  # (5) (6)
+        n[i] = inertial_moment(body.inertia, u[i]) + cross(body.first_moment, vd[i])  # (7), about the body's origin
+    if wrench is not None:
+        tip, force, moment = _wrench_on_body(model, motion, wrench)
+        if tip != BASE:
+            f[tip], n[tip] = f[tip] - force, n[tip] - moment
+    return f, n
+
+
+def _wrench_on_body(model: Model, motion: list[JointMotion], wrench: Array) -> tuple[int, Array, Array]:
     """The body that carries the tip, and the wrench as force and moment about its origin, in its axes."""
     tip = model.frame()
-    axes = body_placements(model, q)[tip.body].rotation.T
-    force = axes @ wrench[:3]
-    return tip.body, force, axes @ wrench[3:] + cross(tip.placement.position, force)
+    force, moment = wrench[:3], wrench[3:]
+    for i in model.path(tip.body):
+        force, moment = motion[i].to_body(force), motion[i].to_body(moment)
+    return tip.body, force, moment + cross(tip.placement.position, force)

@@ -5,33 +5,57 @@ from __future__ import annotations
 import ctypes
 import functools
 import math
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 
 from armwright.errors import ShapeError
-from armwright.kernels.llvm import Engine, Target, batch_module
+from armwright.kernels.engine import Engine
+from armwright.kernels.format import DOUBLE, Format
+from armwright.kernels.llvm import Target, batch_module
 from armwright.program import Program
 
 POINTER = ctypes.c_void_p
-FLOAT64 = np.dtype(np.float64)
 addressof: Any = ctypes.addressof
 byte_of: Any = ctypes.c_char.from_buffer  # refuses what is read-only, not contiguous or empty
 CHAIN = 4  # divisions
+ROOM = (
+    1800  # operations; two tiles of a longer program want more registers than they fill gaps: a fifth to a half slower
+)
 PLANS = 64  # shapes that are remembered
 
 
 class Kernel:
-    """A compiled program. `kernel(a, b, …)` takes (…, *shape) arrays and broadcasts over the leading axes."""
+    """A compiled program. `kernel(a, b, …)` takes (…, *shape) arrays and broadcasts over the leading axes.
 
-    def __init__(self, program: Program, target: Target):
+    Attributes:
+        program: what is computed.   target: the processor, and the lanes of a tile.
+        format: of the numbers that it takes, computes with and gives.   dtype: NumPy's type of them.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        target: Target,
+        check: Callable[[tuple[Any, ...]], None] | None = None,
+        format: Format = DOUBLE,
+    ):
+        """Compiles the program.
+
+        Args:
+            program: what is compiled.   target: for which processor, and how many numbers of the format it computes at once.
+            check: looks at the arrays of every call before they are used.   format: of the numbers.
+        """
+        self.format, self.dtype = format, format.dtype
+        self._check = check
         self.program, self.target = program, target.doubled() if _waits(program) else target
         self._expected = [(port.name, port.shape) for port in program.inputs]
         self._shapes = [port.shape for port in program.outputs]
         self._slots = POINTER * len(program.inputs), POINTER * len(program.outputs)
         self._plans: dict[tuple[tuple[int, ...], ...], tuple[int, list[tuple[int, ...]], list[int]]] = {}
-        engine = Engine(self.target, batch_module, program)
+        engine = Engine(self.target, batch_module, program, format.name)
         self._run = engine.function(f"{program.name}.batch", ctypes.c_int64, POINTER, POINTER, POINTER)
         pointers = [POINTER] * (len(program.inputs) + len(program.outputs))
         self._run_whole = engine.function(f"{program.name}.whole", ctypes.c_int64, *pointers)
@@ -42,16 +66,22 @@ class Kernel:
 
         Args:
             arrays: one an input, (…, *shape), numbers; leading axes are broadcast against each other.
-            out: array, or tuple of arrays, to write results into; float64, of the results' full shape.
+            out: array, or tuple of arrays, to write results into; of the kernel's dtype and the results' full shape.
             threads: how many threads share the batch.
         Returns:
             results: (…, *shape) an output; a tuple where there are several.
         Raises:
             ShapeError: an array of the wrong shape or type; names the input, its shape and the one expected.
         """
-        try:  # the usual call: contiguous float64 arrays that hold every state, of shapes that were seen before
+        if self._check is not None:
+            self._check(arrays)
+        dtype = self.dtype
+        try:  # the usual call: contiguous arrays of the dtype that hold every state, of shapes that were seen before
             count, wanted, sizes = self._plans[tuple([array.shape for array in arrays])]
-            results = [_empty(shape) for shape in wanted] if out is None else list(out) if type(out) is tuple else [out]
+            if out is None:
+                results = [_empty(shape, dtype) for shape in wanted]
+            else:
+                results = list(out) if type(out) is tuple else [out]
             every = [*arrays, *results]
             addresses = [addressof(byte_of(array)) for array in every]  # refuses what is read-only or not contiguous
         except (AttributeError, KeyError, TypeError, ValueError, BufferError):
@@ -59,7 +89,7 @@ class Kernel:
         if threads > 1 and count >= 2 * self._least:
             return self._any(arrays, out, threads)
         for array in every:
-            if array.dtype is not FLOAT64:
+            if array.dtype is not dtype:
                 return self._any(arrays, out, threads)
         if out is not None and not _separate(results, wanted, addresses, sizes):
             return self._any(arrays, out, threads)
@@ -77,7 +107,7 @@ class Kernel:
         if len(arrays) != len(ports):
             expected = ", ".join(port.name for port in ports)
             raise ShapeError(f"{self.program.name}: {len(arrays)} arrays, expected {len(ports)}: {expected}")
-        given = [as_numbers(a, self.program.name, p.name) for a, p in zip(arrays, ports, strict=True)]
+        given = [as_numbers(a, self.program.name, p.name, self.dtype) for a, p in zip(arrays, ports, strict=True)]
         lead = common_lead(self.program.name, given, self._expected)
         count = math.prod(lead)
         blocks, strides = [], []
@@ -92,7 +122,7 @@ class Kernel:
             if len(self._plans) >= PLANS:
                 self._plans.clear()
             shapes = [lead + shape for shape in self._shapes]
-            sizes = [8 * count * port.size for port in (*self.program.inputs, *self.program.outputs)]
+            sizes = [self.format.bytes * count * port.size for port in (*self.program.inputs, *self.program.outputs)]
             self._plans[tuple([array.shape for array in given])] = count, shapes, sizes
         if out is not None:
             for result, target in zip(results, wanted, strict=True):
@@ -103,7 +133,7 @@ class Kernel:
     def _block(
         self, array: np.ndarray, shape: tuple[int, ...], lead: tuple[int, ...], count: int
     ) -> tuple[np.ndarray, int]:
-        """Contiguous rows of an input and the doubles it moves a tile; one that serves all states is one tile of copies."""
+        """Contiguous rows of an input and the numbers it moves a tile; one that serves all states is one tile of copies."""
         w, size = self.target.width, math.prod(shape)
         if array.size == size and count > 1:
             return np.ascontiguousarray(np.broadcast_to(array.reshape(1, size), (w, size))), 0
@@ -117,22 +147,22 @@ class Kernel:
         """Arrays that the kernel writes, and those that the caller gets: the same where `out` is contiguous and no input."""
         shapes = [lead + port.shape for port in self.program.outputs]
         if out is None:
-            results = [_empty(shape) for shape in shapes]
+            results = [_empty(shape, self.dtype) for shape in shapes]
             return results, results
         wanted = list(out) if isinstance(out, tuple) else [out]
         for array, port, shape in zip(wanted, self.program.outputs, shapes, strict=True):
             if (
                 not isinstance(array, np.ndarray)
                 or array.shape != shape
-                or array.dtype != np.float64
+                or array.dtype != self.dtype
                 or not array.flags.writeable
             ):
                 found = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
                 raise ShapeError(
-                    f"{self.program.name}: out for {port.name} is {found}, expected writeable float64 {shape}"
+                    f"{self.program.name}: out for {port.name} is {found}, expected writeable {self.dtype} {shape}"
                 )
         usable = [a.flags.carray and not any(np.may_share_memory(a, block) for block in inputs) for a in wanted]
-        return [a if fits else np.empty(a.shape) for a, fits in zip(wanted, usable, strict=True)], wanted
+        return [a if fits else np.empty(a.shape, self.dtype) for a, fits in zip(wanted, usable, strict=True)], wanted
 
     def _launch(self, count: int, inputs: list[int], moves: Any, results: list[np.ndarray], threads: int) -> None:
         """Runs the native batch function over all states, in parts of whole tiles where several threads share them."""
@@ -143,11 +173,12 @@ class Kernel:
         if parts <= 1:
             self._run(count, sources(*inputs), moves, sinks(*outputs))
             return
-        sizes = [8 * port.size for port in self.program.outputs]
+        bytes_ = self.format.bytes
+        sizes = [bytes_ * port.size for port in self.program.outputs]
 
         def run(first: int, last: int) -> None:
             tile = first // w
-            ins = sources(*(a + 8 * tile * s for a, s in zip(inputs, moves, strict=True)))
+            ins = sources(*(a + bytes_ * tile * s for a, s in zip(inputs, moves, strict=True)))
             outs = sinks(*(a + first * size for a, size in zip(outputs, sizes, strict=True)))
             self._run(last - first, ins, moves, outs)
 
@@ -155,8 +186,8 @@ class Kernel:
         list(_pool(parts).map(run, bounds[:-1], bounds[1:]))
 
 
-LINE = 8  # doubles in a cache line
-LARGE = 4096  # doubles in an array that is worth aligning
+LINE = 64  # bytes in a cache line
+LARGE = 4096  # numbers in an array that is worth aligning
 TILES_A_THREAD = 128  # fewer tiles than this are done sooner than a thread is woken
 
 
@@ -174,20 +205,21 @@ def _separate(results: list[Any], wanted: list[tuple[int, ...]], addresses: list
     return True
 
 
-def _empty(shape: tuple[int, ...]) -> np.ndarray:
+def _empty(shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
     """A new array; a large one begins at a cache line, which makes storing into it up to a quarter faster."""
     size = math.prod(shape)
     if size < LARGE:
-        return np.empty(shape)
-    room = np.empty(size + LINE)
-    start = -(_address(room) // 8) % LINE
+        return np.empty(shape, dtype)
+    line = LINE // dtype.itemsize
+    room = np.empty(size + line, dtype)
+    start = -(_address(room) // dtype.itemsize) % line
     return room[start : start + size].reshape(shape)
 
 
 def _waits(program: Program) -> bool:
-    """Whether the program is a chain of divisions that wait for each other, such as the pivots of a symmetric solve."""
+    """Whether the program is a short chain of divisions that wait for each other, such as the pivots of a symmetric solve."""
     counts = program.operation_counts()
-    return counts["DIV"] + counts["INV"] >= CHAIN
+    return counts["DIV"] + counts["INV"] >= CHAIN and counts.total() <= ROOM
 
 
 def _address(array: np.ndarray) -> int:
@@ -202,19 +234,20 @@ def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="armwright")
 
 
-def as_numbers(value: Any, place: str, name: str) -> np.ndarray:
-    """The value as an array of float64.
+def as_numbers(value: Any, place: str, name: str, dtype: np.dtype = DOUBLE.dtype) -> np.ndarray:
+    """The value as an array of the dtype, rounded once; infinite where it is beyond the largest number.
 
     Raises:
         ShapeError: it holds something else than real numbers.
     """
-    if type(value) is np.ndarray and value.dtype == np.float64:
+    if type(value) is np.ndarray and value.dtype == dtype:
         return value
     try:
         array = np.asarray(value)
         if array.dtype.kind not in "fiub":
             raise TypeError(f"of type {array.dtype}")
-        return array.astype(np.float64, copy=False)
+        with np.errstate(over="ignore"):
+            return array.astype(dtype, copy=False)
     except (TypeError, ValueError) as error:
         raise ShapeError(f"{place}: {name} is not an array of real numbers: {error}") from None
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from armwright.errors import ModelError, ShapeError, nearest
-from armwright.kernels.signatures import SIGNATURES, Signature, trace_kernel
+from armwright.kernels.format import DOUBLE, select_format
+from armwright.kernels.signatures import PARAMETERS, SIGNATURES, Signature, trace_kernel
 from armwright.model import Model, check_arm
+from armwright.model.vary import Varied
 
 
 class CompiledArm:
@@ -21,23 +23,38 @@ class CompiledArm:
 
     Attributes:
         arm: the model, frozen.   target: the processor that code is made for.
+        dtype: NumPy's type of the numbers that kernels take, compute with and give; everything else is converted.
+        varied: the arm with parameters left open, or None; `varied.names` and `varied.nominal` are their names and values.
     """
 
-    def __init__(self, arm: Model, target: str | None = None):
+    def __init__(
+        self,
+        arm: Model,
+        target: str | None = None,
+        vary: Sequence[str] = (),
+        dtype: str | type | np.dtype = DOUBLE.name,
+    ):
         from armwright.kernels.llvm import select_target
 
         check_arm(arm)
         self.arm = arm
-        self.target = select_target(target)
+        self.varied = Varied(arm, vary) if len(vary) else None
+        self.format = select_format(dtype)
+        self.dtype = self.format.dtype
+        self.target = select_target(target, self.format)
         self._asked = target
         self._threads = os.cpu_count() or 1
         self._kernels: dict[tuple[Any, ...], Any] = {}
 
     def __repr__(self) -> str:
-        return f"<compiled {self.arm.name} for {self.target.cpu}, {self.target.width} states at once>"
+        varying = f", varying {', '.join(self.varied.names)}" if self.varied is not None else ""
+        format = "" if self.format is DOUBLE else f" in {self.format.name}"
+        return f"<compiled {self.arm.name} for {self.target.cpu}{format}, {self.target.width} states at once{varying}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _again, (type(self), self.arm, self._asked, self._threads)  # without the native code
+        vary = () if self.varied is None else self.varied.names
+        asked = self._asked, vary, self.format.name
+        return _again, (type(self), self.arm, *asked, self._threads)  # without the native code
 
     @property
     def threads(self) -> int:
@@ -63,7 +80,7 @@ class CompiledArm:
             kernel: takes and returns arrays, (…, *shape).
         Raises:
             ShapeError: no kernel has that name.
-            ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+            ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip, or has too many joints for it.
         """
         if name not in SIGNATURES:
             raise ShapeError(f"no kernel {name!r}; {nearest(str(name), SIGNATURES)}")
@@ -71,8 +88,9 @@ class CompiledArm:
         if key not in self._kernels:
             from armwright.kernels.batch import Kernel
 
-            program = trace_kernel(self.arm, SIGNATURES[name], optional, **options)
-            self._kernels[key] = Kernel(program, self.target)
+            program = trace_kernel(self.arm, SIGNATURES[name], optional, varied=self.varied, **options)
+            check = None if self.varied is None else _checked(self.varied, len(SIGNATURES[name].inputs))
+            self._kernels[key] = Kernel(program, self.target, check, self.format)
         return self._kernels[key]
 
     def bind(self, name: str, *optional: str, lead: tuple[int, ...] = (), options: Any = None, **arrays: Any) -> Any:
@@ -82,7 +100,7 @@ class CompiledArm:
             name: of the table.   optional: names of the optional inputs that it takes.
             lead: leading axes of the arrays; () for one state.
             options: keyword arguments of the kernel, such as {"frame": "tool"}.
-            arrays: by name, float64 and contiguous, to use as inputs and outputs; the others are allocated.
+            arrays: by name, of `dyn.dtype` and contiguous, to use as inputs and outputs; the others are allocated.
         Returns:
             bound: `bound.inputs["q"][:] = q; tau = bound()`.
         Raises:
@@ -102,25 +120,42 @@ class CompiledArm:
             function: `casadi.Function` with the table's names; vectors are columns, matrices have their own shape.
         Raises:
             ShapeError: no kernel has that name.
-            ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+            ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip, or has too many joints for it.
         """
         if name not in SIGNATURES:
             raise ShapeError(f"no kernel {name!r}; {nearest(str(name), SIGNATURES)}")
-        return trace_kernel(self.arm, SIGNATURES[name], optional, **options).casadi()
+        return trace_kernel(self.arm, SIGNATURES[name], optional, varied=self.varied, **options).casadi()
 
 
-def _again(kind: type[CompiledArm], arm: Model, target: str | None, threads: int) -> CompiledArm:
-    dyn = kind(arm, target)
+def _again(
+    kind: type[CompiledArm], arm: Model, target: str | None, vary: Sequence[str], dtype: str, threads: int
+) -> CompiledArm:
+    dyn = kind(arm, target, vary, dtype)
     dyn.threads = threads
     return dyn
 
 
+def _checked(varied: Varied, place: int) -> Callable[[tuple[Any, ...]], None]:
+    """Looks at a call's array of parameters, the one at `place`; one that is no array of them the kernel itself refuses."""
+
+    def check(arrays: tuple[Any, ...]) -> None:
+        from armwright.kernels.batch import as_numbers
+
+        values = as_numbers(arrays[place], "parameters", PARAMETERS) if len(arrays) > place else np.empty(0)
+        if values.shape[-1:] == (len(varied.parameters),):
+            varied.check(values)
+
+    return check
+
+
 def _method(signature: Signature) -> Callable[..., Any]:
-    required = [a.name for a in signature.inputs]
+    inputs = [a.name for a in signature.inputs]
     optional = [a.name for a in signature.optional]
-    usual, count = (signature.name,), len(required)
+    usual = (signature.name,)
 
     def method(self: CompiledArm, *arrays: Any, out: Any = None, **named: Any) -> Any:
+        required = inputs if self.varied is None else [*inputs, PARAMETERS]
+        count = len(required)
         if not named and len(arrays) == count and (kernel := self._kernels.get(usual)) is not None:
             return kernel(*arrays, out=out, threads=self._threads)
         options = {name: named.pop(name) for name in signature.options if named.get(name) is not None}
@@ -141,7 +176,7 @@ def _method(signature: Signature) -> Callable[..., Any]:
         return kernel(*values, out=out, threads=self._threads)
 
     kind, keyword = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
-    parameters = [inspect.Parameter("self", kind), *(inspect.Parameter(name, kind) for name in required)]
+    parameters = [inspect.Parameter("self", kind), *(inspect.Parameter(name, kind) for name in inputs)]
     parameters += [inspect.Parameter(name, kind, default=None) for name in optional]
     parameters += [inspect.Parameter(name, keyword, default=None) for name in (*signature.options, "out")]
     method.__name__ = signature.name
@@ -162,27 +197,38 @@ def _docstring(signature: Signature) -> str:
 
     inputs = [line(a) for a in signature.inputs] + [f"{line(a)}, optional" for a in signature.optional]
     options = [f"    {name}: {OPTIONS[name]}." for name in signature.options]
-    out = "    out: where to write the result, float64."
+    out = "    out: where to write the result, of `dyn.dtype`."
     if len(signature.outputs) > 1:
-        out = "    out: tuple of arrays to write the results into, float64."
+        out = "    out: tuple of arrays to write the results into, of `dyn.dtype`."
     outputs = [line(a) for a in signature.outputs]
-    return "\n".join([equation, "", "Args:", *inputs, *options, out, "Returns:", *outputs])
+    raises = ["    ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip."]
+    if signature.most_joints is not None:
+        raises = [f"    ModelError: an arm of more than {signature.most_joints} joints, for which this is not offered."]
+    return "\n".join([equation, "", "Args:", *inputs, *options, out, "Returns:", *outputs, "Raises:", *raises])
 
 
 for _signature in SIGNATURES.values():
     setattr(CompiledArm, _signature.name, _method(_signature))
 
 
-def compile_arm(arm: Model, target: str | None = None) -> CompiledArm:
+def compile_arm(
+    arm: Model, target: str | None = None, vary: Sequence[str] = (), dtype: str | type | np.dtype = DOUBLE.name
+) -> CompiledArm:
     """Kernels for an arm, compiled when first used.
 
     Args:
         arm: the model.
         target: a processor level such as "x86-64-v3" to make code for; by default the processor this runs on. One
             program gives the same bits on every target that has fused multiply-add.
+        vary: numbers of the record that become inputs, such as "link6.mass_kg" or "joint2.friction.viscous_n_m_s_per_rad".
+            Every kernel then takes one more array `parameters` (…, k) behind its own inputs, in the record's units and the
+            order of `dyn.varied.names`; values that no record could hold are refused (not in a bound kernel).
+        dtype: "float64", or "float32" for twice the lanes. Then arrays are float32 in and out, and the arm's numbers are
+            rounded once. Results are good to 64 roundings (6e-8) of their largest entry on the built-in arms; what solves
+            equations loses as many digits more as the mass matrix is ill-conditioned.
     Returns:
         dyn: the kernels as methods, (…, n) arrays in and out.
     Raises:
-        ModelError: no arm, an unknown target, or one that this processor does not reach.
+        ModelError: no arm, an unknown target, parameter or dtype, or a target that this processor does not reach.
     """
-    return CompiledArm(arm, target)
+    return CompiledArm(arm, target, vary, dtype)

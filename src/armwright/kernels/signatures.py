@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from armwright import actuators, dynamics, kinematics
+from armwright.errors import ModelError
 from armwright.model import Model
 from armwright.model.simplify import STEPS, aligned_frames
+from armwright.model.vary import Varied
 
 Step = Callable[[Model], Model]
 Size = int | str  # "n", "2n", …: number of joints, or a multiple of it
@@ -46,6 +48,7 @@ class Signature:
         options: names of keyword arguments that are fixed when the kernel is compiled, such as `frame`.
         inverted: whether the result is the inverse of a matrix, and so loses as many digits as its condition number has.
         regroup: whether the result follows from the arm's motion alone, so that its inertial parameters may be regrouped.
+        most_joints: of an arm that the kernel is offered for; None: of any. Derivatives take n² numbers and n² operations each.
     """
 
     function: Callable[..., Any]
@@ -55,6 +58,7 @@ class Signature:
     options: tuple[str, ...] = ()
     regroup: bool = False
     inverted: bool = False
+    most_joints: int | None = None
 
     @property
     def steps(self) -> tuple[Step, ...]:
@@ -77,6 +81,7 @@ MASS = Argument("M", ("n", "n"), "kg m² | kg m | kg")
 PER_POSITION = "N m/rad | N m/m, N/rad | N/m"
 PER_SPEED = "N m s/rad | N m s/m, N s/rad | N s/m"
 WRENCH = Argument("wrench", (6,), "N, N m")
+MOST_DIFFERENTIATED = 30  # joints
 
 SIGNATURES: dict[str, Signature] = {
     signature.name: signature
@@ -95,7 +100,9 @@ SIGNATURES: dict[str, Signature] = {
             dynamics.inverse_dynamics_derivatives,
             (Q, QD, QDD),
             (Argument("dtau_dq", ("n", "n"), PER_POSITION), Argument("dtau_dqd", ("n", "n"), PER_SPEED), MASS),
+            (WRENCH,),
             regroup=True,
+            most_joints=MOST_DIFFERENTIATED,
         ),
         Signature(
             dynamics.forward_dynamics_derivatives,
@@ -105,21 +112,35 @@ SIGNATURES: dict[str, Signature] = {
                 Argument("dqdd_dqd", ("n", "n"), "1/s | rad/(m s), m/(rad s)"),
                 Argument("M_inverse", ("n", "n"), "1/(kg m²) | 1/(kg m) | 1/kg"),
             ),
+            (WRENCH,),
             regroup=True,
+            most_joints=MOST_DIFFERENTIATED,
         ),
         Signature(
             dynamics.forward_arm_linearised,
             (Q, QD, U),
             (Argument("A", ("2n", "2n"), "1 | 1/s | 1/s²"), Argument("B", ("2n", "n"), "rad/s² | m/s², per unit of u")),
             regroup=True,
+            most_joints=MOST_DIFFERENTIATED,
         ),
-        Signature(dynamics.regressor, (Q, QD, QDD), (Argument("Y", ("n", "10n"), "N m | N, per kg, kg m, kg m²"),)),
+        Signature(
+            dynamics.regressor,
+            (Q, QD, QDD),
+            (Argument("Y", ("n", "10n"), "N m | N, per kg, kg m, kg m²"),),
+            most_joints=MOST_DIFFERENTIATED,
+        ),
         Signature(
             dynamics.regressor_drive,
             (QD, QDD),
             (Argument("Y_drive", ("n", "7n"), "N m | N, per unit of arm.drive_parameters"),),
         ),
-        Signature(dynamics.coriolis_matrix, (Q, QD), (Argument("C", ("n", "n"), PER_SPEED),), regroup=True),
+        Signature(
+            dynamics.coriolis_matrix,
+            (Q, QD),
+            (Argument("C", ("n", "n"), PER_SPEED),),
+            regroup=True,
+            most_joints=MOST_DIFFERENTIATED,
+        ),
         Signature(dynamics.energy, (Q, QD), (Argument("kinetic", (), "J"), Argument("potential", (), "J"))),
         Signature(dynamics.centre_of_mass, (Q,), (Argument("p", (3,), "m"),)),
         Signature(
@@ -141,6 +162,7 @@ def trace_kernel(
     given: tuple[str, ...] = (),
     *,
     steps: tuple[Step, ...] | None = None,
+    varied: Varied | None = None,
     **options: Any,
 ):
     """The program of a kernel for one arm, with the optional inputs named in `given` and the options' values.
@@ -148,24 +170,47 @@ def trace_kernel(
     Args:
         model: the arm.   signature: a row of the table.   given: names of optional inputs.
         steps: simplifying steps on the arm before it is traced; by default those that keep the result.
+        varied: the same arm with parameters left open, which are then an input behind the signature's own.
         options: values of the signature's options.
     Returns:
         program: inputs and outputs as the signature names them.
 
     Raises:
-        ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip, or has too many joints for it.
     """
+    if signature.most_joints is not None and model.n > signature.most_joints:
+        most = f"not offered beyond {signature.most_joints} joints"
+        raise ModelError(f"{model.name}: {signature.name} is {most}; the arm has {model.n}")
+    if varied is not None and steps is None and signature.regroup:  # regrouping what varies costs more than it may save
+        either = [trace_kernel(model, signature, given, steps=s, varied=varied, **options) for s in (STEPS, STEPS[:1])]
+        return min(either, key=lambda program: program.operation_counts().total())
+    steps = signature.steps if steps is None else steps
+    arguments = [*signature.inputs, *(a for a in signature.optional if a.name in given)]
+    if varied is None:
+        told = _after(steps, model)
+        return _trace(signature, arguments, model, lambda *values: signature.function(told, *values, **options))
+    place = len(signature.inputs)
+    arguments.insert(place, Argument(PARAMETERS, (len(varied.parameters),), "as each is named"))
+
+    def function(*values: Any) -> Any:
+        told = _after(steps, varied.model(values[place]))
+        return signature.function(told, *values[:place], *values[place + 1 :], **options)
+
+    return _trace(signature, arguments, model, function)
+
+
+PARAMETERS = "parameters"  # the input of a kernel whose arm varies
+
+
+def _after(steps: tuple[Step, ...], model: Model) -> Model:
+    for step in steps:
+        model = step(model)
+    return model
+
+
+def _trace(signature: Signature, arguments: list[Argument], model: Model, function: Callable[..., Any]) -> Any:
     from armwright.program import trace  # CasADi, which takes a while to import
 
-    for step in signature.steps if steps is None else steps:
-        model = step(model)
-    arguments = [*signature.inputs, *(a for a in signature.optional if a.name in given)]
-    return trace(
-        signature.name,
-        lambda *values: signature.function(model, *values, **options),
-        {argument.name: argument.sized(model) for argument in arguments},
-        tuple(
-            argument.name if argument.name not in {a.name for a in arguments} else f"{argument.name}_out"
-            for argument in signature.outputs
-        ),
-    )
+    inputs = {argument.name: argument.sized(model) for argument in arguments}
+    outputs = tuple(a.name if a.name not in inputs else f"{a.name}_out" for a in signature.outputs)
+    return trace(signature.name, function, inputs, outputs)

@@ -7,16 +7,18 @@ Explicit frames (URDF) put it on the joint, about any axis.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from armwright import scalar
+from armwright.description.quantity import Quantity
 from armwright.description.robot import FixedJoint, Link, MovingJoint, PrismaticJoint, RevoluteJoint, RobotDescription
 from armwright.errors import DescriptionError
+from armwright.model.doubts import doubts, massless
 from armwright.model.model import BASE, Body, Frame, Model
 from armwright.model.plausibility import check_bodies, check_drives
-from armwright.model.referred import drive_of, friction_of, limits_of
+from armwright.model.referred import brake_of, drive_of, elasticity_of, friction_of, limits_of, stops_of, supply_of
+from armwright.scalar import Array, Scalar
 from armwright.spatial import Placement, inertia_about_origin, rotation_rpy, rotation_to_axis, rotation_x, rotation_z
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.80665)  # [m/s²], where a file says nothing about its place; CGPM 1901
@@ -35,12 +37,37 @@ def build_model(robot: RobotDescription, *, on_impossible: str = "error") -> Mod
     """
     if on_impossible not in ("error", "warn"):
         raise DescriptionError(f'on_impossible = {on_impossible!r}: expected "error" or "warn"')
-    warnings = check_bodies(robot, on_impossible) + check_drives(robot)
+    warnings = [*robot.remarks, *check_bodies(robot, on_impossible), *check_drives(robot)]
+    model = assembled(robot)
+    warnings += [*doubts(robot, _places_of_joints(robot, model)), *massless(model)]
+    return replace(model, warnings=tuple(warnings))
+
+
+def _places_of_joints(robot: RobotDescription, model: Model) -> dict[str, list[Any]]:
+    """For every link that moves, the joints it hangs on and bears: (3,) [m] in the link's frame."""
+    places: dict[str, list[Any]] = {link.name: [] for link in robot.links if model.frames[link.name].body != BASE}
+    for joint in robot.joints:
+        before, after = joint_placement(joint)
+        if joint.parent in places:
+            places[joint.parent].append(before.position)
+        if joint.child in places:
+            places[joint.child].append(
+                (after if not isinstance(joint, FixedJoint) else before @ after).inverse().position
+            )
+    return places
+
+
+def assembled(robot: RobotDescription) -> Model:
+    """The numeric tree of a description whose values are numbers or symbols, unchecked.
+
+    Raises:
+        DescriptionError: no joint moves.
+    """
     frames: dict[str, Frame] = {robot.base: Frame(BASE, Placement.identity())}
     moving: list[dict[str, Any]] = []
     for joint in _parents_first(robot):
         carrier = frames[joint.parent]
-        before, after = _joint_placement(joint)
+        before, after = joint_placement(joint)
         if isinstance(joint, FixedJoint):
             frames[joint.child] = Frame(carrier.body, carrier.placement @ before @ after)
         else:
@@ -49,14 +76,14 @@ def build_model(robot: RobotDescription, *, on_impossible: str = "error") -> Mod
     for link in robot.links:
         _add_mass(moving, frames[link.name], link)
     for frame in robot.frames:
-        placed = Placement(rotation_rpy(*np.array(frame.rpy_rad)), np.array(frame.xyz_m))
+        placed = Placement(rotation_rpy(*vector(frame.rpy_rad)), vector(frame.xyz_m))
         frames[frame.name] = Frame(frames[frame.link].body, frames[frame.link].placement @ placed)
     bodies = tuple(Body(**_merged(body)) for body in moving)
     if not bodies:
         raise DescriptionError(f"{robot.name}: expected at least one joint that moves")
-    gravity = np.array(robot.gravity_m_s2.value if robot.gravity_m_s2 is not None else STANDARD_GRAVITY)
+    gravity = scalar.array(STANDARD_GRAVITY) if robot.gravity_m_s2 is None else vector(robot.gravity_m_s2)
     tip = robot.tip if robot.tip is not None else _end_of_chain(robot)
-    return Model(robot.name, bodies, gravity, frames, tip, robot, tuple(warnings))
+    return Model(robot.name, bodies, gravity, frames, tip, robot, supply=supply_of(robot.supply))
 
 
 def _parents_first(robot: RobotDescription) -> list[Any]:
@@ -77,31 +104,35 @@ def _end_of_chain(robot: RobotDescription) -> str | None:
     return ends[0] if len(ends) == 1 else None
 
 
-def _screw_x(alpha: Any, a: Any) -> Placement:
-    return Placement(rotation_x(float(alpha)), np.array([float(a), 0.0, 0.0]))
+def vector(quantity: Quantity) -> Array:
+    """The numbers or symbols of a quantity that has several."""
+    return scalar.array(quantity.numbers)
 
 
-def _screw_z(theta: Any, r: Any) -> Placement:
-    return Placement(rotation_z(float(theta)), np.array([0.0, 0.0, float(r)]))
+def _screw_x(alpha: Scalar, a: Scalar) -> Placement:
+    return Placement(rotation_x(alpha), scalar.array([a, 0.0, 0.0]))
 
 
-def _joint_placement(joint: Any) -> tuple[Placement, Placement]:
+def _screw_z(theta: Scalar, r: Scalar) -> Placement:
+    return Placement(rotation_z(theta), scalar.array([0.0, 0.0, r]))
+
+
+def joint_placement(joint: Any) -> tuple[Placement, Placement]:
     """Where the joint's axis frame stands in the parent link, and where the child link's frame stands in that."""
     if joint.frame is not None:
-        placed = Placement(rotation_rpy(*np.array(joint.frame.rpy_rad)), np.array(joint.frame.xyz_m))
+        placed = Placement(rotation_rpy(*vector(joint.frame.rpy_rad)), vector(joint.frame.xyz_m))
         if isinstance(joint, FixedJoint):
             return placed, Placement.identity()
-        axis = np.array(joint.axis)
-        turn = Placement(rotation_to_axis(axis), scalar.zeros(3))
+        turn = Placement(rotation_to_axis(vector(joint.axis)), scalar.zeros(3))
         return placed @ turn, turn.inverse()
     row = joint.dh if joint.dh is not None else joint.modified_dh
-    along_x = _screw_x(row.alpha_rad, row.a_m)
+    along_x = _screw_x(row.alpha_rad.number, row.a_m.number)
     if isinstance(joint, RevoluteJoint):  # what is constant along z: the offset before the motion, r behind it
-        before, behind = _screw_z(row.offset_rad, 0.0), _screw_z(0.0, row.r_m)
+        before, behind = _screw_z(row.offset_rad.number, 0.0), _screw_z(0.0, row.r_m.number)
     elif isinstance(joint, PrismaticJoint):
-        before, behind = _screw_z(row.theta_rad, row.offset_m), Placement.identity()
+        before, behind = _screw_z(row.theta_rad.number, row.offset_m.number), Placement.identity()
     else:
-        before, behind = _screw_z(row.theta_rad, row.r_m), Placement.identity()
+        before, behind = _screw_z(row.theta_rad.number, row.r_m.number), Placement.identity()
     if joint.dh is not None:
         return before, behind @ along_x
     return along_x @ before @ behind, Placement.identity()  # r and θ share the z axis and commute
@@ -121,13 +152,16 @@ def _body(
         "drive": drive_of(joint, joint.command or robot.command),
         "friction": friction_of(joint),
         "limits": limits_of(joint),
+        "elasticity": elasticity_of(joint),
+        "stops": stops_of(joint),
+        "brake": brake_of(joint),
     }
 
 
 def _add_mass(moving: list[dict[str, Any]], frame: Frame, link: Link) -> None:
     if frame.body == BASE:
         return  # stands still
-    mass, com = float(link.mass_kg), frame.placement.point(np.array(link.com_m))
+    mass, com = link.mass_kg.number, frame.placement.point(vector(link.com_m))
     rotation = frame.placement.rotation
     tensor = inertia_about_origin(mass, com, rotation @ link.inertia_kg_m2.matrix() @ rotation.T)
     moving[frame.body]["masses"].append((mass, mass * com, 0.5 * (tensor + tensor.T)))

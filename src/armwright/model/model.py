@@ -33,6 +33,71 @@ class Friction:
     sigmoid: tuple[Scalar, Scalar, Scalar] | None = (
         None  # amplitude [N m | N], slope [s/rad | s/m], shift [rad/s | m/s]
     )
+    on_motor: bool = False  # whose speed it acts on, where the gear gives way or the motor turns several joints
+    bristle: tuple[Scalar, Scalar] | None = None  # LuGre's σ0 [N m/rad | N/m] and σ1 [N m s/rad | N s/m]
+    load_share: Scalar | None = None  # what Coulomb's levels gain of the torque through the gear [-]
+    viscous_fall: Scalar | None = None  # warming over which viscous falls to 1/e [K]
+
+
+@dataclass(frozen=True, eq=False)
+class Thermal:
+    """Temperatures of a motor; one body where there is no housing. Equations in `actuators.thermal`."""
+
+    ambient: Scalar  # [°C]
+    reference: Scalar  # [°C] at which the constants were measured
+    winding: tuple[Scalar, Scalar]  # heat capacity [J/K], resistance to housing or ambient [K/W]
+    housing: tuple[Scalar, Scalar] | None = None  # heat capacity [J/K], resistance to the ambient [K/W]
+    resistance_rise: Scalar | None = None  # share of R a kelvin [1/K]
+    constant_fall: Scalar | None = None  # share of Kt and Ke a kelvin [1/K]
+
+
+@dataclass(frozen=True, eq=False)
+class Cogging:
+    """Torque of the magnets on the slots, motor side. Equation in `actuators.cogging`."""
+
+    amplitude: Scalar  # [N m]
+    periods: Scalar  # of a turn of the motor
+    phase: Scalar  # [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class Elasticity:
+    """A gear that gives way, joint side. Equations in `actuators.elasticity`."""
+
+    stiffness: Scalar  # [N m/rad | N/m]
+    damping: Scalar  # [N m s/rad | N s/m]
+    cubic: Scalar | None = None  # [N m/rad³ | N/m³]
+    backlash: Scalar | None = None  # width of the gap [rad | m]
+    error: tuple[Scalar, Scalar] | None = None  # amplitude [rad | m] and phase [rad] at twice a turn of the motor
+
+
+@dataclass(frozen=True, eq=False)
+class Stops:
+    """End stops at the joint's position limits. Equation in `actuators.stops`."""
+
+    stiffness: Scalar  # [N m/rad | N/m]
+    damping: Scalar  # [N m s/rad | N s/m]
+
+
+@dataclass(frozen=True, eq=False)
+class Brake:
+    """A holding brake, joint side. Equations in `actuators.brake`."""
+
+    holding: Scalar  # [N m | N]
+    stiffness: Scalar  # [N m/rad | N/m]
+    damping: Scalar  # [N m s/rad | N s/m]
+    release_time: Scalar  # [s]
+    on_motor: bool  # whose speed it acts on
+
+
+@dataclass(frozen=True, eq=False)
+class Supply:
+    """What feeds all drives. Equations in `actuators.supply`."""
+
+    voltage: Scalar  # [V] without load
+    resistance: Scalar  # of the source [Ω]
+    capacitance: Scalar  # of the bus [F]
+    chopper: tuple[Scalar, Scalar, Scalar] | None = None  # from [V], over [V], resistor [Ω]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +113,29 @@ class Drive:
     back_emf_constant: Scalar | None = None  # Ke [V s/rad]
     resistance: Scalar | None = None  # R [Ω]
     inductance: Scalar | None = None  # L [H]
+    current_loop: Scalar | None = None  # bandwidth of the current controller [Hz]
+    coasts: bool = False  # the bridge opens while it is off, in place of shorting the motor
+    thermal: Thermal | None = None
+    cogging: Cogging | None = None
+    coupling: tuple[tuple[str, Scalar], ...] = ()  # other joints that turn the motor [motor rad / rad | rad/m]
 
     @property
     def armature(self) -> Scalar:
-        """n² J_m: the rotor's inertia referred to the joint [kg m² | kg]."""
+        """n² J_m: the rotor's inertia referred to the joint [kg m² | kg].
+
+        Raises:
+            ModelError: a motor that other joints turn as well, whose inertia is no number of one joint.
+        """
+        if self.coupling:
+            raise ModelError(
+                f"a motor that {self.coupling[0][0]!r} turns as well has its inertia between joints: "
+                "only the simulator (Plant) knows coupled motors"
+            )
+        return self.reflected
+
+    @property
+    def reflected(self) -> Scalar:
+        """n² J_m of the motor's own gear ratio, whatever else turns it [kg m² | kg]."""
         return self.gear_ratio * self.gear_ratio * self.rotor_inertia
 
 
@@ -61,6 +145,7 @@ class Limits:
 
     position: tuple[float, float] = (-np.inf, np.inf)  # [rad | m]
     velocity: float = np.inf  # [rad/s | m/s]
+    acceleration: float = np.inf  # [rad/s² | m/s²], of planned motions
     torque: float = np.inf  # motor torque referred to the joint [N m | N]
     voltage: float = np.inf  # [V]
     current: float = np.inf  # [A]
@@ -87,6 +172,9 @@ class Body(Frozen):
     drive: Drive
     friction: Friction | None = None
     limits: Limits = Limits()
+    elasticity: Elasticity | None = None
+    stops: Stops | None = None
+    brake: Brake | None = None
     offset: Scalar = 0.0  # [rad], what a revolute joint's angle is beyond q
 
     @property
@@ -134,7 +222,10 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Model(Frozen):
-    """A robot arm as numbers: bodies in an order in which parents come before children, gravity, named frames, tip."""
+    """A robot arm as numbers: bodies in an order in which parents come before children, gravity, named frames, tip.
+
+    `changes` are those that `replace` made to what the description says.
+    """
 
     name: str
     bodies: tuple[Body, ...]
@@ -143,6 +234,8 @@ class Model(Frozen):
     tip: str | None = None
     description: RobotDescription | None = field(default=None, repr=False)
     warnings: tuple[str, ...] = ()
+    changes: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    supply: Supply | None = None
 
     @property
     def n(self) -> int:
@@ -228,7 +321,9 @@ class Model(Frozen):
         changed = self
         for what, value in changes.items():
             changed = _replaced(changed, what, value)
-        return changed
+        if "gravity" in changes:
+            changes["gravity"] = changed.gravity  # a copy of its own
+        return dataclasses.replace(changed, changes={**self.changes, **changes})
 
 
 def _gravity(value: Any) -> Array:

@@ -22,9 +22,9 @@ def check_bodies(robot: RobotDescription, on_impossible: str) -> list[str]:
     warnings = []
     for link in robot.links:
         body = pseudo_inertia(float(link.mass_kg), np.array(link.com_m), link.inertia_kg_m2.matrix())
-        eigenvalues = np.linalg.eigvalsh(body.astype(float))
-        if eigenvalues[0] >= -IMPOSSIBLE * max(eigenvalues[-1], 0.0) and eigenvalues[-1] >= 0:
+        if is_possible(body):
             continue
+        eigenvalues = np.linalg.eigvalsh(body)
         fault = (
             f"link {link.name!r} has an impossible inertia: its pseudo-inertia has the eigenvalue {eigenvalues[0]:.4g}, "
             f"{-eigenvalues[0] / max(abs(eigenvalues[-1]), 1e-300):.2g} of the largest below 0"
@@ -39,6 +39,12 @@ def check_bodies(robot: RobotDescription, on_impossible: str) -> list[str]:
                 'or accept_impossible = "reason" in the link, or on_impossible="warn"'
             )
     return warnings
+
+
+def is_possible(body: np.ndarray) -> bool:
+    """Whether a pseudo-inertia (4, 4) is positive semidefinite, but for rounding."""
+    eigenvalues = np.linalg.eigvalsh(body)
+    return bool(eigenvalues[0] >= -IMPOSSIBLE * max(eigenvalues[-1], 0.0) and eigenvalues[-1] >= 0)
 
 
 def check_drives(robot: RobotDescription) -> list[str]:

@@ -37,9 +37,8 @@ def aligned_frames(model: Model) -> Model:
 
     So any URDF becomes Denavit-Hartenberg inside [KhalilKleinfinger1986]: a placement is Tx(a) Rx(α) Tz(r), the angle about
     z that is left over goes into the joint's offset, and most constants are 0 or ±1. Pose and dynamics are unchanged.
+    A placement that holds symbols stays as it is.
     """
-    if any(scalar.is_symbolic(body.placement.rotation, body.placement.position) for body in model.bodies):
-        return model  # geometry that varies has no constants to align
     slide = _slides(model)
     own = [
         Placement(rotation_z(angle), scalar.array([0.0, 0.0, way]))
@@ -49,7 +48,8 @@ def aligned_frames(model: Model) -> Model:
     for i, body in model.outward():
         told = _reframed(body, own[i])
         placement = told.placement if body.parent == BASE else own[body.parent].inverse() @ told.placement
-        placement, offset = _split(placement) if body.kind == "revolute" else (placement, 0.0)
+        aligned = body.kind == "revolute" and not _varies(body)
+        placement, offset = _split(placement) if aligned else (placement, 0.0)
         bodies.append(_snapped(replace(told, placement=placement, offset=body.offset + offset)))
     frames = {
         name: frame if frame.body == BASE else Frame(frame.body, _clean(own[frame.body].inverse() @ frame.placement))
@@ -94,6 +94,8 @@ def _slides(model: Model) -> list[float]:
     """
     slide = [0.0] * model.n
     for i, body in model.outward():
+        if _varies(body):
+            continue
         axis, p = body.placement.rotation[:, 2], body.placement.position
         if body.parent == BASE:
             slide[i] = -float(p @ axis)  # nearest to the base's origin
@@ -118,6 +120,8 @@ def _turns(model: Model, slide: list[float]) -> list[float]:
             turn[i] = _principal(body)
             continue
         j = max(children, key=lambda j: size[j])
+        if _varies(model.bodies[j]):
+            continue
         axis = model.bodies[j].placement.rotation[:, 2]
         p = model.bodies[j].placement.position + slide[j] * axis
         if scalar.hypot(axis[0], axis[1]) > PARALLEL:
@@ -125,6 +129,11 @@ def _turns(model: Model, slide: list[float]) -> list[float]:
         elif scalar.hypot(p[0], p[1]) > PARALLEL:
             turn[i] = _least(float(scalar.atan2(p[1], p[0])))
     return turn
+
+
+def _varies(body: Body) -> bool:
+    """Whether the body's place in its parent holds symbols."""
+    return scalar.is_symbolic(body.placement.rotation, body.placement.position)
 
 
 def _least(angle: float) -> float:

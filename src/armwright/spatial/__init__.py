@@ -1,5 +1,6 @@
 """3-D algebra over any scalar: rotations, placements of frames, moving mass."""
 
+from armwright.spatial.articulated_inertia import ArticulatedInertia, turned_vector
 from armwright.spatial.frozen import Frozen
 from armwright.spatial.inertia import (
     acceleration_tensor,
@@ -13,16 +14,20 @@ from armwright.spatial.inertia import (
 from armwright.spatial.placement import Placement
 from armwright.spatial.rotation import (
     cross,
+    roll_pitch_yaw,
+    rotation_quaternion,
     rotation_rpy,
     rotation_to_axis,
     rotation_x,
     rotation_y,
     rotation_z,
+    rpy_angles,
     skew,
     snap,
 )
 
 __all__ = [
+    "ArticulatedInertia",
     "Frozen",
     "Placement",
     "acceleration_tensor",
@@ -32,12 +37,16 @@ __all__ = [
     "inertial_moment",
     "parallel_axes",
     "pseudo_inertia",
+    "roll_pitch_yaw",
+    "rotation_quaternion",
     "rotation_rpy",
     "rotation_to_axis",
     "rotation_x",
     "rotation_y",
     "rotation_z",
+    "rpy_angles",
     "second_moment",
     "skew",
     "snap",
+    "turned_vector",
 ]

@@ -1,0 +1,72 @@
+"""Numbers of a record by dotted path: `link3.mass_kg`, `joint2.friction.viscous_n_m_s_per_rad`, `gravity_m_s2`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, get_args
+
+from pydantic import BeforeValidator
+
+from armwright.description.quantity import Quantity, Reading, Record
+
+
+def quantities(record: Record, *, pictures: bool = True) -> Iterator[tuple[str, Quantity, str | None]]:
+    """Every quantity below a record: its dotted path, itself, and the source that holds for it.
+
+    Args:
+        record: where to look.   pictures: whether those of visuals count, which no dynamics read.
+    """
+
+    def walk(value: Any, path: str, source: str | None) -> Iterator[tuple[str, Quantity, str | None]]:
+        if isinstance(value, Quantity):
+            yield path, value, value.source or source
+        else:
+            own = getattr(value, "source", None) or source if isinstance(value, Record) else source
+            for name, child in _below(value, path):
+                if pictures or not name.endswith(".visuals"):
+                    yield from walk(child, name, own)
+
+    yield from walk(record, "", None)
+
+
+def with_values(record: Any, values: Mapping[str, Any], path: str = "") -> Any:
+    """A record with other values at some paths, numbers or symbols, unchecked."""
+    if isinstance(record, Quantity):
+        return Quantity.model_construct(**{**dict(record), "value": values[path]}) if path in values else record
+    below = [(child, with_values(child, values, name)) for name, child in _below(record, path)]
+    if all(new is old for old, new in below):
+        return record
+    if isinstance(record, tuple):
+        return tuple(new for _, new in below)
+    fields = zip(type(record).model_fields, below, strict=True)
+    return record.model_copy(update={name: new for name, (old, new) in fields if new is not old})
+
+
+def reading_at(record: Record, path: str) -> Reading:
+    """What may stand at the path of a quantity."""
+    parent, field = next(_fields(record, path, ""))
+    info = type(parent).model_fields[field]
+    annotations = (info.metadata, *(getattr(kind, "__metadata__", ()) for kind in get_args(info.annotation)))
+    validators = [m.func for metadata in annotations for m in metadata if isinstance(m, BeforeValidator)]
+    return next(function for function in validators if isinstance(function, Reading))
+
+
+def _fields(value: Any, wanted: str, path: str) -> Iterator[tuple[Record, str]]:
+    """The record that holds the quantity at a path, and the name of its field there."""
+    for name, child in _below(value, path):
+        if isinstance(child, Quantity):
+            if name == wanted:
+                yield value, name.rsplit(".", 1)[-1]
+        else:
+            yield from _fields(child, wanted, name)
+
+
+def _below(value: Any, path: str) -> Iterator[tuple[str, Any]]:
+    """What stands directly below a record or a list, by path. Links, joints and frames go by their own names."""
+    if isinstance(value, Record):
+        for name in type(value).model_fields:
+            yield f"{path}.{name}" if path else name, getattr(value, name)
+    elif isinstance(value, tuple):
+        for k, item in enumerate(value):
+            named = getattr(item, "name", None) if "." not in path else None
+            yield named or f"{path}[{k}]", item

@@ -1,0 +1,213 @@
+"""Numbers of the record as inputs: an arm told with some of its parameters left open. Design section 2.
+
+`Varied(arm, ["link6.mass_kg"])` names them; `.model(values)` is the arm with other values, numbers or symbols, through the
+same map from record to model as ever; `.check(values)` refuses values that no record could hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from armwright.description.paths import quantities, reading_at, with_values
+from armwright.description.quantity import Reading
+from armwright.description.robot import Link, RobotDescription
+from armwright.errors import ModelError
+from armwright.model.build import assembled
+from armwright.model.model import Model
+from armwright.model.plausibility import IMPOSSIBLE, is_possible
+from armwright.scalar import Array
+from armwright.spatial import pseudo_inertia
+
+TAKEN_AWAY = {  # by `arm.replace`: what is then no longer there to be varied
+    "friction": ".friction.",
+    "rotors": ".motor.rotor_inertia_kg_m2",
+    "efficiency": ".motor.gear_efficiency",
+    "gravity": "gravity_m_s2",
+}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of the record: its path, which entry of it where it has several, and what may stand there."""
+
+    path: str
+    entry: int | None
+    reading: Reading
+
+    @property
+    def name(self) -> str:
+        """`link6.mass_kg`, or `link6.com_m[2]` for one of several numbers."""
+        return self.path if self.entry is None else f"{self.path}[{self.entry}]"
+
+
+class Varied:
+    """An arm some of whose parameters are inputs.
+
+    Attributes:
+        arm: as it was loaded.   parameters: what varies, one number each, in the order asked for.
+        nominal: (k,) their values in the record.
+    """
+
+    def __init__(self, arm: Model, names: Sequence[str]):
+        """The arm with these parameters left open.
+
+        Args:
+            arm: made from a description.
+            names: paths of numbers in the record, such as "link6.mass_kg"; one with several numbers, such as
+                "link6.com_m", stands for all of them, "link6.com_m[2]" for one.
+        Raises:
+            ModelError: a name that the record does not have (it lists what there is), one that comes twice, or an arm whose
+                numbers are no longer the record's.
+        """
+        if arm.description is None:
+            raise ModelError(f"{arm.name}: vary needs the record, and this model was not made from a description")
+        if isinstance(names, str) or not all(isinstance(name, str) for name in names):
+            raise ModelError(f"vary = {names!r}: expected a list of names of parameters")
+        self.arm, self._record = arm, arm.description
+        self._numbers = {path: quantity.value for path, quantity, _ in quantities(arm.description, pictures=False)}
+        self.parameters = tuple(p for name in names for p in self._named(name))
+        given = [p.name for p in self.parameters]
+        twice = sorted({name for name in given if given.count(name) > 1})
+        if twice:
+            raise ModelError(f"vary: {twice[0]!r} comes twice")
+        self.nominal = np.array([_entry(self._numbers[p.path], p.entry) for p in self.parameters], dtype=float)
+        if list(_numbers(self.model(self.nominal))) != list(_numbers(arm)):
+            raise ModelError(f"{arm.name}: vary needs an arm as its record has it; change it with arm.replace")
+        self._links = list(self._varied_links())
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What varies, in the order of the values."""
+        return tuple(p.name for p in self.parameters)
+
+    def _named(self, name: str) -> Iterator[Parameter]:
+        path, entry = name, None
+        if name.endswith("]") and name not in self._numbers and name[name.rfind("[") + 1 : -1].isdigit():
+            path, entry = name[: name.rfind("[")], int(name[name.rfind("[") + 1 : -1])
+        value = self._numbers.get(path)
+        size = len(value) if isinstance(value, tuple) else 1
+        if value is None or (entry is not None and (not isinstance(value, tuple) or entry >= size)):
+            raise ModelError(f"{self.arm.name}: no parameter {name!r}; {self._alternatives(path)}")
+        for change, part in TAKEN_AWAY.items():
+            if change in self.arm.changes and part in path:
+                raise ModelError(f"{self.arm.name}: {name!r} cannot vary, arm.replace({change}=…) has replaced it")
+        reading = reading_at(self._record, path)
+        if isinstance(value, tuple):
+            yield from (Parameter(path, k, reading) for k in (range(size) if entry is None else [entry]))
+        else:
+            yield Parameter(path, None, reading)
+
+    def _alternatives(self, path: str) -> str:
+        """What exists: the parameters of the same link or joint, or the links and joints."""
+        head = path.split(".", 1)[0]
+        own = [known for known in self._numbers if known.split(".", 1)[0] == head]
+        if own:
+            return f"{head} has {', '.join(known.removeprefix(f'{head}.') for known in own)}"
+        return f"the record has {', '.join(dict.fromkeys(known.split('.', 1)[0] for known in self._numbers))}"
+
+    def model(self, values: Array) -> Model:
+        """The arm with these values (k,), numbers or symbols, unchecked; what `arm.replace` changed stays changed."""
+        return assembled(self._told(values)).replace(**self.arm.changes)
+
+    def _told(self, values: Array) -> RobotDescription:
+        told: dict[str, Any] = {}
+        for p, value in zip(self.parameters, values, strict=True):
+            if p.entry is None:
+                told[p.path] = value
+            else:
+                whole = list(told.get(p.path, self._numbers[p.path]))
+                whole[p.entry] = value
+                told[p.path] = tuple(whole)
+        return with_values(self._record, told)
+
+    def check(self, values: np.ndarray) -> None:
+        """Refuses values (…, k) that the record could not hold.
+
+        Raises:
+            ModelError: names the parameter or link, the lane, the value and what was expected.
+        """
+        rows = values.reshape(-1, len(self.parameters))
+        for k, p in enumerate(self.parameters):
+            column = rows[:, k]
+            single = p.entry is None  # the test of several numbers is about them together
+            fits = np.isfinite(column) & (p.reading.test(column) if single else True)
+            if not fits.all():
+                lane = int(np.argmin(fits))
+                expected = p.reading.expected if single else "a finite number"
+                raise ModelError(f"parameters: {p.name} = {column[lane]:g} in lane {lane}: expected {expected}")
+        for link, entries in self._links:
+            self._check_link(link, [rows[:, e.column] if isinstance(e, _Column) else e for e in entries])
+
+    def _varied_links(self) -> Iterator[tuple[str, list[float | _Column]]]:
+        """Links whose mass properties vary: each one's ten numbers, constant or a column of the values."""
+        columns = {p.name: k for k, p in enumerate(self.parameters)}
+        for link in self._record.links:
+            if not _possible(link):
+                continue  # the record itself was accepted so
+            paths = [f"{link.name}.{path}" for path in BODY]
+            if any(path in columns for path in paths):
+                numbers = [
+                    link.mass_kg.number,
+                    *link.com_m.numbers,
+                    *(getattr(link.inertia_kg_m2, e).value for e in TENSOR),
+                ]
+                named = zip(paths, numbers, strict=True)
+                yield link.name, [_Column(columns[path]) if path in columns else value for path, value in named]
+
+    def _check_link(self, link: str, numbers: Sequence[Any]) -> None:
+        mass, xx, xy, xz, yy, yz, zz = np.broadcast_arrays(*map(np.atleast_1d, (numbers[0], *numbers[4:])))
+        # Positive definite about the centre of mass, and so about any point: Sylvester's minors of ½ tr(I) 1 - I.
+        half = 0.5 * (xx + yy + zz)
+        a, c, e = half - xx, half - yy, half - zz
+        minor = a * c - xy * xy
+        sure = (mass > 0) & (a > 0) & (minor > 0) & (minor * e - a * yz * yz - c * xz * xz - 2.0 * xy * xz * yz > 0)
+        for lane in np.flatnonzero(~sure):
+            m, x, y, z, *tensor = (float(v if np.ndim(v) == 0 else v[lane]) for v in numbers)
+            xx_, xy_, xz_, yy_, yz_, zz_ = tensor
+            about_com = np.array([[xx_, xy_, xz_], [xy_, yy_, yz_], [xz_, yz_, zz_]])
+            body = pseudo_inertia(m, np.array([x, y, z]), about_com)
+            if not is_possible(body):
+                raise ModelError(
+                    f"parameters: in lane {lane} link {link!r} has an impossible inertia: its pseudo-inertia has the "
+                    f"eigenvalue {np.linalg.eigvalsh(body)[0]:.4g}, expected none below {-IMPOSSIBLE:g} of the largest"
+                )
+
+
+@dataclass(frozen=True)
+class _Column:
+    """Which column of the values a number is."""
+
+    column: int
+
+
+TENSOR = ("xx", "xy", "xz", "yy", "yz", "zz")
+BODY = ("mass_kg", "com_m[0]", "com_m[1]", "com_m[2]", *(f"inertia_kg_m2.{entry}" for entry in TENSOR))
+
+
+def _possible(link: Link) -> bool:
+    return is_possible(pseudo_inertia(float(link.mass_kg), np.array(link.com_m), link.inertia_kg_m2.matrix()))
+
+
+def _entry(value: Any, entry: int | None) -> float:
+    return value if entry is None else value[entry]
+
+
+def _numbers(value: Any) -> Iterator[Any]:
+    """Every number of a model, in order."""
+    if isinstance(value, Model):
+        for part in (value.bodies, value.gravity, *(value.frames[name] for name in sorted(value.frames))):
+            yield from _numbers(part)
+    elif is_dataclass(value):
+        for each in fields(value):
+            yield from _numbers(getattr(value, each.name))
+    elif isinstance(value, (tuple, list)):
+        for item in value:
+            yield from _numbers(item)
+    elif isinstance(value, np.ndarray):
+        yield from value.ravel().tolist()
+    else:
+        yield value

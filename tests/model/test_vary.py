@@ -1,0 +1,207 @@
+"""Numbers of the record as inputs: kernels of an arm that varies are those of the arm that has the values."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.description import builtin_names
+from armwright.description.paths import quantities, with_values
+from armwright.errors import ModelError, ShapeError
+from armwright.kernels.signatures import SIGNATURES
+from armwright.model import build_model
+from armwright.model.vary import Varied
+from physics.arms import arm
+from reference.random_trees import random_description
+
+SEVERAL = {
+    "puma560": [
+        "link6.mass_kg",
+        "link3.com_m",
+        "elbow.friction.viscous_n_m_s_per_rad",
+        "waist.motor.gear_ratio",
+        "gravity_m_s2",
+    ],
+    "lwa4p": [
+        "link2.inertia_kg_m2.xx",
+        "link2.inertia_kg_m2.yz",
+        "joint2.dh.a_m",
+        "joint3.dh.alpha_rad",
+        "joint1.dh.offset_rad",
+    ],
+    "panda": ["link4.mass_kg", "joint2.friction.sigmoid_slope_s_per_rad"],
+    "cmu-dd": ["link1.com_m[2]", "joint2.motor.resistance_ohm", "joint2.motor.torque_constant_n_m_per_a"],
+}
+
+
+def told(model, names, values):
+    """The arm built anew from a record with other numbers."""
+    record = model.description
+    for name, value in zip(names, np.asarray(values).tolist(), strict=True):
+        path, _, entry = name.partition("[")
+        if entry:
+            whole = list(next(q.value for p, q, _ in quantities(record) if p == path))
+            whole[int(entry[:-1])] = value
+            value = tuple(whole)
+        record = with_values(record, {path: value})
+    return build_model(record)
+
+
+def inputs(signature, n, lead, seed=0):
+    random = np.random.default_rng(seed)
+    return [random.uniform(-1.5, 1.5, size=(*lead, n)) for _ in signature.inputs]
+
+
+def draws(varied, count, seed=1):
+    """Values near the record's, a row each."""
+    random = np.random.default_rng(seed)
+    return varied.nominal * random.uniform(0.95, 1.05, size=(count, len(varied.nominal)))
+
+
+@pytest.mark.parametrize("name", SEVERAL)
+@pytest.mark.parametrize("kernel", SIGNATURES)
+def test_a_kernel_that_varies_is_that_of_the_arm_with_the_values(name, kernel):
+    model, signature = arm(name), SIGNATURES[kernel]
+    names = [n for n in SEVERAL[name] if not n.startswith("joint3.motor")]
+    dyn = aw.compile(model, vary=names)
+    parameters = draws(dyn.varied, 2)
+    states = inputs(signature, model.n, (2,))
+    try:
+        told_arms = [told(model, dyn.varied.names, row) for row in parameters]
+        expected = [signature.function(each, *(s[k] for s in states)) for k, each in enumerate(told_arms)]
+    except ModelError as error:  # the arm lacks what the kernel needs, such as a motor constant
+        with pytest.raises(ModelError, match=str(error)):
+            getattr(dyn, kernel)(*states, parameters)
+        return
+    found = getattr(dyn, kernel)(*states, parameters)
+    single = len(signature.outputs) == 1
+    for k, row in enumerate(expected):
+        for one, other in zip([found] if single else found, [row] if single else row, strict=True):
+            scale = max(1.0, np.abs(other).max())
+            np.testing.assert_allclose(one[k], other, atol=1e-9 * scale, rtol=0)
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_every_number_of_a_record_can_vary(name):
+    model = arm(name)
+    paths = [path for path, _, _ in quantities(model.description, pictures=False)]
+    varied = Varied(model, paths)
+    assert len(varied.nominal) >= len(paths)
+    dyn = aw.compile(model, vary=paths)
+    states = inputs(SIGNATURES["inverse_dynamics"], model.n, (5,))
+    found = dyn.inverse_dynamics(*states, varied.nominal)
+    expected = aw.compile(model).inverse_dynamics(*states)
+    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_so_can_those_of_trees_with_frames_and_slides(seed):
+    model = build_model(random_description(seed))
+    paths = [path for path, _, _ in quantities(model.description, pictures=False)]
+    varied = Varied(model, paths)
+    values = 0.998 * varied.nominal
+    random = np.random.default_rng(seed)
+    q, qd, qdd = random.uniform(-1.0, 1.0, size=(3, model.n))
+    expected = aw.inverse_dynamics(told(model, varied.names, values), q, qd, qdd)
+    found = aw.compile(model, vary=paths).inverse_dynamics(q, qd, qdd, values)
+    np.testing.assert_allclose(found, expected, atol=1e-9 * max(1.0, np.abs(expected).max()))
+
+
+def test_a_varied_zero_is_not_folded():
+    model = arm("puma560")
+    assert model.description.link("link4").com_m.value[0] == 0.0
+    dyn = aw.compile(model, vary=["link4.com_m[0]"])
+    q = np.full(6, 0.4)
+    assert not np.array_equal(dyn.gravity_torques(q, [0.0]), dyn.gravity_torques(q, [0.02]))
+
+
+def test_values_are_broadcast_like_the_other_inputs():
+    dyn = aw.compile(arm("puma560"), vary=["link6.mass_kg"])
+    q = np.linspace(-1.0, 1.0, 30).reshape(5, 6)
+    masses = np.linspace(0.1, 2.0, 4).reshape(4, 1, 1)
+    found = dyn.gravity_torques(q, masses)
+    assert found.shape == (4, 5, 6)
+    one = dyn.gravity_torques(q[2], [masses[3, 0, 0]])
+    np.testing.assert_array_equal(found[3, 2], one)
+    np.testing.assert_array_equal(dyn.gravity_torques(q, parameters=masses), found)
+
+
+def test_changes_of_the_arm_are_kept():
+    model = arm("puma560").replace(friction=None, gravity=[0.0, 0.0, -1.62])
+    dyn = aw.compile(model, vary=["link6.mass_kg"])
+    q = np.full(6, 0.3)
+    np.testing.assert_allclose(
+        dyn.inverse_dynamics(q, q, q, dyn.varied.nominal), aw.inverse_dynamics(model, q, q, q), atol=1e-12
+    )
+
+
+def test_bound_pickled_and_symbolic():
+    import casadi
+
+    dyn = aw.compile(arm("puma560"), vary=["link6.mass_kg", "link6.com_m"])
+    q = np.full(6, 0.3)
+    bound = dyn.bind("gravity_torques")
+    bound.inputs["q"][:] = q
+    bound.inputs["parameters"][:] = dyn.varied.nominal
+    expected = aw.gravity_torques(arm("puma560"), q)
+    np.testing.assert_allclose(bound(), expected, atol=1e-12)
+    again = pickle.loads(pickle.dumps(dyn))
+    np.testing.assert_array_equal(again.gravity_torques(q, dyn.varied.nominal), bound.result)
+    function = dyn.casadi("gravity_torques")
+    mass = casadi.SX.sym("m")
+    slope = casadi.jacobian(function(q, casadi.vertcat(mass, dyn.varied.nominal[1:])), mass)
+    assert slope.shape == (6, 1)
+
+
+@pytest.mark.parametrize(
+    ("vary", "said"),
+    [
+        (["link6.mass"], "no parameter 'link6.mass'; link6 has mass_kg, com_m, inertia_kg_m2.xx"),
+        (["lnk6.mass_kg"], "the record has gravity_m_s2, waist, shoulder"),
+        (["link6.com_m[3]"], r"no parameter 'link6.com_m\[3\]'"),
+        (["link6.mass_kg[0]"], r"no parameter 'link6.mass_kg\[0\]'"),
+        (["link6.com_m", "link6.com_m[1]"], r"'link6.com_m\[1\]' comes twice"),
+        ("link6.mass_kg", "expected a list of names"),
+        ([6], "expected a list of names"),
+    ],
+)
+def test_unknown_names_list_what_exists(vary, said):
+    with pytest.raises(ModelError, match=said):
+        aw.compile(arm("puma560"), vary=vary)
+
+
+def test_what_was_taken_away_cannot_vary():
+    with pytest.raises(ModelError, match="has replaced it"):
+        aw.compile(arm("puma560").replace(friction=None), vary=["elbow.friction.viscous_n_m_s_per_rad"])
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ([[0.09, 1.0], [-0.2, 1.0]], "link6.mass_kg = -0.2 in lane 1: expected a number of 0 or more"),
+        ([0.09, np.nan], "gear_ratio = nan in lane 0: expected a number other than 0"),
+        ([0.09, 0.0], "gear_ratio = 0 in lane 0: expected a number other than 0"),
+    ],
+)
+def test_values_that_no_record_could_hold_are_refused(values, said):
+    dyn = aw.compile(arm("puma560"), vary=["link6.mass_kg", "waist.motor.gear_ratio"])
+    with pytest.raises(ModelError, match=said):
+        dyn.gravity_torques(np.zeros(6), values)
+
+
+def test_impossible_bodies_are_refused_lane_by_lane():
+    dyn = aw.compile(arm("puma560"), vary=["link2.inertia_kg_m2.xx"])
+    good, bad = dyn.varied.nominal[0], 10.0
+    with pytest.raises(ModelError, match="in lane 2 link 'link2' has an impossible inertia"):
+        dyn.gravity_torques(np.zeros(6), [[good], [good], [bad]])
+
+
+def test_a_wrong_number_of_values():
+    dyn = aw.compile(arm("puma560"), vary=["link6.mass_kg"])
+    with pytest.raises(ShapeError, match="parameters"):
+        dyn.gravity_torques(np.zeros(6), [0.1, 0.2])
+    with pytest.raises(ShapeError, match="parameters is missing"):
+        dyn.gravity_torques(np.zeros(6))
