@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+import functools
 import re
 import shutil
 import subprocess
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,10 +20,13 @@ from armwright.description.database import parse
 from armwright.errors import ModelError, OutputError
 from armwright.export.c import c_library, write_c
 from armwright.export.c_comment import comment, plain
+from armwright.export.c_header import CALLS, described, stack
 from armwright.export.c_selftest import ROUNDINGS
+from armwright.export.form import parse_form
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.model import Model, build_model
 from docs.pages import blocks, shell
+from export.cortex import CORTEX_M4, run_on_board
 from kernels.c_compilers import BITS, CORTEX_M7, STRICT, batch_function, build, compiler, run_batch
 from kernels.harness import same_bits
 from physics.arms import arm, workshop
@@ -26,19 +34,32 @@ from physics.arms import arm, workshop
 ARMS = ("puma560", "panda", "cmu-dd", "workshop")  # workshop: a prismatic joint, branches, losses, every friction law
 
 
+@functools.cache
 def offered(model: Model) -> list[str]:
-    """The functions whose constants an arm's record gives."""
-    names = []
+    """Every form of the functions that an arm's record has the constants and joints for, `frame` at one that is no tip."""
+    frame = [each for each in model.frames if each != model.tip][-1]
+    forms = []
     for name, signature in SIGNATURES.items():
-        try:
-            trace_kernel(model, signature)
-        except ModelError:
-            continue
-        names.append(name)
-    return names
+        forms += [name, *(f"{name}+{each.name}" for each in signature.optional)]
+        forms += [f"{name}:{option}={frame}" for option in signature.options]
+    return [form for form in forms if has_what_it_needs(model, form)]
 
 
-KERNELS = [(name, kernel) for name in ARMS for kernel in offered(arm(name))]
+def has_what_it_needs(model: Model, form: str) -> bool:
+    """Whether the arm can be traced in that form."""
+    try:
+        parse_form(form).trace(model)
+    except ModelError:
+        return False
+    return True
+
+
+def own_name(form: str) -> str:
+    """A form's name in C behind the arm's."""
+    return re.sub(r"\W+", "_", re.sub(r":\w+=", "_", form))
+
+
+FORMS = [(name, form) for name in ARMS for form in offered(arm(name))]
 
 
 @pytest.fixture(scope="module")
@@ -51,10 +72,10 @@ def libraries(tmp_path_factory):
             folder = tmp_path_factory.mktemp(name)
             _, source, _ = write_c(arm(name), offered(arm(name)), folder)
             drivers = [f'#include "{source.stem}.h"\n']
-            for kernel in offered(arm(name)):
-                program = trace_kernel(arm(name), SIGNATURES[kernel])
+            for form in offered(arm(name)):
+                program = parse_form(form).trace(arm(name))
                 sizes = [port.size for port in (*program.inputs, *program.outputs)]
-                drivers.append(batch_function(f"{source.stem}_{kernel}", sizes, len(program.inputs)))
+                drivers.append(batch_function(f"{source.stem}_{own_name(form)}", sizes, len(program.inputs)))
             (folder / "driver.c").write_text("".join(drivers), encoding="ascii")
             shared = ("-shared", "-fPIC", source, folder / "driver.c", "-o", folder / "library.so", "-lm")
             build([compiler("gcc"), *BITS, *STRICT, *shared])
@@ -64,11 +85,19 @@ def libraries(tmp_path_factory):
     return library
 
 
-@pytest.mark.parametrize(("name", "kernel"), KERNELS)
-def test_c_has_the_bits_of_the_compiled_kernel(libraries, name, kernel):
+def test_every_form_of_every_kernel_is_among_them():
+    """All rows of the table, with every optional input and every option."""
+    forms = {form.partition("=")[0] for _, form in FORMS}
+    for signature in SIGNATURES.values():
+        assert {signature.name, *(f"{signature.name}+{a.name}" for a in signature.optional)} <= forms
+        assert {f"{signature.name}:{option}" for option in signature.options} <= forms
+
+
+@pytest.mark.parametrize(("name", "form"), FORMS)
+def test_c_has_the_bits_of_the_compiled_kernel(libraries, name, form):
     """On 10,000 random states, and on zeros of both signs, far angles, subnormals, infinities and NaN in every input."""
-    model = arm(name)
-    program = trace_kernel(model, SIGNATURES[kernel])
+    model, parsed = arm(name), parse_form(form)
+    program = parsed.trace(model)
     random = np.random.default_rng(0)
     inputs = [random.normal(scale=1.5, size=(10_000 + 200, *port.shape)) for port in program.inputs]
     for k, array in enumerate(inputs):
@@ -78,8 +107,10 @@ def test_c_has_the_bits_of_the_compiled_kernel(libraries, name, kernel):
             array[10_000 + 20 * k + 10 + j, random.integers(0, array.shape[1])] = value
     for array in inputs:
         array[-60:] = random.choice([0.0, -0.0, 1.0, -1.0], array[-60:].shape)
-    found = run_batch(libraries(name), f"{name.replace('-', '_')}_{kernel}", inputs, [p.shape for p in program.outputs])
-    expected = getattr(aw.compile(model), kernel)(*inputs)
+    function = f"{name.replace('-', '_')}_{own_name(form)}"
+    found = run_batch(libraries(name), function, inputs, [p.shape for p in program.outputs])
+    kernel = aw.compile(model).kernel(parsed.signature.name, *(a.name for a in parsed.given), **dict(parsed.options))
+    expected = kernel(*inputs)
     for ours, theirs in zip(found, expected if isinstance(expected, tuple) else (expected,), strict=True):
         wrong = ~same_bits(ours, np.ascontiguousarray(theirs))
         assert not wrong.any(), np.argwhere(wrong)[:5]
@@ -96,7 +127,7 @@ def test_strict_compilers_have_nothing_to_say_and_the_self_test_passes(tmp_path,
     done = subprocess.run([program], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
     lines = done.stdout.splitlines()
-    assert [line.split()[0] for line in lines[:-1]] == offered(arm(name))
+    assert [line.split()[0] for line in lines[:-1]] == [own_name(form) for form in offered(arm(name))]
     assert lines[-1] == f"{paths[0].stem}: ok"
 
 
@@ -138,16 +169,163 @@ def test_float_is_double_rounded(tmp_path, kernel):
     assert 0.0 < error.max() < ROUNDINGS / 4 * np.finfo(np.float32).eps
 
 
-@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize(("core", "real"), [(CORTEX_M7, "double"), (CORTEX_M7, "float"), (CORTEX_M4, "float")])
 @pytest.mark.parametrize("name", ["puma560", "workshop"])
-def test_cortex_m7(tmp_path, name, real):
-    """Clean for a microcontroller too, and fused multiply-add is an instruction there."""
+def test_microcontrollers(tmp_path, name, core, real):
+    """Clean for them too, and fused multiply-add is an instruction there."""
     paths = write_c(arm(name), offered(arm(name)), tmp_path, real)
-    flags = ("-std=c99", "-O2", *CORTEX_M7, "-ffp-contract=off", *STRICT)
+    flags = ("-std=c99", "-O2", *core, "-ffp-contract=off", *STRICT)
     build([compiler("arm-none-eabi-gcc"), *flags, "-c", paths[1], "-o", tmp_path / "library.o"])
     build([compiler("arm-none-eabi-gcc"), *flags, "-c", paths[2], "-o", tmp_path / "selftest.o"])
     names = subprocess.run([compiler("arm-none-eabi-nm"), "-u", tmp_path / "library.o"], capture_output=True, text=True)
     assert not {"fma", "fmaf", "malloc", "printf"} & set(names.stdout.split())
+
+
+@pytest.mark.parametrize(("board", "real"), [("mps2-an500", "double"), ("mps2-an386", "float")])
+def test_the_self_test_passes_on_a_microcontroller(tmp_path, board, real):
+    """On an emulated Cortex-M7 in double and a Cortex-M4 in float; a wrong number is told there too."""
+    forms = [
+        "inverse_dynamics+wrench",
+        "forward_dynamics",
+        "mass_matrix",
+        "forward_kinematics:frame=link3",
+        "regressor",
+    ]
+    _, source, test = write_c(arm("panda"), forms, tmp_path, real)
+    done = run_on_board(board, [source, test], tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert [line.split()[0] for line in done.stdout.splitlines()[:-1]] == [own_name(form) for form in forms]
+    assert done.stdout.endswith("panda: ok\n")
+    source.write_text(re.sub(r"\b9\.8\d*", "9.7", source.read_text()))
+    done = run_on_board(board, [source, test], tmp_path)
+    assert done.returncode == 1, done.stderr
+    assert done.stdout.endswith("panda: FAILED\n")
+
+
+def stack_usage(command: list[Any], source: Path, folder: Path) -> dict[str, int]:
+    """[bytes] by function, as GCC says."""
+    build([*command, "-fstack-usage", "-c", source, "-o", folder / "usage.o"])
+    rows = [line.split("\t") for line in (folder / "usage.su").read_text().splitlines()]
+    return {place.split(":")[-1]: int(size) for place, size, _ in rows}
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize("which", ["gcc", "arm-none-eabi-gcc"])
+def test_the_stack_is_what_the_header_says(tmp_path, which, real):
+    """Within a half and two and a half times, as it says."""
+    forms = ["inverse_dynamics+wrench", "forward_dynamics", "mass_matrix", "forward_kinematics", "jacobian", "energy"]
+    forms += ["gravity_torques", "inverse_dynamics_derivatives"]
+    header, source, _ = write_c(arm("cmu-dd"), forms, tmp_path, real)
+    flags = BITS if which == "gcc" else ("-std=c99", "-O2", *CORTEX_M7, "-ffp-contract=off")
+    used = stack_usage([compiler(which), *flags], source, tmp_path)
+    said = re.findall(r"Stack: about (\d+) bytes\.\n \*/\nvoid (\w+)\(", header.read_text())
+    assert len(said) == len(forms)
+    calls = max((size for name, size in used.items() if name not in {name for _, name in said}), default=0)
+    assert calls <= CALLS
+    for size, name in said:
+        assert 0.5 * int(size) <= used[name] + calls <= 2.5 * int(size), name
+
+
+def long_arm(joints: int) -> Model:
+    """The Panda's links again and again, one behind the other."""
+    panda = arm("panda")
+    bodies = [
+        replace(panda.bodies[k % panda.n], parent=k - 1, joint=f"joint{k + 1}", link=f"link{k + 1}")
+        for k in range(joints)
+    ]
+    tip = replace(panda.frame(), body=joints - 1)
+    return replace(panda, name=f"long{joints}", bodies=tuple(bodies), frames={"tip": tip}, tip="tip", description=None)
+
+
+def test_a_long_arm_compiles_in_seconds(tmp_path):
+    """Sixty joints, in pieces: clean, the kernels' bits, outputs over inputs, and the stack that the header says."""
+    model = long_arm(60)
+    header, source, test = write_c(model, ["inverse_dynamics"], tmp_path)
+    text = source.read_text()
+    assert text.count("static APART void long60_piece") > 5
+    assert not re.search(r"\b(malloc|free|goto|while|for)\b", re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL))
+    began = time.perf_counter()
+    used = stack_usage([compiler("gcc"), *BITS, *STRICT], source, tmp_path)
+    assert time.perf_counter() - began < 30.0  # a few seconds on an idle machine
+    (said,) = map(int, re.findall(r"Stack: about (\d+) bytes", header.read_text()))
+    deepest = max(size for name, size in used.items() if "piece" in name)
+    assert 0.5 * said <= used["long60_inverse_dynamics"] + deepest <= 1.1 * said
+    shared = ("-shared", "-fPIC", source, "-o", tmp_path / "library.so", "-lm")
+    build([compiler("clang"), *BITS, *STRICT, *shared])
+    function = ctypes.CDLL(str(tmp_path / "library.so")).long60_inverse_dynamics
+    expected = aw.compile(model).inverse_dynamics
+    for seed in range(5):
+        q, qd, qdd = np.random.default_rng(seed).normal(size=(3, 60))
+        wanted = expected(q, qd, qdd)
+        function(*(ctypes.c_void_p(array.ctypes.data) for array in (q, qd, qdd, q)))
+        assert same_bits(q, wanted).all()
+    build([compiler("gcc"), *BITS, *STRICT, source, test, "-o", tmp_path / "selftest", "-lm"])
+    assert subprocess.run([tmp_path / "selftest"], capture_output=True).returncode == 0
+
+
+def test_a_hundred_joints_are_printed():
+    """The longest arm that is offered; what waits between the pieces is on the stack, beside copies of the inputs."""
+    texts = c_library(long_arm(100), ["inverse_dynamics+wrench"], "float")
+    names = re.findall(r"static APART void (long100_piece\d+_of_inverse_dynamics_wrench)\(", texts["long100.c"])
+    called = re.findall(r"^    (long100_piece\d+_of_inverse_dynamics_wrench)\(", texts["long100.c"], re.MULTILINE)
+    assert len(names) > 15
+    assert called == names
+    for copy in ("float own_q[100];", "float own_wrench[6];", "memcpy(own_q, q, sizeof own_q);"):
+        assert copy in texts["long100.c"]
+
+
+@pytest.mark.parametrize(
+    ("functions", "frames", "message"),
+    [
+        (
+            ["jacobian:frame=dot_qd"],
+            ["dot_qd"],
+            "jacobian:frame=dot_qd: .* panda_jacobian_dot_qd in C, as is jacobian_dot_qd",
+        ),
+        (
+            ["jacobian:frame=a-b", "jacobian:frame=a b"],
+            ["a-b", "a b"],
+            "panda_jacobian_a_b in C, as is jacobian:frame=a-b",
+        ),
+        (["jacobian:frame=ö"], ["ö"], "jacobian:frame=ö: would be called panda_jacobian in C, as is jacobian"),
+    ],
+)
+def test_no_name_in_c_is_another_s(functions, frames, message):
+    panda = arm("panda")
+    model = replace(panda, frames={**panda.frames, **dict.fromkeys(frames, panda.frame())})
+    with pytest.raises(ModelError, match=message):
+        c_library(model, functions)
+
+
+def test_a_form_named_twice_is_written_once():
+    texts = c_library(arm("two-link"), ["inverse_dynamics+wrench", "jacobian", "inverse_dynamics+wrench"])
+    assert texts["two_link.h"].count("void two_link_inverse_dynamics_wrench(") == 1
+
+
+def test_the_stack_is_a_whole_number_of_words():
+    assert stack(0, "float") == CALLS
+    assert stack(1, "float") == CALLS + 8
+    assert stack(3, "double") == CALLS + 24
+
+
+def test_what_a_docstring_says_of_an_array():
+    doc = """A law.
+
+    Args:
+        model: the arm.   q: (n,) [rad | m].   tau: (n,) [N m | N] motor
+            torque, before friction.   u: (n,) [V]
+    Returns:
+        T: (4, 4) homogeneous; [-] and [m].
+        Y: (n, 10n) [N m] per [kg], [kg m].
+    """
+    assert [described(doc, name) for name in ("q", "tau", "u", "T", "Y", "v")] == [
+        "",
+        "motor torque, before friction",
+        "",
+        "homogeneous",
+        "",
+        "",
+    ]
 
 
 def test_nothing_is_allocated_and_nothing_recurses(tmp_path):
@@ -195,19 +373,25 @@ def test_the_header_tells_of_every_function(tmp_path):
     text = header.read_text(encoding="ascii")
     assert "#define PANDA_JOINTS 7" in text
     for k, name in enumerate(arm("panda").names):
-        assert f"[{k}] {name} (revolute)" in text
-    for kernel in offered(arm("panda")):
-        assert re.search(rf"\*/\nvoid panda_{kernel}\(", text)
-        equation = (SIGNATURES[kernel].function.__doc__ or "").splitlines()[0]
+        assert f"[{k}] {name} (revolute, rad)" in text
+    for form in offered(arm("panda")):
+        assert re.search(rf"\*/\nvoid panda_{own_name(form)}\(", text)
+        equation = (parse_form(form).signature.function.__doc__ or "").splitlines()[0]
         assert plain(equation).rstrip() in text
-    assert re.search(r"\*   tau +\(PANDA_JOINTS\) +\[N m \| N\]  result", text)
+    assert re.search(r"\*   out  tau +\(PANDA_JOINTS\) +\[N m \| N\]\n \* +motor torque referred to the joints", text)
+    assert re.search(r"\*   in   wrench  \(6\) +\[N, N m\]\n \* +force and moment .* in base axes\n", text)
+    assert text.count("Here wrench = 0.\n") == len([1 for s in SIGNATURES.values() if s.optional])
+    assert "Here frame = 'flange', the arm's tip.\n" in text
+    assert "Here frame = 'link7'.\n" in text
+    assert "\\x" not in text  # every sign of every equation has a word
+    assert "\\u" not in text
     (tmp_path / "user.cpp").write_text('#include "panda.h"\nint main() { return PANDA_JOINTS - 7; }\n')
     build([compiler("g++"), "-Wall", "-Wextra", "-Werror", tmp_path / "user.cpp", "-o", tmp_path / "user"])
 
 
 def test_any_name_is_a_name_in_c(tmp_path):
     """Names of arms and joints that would end a comment, begin a trigraph, or are no identifier."""
-    record = workshop() | {"name": "3-Achs-Größe"}
+    record: dict[str, Any] = workshop() | {"name": "3-Achs-Größe"}
     for k, word in enumerate(("*/int_x;/*", "a??/", "größe\u202e", "q\\", "v1")):
         record["joints"][k]["name"] = word
     model = build_model(parse(record, "odd"))
@@ -231,7 +415,8 @@ def test_the_text_is_always_the_same():
     [
         (["gravity"], r"no function 'gravity'; there is inverse_dynamics, forward_dynamics, .*, forward_arm"),
         (["jacobian", "Jacobian"], r"no function 'Jacobian'; there is"),
-        ([], r"no function is named; there is inverse_dynamics"),
+        ([], r"no function is named; there is inverse_dynamics, .*, written NAME, NAME\+INPUT or NAME:OPTION=VALUE"),
+        (["jacobian:frame=hand"], r"panda: no frame 'hand'; there is base, flange, link1"),
         (["motor_voltage"], r"panda: motor_voltage needs motor\.\w+ of joint 'joint1'"),
     ],
 )

@@ -10,7 +10,8 @@ import pytest
 
 from armwright.kernels import lowering
 from armwright.kernels.c import c_source, c_text
-from armwright.kernels.c_machine import C_DOUBLE, C_FLOAT, Unit, identifier, literal
+from armwright.kernels.c_unit import Unit
+from armwright.kernels.c_words import C_DOUBLE, C_FLOAT, Dialect, identifier, literal
 from armwright.program import call, trace
 from armwright.program.operations import OPERATIONS
 from armwright.scalar import sin
@@ -27,21 +28,21 @@ COMPILERS = {
 }
 
 
-def operations(inline: bool) -> str:
+def operations(inline: bool, dialect: Dialect = C_DOUBLE) -> str:
     """A function for every operation of the table; with its polynomials called, or in the line."""
-    unit = Unit(C_DOUBLE, "t_")
+    unit, real = Unit(dialect, "t_"), dialect.real
     for name in COMPUTED:
         m, values = unit.machine(), NAMES[: OPERATIONS[name].arity]
         lower = lowering.lower if inline else unit.lower
         body = m.text([f"*result = {lower(m, name, *values)};"])
-        head = f"void op_{name}({', '.join([*(f'double {v}' for v in values), 'double *result'])})"
+        head = f"void op_{name}({', '.join([*(f'{real} {v}' for v in values), f'{real} *result'])})"
         unit.functions[f"op_{name}"] = f"{head};\n{head}\n{{\n{body}\n}}"
     drivers = []
     for name in COMPUTED:
         arity = OPERATIONS[name].arity
         wrapped = f"#define wrap_{name}({', '.join([*NAMES[:arity], 'r'])}) "
         wrapped += f"op_{name}({', '.join([*(f'*({v})' for v in NAMES[:arity]), 'r'])})\n"
-        drivers.append(wrapped + batch_function(f"wrap_{name}", [1] * (arity + 1), arity))
+        drivers.append(wrapped + batch_function(f"wrap_{name}", [1] * (arity + 1), arity, real))
     return "\n".join([c_text(unit), *drivers])
 
 

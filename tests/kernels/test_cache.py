@@ -7,10 +7,11 @@ import sys
 
 import numpy as np
 import pytest
+from llvmlite import binding
 
 import armwright as aw
 from armwright import scalar
-from armwright.kernels import cache, llvm
+from armwright.kernels import cache, engine
 from armwright.kernels.batch import Kernel
 from armwright.kernels.llvm import Target, batch_module, select_target
 from armwright.program import trace
@@ -36,8 +37,8 @@ def folder(tmp_path, monkeypatch):
 def compiled(monkeypatch):
     """Names of the functions that were compiled, a set a module."""
     done = []
-    original = llvm._compiled
-    monkeypatch.setattr(llvm, "_compiled", lambda module, machine: done.append(module) or original(module, machine))
+    original = engine.compiled
+    monkeypatch.setattr(engine, "compiled", lambda module, machine: done.append(module) or original(module, machine))
     return done
 
 
@@ -122,8 +123,8 @@ def test_entry_under_another_name_is_not_used(folder, compiled):
 
 def key_of(made=None, machine=None) -> bytes:
     target = machine or select_target()
-    triple = llvm.binding.Target.from_default_triple().triple
-    found = cache.key(batch_module, (made or program(),), triple, target)
+    triple = binding.get_default_triple()
+    found = cache.key(batch_module, (made or program(), "float64"), engine.linker(triple).__name__, triple, target)
     assert found is not None
     return found
 
@@ -299,10 +300,10 @@ import sys
 from pathlib import Path
 import numpy as np
 sys.path.insert(0, {tests!r})
-from test_cache import bits, cache, llvm
+from test_cache import bits, cache, engine
 cache._EMITTER = bytes.fromhex({emitter!r})  # or who edits a source while the tests run would fail them
-done, original = [], llvm._compiled
-llvm._compiled = lambda *given: done.append(1) or original(*given)
+done, original = [], engine.compiled
+engine.compiled = lambda *given: done.append(1) or original(*given)
 {before}
 print(len(done), bits().hex(), len(done))
 """

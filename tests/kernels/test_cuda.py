@@ -15,7 +15,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import ModelError, ShapeError
-from armwright.kernels.c_machine import Unit
+from armwright.kernels.c_unit import Unit
 from armwright.kernels.cuda import CudaKernel, CudaTrajectory, cuda_source, cuda_trajectory_source
 from armwright.kernels.cuda_machine import BITS, CUDA
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
@@ -99,7 +99,7 @@ def test_trajectories_have_the_bits_of_the_simulator(tmp_path, name):
     scenario = aw.Scenario(model, command=u, q0=q0, duration=ticks * 1e-3, record_every=every)
     simulator = compile_simulator(model)
     expected = aw.simulate(scenario, simulator=simulator)
-    record, frozen = trajectory(tmp_path, simulator.loop.step, np.hstack([q0, 0 * q0]), u, 1e-3, ticks, every)
+    record, frozen = trajectory(tmp_path, simulator.step, np.hstack([q0, 0 * q0]), u, 1e-3, ticks, every)
     assert np.array_equal(record[:, :, : model.n].transpose(1, 0, 2), expected["q"])
     assert np.array_equal(record[:, :, model.n :].transpose(1, 0, 2), expected["qd"])
     assert (frozen == -1.0).all()
@@ -244,6 +244,6 @@ def test_on_a_gpu():
     assert np.array_equal(cupy.asnumpy(found), aw.compile(model).inverse_dynamics(q, qd, qdd))
     simulator = compile_simulator(model)
     scenario = aw.Scenario(model, command=np.ones((100, 6)), q0=q[:100], duration=0.05, record_every=5)
-    record, _ = CudaTrajectory(simulator.loop.step)(np.hstack([q[:100], 0 * q[:100]]), np.ones(6), 1e-3, 50, 5)
+    record, _ = CudaTrajectory(simulator.step)(np.hstack([q[:100], 0 * q[:100]]), np.ones(6), 1e-3, 50, 5)
     expected = aw.simulate(scenario, simulator=simulator)["q"]
     assert np.array_equal(cupy.asnumpy(record)[:, :, :6].transpose(1, 0, 2), expected)

@@ -7,11 +7,13 @@ import casadi
 import numpy as np
 import pytest
 
+from armwright.kernels.format import DOUBLE, FORMATS, SINGLE, Format
 from armwright.kernels.lowering import lower
 from armwright.program.operations import FUSED, OPERATIONS, by_code
 from kernels.harness import EXTENDED, ArrayFunction, same_bits, ulp_error
 
-WIDTHS = (1, 2, 4, 8)
+WIDTHS = (1, 2, 4, 8, 16)
+formats = pytest.mark.parametrize("format", FORMATS.values(), ids=list(FORMATS))
 COMPUTED = [name for name, row in OPERATIONS.items() if not row.structural]
 STRUCTURAL = ("CONST", "INPUT", "OUTPUT", "PARAMETER", "CALL")
 # Rows that CasADi's own SX constructors simplify away or rename, though programs may contain them.
@@ -24,6 +26,14 @@ SPECIAL = np.array(
         for s in (1, -1)
     ]
     + [np.nan, np.finfo(float).max, 1.0 - 2.0**-53, 1.0 + 2.0**-52, 710.0, -746.0, 1e22]
+)
+SPECIAL_SINGLE = np.array(
+    [
+        a * s
+        for a in (0.0, 1e-45, 1e-38, 1e-30, 0.5, 1.0, 2.5, 3.0, 2.0**17 + 1, 2.0**23 + 1, 1e38, np.inf)
+        for s in (1, -1)
+    ]
+    + [np.nan, np.finfo(np.float32).max, 1.0 - 2.0**-24, 1.0 + 2.0**-23, 89.0, -104.0, 1e22]
 )
 
 
@@ -67,20 +77,21 @@ def test_the_numpy_column_means_what_casadi_computes(name):
     np.testing.assert_allclose(row.numpy(*(x, y)[: row.arity]), expected, rtol=tolerance)
 
 
-def arguments(row) -> tuple[np.ndarray, ...]:
+def arguments(row, format: Format = DOUBLE) -> tuple[np.ndarray, ...]:
     """All combinations of special values, then random ones: everyday, of all magnitudes, and nearly equal."""
     rng = np.random.default_rng(7)
-    grid = np.array(list(itertools.product(SPECIAL, repeat=row.arity))).T
+    special, most = (SPECIAL, 700.0) if format is DOUBLE else (SPECIAL_SINGLE, 87.0)
+    grid = np.array(list(itertools.product(special, repeat=row.arity))).T
     everyday = rng.uniform(-5.0, 5.0, (row.arity, 2000))
     unit = rng.uniform(-1.0, 1.0, (row.arity, 1000))
-    every = rng.choice([-1.0, 1.0], (row.arity, 2000)) * np.exp(rng.uniform(-700.0, 700.0, (row.arity, 2000)))
+    every = rng.choice([-1.0, 1.0], (row.arity, 2000)) * np.exp(rng.uniform(-most, most, (row.arity, 2000)))
     equal = np.repeat(rng.uniform(-5.0, 5.0, (1, 100)), row.arity, axis=0)
-    return tuple(np.concatenate([grid, everyday, unit, every, equal], axis=1))
+    return tuple(np.concatenate([grid, everyday, unit, every, equal], axis=1).astype(format.dtype))
 
 
 @functools.cache
-def compiled(name: str, width: int) -> ArrayFunction:
-    return ArrayFunction(lambda m, *values: lower(m, name, *values), OPERATIONS[name].arity, width)
+def compiled(name: str, width: int, format: Format = DOUBLE) -> ArrayFunction:
+    return ArrayFunction(lambda m, *values: lower(m, name, *values), OPERATIONS[name].arity, width, format=format)
 
 
 @pytest.mark.parametrize("name", COMPUTED)
@@ -102,11 +113,31 @@ def test_llvm_keeps_the_row(name):
 
 
 @pytest.mark.parametrize("name", COMPUTED)
-def test_bits_are_the_same_for_every_width(name):
-    values = arguments(OPERATIONS[name])
-    expected = compiled(name, 8)(*values)
+def test_llvm_keeps_the_row_in_single_precision(name):
+    """Exact operations to the bit, the others in units of a float's last place, double the judge.
+
+    A fused sum is held to half a unit: to round the double's again would be to round twice.
+    """
+    row = OPERATIONS[name]
+    values = arguments(row, SINGLE)
+    found = compiled(name, 16, SINGLE)(*values)
+    with np.errstate(all="ignore"):
+        if row.ulp == 0.0 and name not in FUSED:
+            wrong = ~same_bits(found, np.asarray(row.numpy(*values)).astype(np.float32))
+        else:
+            truth = np.asarray(row.numpy(*(v.astype(float) for v in values)))
+            wrong = ulp_error(found, truth) > (row.ulp or 0.5 + 2.0**-28)
+            wrong |= (found == 0.0) & (np.signbit(found) != np.signbit(truth))
+    assert not wrong.any(), [(*(float(v[k]) for v in values), float(found[k])) for k in np.flatnonzero(wrong)[:5]]
+
+
+@formats
+@pytest.mark.parametrize("name", COMPUTED)
+def test_bits_are_the_same_for_every_width(name, format):
+    values = arguments(OPERATIONS[name], format)
+    expected = compiled(name, 8, format)(*values)
     for width in WIDTHS:
-        assert same_bits(compiled(name, width)(*values), expected).all(), width
+        assert same_bits(compiled(name, width, format)(*values), expected).all(), width
 
 
 # Where an argument may not count: truth values, signs, and what stands beside an infinity or an exponent 0.
@@ -116,12 +147,13 @@ PARTIAL = [
 ]
 
 
+@formats
 @pytest.mark.parametrize("name", [name for name in COMPUTED if name not in PARTIAL])
-def test_nan_in_nan_out(name):
+def test_nan_in_nan_out(name, format):
     arity = OPERATIONS[name].arity
     for k in range(arity):
         values = [np.full(8, np.nan if j == k else 0.5) for j in range(arity)]
-        assert np.isnan(compiled(name, 8)(*values)).all()
+        assert np.isnan(compiled(name, 8, format)(*values)).all()
 
 
 def test_select_hides_a_nan_and_limits_do_not():

@@ -22,7 +22,11 @@ def c(
     robot: Robot,
     functions: Annotated[
         str,
-        typer.Option("--functions", metavar="F1,F2,…", help="Which functions, as in Python: inverse_dynamics, …"),
+        typer.Option(
+            "--functions",
+            metavar="F1,F2,…",
+            help="Which functions: inverse_dynamics, inverse_dynamics+wrench, jacobian:frame=tool, …",
+        ),
     ],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files; made where there is none.")
@@ -37,6 +41,7 @@ def c(
     \b
     Examples:
       armwright export c puma560 --functions inverse_dynamics,gravity_torques -o firmware
+      armwright export c puma560 --functions inverse_dynamics+wrench,forward_kinematics:frame=link3 -o firmware
       armwright export c my-arm.toml --functions inverse_dynamics --float -o firmware
     """
     import armwright as aw

@@ -1,7 +1,7 @@
 """An arm as a C library: one header, one C99 file, and a program that tests them against the float reference.
 
-In double the functions have the bits of the compiled kernels; in float each is the same program rounded to 24 bits, with
-libm's functions of float (sinf, cosf …).
+The functions have the bits of the compiled kernels: in double of the usual ones, in float of those of
+`aw.compile(arm, dtype="float32")`.
 """
 
 from __future__ import annotations
@@ -13,14 +13,16 @@ from pathlib import Path
 
 from armwright.errors import ModelError, OutputError, nearest
 from armwright.export.c_comment import comment
-from armwright.export.c_selftest import CFunction, selftest
+from armwright.export.c_function import c_functions
+from armwright.export.c_header import header, prototype
+from armwright.export.c_selftest import selftest
+from armwright.export.form import WRITTEN, parse_form
 from armwright.kernels.c import REALS, c_text
-from armwright.kernels.c_machine import Unit, identifier, parameters, port_names
-from armwright.kernels.signatures import SIGNATURES, trace_kernel
+from armwright.kernels.c_unit import Unit
+from armwright.kernels.c_words import identifier
+from armwright.kernels.signatures import SIGNATURES
 from armwright.model import Model
-from armwright.simulation.output import whole_file
-
-WIDTH = 100  # of a function's first line, above which its parameters stand below each other
+from armwright.output import whole_file
 
 
 def write_c(arm: Model, functions: Sequence[str], folder: str | Path, real: str = "double") -> list[Path]:
@@ -29,12 +31,15 @@ def write_c(arm: Model, functions: Sequence[str], folder: str | Path, real: str 
     All three are written or none; files of those names that are there already are replaced.
 
     Args:
-        arm: the model.   functions: names of kernels, such as "inverse_dynamics".
+        arm: the model.
+        functions: kernels by name, with optional inputs as in "inverse_dynamics+wrench" and options as in
+            "forward_kinematics:frame=tool"; in C `NAME_inverse_dynamics_wrench`, `NAME_forward_kinematics_tool`.
         folder: where to; it is made where there is none.   real: "double" or "float".
     Returns:
         paths: the header, the C file, the self-test.
     Raises:
-        ModelError: an unknown function, or one that needs what the arm lacks, such as a motor constant or a tip.
+        ModelError: an unknown function, input, option or frame, two functions that C would call alike, or one that needs
+            what the arm lacks, such as a motor constant or a tip.
         OutputError: the folder or a file cannot be written.
     """
     texts = c_library(arm, functions, real)
@@ -48,32 +53,24 @@ def c_library(arm: Model, functions: Sequence[str], real: str = "double") -> dic
     """The texts that `write_c` writes, by file name: header, C file, self-test.
 
     Raises:
-        ModelError: an unknown function, or one that needs what the arm lacks.
+        ModelError: as `write_c`.
     """
     if real not in REALS:
         raise ModelError(f"real = {real!r}: {nearest(real, REALS)}")
+    if not functions:
+        raise ModelError(f"no function is named; there is {', '.join(SIGNATURES)}, written {WRITTEN}")
     name = identifier(arm.name)
-    chosen = [_function(arm, each, name) for each in _known(functions)]
+    chosen = c_functions(arm, name, [parse_form(text) for text in functions])
+    unit = Unit(REALS[real], f"{name}_")
+    for each in chosen:
+        unit.add_function(each.program, each.name, prototype(each, real))
+    top = comment([f"{name}.c: see {name}.h, which also says how this is compiled."])
+    own = f'"{name}.h"'
     return {
-        f"{name}.h": _header(arm, name, chosen, real),
-        f"{name}.c": _source(name, chosen, real),
+        f"{name}.h": header(arm, chosen, real, unit.waiting),
+        f"{name}.c": f"{top}\n\n{c_text(unit, [own])}",
         f"{name}_selftest.c": selftest(arm, name, chosen, real),
     }
-
-
-def _known(functions: Sequence[str]) -> list[str]:
-    wanted = list(dict.fromkeys(functions))
-    unknown = [name for name in wanted if name not in SIGNATURES]
-    if unknown or not wanted:
-        what = f"no function {unknown[0]!r}" if unknown else "no function is named"
-        raise ModelError(f"{what}; there is {', '.join(SIGNATURES)}")
-    return wanted
-
-
-def _function(arm: Model, name: str, prefix: str) -> CFunction:
-    signature = SIGNATURES[name]
-    program = trace_kernel(arm, signature)
-    return CFunction(signature, program, f"{prefix}_{name}")
 
 
 @contextmanager
@@ -90,81 +87,3 @@ def _folder(folder: Path) -> Iterator[Path]:
         if made:
             shutil.rmtree(folder, ignore_errors=True)
         raise
-
-
-def _macro(name: str) -> str:
-    return f"{name.upper()}_JOINTS"
-
-
-def _prototype(name: str, function: CFunction, real: str) -> str:
-    sizes = []
-    for argument in function.arguments:
-        dims = [_size(name, size) for size in argument.shape]
-        sizes.append(" * ".join(dims) if dims else "1")
-    line = f"void {function.name}({parameters(function.program, real, sizes)})"
-    return line if len(line) <= WIDTH else line.replace("(", "(\n    ", 1).replace(", ", ",\n    ")
-
-
-def _documented(name: str, function: CFunction) -> str:
-    """The equation, and every array with shape and unit."""
-    equation = (function.signature.function.__doc__ or "").split("\n\n")[0].split("\n")
-    names = port_names(function.program)
-    shapes = [f"({', '.join(_size(name, size) for size in a.shape)})" for a in function.arguments]
-    wide, long = max(map(len, names)), max(map(len, shapes))
-    rows = [
-        f"  {each:{wide}}  {shape:{long}}  [{argument.unit}]{'  result' * (k >= len(function.program.inputs))}"
-        for k, (each, shape, argument) in enumerate(zip(names, shapes, function.arguments, strict=True))
-    ]
-    return comment([*(line.strip() for line in equation), "", *rows])
-
-
-def _size(name: str, size: int | str) -> str:
-    """A size of the table as C: `10n` is ten times the number of joints."""
-    if isinstance(size, int):
-        return str(size)
-    times = size.removesuffix("n")
-    return f"{times} * {_macro(name)}" if times else _macro(name)
-
-
-def _header(arm: Model, name: str, functions: Sequence[CFunction], real: str) -> str:
-    title = arm.description.title if arm.description is not None else ""
-    accuracy = (
-        "Double precision: the bits of Armwright's compiled kernels, where fma() rounds once."
-        if real == "double"
-        else "Single precision: the same operations rounded to 24 bits, with sinf, cosf ... of <math.h>."
-    )
-    top = [
-        f"{arm.name}: {title}" if title else arm.name,
-        "",
-        "Made by Armwright from the robot's file; do not edit, make it again.",
-        "",
-        accuracy,
-        "Matrices are row-major. Arrays may overlap. Functions keep no state: any number may run at a time.",
-        "",
-        "Joints, in the order of every array over joints:",
-        *(f"  [{k}] {body.joint} ({body.kind})" for k, body in enumerate(arm.bodies)),
-    ]
-    guard = f"{name.upper()}_H"
-    parts = [
-        comment(top),
-        f"#ifndef {guard}\n#define {guard}",
-        f"#define {_macro(name)} {arm.n}",
-        '#ifdef __cplusplus\nextern "C" {\n#endif',
-        *(f"{_documented(name, each)}\n{_prototype(name, each, real)};" for each in functions),
-        "#ifdef __cplusplus\n}\n#endif",
-        "#endif",
-    ]
-    return "\n\n".join(parts) + "\n"
-
-
-def _source(name: str, functions: Sequence[CFunction], real: str) -> str:
-    unit = Unit(REALS[real], f"{name}_")
-    for each in functions:
-        unit.add_function(each.program, each.name, _prototype(name, each, real))
-    build = [
-        "Build with  -std=c99 -O2 -ffp-contract=off  and a processor that has fused multiply-add in hardware",
-        "(x86: -mfma; Cortex-M7: -mcpu=cortex-m7 -mfpu=fpv5-d16 -mfloat-abi=hard); without one fma() is right but slow.",
-        "Never with -ffast-math.",
-    ]
-    own = f'"{name}.h"'
-    return f"{comment(build)}\n\n{c_text(unit, [own])}"

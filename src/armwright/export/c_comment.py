@@ -5,10 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 _WORDS = {
-    **dict(zip("τθωηλπΣ∂Δ", ("tau", "theta", "omega", "eta", "lambda", "pi", "sum", "d", "delta"), strict=True)),
+    **dict(
+        zip(
+            "τθωηλΛΓπΣ∂Δ",
+            ("tau", "theta", "omega", "eta", "lambda", "Lambda", "Gamma", "pi", "sum", "d", "delta"),
+            strict=True,
+        )
+    ),
     **dict(zip("·×−–≤≥≈→…√", ("*", "x", "-", "-", "<=", ">=", "~", "->", "...", "sqrt"), strict=True)),
     **dict(zip("⁻¹ᵀ²³½", ("^-", "1", "^T", "^2", "^3", "1/2"), strict=True)),
     "Ṁ": "Mdot",
+    "ẋ": "xdot",
+    "v̇": "vdot",
+    "ω̇": "omegadot",
+    "δ": "delta ",
     "q̇": "qd",
     "q̈": "qdd",
     "J̇": "Jdot",

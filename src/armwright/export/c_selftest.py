@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from armwright.export.c_comment import comment
+from armwright.export.c_function import CFunction
 from armwright.kernels.c import REALS
-from armwright.kernels.c_machine import literal, port_names
-from armwright.kernels.signatures import Argument, Signature
+from armwright.kernels.c_words import literal, port_names
 from armwright.model import Model
-from armwright.program import Program, interpret
+from armwright.program import interpret
 
 STATES = 5  # test vectors a function
 
@@ -21,20 +20,6 @@ STATES = 5  # test vectors a function
 #: stand between an input and a result; up to 8 were measured on the built-in arms.
 ROUNDINGS = 64
 _EPSILON = {"double": float(np.finfo(np.float64).eps), "float": float(np.finfo(np.float32).eps)}
-
-
-@dataclass(frozen=True)
-class CFunction:
-    """One function of a library: its row of the table, its program for the arm, its C name."""
-
-    signature: Signature
-    program: Program
-    name: str
-
-    @property
-    def arguments(self) -> tuple[Argument, ...]:
-        """What the arrays are, inputs first."""
-        return (*self.signature.inputs, *self.signature.outputs)
 
 
 def _vectors(
@@ -51,13 +36,12 @@ def _vectors(
 
     def lost(result: np.ndarray) -> float:
         """How many times larger an error may be for the condition of the matrix that was inverted."""
-        return float(np.linalg.cond(result)) if function.signature.inverted else 1.0
+        return float(np.linalg.cond(result)) if function.form.signature.inverted else 1.0
 
     vectors = []
     for _ in range(STATES):
         inputs = [random.normal(size=port.shape).astype(kind).astype(float) for port in function.program.inputs]
-        results = function.signature.function(arm, *inputs)
-        expected = [np.asarray(r, dtype=float) for r in (results if isinstance(results, tuple) else (results,))]
+        expected = list(function.form.evaluate(arm, *inputs))
         nudged = [np.stack([x * (1.0 + part * random.choice([-1.0, 1.0], x.shape)) for _ in range(8)]) for x in inputs]
         moved = interpret(function.program, *nudged)
         tolerances = [
@@ -74,7 +58,7 @@ def _values(array: Any, real: str) -> str:
 
 def selftest(arm: Model, name: str, functions: Sequence[CFunction], real: str) -> str:
     """The program's text. It prints a line a function, and ends with 0 if all vectors are met, else with 1."""
-    calls = [f"    failed += test_{each.signature.name}();" for each in functions]
+    calls = [f"    failed += test_{each.own_name}();" for each in functions]
     parts = [
         comment(
             [
@@ -127,7 +111,7 @@ def _test(arm: Model, function: CFunction, real: str) -> str:
         lines = [f"    static const {kind} {name}[{STATES}][{size}] = {{"]
         return [*lines, *(f"        {{{row}}}," for row in rows), "    };"]
 
-    lines = [f"static int test_{function.signature.name}(void)", "{"]
+    lines = [f"static int test_{function.own_name}(void)", "{"]
     for k, port in enumerate(ports):
         rows = [_values((row[0] + row[1])[k], real) for row in vectors]
         lines += table(real, names[k] if k < split else f"{names[k]}_expected", rows, max(port.size, 1))
@@ -145,4 +129,4 @@ def _test(arm: Model, function: CFunction, real: str) -> str:
     for k in range(split, len(ports)):
         wanted = f"{names[k]}, {names[k]}_expected[k], {ports[k].size}, tolerance[k][{k - split}]"
         lines += [f"        error = error_of({wanted});", "        worst = error > worst ? error : worst;"]
-    return "\n".join([*lines, "    }", f'    return told("{function.signature.name}", worst);', "}"])
+    return "\n".join([*lines, "    }", f'    return told("{function.own_name}", worst);', "}"])

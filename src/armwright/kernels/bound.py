@@ -15,7 +15,8 @@ class Bound:
     """A kernel bound to its arrays: write into `inputs`, call it, read `outputs`; nothing is checked or allocated again.
 
     Attributes:
-        inputs, outputs: the arrays by name, float64; write into them (`bound.inputs["q"][:] = …`), never replace them.
+        inputs, outputs: the arrays by name, of the kernel's dtype; write into them (`bound.inputs["q"][:] = …`), never
+            replace them.
         result: the output, or a tuple of them, as the call returns it.
     """
 
@@ -28,7 +29,10 @@ class Bound:
             if name not in known:
                 raise ShapeError(f"{program.name}: nothing is called {name!r}; expected {', '.join(known)}")
         self.inputs, self.outputs = (
-            {port.name: _buffer(program.name, port.name, lead + port.shape, given.get(port.name)) for port in ports}
+            {
+                port.name: _buffer(program.name, port.name, lead + port.shape, given.get(port.name), kernel.dtype)
+                for port in ports
+            }
             for ports in (program.inputs, program.outputs)
         )
         arrays = [*self.inputs.values(), *self.outputs.values()]
@@ -47,11 +51,11 @@ class Bound:
         return self.result
 
 
-def _buffer(place: str, name: str, shape: tuple[int, ...], given: np.ndarray | None) -> np.ndarray:
+def _buffer(place: str, name: str, shape: tuple[int, ...], given: np.ndarray | None, dtype: np.dtype) -> np.ndarray:
     if given is None:
-        return np.zeros(shape)
-    fits = isinstance(given, np.ndarray) and given.shape == shape and given.dtype == np.float64
+        return np.zeros(shape, dtype)
+    fits = isinstance(given, np.ndarray) and given.shape == shape and given.dtype == dtype
     if not fits or not given.flags.carray:
         found = f"{given.dtype} {given.shape}" if isinstance(given, np.ndarray) else type(given).__name__
-        raise ShapeError(f"{place}: {name} is {found}, expected writeable contiguous float64 {shape}")
+        raise ShapeError(f"{place}: {name} is {found}, expected writeable contiguous {dtype} {shape}")
     return given

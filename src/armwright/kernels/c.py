@@ -1,15 +1,16 @@
 """Program → C99. The functions of one file, with what they need before them: no allocation, no library beyond <math.h>.
 
-The text is one sequence of IEEE operations, the one that LLVM is given too: in double it has the bits of the compiled
-kernels wherever fma() rounds once, floating point is not contracted and libm is the same (it is called for angles beyond
-2^20 rad, and for the few operations that have no polynomial of ours).
+The text is one sequence of IEEE operations, the one that LLVM is given too: it has the bits of the compiled
+kernels of its format wherever fma() rounds once, floating point is not contracted and libm is the same (it is called for
+angles beyond 2^20 rad, in float 2^17, and for the few operations that have no polynomial of ours).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-from armwright.kernels.c_machine import C_DOUBLE, C_FLOAT, Dialect, Unit, identifier, parameters
+from armwright.kernels.c_unit import Unit
+from armwright.kernels.c_words import C_DOUBLE, C_FLOAT, Dialect, identifier, parameters
 from armwright.program import Program
 
 REALS: dict[str, Dialect] = {"double": C_DOUBLE, "float": C_FLOAT}
@@ -30,32 +31,41 @@ _RULES = """\
 #endif
 """
 
+# A long program is cut into functions for the compiler's sake; put back into one they would take it minutes.
+_APART = """\
+#if defined(__GNUC__)
+#define APART __attribute__((noinline))
+#else
+#define APART
+#endif
+"""
+
 # Through memcpy, which compilers make a move of a register; a pointer of another type would break the aliasing rules.
 _BITS = {
     "bits_of": """\
-static uint64_t {prefix}bits_of(double x)
+static {integer} {prefix}bits_of({real} x)
 {{
-    uint64_t i;
+    {integer} i;
     memcpy(&i, &x, sizeof i);
     return i;
 }}
 """,
     "from_bits": """\
-static double {prefix}from_bits(uint64_t i)
+static {real} {prefix}from_bits({integer} i)
 {{
-    double x;
+    {real} x;
     memcpy(&x, &i, sizeof x);
     return x;
 }}
 """,
     # GCC makes one instruction of -fma(a, b, c) that gives +0 where this gives -0; other compilers keep it as it is.
     "negated": """\
-static double {prefix}negated(double x)
+static {real} {prefix}negated({real} x)
 {{
 #if defined(__GNUC__) && !defined(__clang__)
-    uint64_t i;
+    {integer} i;
     memcpy(&i, &x, sizeof i);
-    i ^= UINT64_C(0x8000000000000000);
+    i ^= {sign};
     memcpy(&x, &i, sizeof x);
     return x;
 #else
@@ -68,10 +78,19 @@ static double {prefix}negated(double x)
 
 def c_text(unit: Unit, include: Iterable[str] = ()) -> str:
     """The C99 file of a unit: what it includes, the rules for the compiler, its functions."""
-    helpers = [text.format(prefix=unit.prefix) for name, text in _BITS.items() if unit.uses(name)]
-    headers = [*include, "<float.h>", "<math.h>", *(("<stdint.h>", "<string.h>") if helpers else ())]
+    dialect = unit.dialect
+    words = {
+        "real": dialect.real,
+        "integer": dialect.integer,
+        "sign": dialect.literal.format(1 << (dialect.format.bits - 1)),
+    }
+    helpers = [text.format(prefix=unit.prefix, **words) for name, text in _BITS.items() if unit.uses(name)]
+    functions = list(unit.functions.values())
+    apart = [_APART] if any(text.startswith(unit.dialect.apart) for text in functions) else []
+    headers = [*include, "<float.h>", "<math.h>"]
+    headers += ["<stdint.h>"] * bool(helpers) + ["<string.h>"] * bool(helpers or apart)
     includes = "".join(f"#include {name}\n" for name in headers)
-    return "\n".join([includes, _RULES, *helpers, *(f"{text}\n" for text in unit.functions.values())])
+    return "\n".join([includes, _RULES, *apart, *helpers, *(f"{text}\n" for text in functions)])
 
 
 def c_source(program: Program, real: str = "double") -> str:

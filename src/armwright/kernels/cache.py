@@ -49,7 +49,7 @@ def key(build: Callable[..., object], ingredients: tuple[object, ...], *machine:
     Args:
         build: a function of the emitter, at the top level of its file.
         ingredients: what it makes the module of: programs, numbers, strings.
-        machine: what the code is made for: triple, processor, features, width.
+        machine: what the code is made for: linker, triple, processor, features, width.
     """
     assert build.__module__.startswith("armwright.kernels."), build
     assert "<" not in build.__qualname__, build

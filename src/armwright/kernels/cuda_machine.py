@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from armwright.kernels.c_machine import Dialect
+from armwright.kernels.c_words import Dialect
 
 CUDA = Dialect(
     integer="unsigned long long",
     literal="0x{:016x}ULL",
     function="static __device__ ",
+    apart="static __device__ __noinline__ ",
     infinity="__longlong_as_double(0x7ff0000000000000LL)",
     nan="__longlong_as_double(0x7ff8000000000000LL)",
     guarded=False,

@@ -1,4 +1,4 @@
-"""Program → LLVM module → native code. One SIMD lane per state of the batch.
+"""Program → LLVM module. One SIMD lane per state of the batch.
 
 Every function in a module works on tiles of W states. Programs that others call are functions over *blocks*: each entry
 one vector of W lanes, so nothing is transposed between them. What Python calls are *batch* functions over row-major arrays.
@@ -6,15 +6,13 @@ one vector of W lanes, so nothing is transposed between them. What Python calls 
 
 from __future__ import annotations
 
-import ctypes
 import functools
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from llvmlite import binding
 
 from armwright.errors import ModelError, nearest
-from armwright.kernels import cache
+from armwright.kernels.format import DOUBLE, FORMATS, Format
 from armwright.kernels.llvm_machine import LlvmMachine, register_libm
 from armwright.kernels.machine import Value
 from armwright.kernels.tiles import load_tile, store_tile
@@ -29,11 +27,15 @@ NEEDS = {"x86-64-v4": "avx512f", "x86-64-v3": "avx2", "x86-64-v2": "sse4.2", "x8
 
 @dataclass(frozen=True)
 class Target:
-    """The processor that code is made for, and how many doubles it computes at once."""
+    """The processor that code is made for, and how many numbers it computes at once."""
 
     cpu: str
     features: str
     width: int
+
+    def lanes_of(self, format: Format) -> Target:
+        """The same for a format, where `width` counts doubles: a register holds twice as many floats."""
+        return replace(self, width=self.width * DOUBLE.bytes // format.bytes)
 
     def doubled(self) -> Target:
         """Two registers for each value: a program that waits for a chain of divisions does two tiles in the same time."""
@@ -41,8 +43,11 @@ class Target:
 
 
 @functools.cache
-def select_target(name: str | None = None) -> Target:
+def select_target(name: str | None = None, format: Format = DOUBLE) -> Target:
     """The processor this runs on, or a named level of it such as "x86-64-v3".
+
+    Args:
+        name: of the level.   format: of the numbers that it computes with.
 
     Raises:
         ModelError: a level that is unknown, or that this processor does not reach.
@@ -53,12 +58,12 @@ def select_target(name: str | None = None) -> Target:
         width = 8 if features.get("avx512f") else 4 if features.get("avx") else 2
         if features.get("avx512f"):
             features["prefer-256-bit"] = False  # or LLVM leaves half of every register empty
-        return Target(binding.get_host_cpu_name(), binding.FeatureMap(features).flatten(), width)
+        return Target(binding.get_host_cpu_name(), binding.FeatureMap(features).flatten(), width).lanes_of(format)
     if name not in WIDTHS:
         raise ModelError(f"target = {name!r}: unknown; {nearest(name, WIDTHS)}")
     if not features.get(NEEDS[name]):
         raise ModelError(f"target = {name!r}: this processor ({binding.get_host_cpu_name()}) has no {NEEDS[name]}")
-    return Target(name, "-prefer-256-bit", WIDTHS[name])
+    return Target(name, "-prefer-256-bit", WIDTHS[name]).lanes_of(format)
 
 
 def _host_features() -> dict[str, bool]:
@@ -80,13 +85,14 @@ class Module:
     """LLVM text in the making: functions, each printed once, and what they declare."""
 
     width: int
+    format: Format = DOUBLE
     functions: dict[str, str] = field(default_factory=dict)
     declarations: set[str] = field(default_factory=set)
     definitions: dict[str, str] = field(default_factory=dict)
 
     def machine(self) -> LlvmMachine:
         """A machine that prints a function of this module."""
-        return LlvmMachine(self.width, self.declarations, self.definitions)
+        return LlvmMachine(self.width, self.declarations, self.definitions, format=self.format)
 
     def text(self) -> str:
         """The module."""
@@ -108,7 +114,7 @@ class Module:
     def add_batch_function(self, program: Program) -> str:
         """`void name(count, inputs, strides, outputs)` over row-major arrays; returns its name.
 
-        `inputs` and `outputs` point to one pointer a port; `strides` says by how many doubles an input moves a tile: its
+        `inputs` and `outputs` point to one pointer a port; `strides` says by how many reals an input moves a tile: its
         size times W, or 0 for one tile that serves all. A tail of fewer than W states is computed in padded copies.
         Beside it `<program>.whole(count, in0, …, out0, …)` serves arrays that hold every state, and `<program>.bound(table)`
         takes the same from a table in memory.
@@ -121,7 +127,7 @@ class Module:
             store_tile(m, f"%out{k}", values)
         self._define(tile, program, m)
         name = f"{program.name}.batch"
-        self.functions[name] = _batch_loop(name, tile, program, self.width)
+        self.functions[name] = _batch_loop(name, tile, program, self.width, self.format)
         self.functions[f"{program.name}.whole"] = _whole(f"{program.name}.whole", name, program, self.width)
         self.functions[f"{program.name}.bound"] = _bound(program)
         self.declarations.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
@@ -187,33 +193,35 @@ class Module:
         parameters = [f"ptr noalias readonly %in{k}" for k in range(len(program.inputs))]
         parameters += [f"ptr noalias %out{k}" for k in range(len(program.outputs))]
         parameters += more
+        size = m.format.bytes * m.width
         # alignstack: LLVM does not align the stack for spilled vectors by itself, and split ones cost up to half the speed
-        head = f"define internal void @{name}({', '.join(parameters)}) noinline nounwind alignstack({min(8 * m.width, 64)})"
+        head = f"define internal void @{name}({', '.join(parameters)}) noinline nounwind alignstack({min(size, 64)})"
         head += " {\nentry:"
         self.functions[name] = "\n".join([head, *m.lines, "  ret void", "}"])
 
 
 def _load_block(m: LlvmMachine, pointer: str, entry: int) -> Value:
-    place = m.emit(f"getelementptr {m.double}, ptr {pointer}, i64 {entry}")
-    return m.emit(f"load {m.double}, ptr {place}, align {8 * m.width}")
+    place = m.emit(f"getelementptr {m.real}, ptr {pointer}, i64 {entry}")
+    return m.emit(f"load {m.real}, ptr {place}, align {m.format.bytes * m.width}")
 
 
 def _store_block(m: LlvmMachine, pointer: str, entry: int, value: Value) -> None:
-    place = m.emit(f"getelementptr {m.double}, ptr {pointer}, i64 {entry}")
-    m.lines.append(f"  store {m.double} {value}, ptr {place}, align {8 * m.width}")
+    place = m.emit(f"getelementptr {m.real}, ptr {pointer}, i64 {entry}")
+    m.lines.append(f"  store {m.real} {value}, ptr {place}, align {m.format.bytes * m.width}")
 
 
 def _alloca(m: LlvmMachine, entries: int) -> str:
-    return m.emit(f"alloca [{entries} x {m.double}], align {8 * m.width}")
+    return m.emit(f"alloca [{entries} x {m.real}], align {m.format.bytes * m.width}")
 
 
-def _batch_loop(name: str, tile: str, program: Program, w: int) -> str:
+def _batch_loop(name: str, tile: str, program: Program, w: int, format: Format) -> str:
     """Full tiles in place; then the tail: its rows copied into a padded tile (filled up with its first row) and back."""
     ins, outs = range(len(program.inputs)), range(len(program.outputs))
+    real, bytes_ = format.real, format.bytes
     text = [f"define void @{name}(i64 %count, ptr %inputs, ptr %strides, ptr %outputs) nounwind {{", "entry:"]
     for side, ports in (("in", program.inputs), ("out", program.outputs)):
         for k, port in enumerate(ports):
-            text.append(f"  %{side}{k}.pad = alloca [{port.size * w} x double], align 64")
+            text.append(f"  %{side}{k}.pad = alloca [{port.size * w} x {real}], align 64")
             text.append(f"  %{side}{k}.slot = getelementptr ptr, ptr %{side}puts, i64 {k}")
             text.append(f"  %{side}{k}.base = load ptr, ptr %{side}{k}.slot")
     for k in ins:
@@ -232,10 +240,10 @@ def _batch_loop(name: str, tile: str, program: Program, w: int) -> str:
         lines = []
         for k in ins:
             lines.append(f"  %in{k}.offset{suffix} = mul i64 {step}, %in{k}.stride")
-            lines.append(f"  %in{k}{suffix} = getelementptr double, ptr %in{k}.base, i64 %in{k}.offset{suffix}")
+            lines.append(f"  %in{k}{suffix} = getelementptr {real}, ptr %in{k}.base, i64 %in{k}.offset{suffix}")
         for k in outs:
             lines.append(f"  %out{k}.offset{suffix} = mul i64 {step}, {program.outputs[k].size * w}")
-            lines.append(f"  %out{k}{suffix} = getelementptr double, ptr %out{k}.base, i64 %out{k}.offset{suffix}")
+            lines.append(f"  %out{k}{suffix} = getelementptr {real}, ptr %out{k}.base, i64 %out{k}.offset{suffix}")
         return lines
 
     every = [f"in{k}" for k in ins] + [f"out{k}" for k in outs]
@@ -252,15 +260,17 @@ def _batch_loop(name: str, tile: str, program: Program, w: int) -> str:
         *pointers("%full", ".p"),
     ]
     for k in ins:
-        size = 8 * program.inputs[k].size
+        size = bytes_ * program.inputs[k].size
         text.append(f"  %in{k}.bytes = mul i64 %rest, {size}")
         text.append(f"  call void @llvm.memcpy.p0.p0.i64(ptr %in{k}.pad, ptr %in{k}.p, i64 %in{k}.bytes, i1 false)")
     text += ["  br label %fill", "fill:", "  %row = phi i64 [ %rest, %pad ], [ %row.next, %fill ]"]
     for k in ins:
         size = program.inputs[k].size
         text.append(f"  %in{k}.at = mul i64 %row, {size}")
-        text.append(f"  %in{k}.row = getelementptr double, ptr %in{k}.pad, i64 %in{k}.at")
-        text.append(f"  call void @llvm.memcpy.p0.p0.i64(ptr %in{k}.row, ptr %in{k}.pad, i64 {8 * size}, i1 false)")
+        text.append(f"  %in{k}.row = getelementptr {real}, ptr %in{k}.pad, i64 %in{k}.at")
+        text.append(
+            f"  call void @llvm.memcpy.p0.p0.i64(ptr %in{k}.row, ptr %in{k}.pad, i64 {bytes_ * size}, i1 false)"
+        )
     text += [
         "  %row.next = add i64 %row, 1",
         f"  %unfilled = icmp ult i64 %row.next, {w}",
@@ -269,7 +279,7 @@ def _batch_loop(name: str, tile: str, program: Program, w: int) -> str:
         f"  call void @{tile}({', '.join(f'ptr %{port}.pad' for port in every)})",
     ]
     for k in outs:
-        text.append(f"  %out{k}.bytes = mul i64 %rest, {8 * program.outputs[k].size}")
+        text.append(f"  %out{k}.bytes = mul i64 %rest, {bytes_ * program.outputs[k].size}")
         text.append(f"  call void @llvm.memcpy.p0.p0.i64(ptr %out{k}.p, ptr %out{k}.pad, i64 %out{k}.bytes, i1 false)")
     return "\n".join([*text, "  br label %done", "done:", "  ret void", "}"])
 
@@ -302,50 +312,8 @@ def _whole(name: str, batch: str, program: Program, w: int) -> str:
     return "\n".join([*text, "  ret void", "}"])
 
 
-def batch_module(width: int, program: Program) -> Module:
-    """The module of a program's batch functions, `<program>.batch` and `<program>.whole`."""
-    module = Module(width)
+def batch_module(width: int, program: Program, dtype: str = DOUBLE.name) -> Module:
+    """The module of a program's batch functions, `<program>.batch` and `<program>.whole`, over numbers of a format."""
+    module = Module(width, FORMATS[dtype])
     module.add_batch_function(program)
     return module
-
-
-def _compiled(module: Module, machine: binding.TargetMachine) -> bytes:
-    """Object code of a module."""
-    parsed = binding.parse_assembly(module.text())
-    parsed.triple = machine.triple  # both before the passes run, which crash without
-    parsed.data_layout = str(machine.target_data)
-    options = binding.create_pipeline_tuning_options(speed_level=2)
-    options.slp_vectorization = options.loop_vectorization = False  # the lanes are vectors already
-    builder = binding.create_pass_builder(machine, options)
-    builder.getModulePassManager().run(parsed, builder)
-    return machine.emit_object(parsed)
-
-
-class Engine:
-    """Native code of one module. Functions obtained from it must keep it alive: dropping it unmaps the code."""
-
-    def __init__(self, target: Target, build: Callable[..., Module], *ingredients: Program | str | int | float):
-        """The code of `build(target.width, *ingredients)`, from the cache where it is there.
-
-        Args:
-            target: what it is made for.
-            build: a function at the top level of a file of `kernels`; it sees nothing but its arguments.
-            ingredients: what it makes the module of.
-        """
-        machine = binding.Target.from_default_triple().create_target_machine(
-            cpu=target.cpu, features=target.features, opt=3, jit=True
-        )
-        key = cache.key(build, ingredients, machine.triple, target)
-        code = cache.load(key)
-        if code is None:
-            code = _compiled(build(target.width, *ingredients), machine)
-            cache.store(key, code)
-        self._engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
-        self._engine.add_object_file(binding.ObjectFileRef.from_data(code))
-        self._engine.finalize_object()
-
-    def function(self, name: str, *argument_types: type, result: type | None = None):
-        """A callable of an exported function; the GIL is released while it runs."""
-        bound = ctypes.CFUNCTYPE(result, *argument_types)(self._engine.get_function_address(name))
-        bound.engine = self  # type: ignore[attr-defined]
-        return bound

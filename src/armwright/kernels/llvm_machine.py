@@ -1,4 +1,4 @@
-"""The machine that prints LLVM IR: a value is a <width x double>, one lane for each state (for width 1, a double)."""
+"""The machine that prints LLVM IR: a value is a <width x double> (or float), one lane for each state; for width 1, a double."""
 
 # ruff: noqa: D102  What the operations do is said where they are declared, in `Machine`.
 
@@ -7,15 +7,19 @@ import struct
 import sys
 from collections.abc import Sequence
 
+from armwright.kernels.format import DOUBLE, FORMATS, Format
 from armwright.kernels.machine import Machine, Slow, Value
 
-#: Functions that compiled code may call, from libm: ours by `Machine.call`, and those that LLVM calls for an
-#: instruction which the processor lacks (fma, floor …) or for moving memory.
-LIBM = (
+#: Functions of libm for doubles, each with one for floats: ours by `Machine.call`, and those that LLVM calls for an
+#: instruction which the processor lacks (fma, floor …).
+_OF_REALS = (
     *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
     *("exp", "expm1", "log", "log1p", "pow", "hypot", "erf", "erfc", "fmod", "remainder"),
-    *("fma", "floor", "ceil", "trunc", "rint", "nearbyint", "sqrt", "memcpy", "memset", "memmove"),
+    *("fma", "floor", "ceil", "trunc", "rint", "nearbyint", "sqrt"),
 )
+
+#: Functions that compiled code may call: libm's, and those by which LLVM moves memory.
+LIBM = (*(f"{name}{f.suffix}" for f in FORMATS.values() for name in _OF_REALS), "memcpy", "memset", "memmove")
 
 
 class LlvmMachine(Machine):
@@ -32,15 +36,16 @@ class LlvmMachine(Machine):
         declarations: set[str] | None = None,
         definitions: dict[str, str] | None = None,
         block: str = "entry",
+        format: Format = DOUBLE,
     ):
-        super().__init__()
+        super().__init__(format)
         self.width = width
         self.lines: list[str] = []
         self.declarations: set[str] = set() if declarations is None else declarations
         self.definitions: dict[str, str] = {} if definitions is None else definitions
         self.block = block  # label of the basic block that lines go into, as a phi needs it
-        self.double, self.integer, self.mask = (self._vector(scalar) for scalar in ("double", "i64", "i1"))
-        self._suffix = "f64" if width == 1 else f"v{width}f64"
+        self.real, self.integer, self.mask = (self._vector(s) for s in (format.real, format.integer, "i1"))
+        self._suffix = f"f{format.bits}" if width == 1 else f"v{width}f{format.bits}"
         self._count = 0
         self._printed: dict[str, str] = {}
 
@@ -79,33 +84,36 @@ class LlvmMachine(Machine):
         return self._printed[instruction]
 
     def _intrinsic(self, name: str, *arguments: Value) -> Value:
-        types = ", ".join([self.double] * len(arguments))
-        self.declarations.add(f"declare {self.double} @llvm.{name}.{self._suffix}({types})")
-        given = ", ".join(f"{self.double} {argument}" for argument in arguments)
-        return self._pure(f"call {self.double} @llvm.{name}.{self._suffix}({given})")
+        types = ", ".join([self.real] * len(arguments))
+        self.declarations.add(f"declare {self.real} @llvm.{name}.{self._suffix}({types})")
+        given = ", ".join(f"{self.real} {argument}" for argument in arguments)
+        return self._pure(f"call {self.real} @llvm.{name}.{self._suffix}({given})")
 
-    # Doubles.
+    # Reals.
 
     def constant(self, number: float) -> Value:
-        return self._splat(f"double 0x{struct.unpack('<Q', struct.pack('<d', number))[0]:016X}")
+        bits = struct.unpack("<Q", struct.pack("<d", self.format.rounded(number)))[
+            0
+        ]  # LLVM writes floats as doubles, too
+        return self._splat(f"{self.format.real} 0x{bits:016X}")
 
     def add(self, a, b):
-        return self._pure(f"fadd {self.double} {a}, {b}")
+        return self._pure(f"fadd {self.real} {a}, {b}")
 
     def sub(self, a, b):
-        return self._pure(f"fsub {self.double} {a}, {b}")
+        return self._pure(f"fsub {self.real} {a}, {b}")
 
     def mul(self, a, b):
-        return self._pure(f"fmul {self.double} {a}, {b}")
+        return self._pure(f"fmul {self.real} {a}, {b}")
 
     def div(self, a, b):
-        return self._pure(f"fdiv {self.double} {a}, {b}")
+        return self._pure(f"fdiv {self.real} {a}, {b}")
 
     def fma(self, a, b, c):
         return self._intrinsic("fma", a, b, c)
 
     def neg(self, a):
-        return self._pure(f"fneg {self.double} {a}")
+        return self._pure(f"fneg {self.real} {a}")
 
     def fabs(self, a):
         return self._intrinsic("fabs", a)
@@ -131,16 +139,16 @@ class LlvmMachine(Machine):
     # Truth values.
 
     def lt(self, a, b):
-        return self._pure(f"fcmp olt {self.double} {a}, {b}")
+        return self._pure(f"fcmp olt {self.real} {a}, {b}")
 
     def le(self, a, b):
-        return self._pure(f"fcmp ole {self.double} {a}, {b}")
+        return self._pure(f"fcmp ole {self.real} {a}, {b}")
 
     def eq(self, a, b):
-        return self._pure(f"fcmp oeq {self.double} {a}, {b}")
+        return self._pure(f"fcmp oeq {self.real} {a}, {b}")
 
     def ne(self, a, b):
-        return self._pure(f"fcmp une {self.double} {a}, {b}")
+        return self._pure(f"fcmp une {self.real} {a}, {b}")
 
     def both(self, p, q):
         return self._pure(f"and {self.mask} {p}, {q}")
@@ -152,18 +160,19 @@ class LlvmMachine(Machine):
         return self._pure(f"xor {self.mask} {p}, {self._splat('i1 true')}")
 
     def select(self, p, a, b):
-        return self._pure(f"select {self.mask} {p}, {self.double} {a}, {self.double} {b}")
+        return self._pure(f"select {self.mask} {p}, {self.real} {a}, {self.real} {b}")
 
     # Integers.
 
     def bits(self, a):
-        return self._pure(f"bitcast {self.double} {a} to {self.integer}")
+        return self._pure(f"bitcast {self.real} {a} to {self.integer}")
 
     def from_bits(self, i):
-        return self._pure(f"bitcast {self.integer} {i} to {self.double}")
+        return self._pure(f"bitcast {self.integer} {i} to {self.real}")
 
     def int_constant(self, number):
-        return self._splat(f"i64 {(number + (1 << 63)) % (1 << 64) - (1 << 63)}")
+        half = 1 << (self.format.bits - 1)
+        return self._splat(f"{self.format.integer} {(number + half) % (2 * half) - half}")
 
     def int_add(self, i, j):
         return self._pure(f"add {self.integer} {i}, {j}")
@@ -198,8 +207,8 @@ class LlvmMachine(Machine):
     # Leaving the straight line.
 
     def call(self, name, *arguments):
-        given = ", ".join(f"{self.double} {argument}" for argument in arguments)
-        return self._pure(f"call {self.double} @{self._lanes(name, len(arguments))}({given})")
+        given = ", ".join(f"{self.real} {argument}" for argument in arguments)
+        return self._pure(f"call {self.real} @{self._lanes(name, len(arguments))}({given})")
 
     def rarely(self, mask, slow: Sequence[Slow], *fast):
         assert len(slow) == len(fast)
@@ -216,7 +225,7 @@ class LlvmMachine(Machine):
         self.lines.append(f"  br label %{join}")
         self._label(join)
         return tuple(
-            self.emit(f"phi {self.double} [ {usual_value}, %{usual} ], [ {rare_value}, %{wide} ]")
+            self.emit(f"phi {self.real} [ {usual_value}, %{usual} ], [ {rare_value}, %{wide} ]")
             for usual_value, rare_value in zip(fast, rare, strict=True)
         )
 
@@ -232,11 +241,12 @@ class LlvmMachine(Machine):
 
         The calls are `nobuiltin`: LLVM must not put its own idea of a libm function (pow(x, 2) = x x) in its place.
         """
+        real, name = self.format.real, f"{name}{self.format.suffix}"
         lanes = f"{name}.lanes{self.width}"
-        scalars = ", ".join(["double"] * arity)
-        self.declarations.add(f"declare double @{name}({scalars}) nounwind willreturn memory(none)")
+        scalars = ", ".join([real] * arity)
+        self.declarations.add(f"declare {real} @{name}({scalars}) nounwind willreturn memory(none)")
         lines = [
-            f"define internal {self.double} @{lanes}({', '.join(f'{self.double} %a{k}' for k in range(arity))}) "
+            f"define internal {self.real} @{lanes}({', '.join(f'{self.real} %a{k}' for k in range(arity))}) "
             "noinline cold nounwind willreturn memory(none) {"
         ]
         result = "poison"
@@ -244,14 +254,14 @@ class LlvmMachine(Machine):
             given = [f"%a{k}" for k in range(arity)]
             if self.width > 1:
                 given = [f"%a{k}.{lane}" for k in range(arity)]
-                lines += [f"  %a{k}.{lane} = extractelement {self.double} %a{k}, i32 {lane}" for k in range(arity)]
-            lines.append(f"  %r{lane} = call double @{name}({', '.join(f'double {a}' for a in given)}) nobuiltin")
+                lines += [f"  %a{k}.{lane} = extractelement {self.real} %a{k}, i32 {lane}" for k in range(arity)]
+            lines.append(f"  %r{lane} = call {real} @{name}({', '.join(f'{real} {a}' for a in given)}) nobuiltin")
             if self.width > 1:
-                lines.append(f"  %s{lane} = insertelement {self.double} {result}, double %r{lane}, i32 {lane}")
+                lines.append(f"  %s{lane} = insertelement {self.real} {result}, {real} %r{lane}, i32 {lane}")
                 result = f"%s{lane}"
             else:
                 result = f"%r{lane}"
-        self.definitions[lanes] = "\n".join([*lines, f"  ret {self.double} {result}", "}"])
+        self.definitions[lanes] = "\n".join([*lines, f"  ret {self.real} {result}", "}"])
         return lanes
 
 

@@ -62,7 +62,7 @@ def _sign(m: Machine, a: Value) -> Value:
 
 
 def erfinv(m: Machine, x: Value) -> Value:
-    """The y with erf y = x: a polynomial good to 2.5e-7, then a step of Halley's. Max error (measured): 1.52 ulp.
+    """The y with erf y = x: a polynomial good to 2.5e-7, then a step of Halley's. Max error (measured): 1.52 ulp, of floats 1.70.
 
     With e = (erf y - x)/(2 exp(-y²)/√π) the step is y - e/(1 + y e); it is cubic, so that the errors of libm's erf and
     erfc are what stays. Beyond ½ the residual is 1 - |x|, exact there, minus erfc |y|, which does not cancel.

@@ -1,13 +1,16 @@
 """The abstract machine on which polynomials and lowerings are written once, for LLVM IR, C99 and CUDA C alike.
 
-A value is opaque: one double, one 64-bit integer or one truth value for each lane. Doubles follow IEEE 754 to the
-letter, no operation is contracted, reassociated or approximated; a fused multiply-add is `fma` and nothing else.
-Integers wrap around; all comparisons of integers are of signed ones.
+A value is opaque: one real, one integer of as many bits or one truth value for each lane. Reals are of the machine's
+`format`, double unless said otherwise; they follow IEEE 754 to the letter, no operation is contracted, reassociated or
+approximated; a fused multiply-add is `fma` and nothing else. Integers wrap around; all comparisons of integers are of
+signed ones.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Sequence
 from typing import Any, TypeAlias
+
+from armwright.kernels.format import DOUBLE, Format
 
 Value: TypeAlias = Any
 
@@ -18,13 +21,14 @@ Slow: TypeAlias = tuple[str, tuple[Value, ...]]
 class Machine(ABC):
     """The operations that a back end must print; derived ones, in terms of these, are at the end."""
 
-    def __init__(self) -> None:
+    def __init__(self, format: Format = DOUBLE) -> None:
+        self.format = format
         self.memo: dict[Hashable, Value] = {}  # what functions over the machine share, such as sin and cos of one value
 
-    # Doubles.
+    # Reals.
     @abstractmethod
     def constant(self, number: float) -> Value:
-        """The double `number` in every lane, to the bit."""
+        """The double `number` in every lane, to the bit; in another format, rounded once."""
 
     @abstractmethod
     def add(self, a: Value, b: Value) -> Value:
@@ -109,28 +113,28 @@ class Machine(ABC):
 
     @abstractmethod
     def select(self, p: Value, a: Value, b: Value) -> Value:
-        """The double a in lanes where p is true, else b."""
+        """The real a in lanes where p is true, else b."""
 
-    # 64-bit integers.
+    # Integers.
     @abstractmethod
     def bits(self, a: Value) -> Value:
-        """The double a as an integer, bit by bit."""
+        """The real a as an integer, bit by bit."""
 
     @abstractmethod
     def from_bits(self, i: Value) -> Value:
-        """The integer i as a double, bit by bit."""
+        """The integer i as a real, bit by bit."""
 
     @abstractmethod
     def int_constant(self, number: int) -> Value:
-        """The integer `number`, taken modulo 2^64, in every lane."""
+        """The integer `number`, taken modulo 2^bits, in every lane."""
 
     @abstractmethod
     def int_add(self, i: Value, j: Value) -> Value:
-        """i + j modulo 2^64."""
+        """i + j modulo 2^bits."""
 
     @abstractmethod
     def int_sub(self, i: Value, j: Value) -> Value:
-        """i - j modulo 2^64."""
+        """i - j modulo 2^bits."""
 
     @abstractmethod
     def int_and(self, i: Value, j: Value) -> Value:
@@ -167,7 +171,7 @@ class Machine(ABC):
     # Leaving the straight line.
     @abstractmethod
     def call(self, name: str, *arguments: Value) -> Value:
-        """The libm function of that C99 name, lane by lane."""
+        """The libm function of that C99 name (of sinf for "sin" where reals are floats), lane by lane."""
 
     @abstractmethod
     def rarely(self, mask: Value, slow: Sequence[Slow], *fast: Value) -> tuple[Value, ...]:
@@ -183,10 +187,10 @@ class Machine(ABC):
         return self.select(p, self.constant(1.0), self.constant(0.0))
 
     def is_true(self, a: Value) -> Value:
-        """Whether a double counts as true in C: not zero, NaN included."""
+        """Whether a real counts as true in C: not zero, NaN included."""
         return self.ne(a, self.constant(0.0))
 
     def flip_sign(self, a: Value, i: Value) -> Value:
         """a, negated where the top bit of the integer i is set."""
-        sign = self.int_and(i, self.int_constant(1 << 63))
+        sign = self.int_and(i, self.int_constant(1 << (self.format.bits - 1)))
         return self.from_bits(self.int_xor(self.bits(a), sign))

@@ -1,8 +1,8 @@
 """Row-major arrays in and out of registers: W states of k entries become k vectors of W lanes, by in-register transposes.
 
-Columns go in chunks of c = 4 or 2: a vector is put together from c entries of W/c rows (an insert from memory, which
-costs little), and log2 c rounds of shuffles inside blocks of c finish the transpose. On AVX-512 that is 2 shuffles a column,
-where a full 8 × 8 transpose takes 3 on the one port that can.
+Columns go in chunks of c = 4 or 2 (of floats 8 too): a vector is put together from c entries of W/c rows (an insert from
+memory, which costs little), and log2 c rounds of shuffles inside blocks of c finish the transpose. For doubles on AVX-512 that
+is 2 shuffles a column, where a full 8 × 8 transpose takes 3 on the one port that can.
 """
 
 from __future__ import annotations
@@ -12,57 +12,67 @@ from collections.abc import Iterator
 from armwright.kernels.llvm_machine import LlvmMachine
 from armwright.kernels.machine import Value
 
+CHUNK = 32  # bytes of a row that are read or written at once
+
 
 def load_tile(m: LlvmMachine, pointer: str, columns: int) -> list[Value]:
-    """One vector a column, from W rows of `columns` doubles at `pointer`."""
+    """One vector a column, from W rows of `columns` reals at `pointer`."""
     if m.width == 1 or columns == 1:
-        return [m.emit(f"load {m.double}, ptr {_at(m, pointer, k * m.width)}, align 8") for k in range(columns)]
+        return [
+            m.emit(f"load {m.real}, ptr {_at(m, pointer, k * m.width)}, align {m.format.bytes}") for k in range(columns)
+        ]
     loaded: dict[int, Value] = {}
-    for start, c in _chunks(columns, m.width):
+    for start, c in _chunks(columns, m):
         vectors = []
         for row in range(c):
             places = [_at(m, pointer, r * columns + start) for r in range(row, m.width, c)]
-            vectors.append(_joined(m, [m.emit(f"load <{c} x double>, ptr {place}, align 8") for place in places], c))
+            vectors.append(
+                _joined(
+                    m,
+                    [m.emit(f"load <{c} x {m.format.real}>, ptr {place}, align {m.format.bytes}") for place in places],
+                    c,
+                )
+            )
         for k, vector in enumerate(_transposed(m, vectors)):
             loaded.setdefault(start + k, vector)
     return [loaded[k] for k in range(columns)]
 
 
 def store_tile(m: LlvmMachine, pointer: str, values: list[Value]) -> None:
-    """W rows of doubles at `pointer`, from one vector a column."""
+    """W rows of reals at `pointer`, from one vector a column."""
     columns = len(values)
     if m.width == 1 or columns == 1:
         for k, value in enumerate(values):
-            m.lines.append(f"  store {m.double} {value}, ptr {_at(m, pointer, k * m.width)}, align 8")
+            m.lines.append(f"  store {m.real} {value}, ptr {_at(m, pointer, k * m.width)}, align {m.format.bytes}")
         return
-    for start, c in _chunks(columns, m.width):
+    for start, c in _chunks(columns, m):
         for row, vector in enumerate(_transposed(m, values[start : start + c])):
             for part, r in enumerate(range(row, m.width, c)):
                 narrow = _part(m, vector, part, c)
                 place = _at(m, pointer, r * columns + start)
-                m.lines.append(f"  store <{c} x double> {narrow}, ptr {place}, align 8")
+                m.lines.append(f"  store <{c} x {m.format.real}> {narrow}, ptr {place}, align {m.format.bytes}")
 
 
-def _chunks(columns: int, width: int) -> Iterator[tuple[int, int]]:
+def _chunks(columns: int, m: LlvmMachine) -> Iterator[tuple[int, int]]:
     """Starts and sizes of chunks that cover the columns; the last overlaps the one before where the number is odd."""
-    start = 0
+    start, most = 0, min(columns, m.width, CHUNK // m.format.bytes)
     while start < columns:
         left = columns - start
-        c = 4 if left >= 3 and columns >= 4 and width >= 4 else 2
+        c = next(c for c in (8, 4, 2) if c <= most and left >= c - 1)
         start = min(start, columns - c)
         yield start, c
         start += c
 
 
 def _at(m: LlvmMachine, pointer: str, offset: int) -> Value:
-    return pointer if offset == 0 else m.emit(f"getelementptr double, ptr {pointer}, i64 {offset}")
+    return pointer if offset == 0 else m.emit(f"getelementptr {m.format.real}, ptr {pointer}, i64 {offset}")
 
 
 def _joined(m: LlvmMachine, parts: list[Value], size: int) -> Value:
-    """Parts of `size` doubles side by side in one vector."""
+    """Parts of `size` reals side by side in one vector."""
     while len(parts) > 1:
         lanes = _lanes(range(2 * size))
-        kind = f"<{size} x double>"
+        kind = f"<{size} x {m.format.real}>"
         parts = [
             m.emit(f"shufflevector {kind} {a}, {kind} {b}, <{2 * size} x i32> <{lanes}>")
             for a, b in zip(parts[::2], parts[1::2], strict=True)
@@ -72,11 +82,11 @@ def _joined(m: LlvmMachine, parts: list[Value], size: int) -> Value:
 
 
 def _part(m: LlvmMachine, value: Value, part: int, size: int) -> Value:
-    """The part-th `size` doubles of a vector."""
+    """The part-th `size` reals of a vector."""
     if size == m.width:
         return value
     lanes = _lanes(range(part * size, (part + 1) * size))
-    return m.emit(f"shufflevector {m.double} {value}, {m.double} poison, <{size} x i32> <{lanes}>")
+    return m.emit(f"shufflevector {m.real} {value}, {m.real} poison, <{size} x i32> <{lanes}>")
 
 
 def _transposed(m: LlvmMachine, rows: list[Value]) -> list[Value]:
@@ -90,8 +100,7 @@ def _transposed(m: LlvmMachine, rows: list[Value]) -> list[Value]:
             if not i & s:
                 a, b = rows[i], rows[i + s]
                 rows[i], rows[i + s] = (
-                    m.emit(f"shufflevector {m.double} {a}, {m.double} {b}, <{w} x i32> <{lanes}>")
-                    for lanes in (low, high)
+                    m.emit(f"shufflevector {m.real} {a}, {m.real} {b}, <{w} x i32> <{lanes}>") for lanes in (low, high)
                 )
         s *= 2
     return rows

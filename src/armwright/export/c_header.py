@@ -1,0 +1,133 @@
+"""The header of an exported C library: how to compile it, and every function with its equation, arrays, units and stack."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+from armwright.export.c_comment import comment
+from armwright.export.c_function import CFunction
+from armwright.kernels.c_words import parameters, port_names
+from armwright.model import Model
+
+WIDTH = 100  # of a function's first line, above which its parameters stand below each other
+
+#: [bytes] What the functions that a kernel's function calls, and registers that are saved, take of the stack.
+CALLS = 128
+_BYTES = {"double": 8, "float": 4}
+_ACCURACY = {
+    "double": "Double precision: the bits of Armwright's compiled kernels, where fma() rounds once.",
+    "float": "Single precision: the bits of Armwright's compiled float32 kernels, where fmaf() rounds once.",
+}
+_CORES = {
+    "double": "-mcpu=cortex-m7 -mthumb -mfpu=fpv5-d16 -mfloat-abi=hard",
+    "float": "-mcpu=cortex-m4 -mthumb -mfpu=fpv4-sp-d16 -mfloat-abi=hard",
+}
+
+
+def header(arm: Model, functions: Sequence[CFunction], real: str, waiting: Mapping[str, int]) -> str:
+    """The header's text; `waiting` is how many numbers are on the stack while a function runs, by its name."""
+    name = functions[0].library
+    guard = f"{name.upper()}_H"
+    parts = [
+        comment(_top(arm, name, real)),
+        f"#ifndef {guard}\n#define {guard}",
+        f"#define {_macro(name)} {arm.n}",
+        '#ifdef __cplusplus\nextern "C" {\n#endif',
+        *(f"{_documented(arm, f, stack(waiting[f.name], real))}\n{prototype(f, real)};" for f in functions),
+        "#ifdef __cplusplus\n}\n#endif",
+        "#endif",
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def stack(waiting: int, real: str) -> int:
+    """[bytes] About how much of the stack a function takes on which so many numbers wait."""
+    return -(-(waiting * _BYTES[real] + CALLS) // 8) * 8
+
+
+def prototype(function: CFunction, real: str) -> str:
+    """The function's first line, its arrays' sizes in numbers of joints; long ones over several lines."""
+    sizes = [
+        " * ".join(_size(function.library, size) for size in argument.shape) or "1" for argument in function.arguments
+    ]
+    line = f"void {function.name}({parameters(function.program, real, sizes)})"
+    return line if len(line) <= WIDTH else line.replace("(", "(\n    ", 1).replace(", ", ",\n    ")
+
+
+def _top(arm: Model, name: str, real: str) -> list[str]:
+    title = arm.description.title if arm.description is not None else ""
+    files = f"{name}.c {name}_selftest.c"
+    return [
+        f"{arm.name}: {title}" if title else arm.name,
+        "",
+        "Made by Armwright from the robot's file; do not edit, make it again.",
+        "",
+        _ACCURACY[real],
+        "Matrices are row-major, results are written only. Arrays may overlap. Functions keep no state, allocate nothing",
+        "and do not recurse: any number may run at a time.",
+        "",
+        "Compile with -ffp-contract=off and, where the processor has it in hardware, fused multiply-add:",
+        f"  gcc -std=c99 -O2 -mfma -ffp-contract=off {files} -o selftest -lm",
+        f"  clang -std=c99 -O2 -mfma -ffp-contract=off {files} -o selftest -lm",
+        f"  arm-none-eabi-gcc -std=c99 -O2 {_CORES[real]} -ffp-contract=off -c {name}.c",
+        "-mfma is for x86 only. Without such an instruction fma() is right but slow. Never compile with -ffast-math. The",
+        "self-test prints a line a function, and ends with 0 if all are met.",
+        "",
+        "What is said of the stack is an estimate: compilers were seen to take from a half to two and a half times as much.",
+        "gcc -fstack-usage tells.",
+        "",
+        "Joints, in the order of every array over joints:",
+        *(f"  [{k}] {body.joint} ({body.kind}, {_POSITION[body.kind]})" for k, body in enumerate(arm.bodies)),
+    ]
+
+
+_POSITION = {"revolute": "rad", "prismatic": "m"}
+
+
+def _documented(arm: Model, function: CFunction, stack: int) -> str:
+    """The equation, what is fixed, and every array with shape, unit and what the docstring says of it."""
+    form, names = function.form, port_names(function.program)
+    doc = form.signature.function.__doc__ or ""
+    fixed = [f"Here {argument.name} = 0." for argument in form.left_out]
+    fixed += [f"Here {option} = {value!r}." for option, value in form.options]
+    if "frame" in form.signature.options and "frame" not in dict(form.options):
+        fixed.append(f"Here frame = {arm.tip!r}, the arm's tip.")
+    shapes = [f"({', '.join(_size(function.library, size) for size in a.shape)})" for a in function.arguments]
+    wide, long = max(map(len, names)), max(map(len, shapes))
+    rows = []
+    for k, (name, shape, argument) in enumerate(zip(names, shapes, function.arguments, strict=True)):
+        side = "out" if k >= len(function.program.inputs) else "in"
+        rows.append(f"  {side:3}  {name:{wide}}  {shape:{long}}  [{argument.unit}]")
+        if said := described(doc, argument.name):
+            rows.append(f"       {'':{wide}}  {said}")
+    return comment([*_equation(doc), *fixed, "", *rows, "", f"Stack: about {stack} bytes."])
+
+
+def _equation(doc: str) -> list[str]:
+    """The docstring's first paragraph, and those before its arguments that have an equation."""
+    first, *rest = (part for part in doc.split("Args:")[0].split("\n\n"))
+    lines = [line.strip() for part in (first, *(part for part in rest if " = " in part)) for line in part.split("\n")]
+    return [line for line in lines if line]
+
+
+def described(doc: str, name: str) -> str:
+    """What a docstring says of an argument or a result besides its shape and unit; nothing where it has several units.
+
+    `tau: (n,) [N m | N] motor torque.   u: …` → "motor torque"
+    """
+    said = re.search(rf"(?:^|\s{{3,}}){name}: \([^)]*\)(.*?)(?=\.?\s{{3,}}\w+: |\n\s*\w+:\s|\Z)", doc, re.S | re.M)
+    before, _, behind = " ".join(said[1].split() if said else ()).partition("[")
+    return (before or ("" if "[" in behind else behind.partition("]")[2])).strip(" ,;.")
+
+
+def _macro(name: str) -> str:
+    return f"{name.upper()}_JOINTS"
+
+
+def _size(name: str, size: int | str) -> str:
+    """A size of the table as C: `10n` is ten times the number of joints."""
+    if isinstance(size, int):
+        return str(size)
+    times = size.removesuffix("n")
+    return f"{times} * {_macro(name)}" if times else _macro(name)

@@ -1,0 +1,53 @@
+"""The drive file beside a URDF: everything that the URDF cannot hold of motors, friction, limits and place."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import tomlkit
+
+from armwright.description.quantity import Quantity, Record
+from armwright.description.robot import FixedJoint, RobotDescription
+from armwright.export.joint_frames import joint_frames, moved_tip, tip_of
+
+
+def drive_file(robot: RobotDescription) -> str:
+    """The text of NAME.drive.toml, which `read_urdf` finds beside NAME.urdf."""
+    joints: dict[str, Any] = {}
+    for joint in robot.joints:
+        if isinstance(joint, FixedJoint):
+            continue
+        source = joint.source or robot.source
+        table: dict[str, Any] = {"command": joint.command} if joint.command is not None else {}
+        if joint.bus_period_s is not None:
+            table["bus_period_s"] = _plain(joint.bus_period_s, source)
+        for name in ("motor", "friction", "limits"):
+            record = getattr(joint, name)
+            if record is not None and record.model_fields_set:
+                table[name] = _plain(record, source)
+        joints[joint.name] = table
+    tip = moved_tip(robot, joint_frames(robot)) or tip_of(robot)
+    document = {
+        **({} if robot.source is None else {"source": robot.source}),
+        **({} if robot.command is None else {"command": robot.command}),
+        **({} if robot.gravity_m_s2 is None else {"gravity_m_s2": _plain(robot.gravity_m_s2, None)}),
+        **({} if tip is None else {"tip": tip}),
+        "sources": {key: source.model_dump(exclude_none=True) for key, source in robot.sources.items()},
+        "joints": joints,
+    }
+    return tomlkit.dumps(document)
+
+
+def _plain(value: Any, source: str | None) -> Any:
+    """Records as tables that bear their source, numbers as numbers where they have nothing of their own to say."""
+    if isinstance(value, Quantity):
+        number = list(value.value) if isinstance(value.value, tuple) else value.value
+        own = {key: getattr(value, key) for key in ("std", "source", "date") if getattr(value, key) is not None}
+        if isinstance(own.get("std"), tuple):
+            own["std"] = list(own["std"])
+        return {"value": number, **own} if own else number
+    if isinstance(value, Record):
+        given = {key: getattr(value, key) for key in type(value).model_fields if key in value.model_fields_set}
+        table = {key: _plain(inner, None) for key, inner in given.items() if inner is not None}
+        return table if "source" in table or source is None else {"source": source, **table}
+    return value

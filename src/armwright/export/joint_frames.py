@@ -1,0 +1,100 @@
+"""A description's tree with every link's frame on its joint, as URDF and MJCF have it, and classic Denavit-Hartenberg has not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armwright.description.robot import FixedJoint, Joint, Link, RobotDescription
+from armwright.model.build import joint_placement
+from armwright.spatial import Frozen, Placement, roll_pitch_yaw, rotation_rpy, snap
+
+Z = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class JointFrame(Frozen):
+    """A joint and the link it moves: the link's frame is the joint's, moved on by q about or along `axis`."""
+
+    joint: Joint
+    link: Link
+    frame: Placement  # of the joint, in the parent link's frame here
+    angles: tuple[float, ...]  # roll, pitch, yaw [rad] of the same, as the record has them where it does
+    axis: tuple[float, ...]  # in that frame
+    shift: Placement  # of the record's link frame, in the link's frame here
+    com: np.ndarray  # (3,) [m], in the link's frame here
+    tensor: np.ndarray  # (3, 3) [kg m²] about the centre of mass, in its axes
+
+
+def joint_frames(robot: RobotDescription) -> list[JointFrame]:
+    """All joints, parents first."""
+    shifts = {robot.base: Placement.identity()}
+    links = {link.name: link for link in robot.links}
+    waiting, found = list(robot.joints), []
+    while waiting:
+        joint = next(joint for joint in waiting if joint.parent in shifts)
+        waiting.remove(joint)
+        before, after = joint_placement(joint)
+        axis = Z
+        if isinstance(joint, FixedJoint):
+            before, after = before @ after, Placement.identity()
+        elif joint.frame is not None:  # the axis as it was given, not the frame that was turned onto it
+            before, after, axis = before @ after, Placement.identity(), _unit(np.array(joint.axis))
+        link = links[joint.child]
+        frame = shifts[joint.parent] @ before
+        shifts[joint.child] = after
+        angles: tuple[float, ...] = roll_pitch_yaw(frame.rotation)
+        if joint.frame is not None and is_identity(shifts[joint.parent]):  # the file's own digits
+            angles = tuple(np.array(joint.frame.rpy_rad).tolist())
+            frame = Placement(frame.rotation, np.array(joint.frame.xyz_m))
+        com, tensor = np.array(link.com_m), link.inertia_kg_m2.matrix()
+        if not is_identity(after):
+            com = after.point(com)
+            tensor = after.rotation @ tensor @ after.rotation.T
+        found.append(JointFrame(joint, link, frame, angles, axis, after, com, 0.5 * (tensor + tensor.T)))
+    return found
+
+
+def moved_tip(robot: RobotDescription, frames: list[JointFrame]) -> str | None:
+    """The name of the tip's frame where the tip is a link whose frame has been moved onto its joint."""
+    tip = tip_of(robot)
+    shifts = {entry.link.name: entry.shift for entry in frames}
+    if tip not in shifts or is_identity(shifts[tip]):
+        return None
+    taken = {*shifts, robot.base, *(frame.name for frame in robot.frames)}
+    name = f"{tip}_tip"
+    while name in taken:
+        name += "_"
+    return name
+
+
+def place_of(robot: RobotDescription, frames: list[JointFrame], name: str) -> tuple[str, Placement]:
+    """The link that carries a named frame or link, and where that stands in the link's frame here."""
+    shifts = {entry.link.name: entry.shift for entry in frames} | {robot.base: Placement.identity()}
+    for frame in robot.frames:
+        if frame.name == name:
+            own = Placement(rotation_rpy(*np.array(frame.rpy_rad)), np.array(frame.xyz_m))
+            return frame.link, shifts[frame.link] @ own
+    return name, shifts[name]
+
+
+def tip_of(robot: RobotDescription) -> str | None:
+    """The tip's name: as the record has it, or the last link of a chain."""
+    if robot.tip is not None:
+        return robot.tip
+    parents = {joint.parent for joint in robot.joints}
+    ends = [link.name for link in robot.links if link.name not in parents]
+    return ends[0] if len(ends) == 1 else None
+
+
+def is_identity(placement: Placement) -> bool:
+    """Whether a frame is the other one, to the bit."""
+    return bool((placement.rotation == np.eye(3)).all() and not placement.position.any())
+
+
+def _unit(axis: np.ndarray) -> tuple[float, ...]:
+    """The direction at length 1, in the digits it was given in where it has that length already."""
+    scaled = axis / np.abs(axis).max()
+    length = float(np.linalg.norm(axis))
+    return tuple((axis if abs(length - 1.0) < 1e-15 else snap(scaled / np.linalg.norm(scaled))).tolist())

@@ -1,0 +1,103 @@
+"""What a description says and another format cannot hold, in one sentence each."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+
+from armwright.description.drive import LinearFriction, RotaryFriction
+from armwright.description.paths import quantities
+from armwright.description.robot import FixedJoint, RobotDescription
+
+
+class Losses:
+    """Losses found on the way, gathered by kind."""
+
+    def __init__(self) -> None:
+        self.found: dict[tuple[str, str], list[str]] = defaultdict(list)
+
+    def add(self, what: str, name: str, word: str = "joint") -> None:
+        """One more joint (or link) that loses this."""
+        self.found[what, word].append(name)
+
+    def sentences(self) -> list[str]:
+        """One for each kind."""
+        return [told(what, names, word) for (what, word), names in self.found.items()]
+
+
+def of_all_formats(robot: RobotDescription) -> list[str]:
+    """What neither URDF nor MJCF has a place for."""
+    moving = [joint for joint in robot.joints if not isinstance(joint, FixedJoint)]
+    motors = [(joint.name, joint.motor) for joint in moving if joint.motor is not None]
+    electric = [name for name, motor in motors if motor.torque_constant_n_m_per_a is not None]
+    lossy = [name for name, motor in motors if motor.gear_efficiency is not None]
+    driven = [joint.name for joint in moving if (joint.command or robot.command) != "torque"]
+    supply = [j.name for j in moving if j.limits.voltage_v is not None or j.limits.current_a is not None]
+    numbers = list(quantities(robot))
+    spread = sum(quantity.std is not None for _, quantity, _ in numbers)
+    dh = [joint.name for joint in robot.joints if joint.dh is not None or joint.modified_dh is not None]
+    accepted = [link.name for link in robot.links if link.accept_impossible is not None]
+    sentences = [
+        told("electrical constants", electric),
+        told("gear efficiency", lossy),
+        told("voltage and current limits", supply),
+        told("commands other than torque", driven),
+        told("Denavit-Hartenberg rows (frames are written instead)", dh),
+        told("the reasons why impossible inertias are accepted", accepted, "link"),
+        f"the sources of {len(numbers)} numbers",
+        f"{spread} standard deviations" if spread else "",
+        "title and notes" if robot.title or robot.notes else "",
+    ]
+    return [sentence for sentence in sentences if sentence]
+
+
+def of_friction(robot: RobotDescription) -> list[str]:
+    """What damping and one magnitude of dry friction leave out of the friction records."""
+    lost: dict[str, list[str]] = {}
+    for joint in robot.joints:
+        friction = None if isinstance(joint, FixedJoint) else joint.friction
+        if friction is None:
+            continue
+        for what in _beyond_coulomb(friction):
+            lost.setdefault(what, []).append(joint.name)
+    return [told(what, names) for what, names in lost.items()]
+
+
+def plain_friction(friction: RotaryFriction | LinearFriction | None) -> tuple[float, float]:
+    """(viscous, dry) of a friction record on the joint's side, as far as damping and one magnitude can tell it."""
+    if friction is None or friction.law != "coulomb" or friction.side != "joint":
+        return 0.0, 0.0
+    rotary = isinstance(friction, RotaryFriction)
+    viscous = friction.viscous_n_m_s_per_rad if rotary else friction.viscous_n_s_per_m
+    plus = friction.coulomb_positive_n_m if rotary else friction.coulomb_positive_n
+    minus = friction.coulomb_negative_n_m if rotary else friction.coulomb_negative_n
+    dry = 0.0 if plus is None or minus is None else 0.5 * (float(plus) + float(minus))
+    return (0.0 if viscous is None else float(viscous)), dry
+
+
+def _beyond_coulomb(friction: RotaryFriction | LinearFriction) -> list[str]:
+    if friction.law != "coulomb":
+        return [f"friction by the law {friction.law!r}"]
+    if friction.side != "joint":
+        return ["friction on the motor's side"]
+    rotary = isinstance(friction, RotaryFriction)
+    force = "n_m" if rotary else "n"
+    plus, minus = (getattr(friction, f"coulomb_{side}_{force}") for side in ("positive", "negative"))
+    offset = getattr(friction, f"offset_{force}")
+    level = friction.stribeck_torque_n_m if rotary else friction.stribeck_force_n
+    lost = []
+    if plus is not None and minus is not None:
+        lost.append("the speed that smooths dry friction")
+        if float(plus) != float(minus):
+            lost.append("dry friction that differs by direction (the mean is written)")
+    if offset is not None and float(offset):
+        lost.append("friction offset")
+    if level is not None:
+        lost.append("Stribeck friction")
+    return lost
+
+
+def told(what: str, names: Iterable[str], word: str = "joint") -> str:
+    """One loss and whose it is; nothing where it is nobody's."""
+    names = list(names)
+    return f"{what}: {word}{'s' if len(names) > 1 else ''} {', '.join(names)}" if names else ""

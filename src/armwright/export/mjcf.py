@@ -1,0 +1,139 @@
+"""RobotDescription → MuJoCo's XML."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from armwright.description.robot import FixedJoint, MovingJoint, PrismaticJoint, RobotDescription
+from armwright.description.solids import Box, Cylinder, Ellipsoid, Sphere
+from armwright.export.joint_frames import JointFrame, joint_frames, place_of, tip_of
+from armwright.export.losses import Losses, of_all_formats, of_friction, plain_friction
+from armwright.export.plain_limits import plain_limits
+from armwright.model.build import STANDARD_GRAVITY
+from armwright.model.plausibility import is_possible
+from armwright.output import whole_file
+from armwright.spatial import Placement, pseudo_inertia, rotation_quaternion
+
+
+def write_mjcf(description: RobotDescription, path: str | os.PathLike[str]) -> list[str]:
+    """Writes an MJCF: bodies, hinges and slides, armature, damping, dry friction, gears, limits, named frames as sites.
+
+    Armature is n² J_m. A motor's control is the torque on the joint over the gear ratio. MuJoCo itself refuses bodies that move
+    without mass, and tensors that no body has.
+
+    Args:
+        description: what to write.   path: of the file, ending in .xml.
+    Returns:
+        losses: what an MJCF cannot hold, one sentence each.
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    path = Path(path)
+    text, losses = mjcf_text(description)
+    with whole_file(path, (".xml", ".mjcf")) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+    return losses
+
+
+def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
+    """The MJCF, and what it cannot hold."""
+    losses = Losses()
+    root = ElementTree.Element("mujoco", model=description.name)
+    ElementTree.SubElement(root, "compiler", angle="radian", autolimits="false", balanceinertia="false")
+    gravity = STANDARD_GRAVITY if description.gravity_m_s2 is None else np.array(description.gravity_m_s2)
+    ElementTree.SubElement(root, "option", gravity=_text(gravity))
+    world = ElementTree.SubElement(root, "worldbody")
+    actuator = ElementTree.SubElement(root, "actuator")
+    bodies, frames = {description.base: world}, joint_frames(description)
+    for entry in frames:
+        body = ElementTree.SubElement(
+            bodies[entry.joint.parent], "body", {"name": entry.link.name, **_pose(entry.frame)}
+        )
+        bodies[entry.link.name] = body
+        if not isinstance(entry.joint, FixedJoint):
+            _joint(body, actuator, entry.joint, entry, losses)
+        _inertial(body, entry, losses)
+        for visual in entry.link.visuals:
+            _geom(body, entry, visual, losses)
+    for name in (frame.name for frame in description.frames):
+        link, at = place_of(description, frames, name)
+        ElementTree.SubElement(bodies[link], "site", {"name": name, **_pose(at)})
+    tip = tip_of(description)
+    if tip is not None and "tip" not in (tip, *(frame.name for frame in description.frames)):
+        link, at = place_of(description, frames, tip)
+        ElementTree.SubElement(bodies[link], "site", {"name": "tip", **_pose(at)})
+    ElementTree.indent(root)
+    return f"{ElementTree.tostring(root, encoding='unicode')}\n", [
+        *of_friction(description),
+        *of_all_formats(description),
+        *losses.sentences(),
+    ]
+
+
+def _joint(body: Any, actuator: Any, joint: MovingJoint, entry: JointFrame, losses: Losses) -> None:
+    slides, motor = isinstance(joint, PrismaticJoint), joint.motor
+    position, velocity, effort = plain_limits(joint)
+    told = {"name": joint.name, "type": "slide" if slides else "hinge", "axis": _text(entry.axis)}
+    if position is not None:
+        told |= {"limited": "true", "range": _text(np.array(position))}
+    if velocity is not None:
+        losses.add("velocity limits", joint.name)
+    gear = 1.0 if motor is None else float(motor.gear_ratio)
+    rotor = 0.0 if motor is None else float(motor.rotor_inertia_kg_m2)
+    viscous, dry = plain_friction(joint.friction)
+    for name, value in (("armature", gear * gear * rotor), ("damping", viscous), ("frictionloss", dry)):
+        if value:
+            told[name] = repr(value)
+    ElementTree.SubElement(body, "joint", told)
+    drive = {"name": f"{joint.name}_motor", "joint": joint.name, "gear": repr(gear)}
+    if effort is not None:
+        most = float(effort) / abs(gear)
+        drive |= {"ctrllimited": "true", "ctrlrange": _text((-most, most))}
+    ElementTree.SubElement(actuator, "motor", drive)
+
+
+def _inertial(body: Any, entry: JointFrame, losses: Losses) -> None:
+    mass, tensor = float(entry.link.mass_kg), entry.tensor
+    if not mass and not tensor.any():
+        return
+    if not mass or not is_possible(pseudo_inertia(mass, np.zeros(3), tensor)):
+        losses.add("an inertia that MuJoCo refuses, as no body has it", entry.link.name, "link")
+    entries = [tensor[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    ElementTree.SubElement(body, "inertial", pos=_text(entry.com), mass=repr(mass), fullinertia=_text(entries))
+
+
+def _geom(body: Any, entry: JointFrame, visual: Any, losses: Losses) -> None:
+    """Pictures touch nothing and weigh nothing."""
+    shape = None if visual.hole else _shape(visual.solid)
+    if shape is None:
+        losses.add(f"the picture of a {'hole' if visual.hole else visual.solid.shape}", entry.link.name, "link")
+        return
+    colour = {} if visual.colour is None else {"rgba": _text((*visual.colour, 1.0))}
+    place = _pose(entry.shift @ visual.placement())
+    ElementTree.SubElement(body, "geom", {**shape, "contype": "0", "conaffinity": "0", "mass": "0", **place, **colour})
+
+
+def _shape(solid: Any) -> dict[str, str] | None:
+    """Type and half sizes of a geom."""
+    if isinstance(solid, Box):
+        return {"type": "box", "size": _text(0.5 * np.array(solid.size_m))}
+    if isinstance(solid, Sphere):
+        return {"type": "sphere", "size": repr(float(solid.radius_m))}
+    if isinstance(solid, Cylinder):
+        return {"type": "cylinder", "size": _text((float(solid.radius_m), 0.5 * float(solid.length_m)))}
+    if isinstance(solid, Ellipsoid):
+        return {"type": "ellipsoid", "size": _text(np.array(solid.semi_axes_m))}
+    return None
+
+
+def _text(numbers: Any) -> str:
+    return " ".join(repr(float(number)) for number in numbers)
+
+
+def _pose(at: Placement) -> dict[str, str]:
+    return {"pos": _text(at.position), "quat": _text(rotation_quaternion(at.rotation))}

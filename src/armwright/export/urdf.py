@@ -1,0 +1,173 @@
+"""RobotDescription → URDF, with a drive file for what a URDF cannot hold."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from armwright.description.drive_file import ENDING
+from armwright.description.mesh import Mesh
+from armwright.description.robot import FixedJoint, PrismaticJoint, RobotDescription
+from armwright.description.solids import Box, Cylinder, Sphere
+from armwright.description.visual import Visual
+from armwright.export.drive_file import drive_file
+from armwright.export.joint_frames import JointFrame, joint_frames, moved_tip, place_of, tip_of
+from armwright.export.losses import Losses, of_all_formats, of_friction, plain_friction, told
+from armwright.export.plain_limits import plain_limits
+from armwright.output import whole_file
+from armwright.spatial import Placement, roll_pitch_yaw
+
+FAR = 1e6  # [m]; a slide must have position limits in a URDF
+
+
+def write_urdf(description: RobotDescription, path: str | os.PathLike[str], *, drive: bool = True) -> list[str]:
+    """Writes a URDF, and beside NAME.urdf the drive file NAME.drive.toml, from which `read_urdf` has the dynamics again.
+
+    Link frames are moved onto their joints, as the format wants them; named frames become fixed links without mass.
+
+    Args:
+        description: what to write.   path: of the file, ending in .urdf.   drive: whether to write the drive file.
+    Returns:
+        losses: what the URDF itself cannot hold, one sentence each; (kept) where the drive file has it.
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    path = Path(path)
+    losses = Losses()
+    text = urdf_text(description, path, losses)
+    beside = path.with_name(path.stem + ENDING)
+    with whole_file(path, (".urdf",)) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+        if drive:
+            with whole_file(beside) as other:
+                other.write_text(drive_file(description), encoding="utf-8", newline="\n")
+    kept = f" (kept in {beside.name})" if drive else ""
+    gears = [joint.name for joint in description.joints if getattr(joint, "motor", None) is not None]
+    motors = [f"{told('motors with their rotor inertia', gears)}{kept}"] if gears else []
+    gravity = [f"gravity{kept}"] if description.gravity_m_s2 is not None else []
+    friction = [f"{sentence}{kept}" for sentence in of_friction(description)]
+    return [*motors, *gravity, *friction, *of_all_formats(description), *losses.sentences()]
+
+
+def urdf_text(description: RobotDescription, path: Path, losses: Losses) -> str:
+    """The URDF; what its pictures lose is added to `losses`. Mesh paths are relative to `path` where they are below it."""
+    robot = ElementTree.Element("robot", name=description.name)
+    ElementTree.SubElement(robot, "link", name=description.base)
+    frames = joint_frames(description)
+    for entry in frames:
+        _link(robot, entry, path, losses)
+    for entry in frames:
+        _joint(robot, entry, losses)
+    tip, moved = tip_of(description), moved_tip(description, frames)
+    if tip is not None and moved is not None:
+        losses.add(f"the frame of the tip, which stands on its joint now (frame {moved} is where it was)", tip, "link")
+        _frame(robot, moved, *place_of(description, frames, tip))
+    for name in (frame.name for frame in description.frames):
+        _frame(robot, name, *place_of(description, frames, name))
+    ElementTree.indent(robot)
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{ElementTree.tostring(robot, encoding="unicode")}\n'
+
+
+def _link(robot: ElementTree.Element, entry: JointFrame, path: Path, losses: Losses) -> None:
+    link = ElementTree.SubElement(robot, "link", name=entry.link.name)
+    if float(entry.link.mass_kg) or entry.tensor.any():
+        inertial = ElementTree.SubElement(link, "inertial")
+        ElementTree.SubElement(inertial, "origin", xyz=_text(entry.com), rpy="0 0 0")
+        ElementTree.SubElement(inertial, "mass", value=repr(float(entry.link.mass_kg)))
+        pairs = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+        tensor = {name: repr(float(entry.tensor[i, j])) for name, (i, j) in pairs.items()}
+        ElementTree.SubElement(inertial, "inertia", tensor)
+    for visual in entry.link.visuals:
+        _visual(link, entry, visual, path, losses)
+
+
+def _visual(link: ElementTree.Element, entry: JointFrame, visual: Visual, path: Path, losses: Losses) -> None:
+    solid = visual.solid
+    if visual.hole or not isinstance(solid, (Box, Cylinder, Sphere, Mesh)):
+        losses.add(f"the picture of a {'hole' if visual.hole else solid.shape}", entry.link.name, "link")
+        return
+    element = ElementTree.SubElement(link, "visual")
+    ElementTree.SubElement(element, "origin", _pose(entry.shift @ visual.placement()))
+    geometry = ElementTree.SubElement(element, "geometry")
+    if isinstance(solid, Box):
+        ElementTree.SubElement(geometry, "box", size=_text(np.array(solid.size_m)))
+    elif isinstance(solid, Sphere):
+        ElementTree.SubElement(geometry, "sphere", radius=repr(float(solid.radius_m)))
+    elif isinstance(solid, Cylinder):
+        size = {"radius": repr(float(solid.radius_m)), "length": repr(float(solid.length_m))}
+        ElementTree.SubElement(geometry, "cylinder", size)
+    else:
+        scale = np.broadcast_to(np.array(solid.scale), 3)
+        ElementTree.SubElement(geometry, "mesh", filename=_mesh_name(solid.path, path), scale=_text(scale))
+    if visual.colour is not None:
+        material = ElementTree.SubElement(element, "material", name="")
+        ElementTree.SubElement(material, "color", rgba=_text([*visual.colour, 1.0]))
+
+
+def _joint(robot: ElementTree.Element, entry: JointFrame, losses: Losses) -> None:
+    joint = entry.joint
+    limits = {} if isinstance(joint, FixedJoint) else _limits(joint, losses)
+    kind = joint.type if joint.type != "revolute" or "lower" in limits else "continuous"
+    element = ElementTree.SubElement(robot, "joint", name=joint.name, type=kind)
+    ElementTree.SubElement(element, "parent", link=joint.parent)
+    ElementTree.SubElement(element, "child", link=joint.child)
+    ElementTree.SubElement(element, "origin", xyz=_text(entry.frame.position), rpy=_text(entry.angles))
+    if isinstance(joint, FixedJoint):
+        return
+    ElementTree.SubElement(element, "axis", xyz=_text(entry.axis))
+    if limits:
+        ElementTree.SubElement(element, "limit", limits)
+    viscous, dry = plain_friction(joint.friction)
+    if viscous or dry:
+        ElementTree.SubElement(element, "dynamics", damping=repr(viscous), friction=repr(dry))
+    if joint.motor is not None:
+        transmission = ElementTree.SubElement(robot, "transmission", name=f"{joint.name}_transmission")
+        ElementTree.SubElement(transmission, "type").text = "transmission_interface/SimpleTransmission"
+        ElementTree.SubElement(transmission, "joint", name=joint.name)
+        actuator = ElementTree.SubElement(transmission, "actuator", name=f"{joint.name}_motor")
+        ElementTree.SubElement(actuator, "mechanicalReduction").text = repr(float(joint.motor.gear_ratio))
+
+
+def _limits(joint: Any, losses: Losses) -> dict[str, str]:
+    """A limit that is not known is written as 0, as other exporters do; a slide must have a range."""
+    slides = isinstance(joint, PrismaticJoint)
+    position, velocity, effort = plain_limits(joint)
+    written = {}
+    if position is not None:
+        written |= dict(zip(("lower", "upper"), (repr(v) for v in np.array(position).tolist()), strict=True))
+    elif slides:
+        losses.add(f"position limits, which are not known (written as ±{FAR:g} m)", joint.name)
+        written |= {"lower": repr(-FAR), "upper": repr(FAR)}
+    for name, value in (("effort", effort), ("velocity", velocity)):
+        if value is not None:
+            written[name] = repr(float(value))
+        elif written or effort is not None or velocity is not None:
+            losses.add(f"that no {name} limit is known (written as 0)", joint.name)
+            written[name] = "0"
+    return written
+
+
+def _frame(robot: ElementTree.Element, name: str, link: str, at: Placement) -> None:
+    """A fixed link without mass."""
+    ElementTree.SubElement(robot, "link", name=name)
+    joint = ElementTree.SubElement(robot, "joint", name=f"{name}_frame", type="fixed")
+    ElementTree.SubElement(joint, "parent", link=link)
+    ElementTree.SubElement(joint, "child", link=name)
+    ElementTree.SubElement(joint, "origin", _pose(at))
+
+
+def _mesh_name(mesh: Path, path: Path) -> str:
+    folder, mesh = path.resolve().parent, mesh.resolve()
+    return mesh.relative_to(folder).as_posix() if mesh.is_relative_to(folder) else mesh.as_uri()
+
+
+def _pose(at: Placement) -> dict[str, str]:
+    return {"xyz": _text(at.position), "rpy": _text(roll_pitch_yaw(at.rotation))}
+
+
+def _text(numbers: Any) -> str:
+    return " ".join(repr(float(number)) for number in numbers)

@@ -1,0 +1,128 @@
+"""Engine: a module's native code in this process, compiled or from the cache, linked, and unmapped when nobody needs it.
+
+Where LLVM has JITLink for the platform, code is position-independent in the *small* code model: constants and functions are
+addressed relative to the instruction, ±2 GB. That holds by construction, however full the address space is: JITLink maps a
+module in one piece, and reaches what lies elsewhere (libm) through stubs inside that piece. The older linker, MCJIT's, maps
+each section where it finds room, so for it code is made in LLVM's *large* model: every address a 64-bit constant in a register.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from typing import Protocol
+
+from llvmlite import binding
+
+from armwright.kernels import cache
+from armwright.kernels.llvm import Module, Target
+from armwright.kernels.llvm_machine import LIBM
+from armwright.program import Program
+
+JITLINK = {"ELF": ("x86_64", "aarch64"), "MachO": ("x86_64", "arm64", "aarch64")}  # format: processors; not on Windows
+LIBRARY = "module"  # a linker has one library, of this name
+
+
+class Engine:
+    """Native code of one module. Functions obtained from it must keep it alive: dropping it unmaps the code."""
+
+    def __init__(self, target: Target, build: Callable[..., Module], *ingredients: Program | str | int | float):
+        """The code of `build(target.width, *ingredients)`, from the cache where it is there.
+
+        Args:
+            target: what it is made for.
+            build: a function at the top level of a file of `kernels`; it sees nothing but its arguments.
+            ingredients: what it makes the module of.
+        """
+        linked = linker(binding.get_default_triple())
+        machine = linked.machine(target)
+        key = cache.key(build, ingredients, linked.__name__, machine.triple, target)
+        code = cache.load(key)
+        if code is None:
+            code = compiled(build(target.width, *ingredients), machine)
+            cache.store(key, code)
+        self._linked = linked(code, machine)
+
+    def function(self, name: str, *argument_types: type, result: type | None = None):
+        """A callable of an exported function; the GIL is released while it runs."""
+        bound = ctypes.CFUNCTYPE(result, *argument_types)(self._linked.address(name))
+        bound.engine = self  # type: ignore[attr-defined]
+        return bound
+
+
+def compiled(module: Module, machine: binding.TargetMachine) -> bytes:
+    """Object code of a module."""
+    parsed = binding.parse_assembly(module.text())
+    parsed.triple = machine.triple  # both before the passes run, which crash without
+    parsed.data_layout = str(machine.target_data)
+    options = binding.create_pipeline_tuning_options(speed_level=2)
+    options.slp_vectorization = options.loop_vectorization = False  # the lanes are vectors already
+    builder = binding.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(parsed, builder)
+    return machine.emit_object(parsed)
+
+
+class Linked(Protocol):
+    """Object code that is mapped, executable, as long as this lives."""
+
+    def __init__(self, code: bytes, machine: binding.TargetMachine): ...
+
+    @staticmethod
+    def machine(target: Target) -> binding.TargetMachine:
+        """What makes code that this can link."""
+        ...
+
+    def address(self, name: str) -> int:
+        """Of an exported function."""
+        ...
+
+
+class JitLinked:
+    """Linked by JITLink into one piece of memory."""
+
+    def __init__(self, code: bytes, machine: binding.TargetMachine):
+        builder = binding.JITLibraryBuilder().add_object_img(code)
+        for name in LIBM:
+            builder.import_symbol(name, binding.address_of_symbol(name))
+        # A linker each: one that is shared would keep some 10 kB of every module that it has ever seen.
+        self._linker = binding.create_lljit_compiler(machine, use_jit_link=True)
+        self._parts = [builder.link(self._linker, LIBRARY)]
+
+    @staticmethod
+    def machine(target: Target) -> binding.TargetMachine:
+        """Of position-independent code in the small model."""
+        return binding.Target.from_default_triple().create_target_machine(
+            cpu=target.cpu, features=target.features, opt=3, reloc="pic", codemodel="small"
+        )
+
+    def address(self, name: str) -> int:
+        """Of an exported function."""
+        found = self._linker.lookup(LIBRARY, name)
+        self._parts.append(found)  # dropping it would unmap the library
+        return found[name]
+
+
+class McjitLinked:
+    """Linked by MCJIT, a section here and a section there."""
+
+    def __init__(self, code: bytes, machine: binding.TargetMachine):
+        self._engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
+        self._engine.add_object_file(binding.ObjectFileRef.from_data(code))
+        self._engine.finalize_object()
+
+    @staticmethod
+    def machine(target: Target) -> binding.TargetMachine:
+        """Of code in the large model."""
+        return binding.Target.from_default_triple().create_target_machine(
+            cpu=target.cpu, features=target.features, opt=3, jit=True
+        )
+
+    def address(self, name: str) -> int:
+        """Of an exported function."""
+        return self._engine.get_function_address(name)
+
+
+def linker(triple: str) -> type[Linked]:
+    """What links code for a platform: JITLink where llvmlite has it, MCJIT elsewhere."""
+    processor = triple.split("-")[0]
+    return JitLinked if processor in JITLINK.get(binding.get_object_format(triple), ()) else McjitLinked

@@ -1,0 +1,181 @@
+"""A compiled simulation loop: stages in native code, over the blocks of a group of lanes. Numbers are doubles, always."""
+
+from __future__ import annotations
+
+import ctypes
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from armwright.kernels.engine import Engine
+from armwright.kernels.llvm import Target
+from armwright.kernels.loop_printer import NUMBERS, argument_names, encoded, loop_module
+from armwright.kernels.stages import CURSOR, NEVER, Delay, Record, Rows, Stage, Table, block_sizes
+
+ENDLESS = 2**62  # a last tick that does not come
+
+
+@dataclass(frozen=True, eq=False)
+class Schedules:
+    """Rows of all lanes' schedules, one behind another, and which are whose.
+
+    Attributes:
+        tick, offset: (rows,) when each holds: [s] after that tick.   values: (rows, entries).
+        first, end: (lanes,) each lane's rows; lanes may share theirs.
+    """
+
+    tick: np.ndarray
+    offset: np.ndarray
+    values: np.ndarray
+    first: np.ndarray
+    end: np.ndarray
+
+
+@dataclass(eq=False)
+class Lanes:
+    """What the loop reads and writes for one group of lanes, in whole tiles of W; the last tile is filled up with lane 0.
+
+    Attributes:
+        count: lanes that are asked for.   first: number of the group's first lane, for random draws.
+        blocks: by name, (tiles, entries, W).   rings: of delays, (tiles, length, entries, W).
+    """
+
+    count: int
+    width: int
+    first: int = 0
+    blocks: dict[str, np.ndarray] = field(default_factory=dict)
+    rings: dict[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def tiles(self) -> int:
+        """Tiles of W lanes."""
+        return -(-self.count // self.width)
+
+    def set(self, name: str, values: np.ndarray) -> None:
+        """Fills a block from (lanes, entries) or (entries,)."""
+        block = self.blocks[name]
+        rows = np.broadcast_to(values, (self.count, block.shape[1]))
+        padded = np.concatenate(
+            [rows, np.broadcast_to(rows[:1], (self.tiles * self.width - self.count, rows.shape[1]))]
+        )
+        block[...] = padded.reshape(self.tiles, self.width, -1).transpose(0, 2, 1)
+
+    def get(self, name: str) -> np.ndarray:
+        """A block as (lanes, entries)."""
+        block = self.blocks[name]
+        return block.transpose(0, 2, 1).reshape(-1, block.shape[1])[: self.count]
+
+    def fill_ring(self, name: str, values: np.ndarray) -> None:
+        """Fills every slot of a delay's ring from (lanes, entries): what was before the first tick."""
+        ring = self.rings[name]
+        rows = np.broadcast_to(values, (self.count, ring.shape[2]))
+        padded = np.concatenate(
+            [rows, np.broadcast_to(rows[:1], (self.tiles * self.width - self.count, rows.shape[1]))]
+        )
+        ring[...] = padded.reshape(self.tiles, 1, self.width, -1).transpose(0, 1, 3, 2)
+
+
+class Loop:
+    """Compiled stages."""
+
+    def __init__(self, stages: tuple[Stage, ...], target: Target):
+        self.stages, self.target = stages, target
+        self.sizes = block_sizes(stages)
+        self._names = argument_names(stages)
+        self._run = Engine(target, loop_module, *encoded(stages)).function("loop", ctypes.c_void_p)
+
+    def lanes(self, count: int, first: int = 0) -> Lanes:
+        """Blocks of zeros for a group of lanes, none frozen."""
+        lanes = Lanes(count, self.target.width, first)
+        self.extend(lanes)
+        return lanes
+
+    def extend(self, lanes: Lanes) -> None:
+        """Adds the blocks of this loop that the lanes do not have yet: two loops may take turns over the same lanes."""
+        for name, entries in self.sizes.items():
+            if name not in lanes.blocks:
+                lanes.blocks[name] = _aligned((lanes.tiles, entries, lanes.width))
+                if name == "frozen":
+                    lanes.blocks[name].fill(-1.0)
+        for stage in self.stages:
+            if isinstance(stage, Delay) and stage.to not in lanes.rings:
+                lanes.rings[stage.to] = _aligned((lanes.tiles, stage.length, stage.entries, lanes.width))
+
+    def begin_rows(self, lanes: Lanes, name: str, schedules: Schedules) -> None:
+        """Sets the cursors of a schedule stage to every lane's first row."""
+        group = slice(lanes.first, lanes.first + lanes.count)
+        first, end = (
+            np.broadcast_to(each, max(len(each), lanes.first + lanes.count))[group]
+            for each in (schedules.first, schedules.end)
+        )
+        none = first >= end
+        at = np.minimum(first, len(schedules.tick) - 1)
+        due = np.where(none, NEVER, schedules.tick[at])
+        for part, values in zip(CURSOR, (due, schedules.offset[at], first, end), strict=True):
+            lanes.set(f"{name}.{part}", values.reshape(-1, 1))
+
+    def run(
+        self,
+        lanes: Lanes,
+        h: float,
+        ticks: tuple[int, int],
+        *,
+        last: int = ENDLESS,
+        every: int = ENDLESS,
+        seed: int = 0,
+        tables: Mapping[str, np.ndarray] | None = None,
+        schedules: Mapping[str, Schedules] | None = None,
+        records: Mapping[str, np.ndarray] | None = None,
+    ) -> None:
+        """Takes the lanes through some ticks of h seconds; the GIL is released.
+
+        Args:
+            lanes: the group.   h: [s].   ticks: from the first of them up to, not including, the second.
+            last: in this tick and behind it nothing is integrated, nor anything done that comes behind in the stages.
+            every: ticks from one recorded row to the next.   seed: of random draws.
+            tables: (ticks, entries) by block.   schedules: by block.
+            records: by name, (rows, tiles · W, entries) of this group, contiguous along the last two axes.
+        """
+        numbers = {
+            "tile0": 0,
+            "tile1": lanes.tiles,
+            "tick0": ticks[0],
+            "tick1": ticks[1],
+            "last": last,
+            "every": every,
+            "h": struct.unpack("<q", struct.pack("<d", h))[0],
+            "lane0": lanes.first,
+            "seed": seed,
+        }
+        found = [numbers[name] for name in NUMBERS]
+        kept: list[np.ndarray] = []
+
+        def pointer(array: np.ndarray) -> int:
+            kept.append(array)
+            return array.ctypes.data
+
+        found += [pointer(lanes.blocks[name]) for name in self.sizes]
+        for stage in self.stages:
+            if isinstance(stage, Table):
+                found.append(pointer((tables or {})[stage.block]))
+            elif isinstance(stage, Rows):
+                rows = (schedules or {})[stage.block]
+                found += [pointer(rows.tick), pointer(rows.offset), pointer(rows.values)]
+            elif isinstance(stage, Delay):
+                found.append(pointer(lanes.rings[stage.to]))
+            elif isinstance(stage, Record):
+                record = (records or {})[stage.name]
+                found += [pointer(record), record.strides[0] // 8]
+        table = (ctypes.c_int64 * len(found))(*found)
+        self._run(ctypes.addressof(table))
+
+
+def _aligned(shape: tuple[int, ...]) -> np.ndarray:
+    """Zeros that begin at a multiple of a tile's vector."""
+    align = shape[-1]
+    size = int(np.prod(shape))
+    room = np.zeros(size + align)
+    start = -(room.ctypes.data // 8) % align
+    return room[start : start + size].reshape(shape)

@@ -1,0 +1,431 @@
+"""The simulation loop as LLVM IR: tiles of W lanes outermost, ticks inside, the stages of a tick in order.
+
+Lanes that have nothing to do in a segment keep their state by a select, so a lane's bits do not depend on its neighbours.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields
+
+from armwright.kernels import philox, stages
+from armwright.kernels.llvm import Module
+from armwright.kernels.llvm_machine import LlvmMachine
+from armwright.kernels.machine import Value
+from armwright.kernels.stages import (
+    CURSOR,
+    NEVER,
+    NEXT,
+    SINCE,
+    Call,
+    Delay,
+    Draw,
+    Integrate,
+    Record,
+    Rows,
+    Stage,
+    Table,
+    block_sizes,
+)
+from armwright.kernels.tiles import store_tile
+from armwright.program import Program
+
+NUMBERS = ("tile0", "tile1", "tick0", "tick1", "last", "every", "h", "lane0", "seed")
+ROWS = ("tick", "offset", "values")  # of all lanes' schedules, one behind another
+
+
+def argument_names(plan: tuple[Stage, ...]) -> list[str]:
+    """What the native function reads from its table of 64-bit numbers, in order: numbers, then pointers."""
+    names = [*NUMBERS, *(f"{block}.block" for block in block_sizes(plan))]
+    for stage in plan:
+        if isinstance(stage, Table):
+            names.append(f"{stage.block}.table")
+        elif isinstance(stage, Rows):
+            names += [f"{stage.block}.rows.{part}" for part in ROWS]
+        elif isinstance(stage, Delay):
+            names.append(f"{stage.to}.ring")
+        elif isinstance(stage, Record):
+            names += [f"{stage.name}.record", f"{stage.name}.stride"]
+    return names
+
+
+def encoded(plan: tuple[Stage, ...]) -> tuple[Program | str, ...]:
+    """Stages as ingredients of a module: their programs, then the rest as text."""
+    programs: list[Program] = []
+    rows = []
+    for stage in plan:
+        row: dict[str, object] = {"stage": type(stage).__name__}
+        for each in fields(stage):
+            value = getattr(stage, each.name)
+            if isinstance(value, Program):
+                programs.append(value)
+                value = len(programs) - 1
+            row[each.name] = value
+        rows.append(row)
+    return *programs, json.dumps(rows)
+
+
+def _decoded(ingredients: tuple[Program | str, ...]) -> tuple[Stage, ...]:
+    *programs, text = ingredients
+    plan = []
+    for row in json.loads(str(text)):
+        kind = getattr(stages, row.pop("stage"))
+        for name, value in row.items():
+            if name in ("program", "step"):
+                row[name] = programs[value]
+            elif isinstance(value, list):
+                row[name] = tuple(value)
+        plan.append(kind(**row))
+    return tuple(plan)
+
+
+def loop_module(width: int, *ingredients: Program | str) -> Module:
+    """The module of `void loop(table)` for stages that `encoded` told."""
+    module = Module(width)
+    module.functions["loop"] = _Printer(module, _decoded(ingredients)).text()
+    module.declarations.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
+    return module
+
+
+class _Printer:
+    """Prints one loop."""
+
+    def __init__(self, module: Module, plan: tuple[Stage, ...]):
+        self.module, self.plan, self.w = module, plan, module.width
+        self.m: LlvmMachine = module.machine()
+        self.sizes = block_sizes(plan)
+        self.landed = [stage for stage in plan if isinstance(stage, Rows)]
+
+    def text(self) -> str:
+        """The function."""
+        m = self.m
+        names = argument_names(self.plan)
+        for k, name in enumerate(names):
+            place = m.emit(f"getelementptr i64, ptr %arguments, i64 {k}")
+            kind = "double" if name == "h" else "i64" if name in NUMBERS or name.endswith(".stride") else "ptr"
+            self._out(f'  %"{name}" = load {kind}, ptr {place}, align 8')
+        self._out("  %some = icmp slt i64 %tile0, %tile1")
+        self._out("  br i1 %some, label %tiles, label %done")
+        m.begin("tiles")
+        self._out("  %tile = phi i64 [ %tile0, %entry ], [ %tile.next, %tile.end ]")
+        for block, entries in self.sizes.items():
+            self._out(f'  %"{block}.offset" = mul i64 %tile, {entries * self.w}')
+            self._out(f'  %"{block}.at" = getelementptr double, ptr %"{block}.block", i64 %"{block}.offset"')
+        self._out("  br label %ticks")
+        m.begin("ticks")
+        self._out("  %k = phi i64 [ %tick0, %tiles ], [ %k.next, %tick.end ]")
+        self._out("  %tick = sitofp i64 %k to double")
+        if "tick" in self.sizes:
+            self._store("tick", 0, self._splat("%tick"))
+        if SINCE in self.sizes:
+            self._store(SINCE, 0, m.constant(0.0))
+        for number, stage in enumerate(self.plan):
+            getattr(self, f"_{type(stage).__name__.lower()}")(stage, f"s{number}")
+        self._out("  br label %tick.end")
+        m.begin("tick.end")
+        self._out("  %k.next = add i64 %k, 1")
+        self._out("  %more.ticks = icmp slt i64 %k.next, %tick1")
+        self._out("  br i1 %more.ticks, label %ticks, label %tile.end")
+        m.begin("tile.end")
+        self._out("  %tile.next = add i64 %tile, 1")
+        self._out("  %more.tiles = icmp slt i64 %tile.next, %tile1")
+        self._out("  br i1 %more.tiles, label %tiles, label %done")
+        m.begin("done")
+        align = min(8 * self.w, 64)
+        head = f"define void @loop(ptr %arguments) nounwind alignstack({align}) {{\nentry:"
+        return "\n".join([head, *m.lines, "  ret void", "}"])
+
+    # Stages.
+
+    def _call(self, stage: Call, label: str) -> None:
+        self._program(stage.program)
+        for port in stage.program.outputs:
+            if port.name.endswith(NEXT):
+                self._copied(port.name.removesuffix(NEXT), port.name, port.size)
+
+    def _table(self, stage: Table, label: str) -> None:
+        m = self.m
+        first = m.emit(f"mul i64 %k, {stage.entries}")
+        for entry in range(stage.entries):
+            index = m.emit(f"add i64 {first}, {entry}")
+            place = m.emit(f'getelementptr double, ptr %"{stage.block}.table", i64 {index}')
+            self._store(stage.block, entry, self._splat(m.emit(f"load double, ptr {place}, align 8")))
+
+    def _rows(self, stage: Rows, label: str) -> None:
+        """What is due at the beginning of the tick, so that later stages of it see the row in force."""
+        self._due(stage, label)
+
+    def _draw(self, stage: Draw, label: str) -> None:
+        m, w = self.m, self.w
+        shifted = m.emit(f"mul i64 %tile, {w}")
+        first = m.emit(f"add i64 %lane0, {shifted}")
+        lanes = self._int_splat(first)
+        if w > 1:
+            steps = ", ".join(f"i64 {k}" for k in range(w))
+            lanes = m.emit(f"add {m.integer} {lanes}, <{steps}>")
+        low = self._int(philox.LOW)
+        lane = m.emit(f"and {m.integer} {lanes}, {low}")
+        k_low = self._int_splat(m.emit(f"and i64 %k, {philox.LOW}"))
+        high = m.emit("lshr i64 %k, 32")
+        high = m.emit(f"shl i64 {high}, 16")
+        k_high = self._int_splat(m.emit(f"or i64 {high}, {stage.channel}"))
+        key0 = self._int_splat(m.emit(f"and i64 %seed, {philox.LOW}"))
+        key1 = self._int_splat(m.emit("lshr i64 %seed, 32"))
+        for call in range(-(-stage.entries // 2)):
+            c = self._philox([lane, k_low, k_high, self._int(call)], key0, key1)
+            for half in range(2):
+                if 2 * call + half < stage.entries:
+                    up = m.emit(f"shl {m.integer} {c[2 * half]}, {self._int(20)}")
+                    down = m.emit(f"lshr {m.integer} {c[2 * half + 1]}, {self._int(12)}")
+                    bits = m.emit(f"or {m.integer} {up}, {down}")
+                    number = m.add(m.emit(f"uitofp {m.integer} {bits} to {m.real}"), m.constant(0.5))
+                    self._store(stage.block, 2 * call + half, m.mul(number, m.constant(2.0**-52)))
+
+    def _philox(self, c: list[Value], k0: Value, k1: Value) -> list[Value]:
+        m = self.m
+
+        def op(name: str, a: Value, b: Value) -> Value:
+            return m.emit(f"{name} {m.integer} {a}, {b}")
+
+        low, shift = self._int(philox.LOW), self._int(32)
+        c0, c1, c2, c3 = c
+        for _ in range(philox.ROUNDS):
+            a, b = op("mul", self._int(philox.M0), c0), op("mul", self._int(philox.M1), c2)
+            c0 = op("xor", op("xor", op("lshr", b, shift), c1), k0)
+            c2 = op("xor", op("xor", op("lshr", a, shift), c3), k1)
+            c1, c3 = op("and", b, low), op("and", a, low)
+            k0 = op("and", op("add", k0, self._int(philox.W0)), low)
+            k1 = op("and", op("add", k1, self._int(philox.W1)), low)
+        return [c0, c1, c2, c3]
+
+    def _delay(self, stage: Delay, label: str) -> None:
+        """The newest into its slot of the ring, then for each lane the slot it asks for, lane by lane."""
+        m, w, e, n = self.m, self.w, stage.entries, stage.length
+        tile = m.emit(f"mul i64 %tile, {n * e * w}")
+        ring = m.emit(f'getelementptr double, ptr %"{stage.to}.ring", i64 {tile}')
+        slot = m.emit(f"urem i64 %k, {n}")
+        place = m.emit(f"mul i64 {slot}, {e * w}")
+        newest = m.emit(f"getelementptr double, ptr {ring}, i64 {place}")
+        self._out(
+            f'  call void @llvm.memcpy.p0.p0.i64(ptr {newest}, ptr %"{stage.block}.at", i64 {8 * e * w}, i1 false)'
+        )
+        before = m.block
+        self._out(f"  br label %{label}.lane")
+        m.begin(f"{label}.lane")
+        lane, following = f"%{label}.l", f"%{label}.l.next"
+        self._out(f"  {lane} = phi i64 [ 0, %{before} ], [ {following}, %{label}.lane ]")
+        by = m.emit(f'getelementptr double, ptr %"{stage.by}.at", i64 {lane}')
+        whole = m.emit(f"fptosi double {m.emit(f'load double, ptr {by}, align 8')} to i64")
+        back = m.emit(f"sub i64 {slot}, {whole}")
+        wrapped = m.emit(f"add i64 {back}, {n}")
+        negative = m.emit(f"icmp slt i64 {back}, 0")
+        old = m.emit(f"select i1 {negative}, i64 {wrapped}, i64 {back}")
+        first = m.emit(f"add i64 {m.emit(f'mul i64 {old}, {e * w}')}, {lane}")
+        for entry in range(e):
+            index = m.emit(f"add i64 {first}, {entry * w}")
+            source = m.emit(f"getelementptr double, ptr {ring}, i64 {index}")
+            to = m.emit(f'getelementptr double, ptr %"{stage.to}.at", i64 {m.emit(f"add i64 {lane}, {entry * w}")}')
+            self._out(f"  store double {m.emit(f'load double, ptr {source}, align 8')}, ptr {to}, align 8")
+        self._out(f"  {following} = add i64 {lane}, 1")
+        more = m.emit(f"icmp ult i64 {following}, {w}")
+        self._out(f"  br i1 {more}, label %{label}.lane, label %{label}.end")
+        m.begin(f"{label}.end")
+
+    def _record(self, stage: Record, label: str) -> None:
+        m = self.m
+        phase = m.emit("urem i64 %k, %every")
+        due = m.emit(f"icmp eq i64 {phase}, 0")
+        self._out(f"  br i1 {due}, label %{label}.write, label %{label}.end")
+        m.begin(f"{label}.write")
+        entries = [(block, entry) for block in stage.blocks for entry in range(self.sizes[block])]
+        row = m.emit("udiv i64 %k, %every")
+        offset = m.emit(f'mul i64 {row}, %"{stage.name}.stride"')
+        tile = m.emit(f"mul i64 %tile, {len(entries) * self.w}")
+        index = m.emit(f"add i64 {offset}, {tile}")
+        place = m.emit(f'getelementptr double, ptr %"{stage.name}.record", i64 {index}')
+        store_tile(m, place, [self._load(block, entry) for block, entry in entries])
+        self._out(f"  br label %{label}.end")
+        m.begin(f"{label}.end")
+
+    def _integrate(self, stage: Integrate, label: str) -> None:
+        m = self.m
+        h = self._splat("%h")
+        not_last = m.emit("icmp slt i64 %k, %last")
+        self._out(f"  br i1 {not_last}, label %{label}.rows, label %tick.end")
+        m.begin(f"{label}.rows")
+        for number, rows in enumerate(self.landed):
+            self._due(rows, f"{label}.due{number}")
+        t = self._load(SINCE, 0)
+        edge = h
+        for rows in self.landed:
+            due, offset = self._load(f"{rows.block}.due_tick", 0), self._load(f"{rows.block}.due_offset", 0)
+            here = m.emit(f"fcmp oeq {m.real} {due}, {self._splat('%tick')}")
+            edge = m.select(m.both(here, m.lt(offset, edge)), offset, edge)
+        changes = [self._load("u_from", s - 1) for s in range(1, stage.planned)]
+        for begins in [*changes, self._load("see_at", 0)] if stage.seen else changes:
+            edge = m.select(m.both(m.lt(t, begins), m.lt(begins, edge)), begins, edge)
+        if stage.planned:
+            commands = self.sizes["u"]
+            for entry in range(commands):
+                chosen = self._load("u_plan", entry)
+                for s in range(1, stage.planned):
+                    begun = m.le(self._load("u_from", s - 1), t)
+                    chosen = m.select(begun, self._load("u_plan", s * commands + entry), chosen)
+                self._store("u", entry, chosen)
+        span = m.sub(edge, t)
+        self._store("h", 0, span if stage.substeps == 1 else m.mul(span, m.constant(1.0 / stage.substeps)))
+        before = m.block
+        self._out(f"  br label %{label}.substep")
+        m.begin(f"{label}.substep")
+        self._out(f"  %{label}.j = phi i64 [ 0, %{before} ], [ %{label}.j.next, %{label}.substep ]")
+        self._program(stage.step)
+        moving = m.lt(self._load(SINCE, 0), h)
+        frozen = self._load("frozen", 0)
+        alive = m.both(moving, m.lt(frozen, m.constant(0.0)))
+        new = [self._load(f"x{NEXT}", k) for k in range(self.sizes["x"])]
+        poison = m.constant(0.0)
+        for value in new:  # 0·x is NaN where x is not finite, and NaN stays
+            poison = m.fma(value, m.constant(0.0), poison)
+        finite = m.eq(poison, m.constant(0.0))
+        good, bad = m.both(alive, finite), m.both(alive, m.inverse(finite))
+        self._store("frozen", 0, m.select(bad, self._splat("%tick"), frozen))
+        for k, value in enumerate(new):
+            self._store("x", k, m.select(good, value, self._load("x", k)))
+        self._out(f"  %{label}.j.next = add i64 %{label}.j, 1")
+        more = m.emit(f"icmp ult i64 %{label}.j.next, {stage.substeps}")
+        self._out(f"  br i1 {more}, label %{label}.substep, label %{label}.landed")
+        m.begin(f"{label}.landed")
+        if stage.seen:
+            now = m.both(m.eq(edge, self._load("see_at", 0)), m.lt(self._load(SINCE, 0), self._splat("%h")))
+            for k in range(self.sizes["x"]):
+                self._store("x_seen", k, m.select(now, self._load("x", k), self._load("x_seen", k)))
+        self._store(SINCE, 0, edge)
+        again = self._any(m.lt(edge, self._splat("%h")))
+        self._out(f"  br i1 {again}, label %{label}.rows, label %{label}.end")
+        m.begin(f"{label}.end")
+
+    def _due(self, rows: Rows, label: str) -> None:
+        """Rows that are due now, where any lane has one in this tick."""
+        m, block = self.m, rows.block
+        due = self._any(m.emit(f"fcmp oeq {m.real} {self._load(f'{block}.due_tick', 0)}, {self._splat('%tick')}"))
+        self._out(f"  br i1 {due}, label %{label}.take, label %{label}.none")
+        m.begin(f"{label}.take")
+        name = f"advance.{rows.entries}"
+        self.module.functions[name] = _advance(name, self.w, rows.entries)
+        blocks = [f"{each}.at" for each in (SINCE, block, *(f"{block}.{part}" for part in CURSOR))]
+        pointers = [*blocks, *(f"{block}.rows.{part}" for part in ROWS)]
+        given = ", ".join(f'ptr %"{pointer}"' for pointer in pointers)
+        self._out(f'  call void @"{name}"(double %tick, {given})')
+        self._out(f"  br label %{label}.none")
+        m.begin(f"{label}.none")
+
+    # Words.
+
+    def _out(self, line: str) -> None:
+        self.m.lines.append(line)
+
+    def _program(self, program: Program) -> None:
+        """A program called on blocks."""
+        name = self.module.add_block_function(program)
+        ports = ", ".join(f'ptr %"{port.name}.at"' for port in (*program.inputs, *program.outputs))
+        self._out(f"  call void @{name}({ports})")
+
+    def _place(self, block: str, entry: int) -> Value:
+        return self.m.emit(f'getelementptr {self.m.real}, ptr %"{block}.at", i64 {entry}')
+
+    def _load(self, block: str, entry: int) -> Value:
+        return self.m.emit(f"load {self.m.real}, ptr {self._place(block, entry)}, align {8 * self.w}")
+
+    def _store(self, block: str, entry: int, value: Value) -> None:
+        self._out(f"  store {self.m.real} {value}, ptr {self._place(block, entry)}, align {8 * self.w}")
+
+    def _copied(self, to: str, source: str, entries: int) -> None:
+        size = 8 * entries * self.w
+        self._out(f'  call void @llvm.memcpy.p0.p0.i64(ptr %"{to}.at", ptr %"{source}.at", i64 {size}, i1 false)')
+
+    def _splat(self, value: Value) -> Value:
+        return self._spread(value, "double", self.m.real)
+
+    def _int_splat(self, value: Value) -> Value:
+        return self._spread(value, "i64", self.m.integer)
+
+    def _spread(self, value: Value, scalar: str, vector: str) -> Value:
+        if self.w == 1:
+            return value
+        first = self.m.emit(f"insertelement {vector} poison, {scalar} {value}, i32 0")
+        return self.m.emit(f"shufflevector {vector} {first}, {vector} poison, <{self.w} x i32> zeroinitializer")
+
+    def _int(self, number: int) -> Value:
+        return str(number) if self.w == 1 else f"splat (i64 {number})"
+
+    def _any(self, condition: Value) -> Value:
+        if self.w == 1:
+            return condition
+        self.module.declarations.add(f"declare i1 @llvm.vector.reduce.or.v{self.w}i1({self.m.mask})")
+        return self.m.emit(f"call i1 @llvm.vector.reduce.or.v{self.w}i1({self.m.mask} {condition})")
+
+
+def _advance(name: str, w: int, entries: int) -> str:
+    """For each lane of a tile: while its next row is due at (tick, since), that row's values, and on to the next row."""
+    return f"""define internal void @"{name}"(double %tick, ptr %since, ptr %values, ptr %due_tick, ptr %due_offset, ptr %cursor,
+    ptr %end, ptr %row_tick, ptr %row_offset, ptr %row_values) noinline nounwind {{
+entry:
+  br label %lane
+lane:
+  %l = phi i64 [ 0, %entry ], [ %l.next, %next ]
+  %tick.at = getelementptr double, ptr %due_tick, i64 %l
+  %offset.at = getelementptr double, ptr %due_offset, i64 %l
+  %cursor.at = getelementptr double, ptr %cursor, i64 %l
+  %end.at = getelementptr double, ptr %end, i64 %l
+  %since.at = getelementptr double, ptr %since, i64 %l
+  %now = load double, ptr %since.at, align 8
+  %last = load double, ptr %end.at, align 8
+  br label %check
+check:
+  %due = load double, ptr %tick.at, align 8
+  %offset = load double, ptr %offset.at, align 8
+  %this = fcmp oeq double %due, %tick
+  %past = fcmp ole double %offset, %now
+  %now.due = and i1 %this, %past
+  br i1 %now.due, label %take, label %next
+take:
+  %row.number = load double, ptr %cursor.at, align 8
+  %row = fptosi double %row.number to i64
+  %row.first = mul i64 %row, {entries}
+  br label %entry.copy
+entry.copy:
+  %e = phi i64 [ 0, %take ], [ %e.next, %entry.copy ]
+  %from.index = add i64 %row.first, %e
+  %from = getelementptr double, ptr %row_values, i64 %from.index
+  %value = load double, ptr %from, align 8
+  %to.first = mul i64 %e, {w}
+  %to.index = add i64 %to.first, %l
+  %to = getelementptr double, ptr %values, i64 %to.index
+  store double %value, ptr %to, align 8
+  %e.next = add i64 %e, 1
+  %e.more = icmp ult i64 %e.next, {entries}
+  br i1 %e.more, label %entry.copy, label %taken
+taken:
+  %row.following = fadd double %row.number, 1.0
+  store double %row.following, ptr %cursor.at, align 8
+  %is.more = fcmp olt double %row.following, %last
+  br i1 %is.more, label %following, label %none
+following:
+  %row.next = add i64 %row, 1
+  %f.tick.at = getelementptr double, ptr %row_tick, i64 %row.next
+  %f.offset.at = getelementptr double, ptr %row_offset, i64 %row.next
+  %f.tick = load double, ptr %f.tick.at, align 8
+  %f.offset = load double, ptr %f.offset.at, align 8
+  store double %f.tick, ptr %tick.at, align 8
+  store double %f.offset, ptr %offset.at, align 8
+  br label %check
+none:
+  store double {NEVER:e}, ptr %tick.at, align 8
+  br label %check
+next:
+  %l.next = add i64 %l, 1
+  %l.more = icmp ult i64 %l.next, {w}
+  br i1 %l.more, label %lane, label %done
+done:
+  ret void
+}}"""

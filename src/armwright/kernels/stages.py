@@ -1,0 +1,153 @@
+"""What a simulation loop does in one tick: stages, done in order by every lane for itself.
+
+Between stages, numbers wait in *blocks*: named, of some entries a lane, kept from tick to tick. Most of a tick is `Call`s
+of traced programs, whose inputs and outputs are blocks by name. The others are what a trace cannot hold. In NumPy, for one
+lane in tick k of h seconds, with `b` the dict of its blocks:
+
+    Call(program):             b.update(program(**b)); an output called "m_next" is the new b["m"]
+    Table("r", 6):             b["r"] = table[k]                                        (the same for all lanes)
+    Rows("u", 6):              while due <= (k, 0): b["u"], due = next row              (a schedule of the lane's own)
+    Draw("w", 2, channel=0):   b["w"] = philox(seed, lane, k, channel)                  in (0, 1)
+    Delay("y", "y_old", …):    ring[k % length] = b["y"]; b["y_old"] = ring[(k - b["lag"]) % length]
+    Record("run", ("x", "u"), …): if k % every == 0: run[k // every] = b["x"], b["u"]
+    Integrate(step):           t = 0
+                               while t < h:
+                                   rows that are due at (k, t) replace their blocks
+                                   edge = the next change behind t: of rows, of the plan, or the end h
+                                   for _ in range(substeps): new = step(x, u, …, h=(edge - t) / substeps)
+                                   if finite(new): b["x"] = new, else frozen = k
+                                   t = edge
+                                   if t == b["see_at"]: b["x_seen"] = b["x"]            (where the stage has `seen`)
+
+`Integrate` lands on every change. With a plan, the command in force is chosen among several planned ones: entry s of block
+"u_plan" from "u_from"[s - 1] seconds on. A lane whose state leaves the finite numbers keeps its last finite one, and block
+"frozen" says in which tick it happened, -1 before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from armwright.program import Program
+
+NEXT = "_next"  # ending of an output that replaces the block it is named after
+SINCE = "since_tick"  # [s] how far a lane is in the tick
+CURSOR = (
+    "due_tick",
+    "due_offset",
+    "row",
+    "end",
+)  # of a lane's schedule: when its next row comes, which it is, the one behind its last
+NEVER = 2.0**62  # a tick that does not come
+
+
+@dataclass(frozen=True)
+class Call:
+    """A program over blocks."""
+
+    program: Program
+
+
+@dataclass(frozen=True)
+class Table:
+    """Row k of a table that all lanes share."""
+
+    block: str
+    entries: int
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of the lane's own schedule, each from its time on; `Integrate` lands on them."""
+
+    block: str
+    entries: int
+
+
+@dataclass(frozen=True)
+class Draw:
+    """Random numbers, uniform in (0, 1), that depend on seed, lane, tick and channel and on nothing else."""
+
+    block: str
+    entries: int
+    channel: int
+
+
+@dataclass(frozen=True)
+class Delay:
+    """What the block held some whole ticks ago, as many as block `by` says for the lane, up to length - 1."""
+
+    block: str
+    to: str
+    by: str
+    entries: int
+    length: int
+
+
+@dataclass(frozen=True)
+class Record:
+    """Blocks that are recorded, side by side, in every so-many-th tick."""
+
+    name: str
+    blocks: tuple[str, ...]
+    entries: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Integrate:
+    """One tick of the plant: `step(x, …, h) → x_next`, in segments between changes, each in equal substeps.
+
+    Attributes:
+        step: the program; its other inputs are blocks.   substeps: in each segment.
+        planned: how many commands block "u_plan" holds, of which "u" is the one in force; 0: "u" is held.
+        seen: whether the state at "see_at" seconds, in (0, h], is kept as "x_seen"; the integration lands there.
+    """
+
+    step: Program
+    substeps: int = 1
+    planned: int = 0
+    seen: bool = False
+
+
+Stage = Call | Table | Rows | Draw | Delay | Record | Integrate
+
+
+def block_sizes(stages: tuple[Stage, ...]) -> dict[str, int]:
+    """Entries of every block, by name, in order of appearance."""
+    sizes: dict[str, int] = {}
+
+    def add(name: str, entries: int) -> None:
+        assert sizes.setdefault(name, entries) == entries, f"block {name} of {sizes[name]} entries, not {entries}"
+
+    for stage in stages:
+        if isinstance(stage, Call):
+            for port in (*stage.program.inputs, *stage.program.outputs):
+                add(port.name, port.size)
+                add(port.name.removesuffix(NEXT), port.size)
+        elif isinstance(stage, Integrate):
+            for port in (*stage.step.inputs, *stage.step.outputs):
+                add(port.name, port.size)
+            add(SINCE, 1)
+            if stage.planned:
+                commands = next(port.size for port in stage.step.inputs if port.name == "u")
+                add("u_plan", stage.planned * commands)
+                add("u_from", stage.planned - 1)
+            if stage.seen:
+                add("x_seen", sizes["x_next"])
+                add("see_at", 1)
+            add("frozen", 1)
+        elif isinstance(stage, Delay):
+            add(stage.block, stage.entries)
+            add(stage.to, stage.entries)
+            add(stage.by, 1)
+        elif isinstance(stage, Rows):
+            add(stage.block, stage.entries)
+            add(SINCE, 1)
+            for part in CURSOR:
+                add(f"{stage.block}.{part}", 1)
+        elif isinstance(stage, Record):
+            for name, entries in zip(stage.blocks, stage.entries, strict=True):
+                add(name, entries)
+        else:
+            add(stage.block, stage.entries)
+    return sizes

@@ -1,0 +1,61 @@
+"""A Cortex-M board without hardware: programs linked for QEMU's MPS2 boards, which print and end by semihosting."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from kernels.c_compilers import CORTEX_M7, build, compiler
+
+CORTEX_M4 = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")
+BOARDS = {"mps2-an500": CORTEX_M7, "mps2-an386": CORTEX_M4}  # QEMU's name, and the processor that is on it
+
+_START = """\
+#include <stdint.h>
+extern void _start(void); /* newlib's, which asks for arguments, calls main and hands its result to the host */
+extern uint32_t top_of_stack[];
+void reset(void);
+void reset(void)
+{
+    volatile uint32_t *const coprocessors = (volatile uint32_t *)0xE000ED88u; /* CPACR: no floating point after reset */
+    *coprocessors |= 0xFu << 20;
+    __asm volatile("dsb\\n isb");
+    _start();
+}
+__attribute__((section(".vectors"), used)) const struct {
+    uint32_t *stack;
+    void (*reset)(void);
+} vectors = {top_of_stack, reset};
+"""
+
+_MEMORY = """\
+MEMORY { CODE (rx) : ORIGIN = 0x00000000, LENGTH = 4M  DATA (rwx) : ORIGIN = 0x20000000, LENGTH = 4M }
+ENTRY(reset)
+SECTIONS {
+  .text : { KEEP(*(.vectors)) *(.text*) *(.rodata*) KEEP(*(.init)) KEEP(*(.fini)) . = ALIGN(8); } > CODE
+  .ARM.exidx : { *(.ARM.exidx*) } > CODE
+  .data : { *(.data*) . = ALIGN(8); } > DATA
+  .bss : { __bss_start__ = .; *(.bss*) *(COMMON) . = ALIGN(8); __bss_end__ = .; end = .; __end__ = .; } > DATA
+  top_of_stack = ORIGIN(DATA) + LENGTH(DATA);
+}
+"""
+
+
+def run_on_board(board: str, sources: Sequence[Path], folder: Path, *flags: str) -> subprocess.CompletedProcess[str]:
+    """Compiles a program for a board and runs it there; skips the test where compiler, newlib or QEMU is missing."""
+    gcc, qemu = compiler("arm-none-eabi-gcc"), compiler("qemu-system-arm")
+    asked = subprocess.run([gcc, "-print-file-name=rdimon.specs"], capture_output=True, text=True)
+    if "/" not in asked.stdout:
+        pytest.skip("newlib for arm-none-eabi is not installed")
+    (folder / "start.c").write_text(_START, encoding="ascii")
+    (folder / "board.ld").write_text(_MEMORY, encoding="ascii")
+    program = folder / "program.elf"
+    files = (*sources, folder / "start.c", "-T", folder / "board.ld", "-o", program, "-lm")
+    build([gcc, "-std=c99", "-O2", *BOARDS[board], "-ffp-contract=off", *flags, "--specs=rdimon.specs", *files])
+    semihosting = ("-nographic", "-semihosting-config", "enable=on,target=native")
+    return subprocess.run(
+        [qemu, "-M", board, *semihosting, "-kernel", program], capture_output=True, text=True, timeout=60
+    )

@@ -1,0 +1,173 @@
+"""URDF and MJCF out and in again: the dynamics stay, and what a format cannot hold is listed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.description import builtin_names, read_description
+from armwright.description.urdf import read_urdf
+from armwright.description.writer import write_toml
+from armwright.errors import OutputError
+from armwright.export.mjcf import write_mjcf
+from armwright.export.urdf import write_urdf
+from armwright.model import Model, build_model
+from description.urdf_files import INERTIAL, one_joint, written
+from reference.random_trees import random_description
+
+TOLERANCE = 1e-9
+ARMS = [*builtin_names(), "examples/scara.toml"]
+
+
+def states(arm: Model, seed: int = 0) -> np.ndarray:
+    """(3 states, 3, n): q, qd, qdd."""
+    return np.random.default_rng(seed).normal(size=(3, 3, arm.n))
+
+
+def assert_same_arm(one: Model, two: Model, *, tip: bool = True) -> None:
+    """Same joints, same inverse dynamics, same tip."""
+    assert one.names == two.names
+    for q, qd, qdd in states(one):
+        ours, theirs = aw.inverse_dynamics(one, q, qd, qdd), aw.inverse_dynamics(two, q, qd, qdd)
+        assert np.abs(ours - theirs).max() <= TOLERANCE * np.abs(ours).max()
+        if tip:
+            np.testing.assert_allclose(aw.forward_kinematics(one, q), aw.forward_kinematics(two, q), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_toml_urdf_toml(tmp_path, name):
+    """With the drive file nothing of the dynamics is lost: friction, rotors, gear loss, gravity, limits, tip."""
+    arm = aw.load(name)
+    assert arm.description is not None
+    losses = write_urdf(arm.description, tmp_path / "arm.urdf")
+    back = aw.load(tmp_path / "arm.urdf", on_impossible="warn")
+    write_toml(back.description, tmp_path / "arm.toml")
+    again = aw.load(tmp_path / "arm.toml", on_impossible="warn")
+    for other in (back, again):
+        assert_same_arm(arm, other)
+        for one, two in zip(arm.bodies, other.bodies, strict=True):
+            assert one.limits.__dict__ == two.limits.__dict__
+            assert one.drive.__dict__ == two.drive.__dict__
+    assert any("the sources of" in told for told in losses)
+    assert any("motors with their rotor inertia" in told for told in losses) == any(
+        getattr(joint, "motor", None) is not None for joint in arm.description.joints
+    )
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_trees(tmp_path, seed):
+    """Every placement of joints, every kind, branches."""
+    description = random_description(seed)
+    arm = build_model(description)
+    write_urdf(description, tmp_path / "arm.urdf")
+    assert_same_arm(arm, aw.load(tmp_path / "arm.urdf"), tip=arm.tip is not None)
+    pytest.importorskip("mujoco", reason="MJCF is read through MuJoCo: pip install mujoco")
+    write_mjcf(description, tmp_path / "arm.xml")
+    plain = arm.replace(friction=None, efficiency=None)
+    back = aw.load(tmp_path / "arm.xml").replace(friction=None)
+    assert sorted(back.names) == sorted(plain.names)
+    order = [back.names.index(name) for name in plain.names]  # MuJoCo numbers joints by the nesting of its XML
+    for q, qd, qdd in states(plain, seed):
+        there = np.empty((3, plain.n))
+        there[:, order] = q, qd, qdd
+        ours, theirs = aw.inverse_dynamics(plain, q, qd, qdd), aw.inverse_dynamics(back, *there)[order]
+        assert np.abs(ours - theirs).max() <= TOLERANCE * np.abs(ours).max()
+
+
+@pytest.mark.parametrize("name", [name for name in ARMS if name != "puma560"])
+def test_mjcf_has_our_dynamics_in_mujoco(tmp_path, name):
+    """MuJoCo itself, on the file: rotors in, friction out."""
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is the oracle here: pip install mujoco")
+    arm = aw.load(name)
+    assert arm.description is not None
+    losses = write_mjcf(arm.description, tmp_path / "arm.xml")
+    assert any("the sources of" in told for told in losses)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    damping = [0.0 if body.friction is None else body.friction.viscous for body in arm.bodies]
+    on_joint = [
+        getattr(joint.friction, "side", "joint") == "joint" for joint in arm.description.joints if joint.type != "fixed"
+    ]
+    np.testing.assert_allclose(model.dof_damping, np.where(on_joint, damping, 0.0), rtol=1e-15)
+    model.dof_damping[:], model.dof_frictionloss[:], model.jnt_limited[:] = 0, 0, 0
+    data, plain = mujoco.MjData(model), arm.replace(friction=None, efficiency=None)
+    for q, qd, qdd in states(arm):
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, qd, qdd
+        mujoco.mj_inverse(model, data)
+        ours = aw.inverse_dynamics(plain, q, qd, qdd)
+        assert np.abs(ours - data.qfrc_inverse).max() <= TOLERANCE * np.abs(ours).max()
+        np.testing.assert_allclose(aw.forward_kinematics(arm, q)[:3, 3], data.site("tip").xpos, atol=1e-12)
+
+
+def test_what_mujoco_will_refuse_is_listed(tmp_path):
+    description = read_description("puma560")
+    losses = write_mjcf(description, tmp_path / "arm.xml")
+    assert "an inertia that MuJoCo refuses, as no body has it: links link1, link3" in losses
+
+
+def test_without_the_drive_file(tmp_path):
+    """What then is gone is listed without (kept …); the URDF alone has viscous and, smoothed again, dry friction."""
+    arm = aw.load("lwa4p")
+    losses = write_urdf(arm.description, tmp_path / "arm.urdf", drive=False)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["arm.urdf"]
+    assert not any("kept" in told for told in losses)
+    for what in (
+        "motors with their rotor inertia: joints joint1",
+        "electrical constants",
+        "gravity",
+        "smooths dry friction",
+    ):
+        assert any(what in told for told in losses)
+    back = aw.load(tmp_path / "arm.urdf", smoothing=0.01)
+    assert_same_arm(arm.replace(rotors=None), back.replace(gravity=arm.gravity), tip=False)
+
+
+def test_friction_that_neither_holds_is_listed(tmp_path):
+    for name, what in (("panda", "friction by the law 'sigmoid'"), ("puma560", "friction on the motor's side")):
+        description = read_description(name)
+        assert any(what in told for told in write_urdf(description, tmp_path / "arm.urdf"))
+        assert any(what in told for told in write_mjcf(description, tmp_path / "arm.xml"))
+
+
+def test_pictures_are_kept(tmp_path):
+    """Shapes and colours; a mesh by its path, relative where it is below the file's folder."""
+    (tmp_path / "a.stl").write_text("")
+    shapes = (
+        '<box size="1 2 3"/>',
+        '<cylinder radius="0.1" length="2"/>',
+        '<sphere radius="0.2"/>',
+        '<mesh filename="a.stl"/>',
+    )
+    red = '<material name="m"><color rgba="1 0 0 1"/></material>'
+    visuals = "".join(
+        f'<visual><origin xyz="0 0 1" rpy="0.1 0.2 0.3"/><geometry>{shape}</geometry>{red}</visual>' for shape in shapes
+    )
+    description = read_urdf(written(tmp_path, one_joint(moved=INERTIAL + visuals), "in.urdf"))
+    assert not any("picture" in told for told in write_urdf(description, tmp_path / "out.urdf"))
+    again = read_urdf(tmp_path / "out.urdf")
+    assert 'filename="a.stl"' in (tmp_path / "out.urdf").read_text()
+    for one, two in zip(description.link("upper").visuals, again.link("upper").visuals, strict=True):
+        assert (one.solid, one.colour) == (two.solid, two.colour)
+        np.testing.assert_allclose(two.placement().matrix(), one.placement().matrix(), atol=1e-15)
+    told = write_mjcf(description, tmp_path / "out.xml")
+    assert "the picture of a mesh: link upper" in told
+
+
+def test_a_urdf_in_and_out_keeps_its_digits(tmp_path):
+    description = read_urdf(written(tmp_path, one_joint(), "in.urdf"))
+    write_urdf(description, tmp_path / "out.urdf")
+    again = read_urdf(tmp_path / "out.urdf")
+    assert again.joints[0].frame == description.joints[0].frame
+    assert again.links == description.links
+    assert again.provenance("upper.mass_kg").text == "read from out.urdf, a URDF, which names no sources"
+    assert again.provenance("j1.limits.torque_n_m").text == "read from in.urdf, a URDF, which names no sources"
+
+
+@pytest.mark.parametrize("write", [write_urdf, write_mjcf])
+def test_nothing_is_written_halfway(tmp_path, write):
+    description = read_description("two-link")
+    with pytest.raises(OutputError, match="expected"):
+        write(description, tmp_path / "arm.txt")
+    with pytest.raises(OutputError, match="no folder"):
+        write(description, tmp_path / "none" / ("arm.urdf" if write is write_urdf else "arm.xml"))
+    assert list(tmp_path.iterdir()) == []
