@@ -3,6 +3,7 @@
 from armwright.actuators.drive import DriveOutput, demanded_drive, limited_drive
 from armwright.actuators.friction import friction_torques
 from armwright.actuators.gear import transmission
+from armwright.actuators.holding import holding_command, told_command
 from armwright.actuators.motor import drive_torque, motor_current, motor_torque, motor_voltage
 
 __all__ = [
@@ -10,9 +11,11 @@ __all__ = [
     "demanded_drive",
     "drive_torque",
     "friction_torques",
+    "holding_command",
     "limited_drive",
     "motor_current",
     "motor_torque",
     "motor_voltage",
+    "told_command",
     "transmission",
 ]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numbers
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -12,10 +12,16 @@ import numpy as np
 
 from armwright.errors import ScenarioError, nearest
 from armwright.model import Model
+from armwright.model.vary import Varied
 from armwright.simulation.integrators import INTEGRATORS
+from armwright.simulation.law import Law
 from armwright.simulation.schedule import Schedule
+from armwright.simulation.sensors import Sensors
+from armwright.simulation.shaping import Shaping
+from armwright.simulation.timing import Timing
 
 MOST_STEPS = 2**53
+STEP = 1e-3  # [s] of an integrator that is not told another
 LANDING = 1e-9  # of a step: a schedule row this near a tick is meant to be on it
 
 
@@ -26,9 +32,17 @@ class Scenario:
     Args:
         arm: the model.
         duration: [s]; by default the time of the schedule's last row.
-        step: [s] of the integrator.
+        step: [s] of the integrator, default 1 ms; with a `sample_period` it is that over `substeps`.
         schedule: commands over time, held between rows; several of them run as lanes.
         command: (n,) constant commands, each in its joint's own unit [V | A | N m | N]; (lanes, n) runs lanes.
+        controller: a control law instead: a plain function (t, r, y) → u, or a `Controller` with memory.
+        reference: where the controller is to bring the arm: a pose, rows, a Schedule of poses or a function of time;
+            default: the initial position.
+        sample_period: [s] of the controller.   substeps: integration steps in each of its periods.
+        sensors, shaping, timing: what is measured and how, what becomes of commands, and when; default: exactly and at once.
+        initial_command: (n,) in force before the first tick; default: what holds the arm, within its drives' limits.
+        vary: numbers of the record by name, (lanes,) each, or one for all: `{"link6.mass_kg": [0.1, 0.2]}`.
+        seed: of noise, jitter and losses.
         q0: (n,) or (lanes, n) [rad | m], default 0.   qd0: the same [rad/s | m/s].
         integrator: a name of `integrators.INTEGRATORS`.
         record_every: rows are recorded every so many steps; 0 records the first and the last state only.
@@ -40,7 +54,7 @@ class Scenario:
 
     arm: Model
     duration: float | None = None
-    step: float = 1e-3
+    step: float | None = None
     schedule: Schedule | Sequence[Schedule] | None = None
     command: Any = None
     q0: Any = None
@@ -49,6 +63,16 @@ class Scenario:
     record_every: int = 1
     record: str = "all"
     target: str | None = None
+    controller: Any = None
+    reference: Any = None
+    sample_period: float | None = None
+    substeps: int = 1
+    sensors: Sensors = Sensors()
+    shaping: Shaping = Shaping()
+    timing: Timing = Timing()
+    initial_command: Any = None
+    vary: Mapping[str, Any] = field(default_factory=dict)
+    seed: int = 0
 
     def __post_init__(self) -> None:
         if not isinstance(self.arm, Model):
@@ -57,8 +81,7 @@ class Scenario:
             raise ScenarioError(
                 f"integrator = {self.integrator!r}: unknown; {nearest(str(self.integrator), INTEGRATORS)}"
             )
-        if not (_is_time(self.step)):
-            raise ScenarioError(f"step = {self.step!r}: expected a time above 0 s")
+        self._check_loop()
         if (
             isinstance(self.record_every, bool)
             or not isinstance(self.record_every, numbers.Integral)
@@ -67,27 +90,66 @@ class Scenario:
             raise ScenarioError(f"record_every = {self.record_every!r}: expected a whole number, 0 or more")
         if self.record not in ("all", "state"):
             raise ScenarioError(f'record = {self.record!r}: expected "all" or "state"')
-        if (self.schedule is None) == (self.command is None):
+        drivers = [name for name in ("schedule", "command", "controller") if getattr(self, name) is not None]
+        if len(drivers) != 1:
             raise ScenarioError(
-                "expected either a schedule or constant commands, not both"
-                if self.command is not None
-                else "nothing drives the arm: expected a schedule or constant commands"
+                f"expected one of schedule, command and controller, not {' and '.join(drivers)}"
+                if drivers
+                else "nothing drives the arm: expected a schedule, constant commands or a controller"
             )
+        if self.controller is None and self.reference is not None:
+            raise ScenarioError("a reference goes with a controller; commands over time are a schedule")
         _ = self.schedules, self.ticks, self.lanes, self.initial_state
+
+    def _check_loop(self) -> None:
+        """Refuses times of the loop that do not fit together."""
+        if self.step is not None and not _is_time(self.step):
+            raise ScenarioError(f"step = {self.step!r}: expected a time above 0 s")
+        if isinstance(self.substeps, bool) or not isinstance(self.substeps, numbers.Integral) or self.substeps < 1:
+            raise ScenarioError(f"substeps = {self.substeps!r}: expected a whole number, 1 or more")
+        if self.sample_period is None:
+            if self.substeps != 1 and self.controller is None:
+                raise ScenarioError("substeps divide a sample_period: expected one beside them, or a smaller step")
+            return
+        if not _is_time(self.sample_period):
+            raise ScenarioError(f"sample_period = {self.sample_period!r}: expected a time above 0 s")
+        part = float(self.sample_period) / self.substeps
+        if self.step is not None and abs(self.step - part) > 1e-9 * part:
+            raise ScenarioError(
+                f"step = {self.step:g} s is not sample_period / substeps = {part:g} s; expected one of them, not both"
+            )
 
     @cached_property
     def schedules(self) -> list[Schedule]:
-        """One schedule for all lanes, or one a lane."""
+        """One schedule for all lanes, or one a lane; none where a controller commands."""
+        if self.controller is not None:
+            return []
         if self.schedule is not None:
             given = [self.schedule] if isinstance(self.schedule, Schedule) else list(self.schedule)
             return [_by_name(schedule, self.arm) for schedule in given]
         commands = self._vectors("command", self.command)
         return [Schedule.constant(self.arm.names, row) for row in np.atleast_2d(commands)]
 
+    @property
+    def integration_step(self) -> float:
+        """[s] of the integrator."""
+        if self.sample_period is not None:
+            return float(self.sample_period) / self.substeps
+        return STEP if self.step is None else float(self.step)
+
+    @property
+    def tick(self) -> float:
+        """[s] of the loop: the integrator's step, or the controller's sample period."""
+        if self.controller is None:
+            return self.integration_step
+        return self.integration_step * self.substeps if self.sample_period is None else float(self.sample_period)
+
     @cached_property
     def ticks(self) -> int:
-        """Number of steps; the duration must hold a whole number of them."""
-        duration = self.duration
+        """Number of steps, or of sample periods where a controller commands; the duration must hold a whole number of them."""
+        duration, tick = self.duration, self.tick
+        if duration is None and self.controller is not None:
+            raise ScenarioError("duration: expected one, since a controller does not say when to stop")
         if duration is None:
             duration = max(float(schedule.times[-1]) for schedule in self.schedules)
             if duration == 0:
@@ -96,14 +158,15 @@ class Scenario:
                 )
         if not (_is_time(duration)):
             raise ScenarioError(f"duration = {duration!r}: expected a time above 0 s")
-        ticks = round(duration / self.step)
-        if ticks < 1 or abs(ticks * self.step - duration) > 1e-6 * self.step:
+        what = "step" if self.controller is None else "sample_period"
+        ticks = round(duration / tick)
+        if ticks < 1 or abs(ticks * tick - duration) > 1e-6 * tick:
             raise ScenarioError(
-                f"duration = {duration:g} s is no whole number of steps of {self.step:g} s; expected a multiple of the step"
+                f"duration = {duration:g} s is no whole number of {what}s of {tick:g} s; expected a multiple of the {what}"
             )
         if ticks > MOST_STEPS:
             raise ScenarioError(
-                f"duration = {duration:g} s is {ticks:.3g} steps of {self.step:g} s, more than can be counted"
+                f"duration = {duration:g} s is {ticks:.3g} {what}s of {tick:g} s, more than can be counted"
             )
         if self.record_every and ticks % self.record_every:
             raise ScenarioError(f"record_every = {self.record_every} does not divide the {ticks} steps of the run")
@@ -119,11 +182,50 @@ class Scenario:
             value = getattr(self, name)
             if value is not None and np.ndim(value) == 2:
                 counts[name] = len(value)
+        counts |= self.timing.lanes
+        counts |= {f"vary {name!r}": len(value) for name, value in self.vary.items() if self._rows(name, value)}
+        if self.law is not None and self.law.lanes is not None:
+            counts["controller"] = self.law.lanes
         if len(set(counts.values())) > 1:
             raise ScenarioError(f"lanes do not fit together: {', '.join(f'{v} of {k}' for k, v in counts.items())}")
         if counts and next(iter(counts.values())) == 0:
             raise ScenarioError(f"{next(iter(counts))} has no lanes; expected at least one")
         return next(iter(counts.values()), None)
+
+    @cached_property
+    def law(self) -> Law | None:
+        """The controller, taken apart."""
+        return None if self.controller is None else Law.of(self.controller)
+
+    @cached_property
+    def varied(self) -> Varied | None:
+        """The arm with its varied parameters left open."""
+        return Varied(self.arm, list(self.vary)) if self.vary else None
+
+    @cached_property
+    def parameters(self) -> np.ndarray:
+        """(lanes or 1, k) values of the varied parameters."""
+        if self.varied is None:
+            return np.zeros((1, 0))
+        rows = self.lanes or 1
+        columns = [np.asarray(value, dtype=float) for value in self.vary.values()]
+        wide = [
+            c.reshape(-1, 1) if c.ndim == 1 and len(c) == rows and self.lanes else np.atleast_2d(c) for c in columns
+        ]
+        values = np.concatenate([np.broadcast_to(c, (rows, c.shape[1])) for c in wide], axis=1)
+        self.varied.check(values)
+        return values
+
+    def _rows(self, name: str, value: Any) -> bool:
+        """Whether a varied parameter is given a row a lane: (lanes,) of one number, (lanes, k) of several."""
+        try:
+            numbers_ = np.asarray(value, dtype=float)
+        except (TypeError, ValueError):
+            raise ScenarioError(f"vary: {name} = {value!r}: expected numbers") from None
+        single = len(Varied(self.arm, [name]).parameters) == 1
+        if numbers_.ndim > (1 if single else 2):
+            raise ScenarioError(f"vary: {name} has shape {numbers_.shape}; expected one value, or one a lane")
+        return numbers_.ndim == (1 if single else 2)
 
     @cached_property
     def initial_state(self) -> np.ndarray:

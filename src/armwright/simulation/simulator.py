@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import os
-import threading
-import time
-from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,11 +12,14 @@ from armwright.actuators.drive import UNITS
 from armwright.dynamics import mass_matrix
 from armwright.errors import DivergenceError, ScenarioError
 from armwright.kernels.batch import Kernel
-from armwright.kernels.llvm import Target, select_target
-from armwright.kernels.loop import LaneState, Loop
+from armwright.kernels.llvm import select_target
+from armwright.kernels.loop import Loop, Schedules
+from armwright.kernels.stages import Integrate, Record, Rows
 from armwright.model import Model
 from armwright.model.simplify import simplified
-from armwright.program import call, trace
+from armwright.program import Program, call, trace
+from armwright.simulation.controlled import simulate_controlled
+from armwright.simulation.groups import Progress, run_groups
 from armwright.simulation.integrators import INTEGRATORS
 from armwright.simulation.plant import plant_derivative, plant_outputs
 from armwright.simulation.recording import make_dataset
@@ -32,10 +31,6 @@ if TYPE_CHECKING:
 
 ROUNDING = 1e-9  # of the largest command of a run: less is no clipping
 SINGULAR = 1e-13  # of the largest eigenvalue of the mass matrix
-PIECE = 0.05  # [s] after which native code comes back, for progress and Ctrl-C
-TILES_A_PIECE = 32
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +41,7 @@ class Simulator:
     integrator: str
     target: str | None
     loop: Loop
+    step: Program
     outputs: Kernel
     stability: Stability
 
@@ -65,7 +61,8 @@ def compile_simulator(arm: Model, integrator: str = "rk3", target: str | None = 
     )
     names = ("qdd", "tau", "voltage", "current")
     outputs = trace("outputs", lambda x, u: plant_outputs(plain, x, u), state | command, names)
-    return Simulator(arm, integrator, target, Loop(step, chosen.doubled()), Kernel(outputs, chosen), Stability(arm))
+    loop = Loop((Rows("u", n), Record("states", ("x",), (2 * n,)), Integrate(step)), chosen.doubled())
+    return Simulator(arm, integrator, target, loop, step, Kernel(outputs, chosen), Stability(arm))
 
 
 def simulate(
@@ -92,71 +89,52 @@ def simulate(
         DivergenceError: a single run left the finite numbers.
     """
     arm = scenario.arm
+    if scenario.controller is not None:
+        return simulate_controlled(scenario, progress, threads)
     _check_inertia(arm, scenario.initial_state[0, : arm.n])
     simulator = simulator or compile_simulator(arm, scenario.integrator, scenario.target)
     x0 = scenario.initial_state
     _check_simulator(simulator, scenario)
     rule = INTEGRATORS[scenario.integrator]
     commands = np.concatenate([schedule.commands for schedule in scenario.schedules])
-    simulator.stability.check_step(scenario.integrator, rule, scenario.step, commands)
-    lanes = _lane_state(scenario, simulator.loop.target)
+    simulator.stability.check_step(scenario.integrator, rule, scenario.tick, commands)
     every = scenario.record_every or scenario.ticks
-    _run(simulator.loop, lanes, scenario, every, progress, threads or os.cpu_count() or 1)
-    rows = len(x0)
-    frozen = _unblocked(lanes.frozen[:, None, :])[:rows, 0]
+    record = _record(scenario, simulator.loop.target.width)
+    frozen = _run(simulator.loop, scenario, record, every, progress, threads or os.cpu_count() or 1)
     if scenario.lanes is None and frozen[0] >= 0:
         raise DivergenceError(
-            f"{arm.name}: the simulation left the finite numbers at t = {frozen[0] * scenario.step:g} s; "
-            f"last state q = {np.array2string(lanes.record[-1, 0, : arm.n], precision=4, max_line_width=10**6)}"
+            f"{arm.name}: the simulation left the finite numbers at t = {frozen[0] * scenario.tick:g} s; "
+            f"last state q = {np.array2string(record[-1, 0, : arm.n], precision=4, max_line_width=10**6)}"
         )
-    return _dataset(scenario, simulator, lanes.record[:, :rows].transpose(1, 0, 2), every, frozen)
+    return _dataset(scenario, simulator, record[:, : len(x0)].transpose(1, 0, 2), every, frozen)
 
 
-def _lane_state(scenario: Scenario, target: Target) -> LaneState:
-    """Lanes laid out in tiles, the last one filled up with copies of the first lane."""
-    w, x0, ticks = target.width, scenario.initial_state, scenario.ticks
-    tiles = -(-len(x0) // w)
-    order = np.concatenate([np.arange(len(x0)), np.zeros(tiles * w - len(x0), dtype=int)])
-    seen: dict[
-        bytes, tuple[np.ndarray, np.ndarray]
-    ] = {}  # lanes of constant commands, or of one clock, share their times
+def _schedules(scenario: Scenario) -> Schedules:
+    """Rows of all schedules; lanes of constant commands, or of one clock, share their times."""
+    seen: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
     for schedule in scenario.schedules:
         if schedule.times.tobytes() not in seen:
-            seen[schedule.times.tobytes()] = _rows(schedule.times, scenario.step)
+            seen[schedule.times.tobytes()] = _rows(schedule.times, scenario.tick)
     rows = [seen[schedule.times.tobytes()] for schedule in scenario.schedules]
     starts = np.cumsum([0, *(len(tick) for tick, _ in rows)])
-    which = order if len(rows) > 1 else np.zeros(len(order), dtype=int)
-    row_tick = np.concatenate([tick for tick, _ in rows])
-    row_offset = np.concatenate([offset for _, offset in rows])
-    cursor, end = starts[which], starts[which + 1]
-    every = scenario.record_every or ticks
-    rows_kept = ticks // every + 1
+    tick, offset = (np.concatenate([row[k] for row in rows]) for k in (0, 1))
+    values = np.ascontiguousarray(np.concatenate([schedule.commands for schedule in scenario.schedules]))
+    return Schedules(tick, offset, values, starts[:-1], starts[1:])
+
+
+def _record(scenario: Scenario, width: int) -> np.ndarray:
+    """Room for the recorded states (rows, lanes in whole tiles, 2n)."""
+    lanes = scenario.lanes or 1
+    every = scenario.record_every or scenario.ticks
+    rows, padded = scenario.ticks // every + 1, -(-lanes // width) * width
     try:
-        record = np.empty((rows_kept, tiles * w, x0.shape[1]))
+        return np.empty((rows, padded, 2 * scenario.arm.n))
     except (MemoryError, ValueError):
-        size = 8e-9 * rows_kept * tiles * w * x0.shape[1]
+        size = 8e-9 * rows * padded * 2 * scenario.arm.n
         raise ScenarioError(
-            f"the run would record {rows_kept} rows of {len(x0)} lanes, {size:.3g} GB, more than there is memory for; "
+            f"the run would record {rows} rows of {lanes} lanes, {size:.3g} GB, more than there is memory for; "
             f"expected a shorter one, or record_every above {scenario.record_every}"
         ) from None
-    record[0] = x0[order]
-
-    def lane(values: np.ndarray, kind: type = float) -> np.ndarray:
-        return np.ascontiguousarray(values.reshape(tiles, w), dtype=kind)
-
-    return LaneState(
-        x=np.ascontiguousarray(x0[order].reshape(tiles, w, -1).transpose(0, 2, 1)),
-        u=np.zeros((tiles, scenario.arm.n, w)),
-        due_tick=lane(row_tick[cursor]),
-        due_offset=lane(row_offset[cursor]),
-        cursor=lane(cursor, np.int64),
-        end=lane(end, np.int64),
-        frozen=np.full((tiles, w), -1.0),
-        row_tick=row_tick,
-        row_offset=row_offset,
-        row_u=np.ascontiguousarray(np.concatenate([schedule.commands for schedule in scenario.schedules])),
-        record=record,
-    )
 
 
 def _rows(times: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
@@ -167,42 +145,37 @@ def _rows(times: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
     return ticks, np.where(on, 0.0, times - ticks * step)
 
 
-def _run(loop: Loop, lanes: LaneState, scenario: Scenario, every: int, progress: Progress | None, threads: int) -> None:
-    """Groups of tiles, one after another (or one a thread); each through its ticks in pieces of about `PIECE` seconds."""
-    tiles, ticks, total = len(lanes.x), scenario.ticks, len(lanes.x) * scenario.ticks
-    group = max(1, min(TILES_A_PIECE, -(-tiles // threads)))
-    groups = [(first, min(first + group, tiles)) for first in range(0, tiles, group)]
-    done, stopped = [0] * len(groups), threading.Event()
+def _run(
+    loop: Loop, scenario: Scenario, record: np.ndarray, every: int, progress: Progress | None, workers: int
+) -> np.ndarray:
+    """Records the states of all lanes; comes back with the ticks (lanes,) in which they left the finite numbers, or -1."""
+    x0, ticks, schedules = scenario.initial_state, scenario.ticks, _schedules(scenario)
+    frozen = np.empty(len(x0))
 
-    def go(which: int) -> None:
-        tick, piece, part = 0, 100, groups[which]
-        while tick < ticks and not stopped.is_set():
-            last, start = min(ticks, tick + piece), time.perf_counter()
-            loop.run(lanes, scenario.step, part, (tick, last), every)
-            spent = time.perf_counter() - start
-            done[which] += (last - tick) * (part[1] - part[0])
-            tick, piece = last, max(1, int(piece * min(4.0, PIECE / max(spent, 1e-6))))
-            if progress is not None and threading.current_thread() is threading.main_thread():
-                progress(sum(done), total)
+    def begin(first: int, count: int) -> Any:
+        lanes = loop.lanes(count, first)
+        lanes.set("x", x0[first : first + count])
+        loop.begin_rows(lanes, "u", schedules)
+        own = record[:, first : first + lanes.tiles * lanes.width]
 
-    if threads == 1 or len(groups) == 1:
-        for which in range(len(groups)):
-            go(which)
-    else:
-        with ThreadPoolExecutor(threads) as pool:
-            try:
-                waiting = {pool.submit(go, which) for which in range(len(groups))}
-                while waiting:
-                    finished, waiting = wait(waiting, timeout=PIECE, return_when=FIRST_COMPLETED)
-                    for future in finished:
-                        future.result()
-                    if progress is not None and waiting:
-                        progress(sum(done), total)
-            finally:  # on Ctrl-C every thread comes back after the piece it is in
-                stopped.set()
-                pool.shutdown(cancel_futures=True)
-    if progress is not None:
-        progress(total, total)
+        def advance(tick: int, last: int) -> None:
+            loop.run(
+                lanes,
+                scenario.tick,
+                (tick, last + (last == ticks)),  # the last row is recorded in a tick that nothing moves in
+                last=ticks,
+                every=every,
+                schedules={"u": schedules},
+                records={"states": own},
+            )
+
+        def end() -> None:
+            frozen[first : first + count] = lanes.get("frozen")[:, 0]
+
+        return advance, end
+
+    run_groups(len(x0), loop.target.width, ticks, begin, progress, workers)
+    return frozen
 
 
 def _check_simulator(simulator: Simulator, scenario: Scenario) -> None:
@@ -235,23 +208,18 @@ def _check_inertia(arm: Model, q: np.ndarray) -> None:
         )
 
 
-def _unblocked(values: np.ndarray) -> np.ndarray:
-    """(tiles, entries, W) → (lanes, entries)."""
-    return values.transpose(0, 2, 1).reshape(-1, values.shape[1])
-
-
 def _dataset(
     scenario: Scenario, simulator: Simulator, states: np.ndarray, every: int, frozen: np.ndarray
 ) -> xarray.Dataset:
     """States (lanes, rows, 2n) with what follows from them."""
     arm, n = scenario.arm, scenario.arm.n
     k = np.arange(states.shape[1]) * every
-    t = k * scenario.step
+    t = k * scenario.tick
     if all(len(schedule.times) == 1 for schedule in scenario.schedules):  # constant commands: one row serves all times
         u = np.stack([schedule.commands for schedule in scenario.schedules])
         u = np.broadcast_to(u, (len(states), len(k), n))
     else:
-        u = np.stack([_held(schedule, k, scenario.step) for schedule in scenario.schedules])
+        u = np.stack([_held(schedule, k, scenario.tick) for schedule in scenario.schedules])
         u = np.broadcast_to(u, (len(states), *u.shape[1:]))
     parts: dict[str, Any] = {}
     if scenario.record == "all":
@@ -260,7 +228,7 @@ def _dataset(
     q, qd = states[..., :n], states[..., n:]
     attrs = {
         "integrator": scenario.integrator,
-        "step_s": scenario.step,
+        "step_s": scenario.tick,
         "notes": _notes(arm, q, qd, u, parts, t),
     }
     if scenario.lanes is None:
@@ -268,7 +236,7 @@ def _dataset(
         parts = {name: value[0] for name, value in parts.items()}
     run = make_dataset(arm, t, q, qd, u, **parts, attrs=attrs)
     if scenario.lanes is not None:
-        diverged = np.where(frozen < 0, np.nan, frozen * scenario.step)
+        diverged = np.where(frozen < 0, np.nan, frozen * scenario.tick)
         run["diverged_at"] = (
             "lane",
             diverged,

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ScheduleError, nearest
-from armwright.simulation.output import whole_file
+from armwright.output import whole_file
 
 WITH_UNIT = re.compile(r"^(?P<name>[^\[\]]*?)\s*\[(?P<unit>[^\[\]]*)\]$")
 ROWS_AT_ONCE = 4096  # rows turned into text together, so that a long table never stands in memory twice

@@ -1,0 +1,135 @@
+"""Sensors of the joints: encoders on the motor or the link, speed from positions, noise. Design section 4, step 1."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.errors import ScenarioError, nearest
+from armwright.model import Model
+from armwright.scalar import Array, Scalar
+
+VELOCITIES = (
+    "exact",  # as a tachometer without fault would tell
+    "difference",  # of the last two positions, over the period
+    "filtered",  # the same behind a first-order low-pass filter
+    "observer",  # a tracking observer of second order, both poles at -2π cutoff
+)
+SIDES = ("motor", "link")
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """What is measured of every joint, and how well; without arguments, everything exactly.
+
+    Args:
+        counts: of the encoders in one turn, or one count for each joint; absent: positions are not quantised.
+        side: "motor" or "link": where the encoder sits. A motor's counts are finer by the gear ratio.
+        velocity: "exact", "difference", "filtered" or "observer".
+        cutoff_hz: of the filter or observer.
+        position_noise: standard deviation [rad | m] at the joint.   velocity_noise: [rad/s | m/s].
+        current_noise: [A].
+    Raises:
+        ScenarioError: names the field, its value and what was expected.
+    """
+
+    counts: Any = None
+    side: str = "motor"
+    velocity: str = "exact"
+    cutoff_hz: float | None = None
+    position_noise: float = 0.0
+    velocity_noise: float = 0.0
+    current_noise: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.velocity not in VELOCITIES:
+            raise ScenarioError(
+                f"sensors: velocity = {self.velocity!r}: unknown; {nearest(str(self.velocity), VELOCITIES)}"
+            )
+        if self.side not in SIDES:
+            raise ScenarioError(f"sensors: side = {self.side!r}: unknown; {nearest(str(self.side), SIDES)}")
+        if self.counts is not None and not np.all(np.asarray(self.counts, dtype=float) > 0):
+            raise ScenarioError(f"sensors: counts = {self.counts!r}: expected counts above 0 in one turn")
+        filtered = self.velocity in ("filtered", "observer")
+        if filtered != (self.cutoff_hz is not None) or (self.cutoff_hz is not None and not self.cutoff_hz > 0):
+            raise ScenarioError(
+                f"sensors: cutoff_hz = {self.cutoff_hz!r}: expected a frequency above 0"
+                if filtered
+                else f"sensors: cutoff_hz goes with velocity = 'filtered' or 'observer', not {self.velocity!r}"
+            )
+        for name in ("position_noise", "velocity_noise", "current_noise"):
+            if not getattr(self, name) >= 0.0:
+                raise ScenarioError(f"sensors: {name} = {getattr(self, name)!r}: expected 0 or more")
+
+    def draws(self, n: int) -> int:
+        """Random numbers that a measurement of n joints takes: two a normal one."""
+        noisy = (self.position_noise, self.velocity_noise, self.current_noise)
+        return 2 * n * sum(noise > 0 for noise in noisy)
+
+    def memory(self, arm: Model, q: Array, qd: Array) -> np.ndarray:
+        """What is remembered at the beginning (k,), from the measured position and speed."""
+        if self.velocity == "exact":
+            return np.zeros(0)
+        if self.velocity == "difference":
+            return q - 0.0 * qd
+        return np.concatenate([q, qd])
+
+    def measure(
+        self, arm: Model, period: float, q: Array, qd: Array, current: Array, memory: Array, w: Array
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """What the sensors say.
+
+        Args:
+            arm: the model.   period: [s] between measurements.
+            q: (n,) [rad | m], qd: (n,) [rad/s | m/s]: on the encoder's side, referred to the joint.   current: (n,) [A].
+            memory: (k,).   w: (draws,) uniform in (0, 1).
+        Returns:
+            q, qd, current: (n,) as measured.   memory: (k,) for the next time.
+        """
+        n, normal = arm.n, iter(_normal(w))
+
+        def noisy(values: Array, deviation: float) -> Array:
+            return values + deviation * scalar.array([next(normal) for _ in range(n)]) if deviation > 0 else values
+
+        position = self._quantised(arm, noisy(q, self.position_noise))
+        if self.velocity == "exact":
+            speed, memory = qd, memory
+        elif self.velocity == "difference":
+            speed, memory = (position - memory) / period, position
+        elif self.velocity == "filtered":
+            keep = np.exp(-2.0 * np.pi * self.cutoff_hz * period)
+            speed = keep * memory[n:] + (1.0 - keep) * (position - memory[:n]) / period
+            memory = np.concatenate([position, speed])
+        else:
+            speed, memory = self._observed(period, position, memory)
+        return position, noisy(speed, self.velocity_noise), noisy(current, self.current_noise), memory
+
+    def _quantised(self, arm: Model, q: Array) -> np.ndarray:
+        if self.counts is None:
+            return q
+        counts = np.broadcast_to(np.asarray(self.counts, dtype=float), arm.n)
+        rows = []
+        for i, body in arm.outward():
+            ratio = body.drive.gear_ratio if self.side == "motor" else 1.0
+            resolution = 2.0 * np.pi / (counts[i] * scalar.abs(ratio))
+            rows.append(scalar.floor(q[i] / resolution + 0.5) * resolution)
+        return scalar.array(rows)
+
+    def _observed(self, period: float, position: Array, memory: Array) -> tuple[np.ndarray, np.ndarray]:
+        """Tracking observer: q̂ and ω̂ predicted, then corrected by the position with both poles at exp(-2π cutoff Ts)."""
+        n = len(position)
+        pole = np.exp(-2.0 * np.pi * self.cutoff_hz * period)
+        ahead = memory[:n] + period * memory[n:]
+        missed = position - ahead
+        q = ahead + (1.0 - pole * pole) * missed
+        speed = memory[n:] + (1.0 - pole) ** 2 / period * missed
+        return speed, np.concatenate([q, speed])
+
+
+def _normal(w: Array) -> list[Scalar]:
+    """Standard normal numbers from pairs of uniform ones.  √(-2 ln w₁) cos 2π w₂  [BoxMuller1958]"""
+    pairs = zip(w[0::2], w[1::2], strict=True)
+    return [scalar.sqrt(-2.0 * scalar.log(a)) * scalar.cos(2.0 * np.pi * b) for a, b in pairs]

@@ -1,0 +1,190 @@
+"""When measurements are taken and commands act: delays, jitter, lost samples, the drive's own clock. Design section 4.
+
+Time is counted in base ticks of Ts. A delay is (m + φ) Ts with whole m and 0 ≤ φ < 1. The whole part is a queue of the loop; the
+fraction of a measurement is true earlier sampling of the plant, that of a command a change between ticks.
+
+    arrival of command k:   a = k + delay + jitter,   jitter uniform in [0, J)
+    at its drive:           a, or the drive's next own tick (c + ψ)(1 + ε) where it has a clock of its own
+    in force at time τ:     the newest command with a ≤ τ: a late one that is overtaken is dropped
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.errors import ScenarioError, nearest
+from armwright.kernels.stages import NEVER
+from armwright.scalar import Array, Scalar
+
+PRESETS = (
+    "ideal",  # a command acts when it is computed, at once
+    "one-tick",  # computed during the period, applied at its end: most firmware
+    "sync",  # CiA 402: latched at SYNC k, applied at SYNC k + 1, or the first SYNC behind its arrival
+)
+WHOLE = 1e-9  # of a tick: a delay this near a whole number is meant to be it
+MOST_TICKS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Delays of the control loop; each number may be one for all lanes, or (lanes,).
+
+    Args:
+        preset: "ideal", "one-tick" or "sync": when a command acts if nothing delays it further.
+        measurement_delay: [s] how old a measurement is when the controller sees it.
+        command_delay: [s] from the controller to the drive, beyond the preset's.
+        jitter: [s] the most that a command is late beyond its delay, uniform.
+        measurement_loss, command_loss: probability that a sample is lost; the last one is then repeated.
+        clock_drift: (drive's period - master's) / master's, such as 50e-6; 0: both have one clock.
+    """
+
+    preset: str = "ideal"
+    measurement_delay: Any = 0.0
+    command_delay: Any = 0.0
+    jitter: Any = 0.0
+    measurement_loss: Any = 0.0
+    command_loss: Any = 0.0
+    clock_drift: Any = 0.0
+
+    def __post_init__(self) -> None:
+        if self.preset not in PRESETS:
+            raise ScenarioError(f"timing: preset = {self.preset!r}: unknown; {nearest(str(self.preset), PRESETS)}")
+        for name in ("measurement_delay", "command_delay", "jitter"):
+            _check(name, getattr(self, name), 0.0, np.inf, "a time of 0 s or more")
+        for name in ("measurement_loss", "command_loss"):
+            _check(name, getattr(self, name), 0.0, 1.0, "a probability")
+        _check("clock_drift", self.clock_drift, -0.1, 0.1, "a number within ±0.1")
+
+    @property
+    def lanes(self) -> dict[str, int]:
+        """How many lanes each number is given for, where it is one a lane."""
+        names = ("measurement_delay", "command_delay", "jitter", "measurement_loss", "command_loss", "clock_drift")
+        return {f"timing.{name}": len(getattr(self, name)) for name in names if np.ndim(getattr(self, name))}
+
+
+def _check(name: str, value: Any, low: float, high: float, expected: str) -> None:
+    try:
+        numbers = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        numbers = np.full((), np.nan)
+    if numbers.ndim > 1 or not np.all((numbers >= low) & (numbers <= high) & np.isfinite(numbers)):
+        raise ScenarioError(f"timing: {name} = {value!r}: expected {expected}, or one a lane")
+
+
+@dataclass(frozen=True, eq=False)
+class Delays:
+    """A timing in ticks of one period, for the lanes of a run: whole ticks and fractions.
+
+    Attributes:
+        measured, commanded: (lanes,) whole ticks.   earlier, later: (lanes,) fractions φ.
+        jitter, drift, measurement_loss, command_loss: (lanes,).
+    """
+
+    preset: str
+    measured: np.ndarray
+    earlier: np.ndarray
+    commanded: np.ndarray
+    later: np.ndarray
+    jitter: np.ndarray
+    drift: np.ndarray
+    measurement_loss: np.ndarray
+    command_loss: np.ndarray
+
+    @classmethod
+    def of(cls, timing: Timing, period: float, lanes: int) -> Delays:
+        """A timing at a period [s], for so many lanes."""
+
+        def each(value: Any) -> np.ndarray:
+            return np.broadcast_to(np.asarray(value, dtype=float), lanes).astype(float)
+
+        measured, earlier = _split(each(timing.measurement_delay) / period)
+        delay = each(timing.command_delay) / period
+        if timing.preset == "sync":
+            commanded, later = np.ones(lanes), delay
+        else:
+            commanded, later = _split(delay + (timing.preset == "one-tick"))
+        return cls(
+            timing.preset,
+            measured,
+            earlier,
+            commanded,
+            later,
+            each(timing.jitter) / period,
+            each(timing.clock_drift),
+            each(timing.measurement_loss),
+            each(timing.command_loss),
+        )
+
+    @property
+    def pending(self) -> int:
+        """Commands that may wait at once behind the queue, beside the newest."""
+        late = self.later + self.jitter
+        if self.preset == "sync":
+            late = np.maximum(np.ceil(late) - 1.0, 0.0) + (late > 1.0)
+        return max(ceil((late + (self.drift != 0) * (1.0 + self.drift)).max()) - 1, 0)
+
+    @property
+    def fractional(self) -> bool:
+        """Whether any command acts between ticks, or is lost: else the queue is all there is."""
+        parts = (self.later > (self.preset == "sync"), self.jitter, self.drift, self.command_loss)
+        return any(np.any(part) for part in parts)
+
+
+def lateness(delays: Delays, tick: Scalar, later: Scalar, jitter: Scalar, drift: Scalar, w: Scalar) -> Scalar:
+    """Ticks after k at which a command that leaves the queue in tick k acts; w uniform in (0, 1)."""
+    late = later + jitter * w
+    if delays.preset == "sync":
+        late = scalar.maximum(scalar.ceil(late) - 1.0, 0.0)
+    if np.any(delays.drift):
+        late = scalar.ceil((tick + late) / (1.0 + drift)) * (1.0 + drift) - tick
+    return late
+
+
+def _split(ticks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Whole ticks and the fraction behind them."""
+    if ticks.max() > MOST_TICKS:
+        raise ScenarioError(f"timing: a delay of {ticks.max():.3g} periods; expected at most {MOST_TICKS}")
+    near = np.rint(ticks)
+    whole = np.where(np.abs(ticks - near) <= WHOLE, near, np.floor(ticks))
+    return whole, np.clip(ticks - whole, 0.0, None) * (np.abs(ticks - near) > WHOLE)
+
+
+def planned(
+    tick: Scalar, issued: Array, late: Scalar, waiting: Array, arrivals: Array, base: Array
+) -> tuple[np.ndarray, ...]:
+    """Which commands act in a tick and from when, and what then still waits.
+
+    Args:
+        tick: () k.   issued: (n,) the command that leaves the queue in this tick.
+        late: () ticks after k at which it arrives; NEVER: lost.
+        waiting: (P, n) commands under way, oldest first.   arrivals: (P,) ticks after k at which they arrive.
+        base: (n,) the command in force when the tick begins.
+    Returns:
+        u_plan: (P + 2, n) base, what waits, the newest.   u_from: (P + 1,) ticks into this one at which each but the first begins.
+        waiting, arrivals, base: as they are when the next tick begins.
+    """
+    count = len(waiting)
+    commands = [base, *waiting, issued]
+    begins = [*arrivals, late]
+    following = [NEVER] * (count + 1)  # an item that arrived, or that a newer one overtook, waits no longer
+    newer_arrived = 0.0
+    for k in reversed(range(count + 1)):
+        arrived = scalar.less(begins[k], 1.0)
+        gone = scalar.maximum(arrived, newer_arrived)
+        following[k] = scalar.where(gone, NEVER, begins[k] - 1.0)
+        newer_arrived = gone
+    now = base
+    for k in range(count + 1):
+        now = scalar.where(scalar.less(begins[k], 1.0), commands[k + 1], now)
+    return (
+        scalar.stack(commands),
+        scalar.array(begins),
+        scalar.stack(commands[2:]) if count else np.zeros((0, len(base))),
+        scalar.array(following[1:]),
+        scalar.array(now),
+    )
