@@ -43,7 +43,9 @@ class Integral:
 
 
 def swing(t):
-    return scalar.array([0.3 * scalar.sin(3.0 * t), 0.2 * scalar.sin(2.0 * t), 0.1, 0.2 * scalar.cos(4.0 * t), 0.0, 0.1])
+    return scalar.array(
+        [0.3 * scalar.sin(3.0 * t), 0.2 * scalar.sin(2.0 * t), 0.1, 0.2 * scalar.cos(4.0 * t), 0.0, 0.1]
+    )
 
 
 def accounted(model, law, reference, ticks, timing=None, shaping=None, substeps=1, x0=None):
@@ -115,7 +117,9 @@ CASES = {
 def test_the_loop_is_what_its_account_says(case, law):
     model, ticks = arm("cmu-dd"), 25
     expected = accounted(model, law, references(model, ticks), ticks, **CASES[case])
-    scenario = Scenario(model, controller=law, reference=swing, sample_period=PERIOD, duration=ticks * PERIOD, **CASES[case])
+    scenario = Scenario(
+        model, controller=law, reference=swing, sample_period=PERIOD, duration=ticks * PERIOD, **CASES[case]
+    )
     run = aw.simulate(scenario)
     assert run.attrs["controller"] == "compiled"
     names = ("q", "qd", "q_measured", "qd_measured", "u_issued", "u")
@@ -195,7 +199,9 @@ def test_gains_and_parameters_may_be_a_row_a_lane():
     common = {"reference": np.full(6, 0.1), "sample_period": PERIOD, "duration": 20 * PERIOD}
     many = aw.simulate(Scenario(model, controller=Gains(gains), vary={"link6.mass_kg": masses}, **common))
     for lane in range(3):
-        one = aw.simulate(Scenario(model, controller=Gains(gains[lane]), vary={"link6.mass_kg": masses[lane]}, **common))
+        one = aw.simulate(
+            Scenario(model, controller=Gains(gains[lane]), vary={"link6.mass_kg": masses[lane]}, **common)
+        )
         np.testing.assert_allclose(many.q.values[lane], one.q.values, atol=1e-10)
 
 
@@ -251,3 +257,21 @@ def test_a_reference_that_jumps_or_leaves_the_limits_is_told():
     ).attrs["notes"]
     assert "waist: the reference leaves its position limits" in str(notes)
     assert "waist: the reference jumps by 9" in str(notes)
+
+
+class Table:
+    """A controller whose state is no array, as one that calls a library may have."""
+
+    def init(self, arm, y):
+        return {"called": 0, "first": float(np.asarray(y.q).flat[0])}
+
+    def step(self, t, r, y, s):
+        return pd(t, r, y), s | {"called": s["called"] + 1}
+
+
+def test_a_state_of_any_kind_is_kept_where_the_controller_runs_in_python():
+    common = {"reference": swing, "sample_period": PERIOD, "duration": 10 * PERIOD}
+    run = aw.simulate(Scenario(arm("cmu-dd"), controller=Table(), **common))
+    assert run.attrs["controller"].startswith("called in Python")
+    plain = aw.simulate(Scenario(arm("cmu-dd"), controller=pd, **common))
+    np.testing.assert_allclose(run.q.values, plain.q.values, atol=1e-12)

@@ -20,7 +20,7 @@ from armwright.program import Program, interpret, trace
 from armwright.scalar import Array
 from armwright.simulation.cycle import UNTRACEABLE, Parts, make_cycle
 from armwright.simulation.groups import Progress, Work, run_groups
-from armwright.simulation.law import measurement_of, reference_of
+from armwright.simulation.law import Law, measurement_of, reference_of
 from armwright.simulation.plain_plant import Plant
 from armwright.simulation.recording import joint_units, make_dataset
 from armwright.simulation.references import reference_notes, reference_rows
@@ -55,6 +55,7 @@ class ControlledRun:
         self.reference = np.ascontiguousarray(reference_rows(self.arm, pose, self.t))
         sizes = {"x": self.plant.size, "y": 4 * n, "r": 3 * n, "u_issued": n, "u": n}
         self.recorded = {name: sizes[name] for name in recorded}
+        self.untraced: str | None = None
         self.x0, self.u0, self.y0, self.m0, self.s0 = self._beginnings(start[:, :n], start[:, n:])
         parts = Parts(
             self.arm,
@@ -68,6 +69,7 @@ class ControlledRun:
             scenario.substeps,
             scenario.integrator,
             self.recorded,
+            self.untraced,
         )
         self.cycle = make_cycle(parts)
         stages = [self.cycle.before, self.cycle.after]
@@ -89,8 +91,7 @@ class ControlledRun:
         def begin(x: Array, c: Array, p: Array, *given: Array) -> tuple[Array, ...]:
             arm = scenario.varied.model(p) if scenario.varied is not None else self.arm
             plant = Plant.of(arm)
-            q, qd = plant.part(x, "q"), plant.part(x, "qd")
-            u = given[0] if given else holding_command(arm, gravity_torques(arm, q))
+            u = given[0] if given else holding_command(arm, gravity_torques(arm, plant.part(x, "q")))
             seen, speed, current = plant.measured(x, u, scenario.sensors.side)
             memory = exact.memory(arm, seen, speed)
             seen, speed, current, _ = exact.measure(arm, self.period, seen, speed, current, memory, np.zeros(0))
@@ -100,10 +101,10 @@ class ControlledRun:
         shapes = {name: values.shape[1:] for name, values in rows.items()}
         try:
             program = trace("begin", begin, shapes, ("u_0", "y_0", "m_0", "s_0"))
-        except (
-            UNTRACEABLE
-        ):  # a controller whose `init` cannot be traced has a state of its own kind, which Python keeps
-            law = replace(law, control=_forgetful)
+        except UNTRACEABLE as error:
+            # A controller whose `init` cannot be traced has a state of its own kind, which Python keeps.
+            self.untraced = f"{type(error).__name__}: {error}"
+            law = Law(None, (), (), law.values)
             program = trace("begin", begin, shapes, ("u_0", "y_0", "m_0", "s_0"))
         u0, y0, m0, s0 = self._mapped(program, list(rows.values()))
         return np.broadcast_to(x0, (self.count, x0.shape[1])), u0, y0, m0, s0

@@ -74,15 +74,17 @@ class Parts:
     substeps: int
     integrator: str
     recorded: dict[str, int]  # blocks and their entries
+    untraced: str | None = None  # why the controller runs in Python, where that is known before
 
 
 def make_cycle(parts: Parts) -> Cycle:
     """The stages of a tick of a controlled arm."""
     before, seen = _measuring(parts)
     after = _commanding(parts)
-    untraced = None
+    untraced = parts.untraced
     try:
-        before.append(Call(traced_law(parts.law, parts.arm, parts.period, parts.states)))
+        if untraced is None:
+            before.append(Call(traced_law(parts.law, parts.arm, parts.period, parts.states)))
     except UNTRACEABLE as error:
         if isinstance(error, ScenarioError):  # it can be traced, and is wrong
             raise

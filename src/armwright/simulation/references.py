@@ -47,7 +47,7 @@ def reference_rows(arm: Model, reference: Any, t: np.ndarray) -> np.ndarray:
         if given.shape == (n,):
             rows[:, :n] = given
         elif given.shape in ((len(t), n), (len(t), 3 * n)):
-            rows[:, : given.shape[1]] = given
+            rows[:, : given.size // len(t)] = given
         else:
             raise ScenarioError(
                 f"reference of shape {given.shape}: expected a pose ({n},), rows ({len(t)}, {n}) or ({len(t)}, {3 * n}), "

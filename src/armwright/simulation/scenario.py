@@ -67,9 +67,9 @@ class Scenario:
     reference: Any = None
     sample_period: float | None = None
     substeps: int = 1
-    sensors: Sensors = Sensors()
-    shaping: Shaping = Shaping()
-    timing: Timing = Timing()
+    sensors: Sensors = field(default_factory=Sensors)
+    shaping: Shaping = field(default_factory=Shaping)
+    timing: Timing = field(default_factory=Timing)
     initial_command: Any = None
     vary: Mapping[str, Any] = field(default_factory=dict)
     seed: int = 0

@@ -100,12 +100,17 @@ class Sensors:
         elif self.velocity == "difference":
             speed, memory = (position - memory) / period, position
         elif self.velocity == "filtered":
-            keep = np.exp(-2.0 * np.pi * self.cutoff_hz * period)
+            keep = self._pole(period)
             speed = keep * memory[n:] + (1.0 - keep) * (position - memory[:n]) / period
             memory = np.concatenate([position, speed])
         else:
             speed, memory = self._observed(period, position, memory)
         return position, noisy(speed, self.velocity_noise), noisy(current, self.current_noise), memory
+
+    def _pole(self, period: float) -> float:
+        """exp(-2π f Ts): what a first-order filter keeps over a period."""
+        assert self.cutoff_hz is not None
+        return float(np.exp(-2.0 * np.pi * self.cutoff_hz * period))
 
     def _quantised(self, arm: Model, q: Array) -> np.ndarray:
         if self.counts is None:
@@ -121,7 +126,7 @@ class Sensors:
     def _observed(self, period: float, position: Array, memory: Array) -> tuple[np.ndarray, np.ndarray]:
         """Tracking observer: q̂ and ω̂ predicted, then corrected by the position with both poles at exp(-2π cutoff Ts)."""
         n = len(position)
-        pole = np.exp(-2.0 * np.pi * self.cutoff_hz * period)
+        pole = self._pole(period)
         ahead = memory[:n] + period * memory[n:]
         missed = position - ahead
         q = ahead + (1.0 - pole * pole) * missed

@@ -165,7 +165,8 @@ def planned(
         waiting: (P, n) commands under way, oldest first.   arrivals: (P,) ticks after k at which they arrive.
         base: (n,) the command in force when the tick begins.
     Returns:
-        u_plan: (P + 2, n) base, what waits, the newest.   u_from: (P + 1,) ticks into this one at which each but the first begins.
+        u_plan: (P + 2, n) base, what waits, the newest.
+        u_from: (P + 1,) ticks into this one at which each but the first begins.
         waiting, arrivals, base: as they are when the next tick begins.
     """
     count = len(waiting)
