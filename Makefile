@@ -9,7 +9,7 @@ PIP    := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 DEMO   := simulate cmu-dd --schedule examples/cmu-dd-feedforward.csv --q0 0,0.35,0,0.6,0,0.4 --duration 2 \
           -o build/demo/cmu-dd.nc --plot build/demo/cmu-dd.png
 
-# More words for pytest:  make test ARGS="-k pendulum"
+# More words for pytest and the benchmark:  make test ARGS="-k pendulum", make bench ARGS=--save
 ARGS   :=
 
 .DEFAULT_GOAL := help
@@ -36,7 +36,7 @@ check: $(VENV)/.all  ## style, types, and which room imports which
 	$(BIN)/python -m pytest -q tests/architecture
 
 bench: $(VENV)/.all  ## time the kernels beside their peers
-	$(BIN)/python benchmarks/run.py
+	$(BIN)/python benchmarks/run.py $(ARGS)
 
 docs: $(VENV)/.all  ## build the site into build/docs
 	$(BIN)/python -m sphinx -W --keep-going -b html docs build/docs

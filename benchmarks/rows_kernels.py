@@ -1,187 +1,223 @@
-"""Kernels of `puma560` through the public API, beside Pinocchio on the same arm: ns per state."""
+"""Kernels through the public API beside Pinocchio and MuJoCo on the same arms: ns per state."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
-from peers.pinocchio_peer import NoLoop, PinocchioArm, PinocchioLoop, Results, compiled_loop, pin, symmetric
-from timing import Check, Contestant, Pair, relative_error
+from arms import joint_count, random_states, timed_arm
+from peak import operations, peak
+from peers.mujoco_peer import MuJoCoLoop
+from peers.mujoco_peer import compiled_loop as mujoco_loop
+from peers.native import NoLoop, Results, aligned
+from peers.pinocchio_peer import PinocchioArm, PinocchioLoop, compiled_loop, pin, symmetric
+from records import Record, Task, record
+from timing import Check, Contestant, Entry, race, relative_error
 
 import armwright as aw
-from armwright.actuators.friction import joint_friction
-from armwright.errors import ModelError
 
-ROBOT = "puma560"
-BATCH = 4096
+ARMS = ("puma560", "lwa4p", "panda", "chain-6", "chain-12", "chain-30", "chain-60", "chain-100")
+QUICK_ARMS = ("puma560", "chain-2", "chain-4")
+BATCH, QUICK_BATCH = 4096, 256
+FEW = (
+    512  # states that the peers get of arms longer than LONG: their time a state does not depend on how many there are
+)
+LONG = 12  # joints
 TOLERANCE = 1e-9  # relative to a state's largest entry
-INPUTS = {
-    "inverse_dynamics": ("q", "qd", "qdd"),
-    "forward_dynamics": ("q", "qd", "tau"),
-    "mass_matrix": ("q",),
-    "inverse_dynamics_derivatives": ("q", "qd", "qdd"),
-    "forward_dynamics_derivatives": ("q", "qd", "tau"),
-}
-EXPECTED = {  # ratios that we want: on AVX-512, on x86-64-v3, a bound single call beside one of `pin` from Python
-    "inverse_dynamics": (60.0, 35.0, 1.8),
-    "forward_dynamics": (70.0, 40.0, 2.5),
-    "mass_matrix": (30.0, 18.0, 1.5),
-    "inverse_dynamics_derivatives": (35.0, 20.0, 2.0),
-    "forward_dynamics_derivatives": (20.0, 12.0, 1.5),
-}
-PARALLEL = {"inverse_dynamics": pin.rneaInParallel, "forward_dynamics": pin.abaInParallel}  # the wheel's own loops
-SINGLE = {
-    "inverse_dynamics": pin.rnea,
-    "forward_dynamics": pin.aba,
-    "mass_matrix": pin.crba,
-    "inverse_dynamics_derivatives": pin.computeRNEADerivatives,
-    "forward_dynamics_derivatives": pin.computeABADerivatives,
+WANTED = {"inverse_dynamics": 0.5}  # of the machine's limit
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a kernel does, by whom.
+
+    Args:
+        inputs: names of the states' arrays.   single: Pinocchio's function, from Python.
+        mujoco: whether MuJoCo has it.   longest: number of joints of the arms it is timed on.
+        expected: least ratios wanted on `puma560`: a batch on AVX-512, on AVX2, a bound single call.
+    """
+
+    inputs: tuple[str, ...]
+    single: Callable[..., Any]
+    mujoco: bool = False
+    longest: int = 1000
+    expected: tuple[float, float, float] | None = None
+
+
+FORWARD = ("q", "qd", "tau")
+WORKS = {
+    "inverse_dynamics": Work(("q", "qd", "qdd"), pin.rnea, True, expected=(60.0, 35.0, 1.8)),
+    "mass_matrix": Work(("q",), pin.crba, True, expected=(30.0, 18.0, 1.5)),
+    "forward_dynamics": Work(FORWARD, pin.aba, True, expected=(70.0, 40.0, 2.5)),
+    "inverse_dynamics_derivatives": Work(
+        ("q", "qd", "qdd"),
+        pin.computeRNEADerivatives,
+        longest=LONG,
+        expected=(35.0, 20.0, 2.0),
+    ),
+    "forward_dynamics_derivatives": Work(FORWARD, pin.computeABADerivatives, longest=LONG, expected=(20.0, 12.0, 1.5)),
 }
 
 
-def kernel_pairs(quick: bool) -> tuple[list[list[Pair]], list[str]]:
-    """Races of the kernels, and what a reader of the table should know."""
-    arm = aw.load(ROBOT).replace(efficiency=None)
-    smooth = arm.replace(friction=None)
-    states = random_states(arm, BATCH)
-    wheel = PinocchioArm(smooth)
-    notes = [
-        f"{ROBOT}: rotor inertia on, gear loss off on both sides; friction off but where a row says so",
-        f"error: of all {BATCH} states, relative to a state's largest entry, against {wheel.name} from Python "
-        "(with friction: f(qd) on floats added to its torques)",
+def tasks(quick: bool) -> list[Task]:
+    """A race for every arm and kernel."""
+    return [
+        Task("kernels", f"{arm} {name}", partial(kernel_records, arm, name, quick))
+        for arm in (QUICK_ARMS if quick else ARMS)
+        for name, work in WORKS.items()
+        if joint_count(arm) <= work.longest
     ]
-    native, reason = None, ""
-    try:
-        compiled_loop(build=not quick)
-        native = PinocchioLoop(smooth)
-    except NoLoop as why:
-        reason = str(why)
-    if native is not None:
-        notes.append(f"peer: {native.name}, its own loop over the states")
-    else:
-        notes.append(f"peer: {wheel.name} from its wheel, …InParallel with one thread; no C++ loop here ({reason})")
-    here = aw.compile(smooth)
-    targets = {f"this processor, W = {here.target.width}": here}
-    try:
-        targets["x86-64-v3"] = aw.compile(smooth, target="x86-64-v3")
-    except ModelError as error:
-        notes.append(f"no rows for x86-64-v3: {error}")
-    friction = np.stack([joint_friction(b.friction, states["qd"][:, i]) for i, b in enumerate(arm.bodies)], axis=1)
-    races = []
-    for kernel, names in INPUTS.items():
-        inputs = [states[name] for name in names]
-        truth = getattr(wheel, kernel)(*inputs)
-        check = checked(truth)
-        parallel = in_parallel(wheel, kernel, inputs, check)
-        peer = in_loop(native, kernel, inputs, truth, check) if native is not None else parallel
-        pairs = []
-        for (label, dyn), expected in zip(targets.items(), expectations(kernel, here), strict=False):
-            pairs.append(Pair(kernel, ours(label, dyn, kernel, inputs, check), peer, expected))
-        if native is not None and kernel in PARALLEL:
-            pairs.append(Pair(kernel, pairs[0].ours, parallel, note="the wheel, for reference"))
-        if kernel in PARALLEL:
-            truth = with_friction(wheel, kernel, states, friction)
-            rough = ours("with friction", aw.compile(arm), kernel, inputs, checked(truth))
-            pairs.append(Pair(kernel, rough, peer, note="the peer without"))
-        races += [pairs, [single(here, wheel, kernel, inputs)]]
-    return races, notes
 
 
-def random_states(arm: aw.Model, count: int) -> dict[str, np.ndarray]:
-    """Random states and torques, of the size that the arm has in motion."""
-    rng = np.random.default_rng(2)
-    shape = (count, arm.n)
-    q, qd, qdd = (scale * rng.uniform(-1.0, 1.0, shape) for scale in (np.pi, 2.0, 5.0))
-    return {"q": q, "qd": qd, "qdd": qdd, "tau": rng.uniform(-20.0, 20.0, shape)}
+def kernel_records(arm: str, name: str, quick: bool, repetitions: int) -> list[Record]:
+    """One row: a batch, a single call bound and plain, the peers, and the machine's limit, in one race."""
+    work, model = WORKS[name], timed_arm(arm)
+    dyn = compiled(arm)
+    kernel, method = dyn.kernel(name), getattr(dyn, name)
+    states = random_states(model, QUICK_BATCH if quick else BATCH)
+    inputs = [states[key] for key in work.inputs]
+    few = len(inputs[0]) if model.n <= LONG else min(FEW, len(inputs[0]))
+    wheel = pinocchio(arm)
+    truth = getattr(wheel, name)(*(values[:few] for values in inputs))
+    check = checked(truth)
+    state = [values[0].copy() for values in inputs]
+    contestants = {
+        "batch": batch("a batch", method, inputs, check),
+        "bound": Contestant(
+            "one state, bound", dyn.bind(name, **dict(zip(work.inputs, state, strict=True))), 1, first(check)
+        ),
+        "plain": Contestant("one state", lambda: method(*state), 1, first(check)),
+        "pinocchio_python": pinocchio_single(wheel, name, state, check),
+        "peak": peak(dyn.target),
+    }
+    for column, loop in (("pinocchio_loop", pinocchio_loop(arm)), ("mujoco", mujoco_arm(arm) if work.mujoco else None)):
+        if loop is not None:
+            contestants[column] = looped(loop, name, [values[:few] for values in inputs], truth, check)
+    beside = {"pinocchio_loop": "batch", "pinocchio_python": "bound", "mujoco": "batch"}
+    expected: dict[str, float] = {}
+    if arm == "puma560" and work.expected is not None and not quick:
+        wide, narrow, single = work.expected
+        expected = {"pinocchio_loop": wide if dyn.target.width == 8 else narrow, "pinocchio_python": single}
+    wanted = {"wanted": WANTED[name]} if name in WANTED and not quick else {}
+    entry = Entry(
+        {"arm": arm, "joints": model.n, "work": name, "states": len(inputs[0])},
+        contestants,
+        {column: ours for column, ours in beside.items() if column in contestants},
+        expected,
+        operations(kernel.program, kernel.target.width) | wanted,
+    )
+    return [record(row) for row in race([entry], repetitions)]
 
 
-def expectations(kernel: str, here: aw.CompiledArm) -> tuple[float, float]:
-    """Expected ratios on this processor and on x86-64-v3."""
-    wide, narrow, _ = EXPECTED[kernel]
-    return (wide if here.target.width == 8 else narrow), narrow
-
-
-def together(results: Results) -> np.ndarray:
-    """Results of one kernel as one array, those of a kernel that has several side by side."""
-    return np.stack(results, axis=-3) if isinstance(results, tuple) else results
-
-
-def checked(truth: Results) -> Callable[[Any], Check]:
-    whole = together(truth)
-    axes = 2 if isinstance(truth, tuple) else whole.ndim - 1  # each of several results by its own largest entry
-    return lambda result: Check(relative_error(together(result), whole, axes), TOLERANCE)
-
-
-def ours(
-    label: str,
-    dyn: aw.CompiledArm,
-    kernel: str,
-    inputs: list[np.ndarray],
-    check: Callable[[Any], Check],
-) -> Contestant:
-    """A batch through the public API, one thread."""
+@functools.cache
+def compiled(arm: str, target: str | None = None) -> aw.CompiledArm:
+    """An arm's kernels, one thread."""
+    dyn = aw.compile(timed_arm(arm), target=target)
     dyn.threads = 1
-    method = getattr(dyn, kernel)
-    out = method(*inputs)  # used again, as a program that cares for speed does; both sides' begin at a cache line
+    return dyn
+
+
+def batch(name: str, run: Callable[..., Any], inputs: list[np.ndarray], check: Callable[[Any], Check]) -> Contestant:
+    """A batch into arrays that are used again, as a program that cares for speed does; they begin at a cache line."""
+    out = run(*inputs)
     for array in out if isinstance(out, tuple) else (out,):
         array[...] = np.nan
-    return Contestant(label, lambda: method(*inputs, out=out), len(inputs[0]), check)
+    return Contestant(name, lambda: run(*inputs, out=out), len(inputs[0]), check)
 
 
-def in_loop(
-    native: PinocchioLoop, kernel: str, inputs: list[np.ndarray], like: Results, check: Callable[[Any], Check]
-) -> Contestant:
+def looped(loop: Any, name: str, inputs: list[np.ndarray], like: Results, check: Callable[[Any], Check]) -> Contestant:
+    """A peer's loop over states in its own language."""
     out = tuple(map(aligned, like)) if isinstance(like, tuple) else aligned(like)
-    return Contestant("Pinocchio C++", lambda: native.call(kernel, out, *inputs), len(inputs[0]), check)
+    return Contestant(loop.name, lambda: loop.call(name, out, *inputs), len(inputs[0]), check)
 
 
-def aligned(like: np.ndarray) -> np.ndarray:
-    """An array of the same shape that begins at a cache line."""
-    room = np.full(like.size + 8, np.nan)
-    start = -room.ctypes.data // 8 % 8
-    return room[start : start + like.size].reshape(like.shape)
-
-
-def in_parallel(
-    wheel: PinocchioArm, kernel: str, inputs: list[np.ndarray], check: Callable[[Any], Check]
+def pinocchio_single(
+    wheel: PinocchioArm, name: str, state: list[np.ndarray], check: Callable[[Any], Check]
 ) -> Contestant:
-    """The wheel's own loop with one thread; for the mass matrix it has none, and Python loops."""
-    if kernel not in PARALLEL:
-        slow = f"pin.{SINGLE[kernel].__name__}, Python loop"
-        return Contestant(slow, lambda: getattr(wheel, kernel)(*inputs), BATCH, check)
-    function = PARALLEL[kernel]
-    columns = [np.asfortranarray(values.T) for values in inputs]
-    out = np.full(columns[0].shape, np.nan, order="F")
-
-    def run() -> np.ndarray:
-        function(1, wheel.pool, *columns, out)
-        return out.T
-
-    return Contestant(f"pin.{function.__name__}", run, BATCH, check)
-
-
-def with_friction(wheel: PinocchioArm, kernel: str, states: dict[str, np.ndarray], friction: np.ndarray) -> np.ndarray:
-    """Pinocchio's results with our friction f(qd), evaluated on floats, added to or taken from its torques."""
-    q, qd = states["q"], states["qd"]
-    if kernel == "inverse_dynamics":
-        return wheel.inverse_dynamics(q, qd, states["qdd"]) + friction
-    return wheel.forward_dynamics(q, qd, states["tau"] - friction)
-
-
-def single(dyn: aw.CompiledArm, wheel: PinocchioArm, kernel: str, inputs: list[np.ndarray]) -> Pair:
-    """One state a call, from Python on both sides; ours bound to its arrays, as a control loop would have it."""
-    state = [values[0].copy() for values in inputs]
-    truths = getattr(wheel, kernel)(*(values[None] for values in state))
-    check = checked(tuple(part[0] for part in truths) if isinstance(truths, tuple) else truths[0])
-    function, model, data = SINGLE[kernel], wheel.model, wheel.data
-    bound = dyn.bind(kernel, **dict(zip(INPUTS[kernel], state, strict=True)))
+    """One state a call, from Python."""
+    function, model, data = WORKS[name].single, wheel.model, wheel.data
     results: dict[str, Callable[[Any], Any]] = {
         "mass_matrix": symmetric,
         "inverse_dynamics_derivatives": lambda _: (data.dtau_dq, data.dtau_dv, symmetric(data.M)),
         "forward_dynamics_derivatives": lambda _: (data.ddq_dq, data.ddq_dv, symmetric(data.Minv)),
     }
-    whole = results.get(kernel, lambda result: result)
-    mine = Contestant("one state, bound", bound, 1, check)
-    peer = Contestant(f"pin.{function.__name__}", lambda: function(model, data, *state), 1, lambda r: check(whole(r)))
-    return Pair(kernel, mine, peer, EXPECTED[kernel][2], note="both from Python")
+    whole = results.get(name, lambda result: result)
+    one = first(check)
+    return Contestant(
+        f"pin.{function.__name__}", lambda: function(model, data, *state), 1, lambda result: one(whole(result))
+    )
+
+
+def checked(truth: Results) -> Callable[[Any], Check]:
+    """Compares with the truth of the first states, as many as the result has; all of the result must be finite."""
+    truths = truth if isinstance(truth, tuple) else (truth,)
+
+    def check(result: Any) -> Check:
+        parts = result if isinstance(result, tuple) else (result,)
+        errors = []
+        for part, true in zip(parts, truths, strict=True):
+            count = min(len(part), len(true))
+            finite = bool(np.isfinite(part).all())
+            errors.append(relative_error(part[:count], true[:count], true.ndim - 1) if finite else np.nan)
+        return Check(float(np.max(errors)), TOLERANCE)
+
+    return check
+
+
+def first(check: Callable[[Any], Check]) -> Callable[[Any], Check]:
+    """The check of a result for the first state alone."""
+    return lambda result: check(
+        tuple(p[None] for p in result) if isinstance(result, tuple) else np.asarray(result)[None]
+    )
+
+
+@functools.cache
+def pinocchio(arm: str) -> PinocchioArm:
+    return PinocchioArm(timed_arm(arm))
+
+
+@functools.cache
+def pinocchio_loop(arm: str) -> PinocchioLoop | None:
+    """None where the loop is not there; `prepare` says why."""
+    try:
+        return PinocchioLoop(timed_arm(arm))
+    except NoLoop:
+        return None
+
+
+@functools.cache
+def mujoco_arm(arm: str) -> MuJoCoLoop | None:
+    try:
+        return MuJoCoLoop(timed_arm(arm))
+    except NoLoop:
+        return None
+
+
+def notes(quick: bool) -> dict[str, list[str]]:
+    """What a reader of a chapter should know; compiles the peers' loops first, where it may."""
+    found = [
+        f"a batch: {QUICK_BATCH if quick else BATCH} states, one thread, into arrays that are used again; rotor inertia on, "
+        "friction and gear loss off on both sides",
+        f"error: of all states (of arms longer than {LONG} joints the first {FEW}, the rest finite), relative to a state's "
+        f"largest entry, against {PinocchioArm.name} from Python; no time without a passed check",
+    ]
+    for peer, loop in (("Pinocchio C++", compiled_loop), ("MuJoCo", mujoco_loop)):
+        try:
+            loop(build=not quick)
+        except NoLoop as why:
+            found.append(f"no loop of {peer} here: {why}")
+    found += [
+        f"Pinocchio C++: {PinocchioLoop.name}, its own loop over the states; from Python: one state a call, beside ours bound",
+        f"MuJoCo: {MuJoCoLoop.name} that an arm without contacts needs (kinematics, comPos, crb, factorM, comVel, rne, solveM)",
+        "forward dynamics, ours: by composite bodies in a chain of up to 9 joints, by articulated ones beyond; Pinocchio's: "
+        "articulated; MuJoCo's: composite",
+        "of the machine's limit: operations a state ÷ (vector lanes × FMA ports × clock); an addition, a product and a fused "
+        "product are one operation each, counted in the LLVM text that is compiled, sines and cosines written out; the limit "
+        "is a loop of nothing but fused products in the same race, at its best, against ours at the median; as flops: a fused "
+        "product is two. Loads, stores, transposes, divisions, roots, comparisons and selections are in neither",
+    ]
+    return {"kernels": found}

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 from peers.mujoco_peer import MuJoCoArm
-from timing import Check, Contestant, Pair, relative_error
+from records import Record, Task, record
+from timing import Check, Contestant, Entry, race, relative_error
 
 import armwright as aw
+from armwright.errors import ModelError
+from armwright.kernels.llvm import select_target
 from armwright.simulation.simulator import compile_simulator
 
 ROBOT = "cmu-dd"
+NARROW = "x86-64-v3"
 STEP = 1e-3  # [s]
 FINE = 4  # steps of the truth, MuJoCo's RK4, in one of ours
 EXACT = (
@@ -20,67 +26,81 @@ EXACT = (
 FIRST_ORDER = 3e-2  # what Euler leaves
 VOLTS = np.array([10.0, 10.0, 10.0, 10.0, 3.0, 3.0])  # commands within ± this: no limit of the arm is reached
 EXPECTED = {"Euler": 12.0, "RK4": 40.0}
+WORKS = {"RK3, final state": 0, "RK3, trajectories": 1}  # and record_every
 
 
-def simulation_pairs(quick: bool) -> tuple[list[list[Pair]], list[str]]:
-    """Races of the simulation, and what a reader of the table should know."""
-    arm = aw.load(ROBOT)
-    lanes, duration = (64, 0.2) if quick else (1000, 2.0)
+def size(quick: bool) -> tuple[int, float, int]:
+    """Lanes, duration [s], and how many of the lanes MuJoCo runs: its time a step does not depend on them."""
+    return (64, 0.2, 4) if quick else (1000, 2.0, 20)
+
+
+def tasks(quick: bool) -> list[Task]:
+    """A race for final states and one for trajectories."""
+    return [Task("simulation", f"{ROBOT} {work}", partial(simulation_records, work, quick)) for work in WORKS]
+
+
+def simulation_records(work: str, quick: bool, repetitions: int) -> list[Record]:
+    """Ours, and ours for AVX2, beside MuJoCo's two integrators."""
+    arm, every = aw.load(ROBOT), WORKS[work]
+    lanes, duration, count = size(quick)
     steps = round(duration / STEP)
     commands = np.random.default_rng(2).uniform(-1.0, 1.0, (lanes, arm.n)) * VOLTS
-    few = commands[:4] if quick else commands[:20]  # MuJoCo's time per step does not depend on how many lanes there are
+    few = commands[:count]
     truth = MuJoCoArm(arm, "RK4", STEP / FINE).trajectories(few, FINE * steps)[:, FINE - 1 :: FINE]
 
-    def final(states: np.ndarray, tolerance: float) -> Check:
-        complete = np.isfinite(states).all()
-        return Check(relative_error(states[: len(few)], truth[:, -1]) if complete else np.nan, tolerance)
+    def check(states: np.ndarray, tolerance: float) -> Check:
+        """Of final states, or of whole trajectories."""
+        if not np.isfinite(states).all():
+            return Check(float("nan"), tolerance)
+        return Check(relative_error(states[:count], truth if every else truth[:, -1], 1 + every), tolerance)
 
-    def recorded(states: np.ndarray, tolerance: float) -> Check:
-        complete = np.isfinite(states).all()
-        return Check(relative_error(states[: len(few)], truth, 2) if complete else np.nan, tolerance)
+    def ours(name: str, target: str | None) -> Contestant:
+        simulator = compile_simulator(arm, target=target)
 
-    simulators = {f"{lanes:,} lanes": compile_simulator(arm)}
-    simulators["x86-64-v3"] = compile_simulator(arm, target="x86-64-v3")
-
-    def ours(name: str, every: int) -> Contestant:
         def run() -> Any:
             scenario = aw.Scenario(
                 arm, duration=duration, step=STEP, command=commands, record_every=every, record="state"
             )
-            return aw.simulate(scenario, simulator=simulators[name], threads=1)
+            return aw.simulate(scenario, simulator=simulator, threads=1)
 
-        def check(run: Any) -> Check:
+        def checked(run: Any) -> Check:
             states = np.concatenate([run["q"].values, run["qd"].values], axis=-1)
-            return recorded(states[:, 1:], EXACT) if every else final(states[:, -1], EXACT)
+            return check(states[:, 1:] if every else states[:, -1], EXACT)
 
-        return Contestant(name, run, lanes * steps, check)
+        return Contestant(name, run, lanes * steps, checked)
 
-    def peer(integrator: str, every: int) -> Contestant:
+    def peer(integrator: str) -> Contestant:
         engine, tolerance = MuJoCoArm(arm, integrator, STEP), FIRST_ORDER if integrator == "Euler" else EXACT
-        work, check = (engine.trajectories, recorded) if every else (engine.final_states, final)
+        work = engine.trajectories if every else engine.final_states
         name = f"MuJoCo {integrator}, {'rollout' if every else 'mj_step'}"
-        return Contestant(name, lambda: work(few, steps), len(few) * steps, lambda states: check(states, tolerance))
+        return Contestant(name, lambda: work(few, steps), count * steps, lambda states: check(states, tolerance))
 
-    races = []
-    for work, every in (("RK3, final state", 0), ("RK3, trajectories", 1)):
-        peers = {integrator: peer(integrator, every) for integrator in EXPECTED}
-        entries = [ours(name, every) for name in (simulators if not every else list(simulators)[:1])]
-        races.append(
-            [
-                Pair(
-                    f"{work}",
-                    entry,
-                    peers[integrator],
-                    EXPECTED[integrator] if entry is entries[0] and not every else None,
-                )
-                for entry in entries
-                for integrator in EXPECTED
-            ]
-        )
-    notes = [
+    peers = {integrator: peer(integrator) for integrator in EXPECTED}
+    entries = []
+    for form, contestant in _forms(ours):
+        wanted = EXPECTED if not every and not quick and form == "this processor" else {}
+        labels = {"arm": ROBOT, "joints": arm.n, "work": work, "form": form, "lanes": lanes}
+        entries.append(Entry(labels, {"ours": contestant, **peers}, dict.fromkeys(peers, "ours"), wanted))
+    return [record(row) for row in race(entries, repetitions)]
+
+
+def _forms(ours: Callable[[str, str | None], Contestant]) -> Iterator[tuple[str, Contestant]]:
+    """For this processor; for AVX2 where that is another."""
+    yield "this processor", ours("this processor", None)
+    try:
+        narrow = select_target(NARROW)
+    except ModelError:
+        return
+    if narrow.width < select_target().width:
+        yield NARROW, ours(NARROW, NARROW)
+
+
+def notes(quick: bool) -> dict[str, list[str]]:
+    lanes, duration, count = size(quick)
+    told = [
         f"{ROBOT}: {lanes:,} lanes of {duration:g} s at {1e3 * STEP:g} ms, motors, back EMF and viscous friction on both "
-        f"sides; ours is the whole of aw.simulate, threads=1; MuJoCo runs {len(few)} of the lanes, one thread, from C++ loops: "
+        f"sides; ours is the whole of aw.simulate, threads=1; MuJoCo runs {count} of the lanes, one thread, from C++ loops: "
         "mj_step(model, data, nstep) for final states (5 % faster than rollout), rollout for trajectories",
         f"error: against {MuJoCoArm.name} RK4 at {1e3 * STEP / FINE:g} ms for the lanes that MuJoCo runs; all lanes finite",
     ]
-    return races, notes
+    return {"simulation": told}

@@ -1,135 +1,146 @@
-"""`make bench`: what Armwright does in a nanosecond, beside its peers in the same minutes. One command, one table.
+"""`make bench`: what Armwright does in a nanosecond, beside its peers in the same minutes. One command, one report.
 
-python benchmarks/run.py [--quick] [--save]
+python benchmarks/run.py [--quick] [--only WORDS] [--save [FOLDER]]
 """
 
 from __future__ import annotations
 
 import argparse
-import datetime
+import importlib
 import importlib.util
-import platform
+import json
+import os
 import sys
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+from machine import described
+from plots import IMAGES, draw
+from readme import update
+from records import Record, Task
+from report import CHAPTERS, Saved, markdown, show
 from rich.console import Console
 from rich.progress import Progress
-from rich.table import Table
-from timing import Pair, Row, Timing, race
 
-CHAPTERS = {
-    "rows_kernels": ("kernel_pairs", "pinocchio", "pin"),
-    "rows_simulation": ("simulation_pairs", "mujoco", "mujoco"),
-}
+MODULES = ("rows_kernels", "rows_variants", "rows_simulation", "rows_scaling", "rows_start")
+PEERS = {"pinocchio": "pin", "mujoco": "mujoco"}  # whose results ours are checked against
 RESULTS = Path(__file__).with_name("results")
-COLUMNS = ("work", "ours", "ns", "peer", "ns", "ratio", "at best", "expected", "error")
+REPETITIONS, QUICK_REPETITIONS = 11, 3
 
 
 def main(arguments: list[str] | None = None) -> int:
+    options = parsed(arguments)
+    lacking = [package for module, package in PEERS.items() if importlib.util.find_spec(module) is None]
+    if lacking:
+        print(f"the peers check every row, and are not installed: pip install {' '.join(lacking)}", file=sys.stderr)
+        return 2
+    saved = measured(options.quick, options.only or "")
+    if not any(chapter["rows"] for chapter in saved["chapters"].values()):
+        print(f"--only {options.only!r}: no row has these words; --list tells them all", file=sys.stderr)
+        return 2
+    show(saved, Console(width=None if sys.stdout.isatty() else 320))
+    failed = [row for chapter in saved["chapters"].values() for row in chapter["rows"] if not row["checked"]]
+    for row in failed:
+        print(f"FAILED its check: {row['labels']}", file=sys.stderr)
+    if failed:
+        return 1
+    if options.save is not None:
+        paths = save(saved, options.save or RESULTS, options.save or IMAGES)
+        for path in paths if options.save else [*paths, update(saved)]:
+            print(f"saved {path}")
+    return 0
+
+
+def parsed(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description="Times Armwright beside Pinocchio and MuJoCo; every result is checked first."
     )
     parser.add_argument(
-        "--quick", action="store_true", help="a smoke run: few repetitions, small simulations, no C++ compiled"
+        "--quick", action="store_true", help="a smoke run: few repetitions, small work, no C++ compiled"
     )
     parser.add_argument(
-        "--save", action="store_true", help="write the table to benchmarks/results/<date>-<processor>.md as well"
+        "--only", metavar="WORDS", help='only rows whose title has all of these words: "puma560 inverse"'
+    )
+    parser.add_argument("--list", action="store_true", help="print the titles of all rows and stop")
+    parser.add_argument(
+        *("--save",),
+        metavar="FOLDER",
+        nargs="?",
+        const=Path(),
+        type=Path,
+        help="keep tables and pictures there; without a folder: in benchmarks/results, docs/images and the README",
     )
     options = parser.parse_args(arguments)
-    repetitions = 3 if options.quick else 11
-    races, notes = chapters(options.quick)
-    if options.quick:  # too small and too short to expect anything of
-        races = [[replace(pair, expected=None) for pair in pairs] for pairs in races]
-    rows: list[Row] = []
+    if options.list:
+        for task, _ in tasks(options.quick):
+            print(f"{task.chapter}: {task.title}")
+        parser.exit()
+    if options.save == Path():
+        options.save = False
+        if options.quick or options.only:
+            parser.error("--save without a folder keeps the whole run that the docs show: not with --quick or --only")
+    return options
+
+
+def tasks(quick: bool) -> list[tuple[Task, Any]]:
+    """Every task, and the module that it is from."""
+    modules = [importlib.import_module(name) for name in MODULES]
+    return [(task, module) for module in modules for task in module.tasks(quick)]
+
+
+def measured(quick: bool, only: str) -> Saved:
+    """Runs the tasks whose title has all the words, and tells what came out of it."""
+    wanted = [(task, module) for task, module in tasks(quick) if all(word in task.title for word in only.split())]
+    repetitions = QUICK_REPETITIONS if quick else REPETITIONS
+    chapters: dict[str, dict[str, list[Any]]] = {chapter: {"rows": [], "notes": []} for chapter in CHAPTERS}
+    machine = described()
+    notes = {module: module.notes(quick) for module in dict.fromkeys(module for _, module in wanted)}
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        for pairs in progress.track(races, description="racing"):
-            rows += race(pairs, repetitions)
-    heading = f"{processor()}, Python {platform.python_version()}, {datetime.date.today().isoformat()}"
-    notes += [
-        f"ns per state or step: median of {repetitions} samples taken in turns (the least in brackets); "
-        "ratio: median of neighbouring samples, peer over ours; at best: of the two least",
+        bar = progress.add_task("racing", total=len(wanted))
+        for task, module in wanted:
+            progress.update(bar, description=task.title)
+            if not console.is_terminal:
+                console.print(task.title, highlight=False)  # a log tells how far it came
+            rows: list[Record] = task.run(repetitions)
+            chapters[task.chapter]["rows"] += rows
+            chapters[task.chapter]["notes"] = notes[module][task.chapter]
+            progress.advance(bar)
+    return {"machine": machine, "repetitions": repetitions, "quick": quick, "chapters": chapters}
+
+
+def save(saved: Saved, results: Path, images: Path) -> list[Path]:
+    """JSON, Markdown and pictures; each file is whole or not there."""
+    machine = saved["machine"]
+    words = "".join(c if c.isalnum() else " " for c in f"{machine['processor']} {machine['cpu']}").lower().split()
+    stem = "-".join([machine["date"], *words])
+    results.mkdir(parents=True, exist_ok=True)
+    texts = {".json": as_json(saved), ".md": markdown(saved)}
+    paths = []
+    for suffix, text in texts.items():
+        path = results / f"{stem}{suffix}"
+        part = path.with_name(path.name + ".part")
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, path)
+        paths.append(path)
+    return [*paths, *draw(saved, images)]
+
+
+def as_json(saved: Saved) -> str:
+    """One row a line, so that two results can be compared line by line."""
+
+    def text(value: Any) -> str:
+        return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+    def lines(values: list[Any]) -> str:
+        return "[" + ",".join(f"\n  {text(value)}" for value in values) + "]"
+
+    chapters = [
+        f'{text(name)}: {{"notes": {lines(chapter["notes"])},\n "rows": {lines(chapter["rows"])}}}'
+        for name, chapter in saved["chapters"].items()
     ]
-    show(heading, rows, notes)
-    if options.save:
-        print(f"saved {save(heading, rows, notes)}")
-    return 0 if all(row.checked for row in rows) else 1
-
-
-def chapters(quick: bool) -> tuple[list[list[Pair]], list[str]]:
-    """The races of all chapters whose peer is installed, and notes; a chapter without its peer has no check, so no rows."""
-    races, notes = [], []
-    for module, (function, peer, package) in CHAPTERS.items():
-        if importlib.util.find_spec(peer) is None:
-            notes.append(f"no rows beside {peer}, which is not installed: pip install {package}")
-            continue
-        more_races, more_notes = getattr(importlib.import_module(module), function)(quick)
-        races += more_races
-        notes += more_notes
-    return races, notes
-
-
-def cells(row: Row) -> list[str]:
-    """A row as text; a failed check stands in place of the time."""
-    pair = row.pair
-    expected = (
-        ""
-        if pair.expected is None
-        else f"≥ {pair.expected:g} {'✓' if row.checked and row.ratio >= pair.expected else '✗'}"
-    )
-    ratio, best = (f"{row.ratio:.1f}", f"{row.ratio_at_best:.1f}") if row.checked else ("", "")
-    checks = [row.ours.check, row.peer.check]
-    worst = max(checks, key=lambda check: check.error / check.tolerance if check.error == check.error else float("inf"))
-    peer = f"{pair.peer.name} ({pair.note})" if pair.note else pair.peer.name
-    return [pair.work, pair.ours.name, times(row.ours), peer, times(row.peer), ratio, best, expected, str(worst)]
-
-
-def times(timing: Timing) -> str:
-    if not timing.check.passed:
-        return f"FAILED: error {timing.check}"
-    digits = 0 if timing.best >= 100 else 1
-    return f"{timing.median:.{digits}f} ({timing.best:.{digits}f})"
-
-
-def show(heading: str, rows: list[Row], notes: list[str]) -> None:
-    table = Table(title=heading)
-    for name in COLUMNS:
-        table.add_column(name, justify="right" if name in ("ns", "ratio", "at best", "expected") else "left")
-    work = None
-    for row in rows:
-        if work not in (None, row.pair.work):
-            table.add_section()
-        work = row.pair.work
-        table.add_row(*cells(row))
-    console = Console(width=None if sys.stdout.isatty() else 200)
-    console.print(table)
-    for note in notes:
-        console.print(f"- {note}", soft_wrap=True, highlight=False)
-
-
-def save(heading: str, rows: list[Row], notes: list[str]) -> Path:
-    """The table as Markdown."""
-    RESULTS.mkdir(exist_ok=True)
-    name = "-".join("".join(c if c.isalnum() else " " for c in processor().split("@")[0]).lower().split())
-    path = RESULTS / f"{datetime.date.today().isoformat()}-{name}.md"
-    lines = [f"# {heading}", "", " | ".join(("", *COLUMNS, "")).strip(), "|---" * len(COLUMNS) + "|"]
-    lines += [" | ".join(("", *cells(row), "")).strip() for row in rows]
-    path.write_text("\n".join([*lines, "", *(f"- {note}" for note in notes), ""]), encoding="utf-8")
-    return path
-
-
-def processor() -> str:
-    """The processor's name, as far as the system tells it, with the name that LLVM knows it by."""
-    from armwright.kernels.llvm import select_target
-
-    info = Path("/proc/cpuinfo")
-    named = (
-        [line.split(":")[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")]
-        if info.exists()
-        else []
-    )
-    return f"{named[0] if named else platform.processor() or platform.machine()} ({select_target().cpu})"
+    head = text({key: value for key, value in saved.items() if key != "chapters"})
+    return head[:-1] + ', "chapters": {\n' + ",\n".join(chapters) + "\n}}\n"
 
 
 if __name__ == "__main__":

@@ -5,8 +5,8 @@ from __future__ import annotations
 import gc
 import statistics
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -35,7 +35,7 @@ def relative_error(result: np.ndarray, truth: np.ndarray, axes: int = 1) -> floa
     return float((np.abs(result - truth).max(axis=last) / np.abs(truth).max(axis=last)).max())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Contestant:
     """Somebody who does the work.
 
@@ -51,26 +51,29 @@ class Contestant:
 
 
 @dataclass(frozen=True)
-class Pair:
-    """A row of the table: one of ours beside one peer.
+class Entry:
+    """A row of a table: contestants by column, who all do the same work.
 
     Args:
-        work: what is done.   ours, peer: contestants.   expected: the ratio that is expected, if any.   note: if any.
+        labels: what the row is about: arm, joints, work, …   contestants: by column.
+        beside: the column of ours that a peer's column is divided by.   expected: the least ratio wanted of a peer's column.
+        facts: other numbers of the row.
     """
 
-    work: str
-    ours: Contestant
-    peer: Contestant
-    expected: float | None = None
-    note: str = ""
+    labels: Mapping[str, Any]
+    contestants: Mapping[str, Contestant]
+    beside: Mapping[str, str] = field(default_factory=dict)
+    expected: Mapping[str, float] = field(default_factory=dict)
+    facts: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Samples of one contestant [ns per unit], and the check that allowed them."""
+    """Samples of one contestant [ns per unit], none where its check failed."""
 
-    samples: list[float]
+    name: str
     check: Check
+    samples: list[float]
 
     @property
     def median(self) -> float:
@@ -83,48 +86,37 @@ class Timing:
 
 @dataclass(frozen=True)
 class Row:
-    """A pair with its times."""
+    """An entry with its times, by column."""
 
-    pair: Pair
-    ours: Timing
-    peer: Timing
+    entry: Entry
+    timings: Mapping[str, Timing]
 
-    @property
-    def checked(self) -> bool:
-        return self.ours.check.passed and self.peer.check.passed
-
-    @property
-    def ratio(self) -> float:
-        """Peer's time over ours: the median over the repetitions, each against its neighbour in time."""
-        return statistics.median(b / a for a, b in zip(self.ours.samples, self.peer.samples, strict=True))
-
-    @property
-    def ratio_at_best(self) -> float:
-        return self.peer.best / self.ours.best
+    def ratios(self, column: str) -> list[float]:
+        """A peer's time over that of ours, each sample against its neighbour in time; empty where a check failed."""
+        ours, peer = self.timings[self.entry.beside[column]], self.timings[column]
+        return [b / a for a, b in zip(ours.samples, peer.samples, strict=False)]
 
 
-def race(pairs: list[Pair], repetitions: int, least: float = 2e-3) -> list[Row]:
+def race(entries: list[Entry], repetitions: int, least: float = 2e-3) -> list[Row]:
     """Checks every contestant, then times those that passed, in turns.
 
     Args:
-        pairs: rows to come; a contestant may be in several.   repetitions: samples of each.
+        entries: rows to come; a contestant may be in several.   repetitions: samples of each.
         least: [s] a sample takes at least; short work is repeated within one.
     """
-    contestants = list(dict.fromkeys(c for pair in pairs for c in (pair.ours, pair.peer)))
-    checks = {c: c.check(c.run()) for c in contestants}
-    able = [c for c in contestants if checks[c].passed]
-    samples: dict[Contestant, list[float]] = {c: [] for c in contestants}
+    contestants = list(dict.fromkeys(c for entry in entries for c in entry.contestants.values()))
+    timings = {c: Timing(c.name, c.check(c.run()), []) for c in contestants}
+    able = [c for c in contestants if timings[c].check.passed]
     loops = {c: max(1, round(least / _seconds(c.run, 1))) for c in able}
     gc.collect()
     gc.disable()
     try:
         for _ in range(repetitions):
             for c in able:
-                samples[c].append(1e9 * _seconds(c.run, loops[c]) / (loops[c] * c.units))
+                timings[c].samples.append(1e9 * _seconds(c.run, loops[c]) / (loops[c] * c.units))
     finally:
         gc.enable()
-    timings = {c: Timing(samples[c], checks[c]) for c in contestants}
-    return [Row(pair, timings[pair.ours], timings[pair.peer]) for pair in pairs]
+    return [Row(e, {column: timings[c] for column, c in e.contestants.items()}) for e in entries]
 
 
 def _seconds(run: Callable[[], Any], loops: int) -> float:

@@ -5,18 +5,31 @@
 
 from __future__ import annotations
 
+import ctypes
+import functools
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 from mujoco import rollout
+from peers.chain import joint_places
+from peers.native import Results, call, library
 from scipy.spatial.transform import Rotation
 
-from armwright.model import Model
+from armwright.model import Body, Model
+
+SOURCE = Path(__file__).with_name("mujoco_loop.c")
 
 # What this arm does not have costs MuJoCo nothing; its Euler takes damping explicitly, which is 8 % faster.
 ABSENT = ("contact", "constraint", "limit", "frictionloss", "equality", "clampctrl", "sensor", "eulerdamp")
+
+ANY_MASS = {
+    "mass": "1",
+    "pos": "0.1 0.2 0.3",
+    "fullinertia": "1 1.1 1.2 0.01 0.02 0.03",
+}  # off every axis: no short cut
 
 
 class MuJoCoArm:
@@ -52,41 +65,96 @@ class MuJoCoArm:
         return np.asarray(states)[:, :, 1 : 1 + 2 * self.n]
 
 
-def mjcf(arm: Model, integrator: str, step: float) -> str:
-    """The arm as MuJoCo's XML: no geometry, no contacts, no limits; every joint turns about (or slides along) its z axis."""
+class MuJoCoLoop:
+    """MuJoCo's stages of inverse dynamics, mass matrix and forward dynamics in a C loop over states, one thread.
+
+    Args:
+        arm: a chain without friction and gear loss.
+    """
+
+    name = f"MuJoCo {mujoco.__version__}, its C functions"
+
+    def __init__(self, arm: Model):
+        self._code = ctypes.CDLL(str(compiled_loop(build=False)))
+        self._model = model = mujoco.MjModel.from_xml_string(mjcf(arm, "Euler", 1e-3, motors=False))
+        for k, body in enumerate(arm.bodies, start=1):  # whatever was published, possible or not
+            moments, axes = np.linalg.eigh(np.array(body.inertia_com, dtype=float))
+            axes[:, 0] *= np.sign(np.linalg.det(axes))
+            model.body_mass[k], model.body_ipos[k] = body.mass, body.com
+            model.body_inertia[k], model.body_iquat[k] = moments, _quaternion(axes)
+        self._data = mujoco.MjData(model)
+        mujoco.mj_setConst(model, self._data)
+        self._places = ctypes.c_void_p(self._model._address), ctypes.c_void_p(self._data._address)
+
+    def call(self, name: str, out: Results, *arrays: np.ndarray) -> Results:
+        """One of the loop's algorithms over all states, into `out`."""
+        return call(self._code, name, self._places, arrays, out)
+
+
+@functools.cache
+def compiled_loop(build: bool) -> Path:
+    """The loop as a library, linked to the wheel's MuJoCo.
+
+    Raises:
+        NoLoop: no compiler, or (without `build`) it was not compiled yet.
+    """
+    home = Path(mujoco.__file__).parent
+    shared = sorted(home.glob("libmujoco*"))[0]
+    flags = ("-isystem", str(home / "include"), f"-L{home}", f"-Wl,-rpath,{home}", f"-l:{shared.name}")
+    return library(SOURCE, ("gcc", "clang"), flags, mujoco.__version__, build)
+
+
+def mjcf(arm: Model, integrator: str, step: float, motors: bool = True) -> str:
+    """The arm as MuJoCo's XML: no geometry, no contacts, no limits; every joint turns about (or slides along) its z axis.
+
+    Args:
+        arm: a chain.   integrator: "Euler" or "RK4".   step: [s].
+        motors: whether it has them, and viscous friction, and its own masses: MuJoCo reads only what a body can have.
+            Without, rotors are still armature, and all masses stand for others.
+    """
     root = ElementTree.Element("mujoco", model=arm.name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="false", balanceinertia="false")
     option = {"gravity": _text(arm.gravity), "timestep": repr(step), "integrator": integrator}
     ElementTree.SubElement(ElementTree.SubElement(root, "option", option), "flag", dict.fromkeys(ABSENT, "disable"))
-    elements = [ElementTree.SubElement(root, "worldbody")]
-    motors = ElementTree.SubElement(root, "actuator")
-    for body in arm.bodies:
-        drive, friction = body.drive, body.friction
-        assert drive.command == "voltage", "MuJoCo's motor here takes volts"
-        assert drive.efficiency in (None, 1.0), "MuJoCo has no gear loss"
-        assert friction is not None
-        assert friction.smoothing is None, "MuJoCo's own dry friction is another law: viscous only"
-        x, y, z, w = Rotation.from_matrix(np.array(body.placement.rotation, dtype=float)).as_quat()
-        pose = {"pos": _text(body.placement.position), "quat": _text((w, x, y, z))}
-        element = ElementTree.SubElement(elements[body.parent + 1], "body", pose)
-        elements.append(element)
+    element = ElementTree.SubElement(root, "worldbody")
+    actuators = ElementTree.SubElement(root, "actuator")
+    for body, (rotation, position) in zip(arm.bodies, joint_places(arm), strict=True):
+        element = ElementTree.SubElement(element, "body", pos=_text(position), quat=_text(_quaternion(rotation)))
         joint = {"name": body.joint, "type": "hinge" if body.kind == "revolute" else "slide", "axis": "0 0 1"}
-        joint |= {"armature": repr(float(drive.armature)), "damping": repr(float(friction.viscous))}
+        joint["armature"] = repr(float(body.drive.armature))
+        if motors:
+            joint["damping"] = _damping(body)
+            ElementTree.SubElement(actuators, "general", _motor(body))
         ElementTree.SubElement(element, "joint", joint)
-        tensor = np.array(body.inertia_com, dtype=float)
-        full = _text(tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
-        mass = {"mass": repr(float(body.mass)), "pos": _text(body.com), "fullinertia": full}
-        ElementTree.SubElement(element, "inertial", mass)
-        gain = drive.gear_ratio * drive.torque_constant / drive.resistance  # n Kt/R [N m/V]
-        bias = -gain * drive.gear_ratio * drive.back_emf_constant  # [N m s/rad]
-        motor = {
-            "joint": body.joint,
-            "gainprm": repr(float(gain)),
-            "biastype": "affine",
-            "biasprm": _text((0, 0, bias)),
-        }
-        ElementTree.SubElement(motors, "general", motor)
+        ElementTree.SubElement(element, "inertial", _mass(body) if motors else ANY_MASS)
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _mass(body: Body) -> dict[str, str]:
+    tensor = np.array(body.inertia_com, dtype=float)
+    full = _text(tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
+    return {"mass": repr(float(body.mass)), "pos": _text(body.com), "fullinertia": full}
+
+
+def _damping(body: Body) -> str:
+    assert body.friction is not None
+    assert body.friction.smoothing is None, "MuJoCo's own dry friction is another law: viscous only"
+    return repr(float(body.friction.viscous))
+
+
+def _motor(body: Body) -> dict[str, str]:
+    drive = body.drive
+    assert drive.command == "voltage", "MuJoCo's motor here takes volts"
+    assert drive.efficiency in (None, 1.0), "MuJoCo has no gear loss"
+    gain = drive.gear_ratio * drive.torque_constant / drive.resistance  # n Kt/R [N m/V]
+    bias = -gain * drive.gear_ratio * drive.back_emf_constant  # [N m s/rad]
+    force = {"gainprm": repr(float(gain)), "biastype": "affine", "biasprm": _text((0, 0, bias))}
+    return {"joint": body.joint, **force}
+
+
+def _quaternion(rotation: np.ndarray) -> tuple[float, ...]:
+    x, y, z, w = Rotation.from_matrix(rotation).as_quat()
+    return w, x, y, z
 
 
 def _text(numbers: Any) -> str:

@@ -14,7 +14,7 @@ from armwright.actuators.drive import UNITS as COMMAND_UNITS
 from armwright.cli.app import app
 from armwright.cli.tables import number
 from armwright.description.brushless import DC_EQUIVALENT
-from armwright.description.quantity import quantities
+from armwright.description.paths import quantities
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.kinematics.reach import reach
 from armwright.simulation.recording import LONG_NAMES, UNITS
@@ -40,7 +40,10 @@ def kernels() -> str:
     rows = []
     for name, signature in SIGNATURES.items():
         inputs = [shape(a) for a in signature.inputs] + [f"{shape(a)}, optional" for a in signature.optional]
-        rows.append([f"`{name}`", "<br>".join(inputs), "<br>".join(shape(output) for output in signature.outputs)])
+        most = f"<br>up to {signature.most_joints} joints" if signature.most_joints is not None else ""
+        rows.append(
+            [f"`{name}`{most}", "<br>".join(inputs), "<br>".join(shape(output) for output in signature.outputs)]
+        )
     return table(("kernel", "inputs", "output"), rows)
 
 
@@ -172,14 +175,47 @@ def program() -> str:
     return f"```text\n{trace_kernel(arm, SIGNATURES['gravity_torques'])}\n```"
 
 
-def benchmark() -> str:
-    """The newest table that `make bench` saved: the machine, work, times and ratios, without the columns of the checks."""
+def benchmark(name: str) -> str:
+    """A table of the newest result that `make bench` saved, with the columns of `BENCHMARK`; or "machine", what it ran on."""
     newest = sorted((Path(__file__).parents[2] / "benchmarks" / "results").glob("*.md"))[-1]
-    head, *lines = newest.read_text(encoding="utf-8").splitlines()
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
-    kept = [0, 1, 2, 3, 4, 5]
-    columns = [rows[0][k] for k in kept]
-    return f"{head.removeprefix('# ')}:\n\n" + table(columns, [[row[k] for k in kept] for row in rows[2:]])
+    head, *sections = re.split(r"^##? ", newest.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
+    if name == "machine":
+        return head.replace("\n", ":\n", 1)
+    beginning, wanted = BENCHMARK[name]
+    section = next((section for section in sections if section.startswith(beginning)), "")
+    rows = [[c.strip() for c in line.strip("|").split(" | ")] for line in section.splitlines() if line.startswith("|")]
+    if not rows:
+        return f"*{newest.name} has no table of this.*"
+    kept = [k for k, column in enumerate(rows[0]) if not wanted or column in wanted]
+    heads = [rows[0][k] for k in kept]
+    return table(heads, [[row[k].replace("_", " ") for k in kept] for row in rows[2:]])
+
+
+BENCHMARK: dict[
+    str, tuple[str, tuple[str, ...]]
+] = {  # how a table's title begins, and its columns here; () is all of them
+    "kernels": (
+        "Kernels",
+        ("arm", "kernel", "ours, batch", "Pinocchio C++", "Pinocchio C++ ÷ ours", "MuJoCo", "MuJoCo ÷ ours"),
+    ),
+    "limit": (
+        "Kernels",
+        ("arm", "kernel", "ours, batch", "operations", "at the machine's limit", "of the limit", "as flops"),
+    ),
+    "calls": (
+        "Kernels",
+        ("arm", "kernel", "ours, one call, bound", "plain", "Pinocchio from Python", "from Python ÷ bound"),
+    ),
+    "joints": ("Cost per joint", ()),
+    "forms": ("Other forms", ("kernel", "form", "this form", "usual ÷ this", "Pinocchio C++ ÷ ours")),
+    "simulation": ("Simulation", ("work", "form", "ours", "MuJoCo Euler", "Euler ÷ ours", "MuJoCo RK4", "RK4 ÷ ours")),
+    "threads": ("Threads", ("work", "threads", "ours", "times as fast as one")),
+    "start": (
+        "From nothing",
+        ("work", "all", "ours", "import numpy", "import casadi", "import llvmlite", "import pydantic"),
+    ),
+    "compile": ("Tracing and compiling", ("arm", "kernel", "operations", "all")),
+}
 
 
 GENERATORS = {

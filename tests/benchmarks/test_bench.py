@@ -1,47 +1,184 @@
-"""`make bench` in its smoke run: the table comes out, and no row without a passed check."""
+"""`make bench` in its smoke run: every table comes out, saved as well, and no row without a passed check."""
 
 from __future__ import annotations
 
 import importlib.util
+import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+CHAPTERS = ("kernels", "variants", "simulation", "batch size", "threads", "start", "compile")
+LARGEST = 150_000  # bytes of a picture
 
 
-@pytest.fixture(scope="module")
-def run() -> subprocess.CompletedProcess:
-    for module, package in (("pinocchio", "pin"), ("mujoco", "mujoco")):
-        if importlib.util.find_spec(module) is None:
-            pytest.skip(f"{module} is the peer here: pip install {package}")
-    command = [sys.executable, str(BENCHMARKS / "run.py"), "--quick"]
+def bench(*words: str) -> subprocess.CompletedProcess:
+    command = [sys.executable, str(BENCHMARKS / "run.py"), *words]
     return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", timeout=300)
 
 
-def test_every_row_is_checked(run):
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    for module, package in (("pinocchio", "pin"), ("mujoco", "mujoco")):
+        if importlib.util.find_spec(module) is None:
+            pytest.skip(f"{module} is the peer here: pip install {package}")
+    return tmp_path_factory.mktemp("bench")
+
+
+@pytest.fixture(scope="module")
+def run(folder: Path) -> subprocess.CompletedProcess:
+    return bench("--quick", "--save", str(folder))
+
+
+@pytest.fixture(scope="module")
+def saved(run: subprocess.CompletedProcess, folder: Path) -> dict[str, Any]:
     assert run.returncode == 0, run.stdout + run.stderr
-    assert "FAILED" not in run.stdout
+    (path,) = folder.glob("*.json")
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("work", ["inverse_dynamics", "mass_matrix", "forward_dynamics", "final state", "trajectories"])
-def test_the_table_has_the_work(run, work):
-    rows = [line for line in run.stdout.splitlines() if work in line and "│" in line]
+@pytest.mark.parametrize("chapter", CHAPTERS)
+def test_every_row_is_checked(saved, chapter):
+    rows = saved["chapters"][chapter]["rows"]
     assert rows
-    assert all("≤" in row for row in rows)
+    for row in rows:
+        assert row["checked"]
+        for timing in row["timings"].values():
+            assert 0.0 <= timing["error"] <= timing["tolerance"]
+            assert min(timing["samples"]) > 0.0
 
 
-def test_a_wrong_result_prints_no_time(monkeypatch):
+def test_ours_is_beside_every_peer_that_has_the_kernel(saved):
+    rows = {row["labels"]["work"]: row for row in saved["chapters"]["kernels"]["rows"]}
+    for work, row in rows.items():
+        assert {"batch", "bound", "plain", "pinocchio_python", "peak"} <= set(row["timings"]), work
+    assert set(rows) >= {"inverse_dynamics", "mass_matrix", "forward_dynamics"}
+    assert all(row["facts"]["of_slots"] > 0.0 for row in rows.values())
+
+
+def test_forms_of_a_kernel(saved):
+    forms = {row["labels"]["form"].split("=")[0] for row in saved["chapters"]["variants"]["rows"]}
+    assert forms >= {"float32", "vary", "with friction (the peer without)"}
+
+
+def test_the_result_says_where_it_is_from(saved):
+    machine = saved["machine"]
+    assert machine["processor"]
+    assert machine["commit"]
+    assert {"python", "numpy", "casadi", "llvmlite", "pin", "mujoco"} <= set(machine["versions"])
+
+
+def test_tables_and_pictures_are_saved(saved, run, folder):
+    (path,) = folder.glob("*.md")
+    text = path.read_text(encoding="utf-8")
+    for title in ("Kernels", "Cost per joint", "Other forms", "Simulation", "Batch size", "Threads", "From nothing"):
+        assert f"\n## {title}" in text
+        assert title in run.stdout
+    pictures = sorted(folder.glob("*.png"))
+    assert [picture.stem for picture in pictures] == ["bench-batch", "bench-joints", "bench-threads"]
+    assert all(1000 < picture.stat().st_size < LARGEST for picture in pictures)
+
+
+def test_some_rows_only():
+    done = bench("--quick", "--only", "fused threads")
+    assert done.returncode == 0, done.stderr
+    assert "Threads" in done.stdout
+    assert "Kernels" not in done.stdout
+
+
+@pytest.mark.parametrize("words", [("--only", "no such arm"), ("--quick", "--save"), ("--only", "puma560", "--save")])
+def test_what_cannot_be_asked_for_is_refused(words):
+    done = bench(*words)
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1]
+    assert "Traceback" not in done.stderr
+
+
+@pytest.fixture
+def at_home(monkeypatch):
     monkeypatch.syspath_prepend(str(BENCHMARKS))
-    from run import cells  # type: ignore[import-not-found]
-    from timing import Check, Contestant, Pair, race  # type: ignore[import-not-found]
+
+
+def test_a_wrong_result_has_no_time(at_home):
+    from records import record  # type: ignore[import-not-found]
+    from report import CHAPTERS  # type: ignore[import-not-found]
+    from timing import Check, Contestant, Entry, race  # type: ignore[import-not-found]
 
     right = Contestant("right", lambda: None, 1, lambda _: Check(0.0, 1e-9))
     wrong = Contestant("wrong", lambda: None, 1, lambda _: Check(float("nan"), 1e-9))
-    (row,) = race([Pair("nothing", wrong, right, 1.0)], repetitions=1, least=1e-6)
-    assert not row.checked
-    assert not row.ours.samples
-    assert "FAILED" in cells(row)[2]
-    assert cells(row)[5:7] == ["", ""]
+    entry = Entry({"work": "nothing"}, {"batch": wrong, "pinocchio_loop": right}, {"pinocchio_loop": "batch"})
+    made = record(race([entry], repetitions=1, least=1e-6)[0])
+    assert not made["checked"]
+    assert "median" not in made["timings"]["batch"]
+    assert not made["ratios"]
+    cells = [column.cell(made) for column in CHAPTERS["kernels"][1]]
+    assert sum(cell.startswith("FAILED") for cell in cells) == 1
+
+
+def test_ratios_are_of_neighbours_in_time(at_home):
+    from records import record  # type: ignore[import-not-found]
+    from timing import Check, Entry, Row, Timing  # type: ignore[import-not-found]
+
+    fine = Check(0.0, 1.0)
+    timings = {"batch": Timing("a", fine, [1.0, 2.0, 4.0]), "pinocchio_loop": Timing("b", fine, [10.0, 10.0, 12.0])}
+    entry = Entry({"work": "w"}, {}, {"pinocchio_loop": "batch"}, {"pinocchio_loop": 4.0})
+    assert record(Row(entry, timings))["ratios"]["pinocchio_loop"] == {
+        "beside": "batch",
+        "median": 5.0,
+        "lowest": 3.0,
+        "highest": 10.0,
+        "expected": 4.0,
+    }
+
+
+def test_share_of_the_machines_limit(at_home):
+    from records import record  # type: ignore[import-not-found]
+    from timing import Check, Entry, Row, Timing  # type: ignore[import-not-found]
+
+    fine = Check(0.0, 1.0)
+    timings = {"batch": Timing("a", fine, [4.0, 4.0, 8.0]), "peak": Timing("limit", fine, [0.1, 0.1, 0.2])}
+    facts = record(Row(Entry({"work": "w"}, {}, facts={"slots": 10, "flops": 16}), timings))["facts"]
+    assert facts["limit"] == pytest.approx(1.0)  # ns for the operations alone
+    assert facts["of_slots"] == pytest.approx(0.25)
+    assert facts["of_flops"] == pytest.approx(0.2)  # at the limit 20 flops a ns, here 16 in 4
+
+
+def test_the_readme_gets_its_table(at_home, saved, tmp_path):
+    from readme import MARKS, update  # type: ignore[import-not-found]
+
+    page = tmp_path / "README.md"
+    page.write_text(f"before\n\n{MARKS[0]}\n\nold\n\n{MARKS[1]}\n\nbehind\n", encoding="utf-8")
+    text = update(saved, page).read_text(encoding="utf-8")
+    assert text.startswith(f"before\n\n{MARKS[0]}\n\n| work, 6 joints |")
+    assert text.endswith(f"|\n\n{MARKS[1]}\n\nbehind\n")
+    assert "old" not in text
+    assert "MuJoCo RK4" in text
+    page.write_text("no marks", encoding="utf-8")
+    with pytest.raises(ValueError, match="expected the marks"):
+        update(saved, page)
+    assert page.read_text(encoding="utf-8") == "no marks"
+
+
+def test_operations_are_counted_in_the_compiled_text(at_home):
+    from peak import operations  # type: ignore[import-not-found]
+
+    from armwright.program import trace
+
+    ports = {"a": (1,), "b": (1,), "c": (1,)}
+    program = trace("counted", lambda a, b, c: (a * b + c) / (a + b), ports, ("d",))
+    assert operations(program, 4) == {"slots": 2, "flops": 3, "divisions": 1}
+
+
+def test_chains_are_well_conditioned(at_home):
+    import numpy as np
+    from arms import random_states, timed_arm  # type: ignore[import-not-found]
+
+    from armwright.dynamics import mass_matrix
+
+    arm = timed_arm("chain-30")
+    assert arm.n == 30
+    assert all(np.linalg.cond(mass_matrix(arm, q)) < 1e4 for q in random_states(arm, 3)["q"])

@@ -1,0 +1,70 @@
+"""The arms that are timed: built-in ones, and random chains that look like nobody's robot, so that little folds away."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from typing import Any
+
+import numpy as np
+
+import armwright as aw
+from armwright.description.database import parse
+from armwright.model import build_model
+
+CHAIN = "chain-"  # the name of a random chain is this and its number of joints
+
+
+@functools.cache
+def timed_arm(name: str) -> aw.Model:
+    """A built-in arm, or a random chain such as "chain-30"; rotor inertia on, friction and gear loss off."""
+    arm = random_chain(int(name.removeprefix(CHAIN))) if name.startswith(CHAIN) else aw.load(name)
+    return arm.replace(friction=None, efficiency=None)
+
+
+def random_chain(n: int) -> aw.Model:
+    """n revolute joints about random axes, short links of real bodies, a geared motor each: M is well conditioned."""
+    rng = np.random.default_rng([n, 9])
+    links = ["base", *(f"link{k + 1}" for k in range(n))]
+    joints = [_joint(rng, parent, child) for parent, child in itertools.pairwise(links)]
+    record = {
+        "name": f"{CHAIN}{n}",
+        "source": "definition",
+        "command": "torque",
+        "gravity_m_s2": [0.0, 0.0, -9.80665],
+        "joints": joints,
+        "links": [{"name": name, **_body(rng)} for name in links[1:]],
+    }
+    return build_model(parse(record, f"random chain of {n} joints"))
+
+
+def _joint(rng: np.random.Generator, parent: str, child: str) -> dict[str, Any]:
+    ratio = rng.choice([-1.0, 1.0]) * rng.uniform(20.0, 100.0)
+    frame = {"xyz_m": rng.uniform(-0.1, 0.1, 3).tolist(), "rpy_rad": rng.uniform(-np.pi, np.pi, 3).tolist()}
+    motor = {"gear_ratio": ratio, "rotor_inertia_kg_m2": rng.uniform(0.1, 1.0) / ratio**2}
+    base = {"name": f"to-{child}", "type": "revolute", "parent": parent, "child": child}
+    return {**base, "frame": frame, "axis": rng.normal(size=3).tolist(), "motor": motor}
+
+
+def _body(rng: np.random.Generator) -> dict[str, Any]:
+    """A cloud of mass with three random thicknesses."""
+    mass = rng.uniform(0.3, 2.0)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    spread = turn @ np.diag(rng.uniform(0.02, 0.06, 3) ** 2) @ turn.T  # ∫ r rᵀ dm / m
+    tensor = mass * (np.trace(spread) * np.eye(3) - spread)
+    entries = {f"{'xyz'[i]}{'xyz'[j]}": float(tensor[i, j]) for i in range(3) for j in range(i, 3)}
+    return {"mass_kg": mass, "com_m": rng.uniform(-0.05, 0.05, 3).tolist(), "inertia_kg_m2": entries}
+
+
+def random_states(arm: aw.Model, count: int) -> dict[str, np.ndarray]:
+    """Random states and torques, of the size that an arm has in motion."""
+    rng = np.random.default_rng(2)
+    shape = (count, arm.n)
+    q, qd, qdd = (scale * rng.uniform(-1.0, 1.0, shape) for scale in (np.pi, 2.0, 5.0))
+    return {"q": q, "qd": qd, "qdd": qdd, "tau": rng.uniform(-20.0, 20.0, shape)}
+
+
+@functools.cache
+def joint_count(name: str) -> int:
+    """Of an arm by name, without building a chain."""
+    return int(name.removeprefix(CHAIN)) if name.startswith(CHAIN) else timed_arm(name).n

@@ -1,0 +1,277 @@
+"""The saved numbers as tables: on the terminal and in Markdown, the same cells. Nothing is run here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from records import Record
+from rich.console import Console
+from rich.table import Table
+
+Saved = dict[str, Any]  # machine, repetitions, chapters: their rows and notes
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column: its head, and a record's cell in it, "" where the record has none."""
+
+    head: str
+    cell: Callable[[Record], str]
+    left: bool = False
+
+
+def label(head: str, key: str) -> Column:
+    """What the row is about."""
+    return Column(head, lambda r: str(r["labels"].get(key, "")), left=key in LEFT)
+
+
+LEFT = ("arm", "work", "form")  # words, not numbers
+
+
+def time(head: str, column: str) -> Column:
+    """Median, and in brackets the least; a failed check stands in place of both."""
+    return Column(head, lambda r: _time(r["timings"].get(column)))
+
+
+def ratio(head: str, column: str) -> Column:
+    """A peer's time over ours: median, and the least and most of the repetitions; what is wanted of it, if anything."""
+
+    def cell(r: Record) -> str:
+        found = r["ratios"].get(column)
+        if found is None or not r["checked"]:
+            return ""
+        wanted = found.get("expected")
+        verdict = "" if wanted is None else f" {'✓' if found['median'] >= wanted else '✗'} ≥ {wanted:g}"
+        spread = f"{number(found['lowest'])}–{number(found['highest'])}"
+        return f"{number(found['median'])} ({spread}){verdict}"
+
+    return Column(head, cell)
+
+
+def share(head: str, key: str) -> Column:
+    """Of the machine's limit; whether it is as much as is wanted, if anything is."""
+
+    def cell(r: Record) -> str:
+        if key not in r["facts"]:
+            return ""
+        of, wanted = r["facts"][key], r["facts"].get("wanted")
+        verdict = "" if wanted is None else f" {'✓' if of >= wanted else '✗'} ≥ {100 * wanted:.0f}"
+        return f"{100 * of:.0f} %{verdict}"
+
+    return Column(head, cell)
+
+
+def fact(head: str, key: str, shown: Callable[[Any], str]) -> Column:
+    return Column(head, lambda r: shown(r["facts"][key]) if key in r["facts"] else "")
+
+
+def worst(head: str) -> Column:
+    """The check that came nearest to failing."""
+
+    def cell(r: Record) -> str:
+        checks = list(r["timings"].values())
+        found = max(checks, key=lambda c: c["error"] / c["tolerance"] if c["error"] == c["error"] else float("inf"))
+        return f"{found['error']:.0e} {'≤' if found['passed'] else 'not ≤'} {found['tolerance']:.0e}"
+
+    return Column(head, cell)
+
+
+def number(value: float) -> str:
+    """Three digits or so."""
+    return f"{value:,.0f}" if value >= 100 else f"{value:.1f}" if value >= 1 else f"{value:.2f}"
+
+
+def _time(timing: Record | None) -> str:
+    if timing is None:
+        return ""
+    if not timing["passed"]:
+        return f"FAILED: {timing['error']:.1e} not ≤ {timing['tolerance']:.0e}"
+    return f"{number(timing['median'])} ({number(timing['best'])})"
+
+
+def _least(head: str, part: str) -> Column:
+    def cell(r: Record) -> str:
+        timing = r["timings"].get(part)
+        return "" if timing is None else number(timing["best"]) if timing["passed"] else _time(timing)
+
+    return Column(head, cell)
+
+
+CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
+    "kernels": (
+        "Kernels, ns per state",
+        (
+            *(label("arm", "arm"), label("joints", "joints"), label("kernel", "work"), time("ours, batch", "batch")),
+            *(time("Pinocchio C++", "pinocchio_loop"), ratio("Pinocchio C++ ÷ ours", "pinocchio_loop")),
+            *(time("MuJoCo", "mujoco"), ratio("MuJoCo ÷ ours", "mujoco")),
+            *(time("ours, one call, bound", "bound"), time("plain", "plain")),
+            *(time("Pinocchio from Python", "pinocchio_python"), ratio("from Python ÷ bound", "pinocchio_python")),
+            fact("operations", "slots", str),
+            *(
+                fact("at the machine's limit", "limit", number),
+                share("of the limit", "of_slots"),
+                share("as flops", "of_flops"),
+            ),
+            worst("error"),
+        ),
+    ),
+    "variants": (
+        "Other forms of the kernels of puma560, ns per state",
+        (
+            *(label("kernel", "work"), label("form", "form"), time("this form", "variant")),
+            *(time("the usual", "usual"), ratio("usual ÷ this", "usual")),
+            *(time("Pinocchio C++", "pinocchio_loop"), ratio("Pinocchio C++ ÷ ours", "pinocchio_loop"), worst("error")),
+        ),
+    ),
+    "simulation": (
+        "Simulation, ns per step",
+        (
+            *(label("work", "work"), label("form", "form"), label("lanes", "lanes"), time("ours", "ours")),
+            *(
+                time("MuJoCo Euler", "Euler"),
+                ratio("Euler ÷ ours", "Euler"),
+                time("MuJoCo RK4", "RK4"),
+                ratio("RK4 ÷ ours", "RK4"),
+            ),
+            worst("error"),
+        ),
+    ),
+    "batch size": (
+        "Batch size, ns per state",
+        (
+            *(label("kernel", "work"), label("states", "states"), time("ours", "batch")),
+            *(time("Pinocchio C++", "pinocchio_loop"), ratio("Pinocchio C++ ÷ ours", "pinocchio_loop"), worst("error")),
+        ),
+    ),
+    "threads": (
+        "Threads, ns per state",
+        (
+            *(label("work", "work"), label("threads", "threads"), time("ours", "threads")),
+            *(ratio("times as fast as one", "one"), worst("error")),
+        ),
+    ),
+    "start": (
+        "From nothing to a result, ms",
+        (
+            *(
+                label("work", "work"),
+                _least("all", "all"),
+                _least("ours", "ours"),
+                _least("of it the kernel", "of it kernel"),
+            ),
+            *(_least(f"import {name}", f"import {name}") for name in ("numpy", "casadi", "llvmlite", "pydantic")),
+            worst("error"),
+        ),
+    ),
+    "compile": (
+        "Tracing and compiling with a cold cache, ms",
+        (
+            *(label("arm", "arm"), label("kernel", "work"), label("operations", "operations"), _least("all", "all")),
+            worst("error"),
+        ),
+    ),
+}
+PER_JOINT = "Cost per joint, ns per state and joint"
+
+
+def heading(saved: Saved) -> str:
+    machine = saved["machine"]
+    return f"{machine['processor']} ({machine['cpu']}), Python {machine['versions']['python']}, {machine['date']}"
+
+
+def about(saved: Saved) -> list[str]:
+    """Where the numbers come from, in sentences."""
+    machine = saved["machine"]
+    versions = ", ".join(f"{name} {version}" for name, version in machine["versions"].items() if version is not None)
+    load = "" if machine["load"] is None else f"; load average when it began {machine['load'][0]:g}"
+    return [
+        f"{machine['system']}, {machine['processors']} processors on {machine['cores'] or '?'} cores: "
+        f"{machine['topology']}{load}",
+        f"{versions}; commit {machine['commit']}",
+        f"times: median of {saved['repetitions']} samples taken in turns, the least in brackets; ratio: median of neighbouring "
+        "samples, the lowest and highest in brackets",
+    ]
+
+
+def tables(saved: Saved) -> Iterator[tuple[str, list[str], list[list[str]], list[str], list[bool]]]:
+    """Of every chapter that has rows: title, heads, cells, notes, and which columns stand at the left."""
+    for chapter, (title, columns) in CHAPTERS.items():
+        rows = saved["chapters"].get(chapter, {}).get("rows", [])
+        if rows:
+            cells = [[column.cell(row) for column in columns] for row in rows]
+            used = [k for k in range(len(columns)) if any(line[k] for line in cells)]  # a peer that is not there
+            heads = [columns[k].head for k in used]
+            notes = saved["chapters"][chapter]["notes"] + (_sharing(rows) if chapter == "threads" else [])
+            yield title, heads, [[line[k] for k in used] for line in cells], notes, [columns[k].left for k in used]
+        if chapter == "kernels":
+            yield from _per_joint(rows)
+
+
+def _sharing(rows: list[Record]) -> list[str]:
+    """What two threads of nothing but arithmetic brought, which tells hyper-threads from cores better than any system does."""
+    bare = [row for row in rows if row["labels"]["arm"] == "" and row["labels"]["threads"] == 2 and row["ratios"]]
+    if not bare:
+        return []
+    times = bare[0]["ratios"]["one"]["median"]
+    verdict = (
+        "they share one core's ports" if times < SHARED else "the cores are their own" if times > OWN else "unclear"
+    )
+    return [f"measured: two threads do {number(times)} times the fused multiply-adds of one: {verdict}"]
+
+
+SHARED, OWN = 1.3, 1.7  # times as fast
+
+
+def _per_joint(rows: list[Record]) -> Iterator[tuple[str, list[str], list[list[str]], list[str], list[bool]]]:
+    """Ours and the peers on the random chains: how the cost of a joint grows with their number."""
+    chains = [row for row in rows if row["labels"]["arm"].startswith("chain-") and row["checked"]]
+    sizes = sorted({row["labels"]["joints"] for row in chains})
+    if len(sizes) < 2:
+        return
+    cells = []
+    for work in dict.fromkeys(row["labels"]["work"] for row in chains):
+        for who, column in (("ours", "batch"), ("Pinocchio C++", "pinocchio_loop"), ("MuJoCo", "mujoco")):
+            costs = {
+                row["labels"]["joints"]: row["timings"][column]["median"] / row["labels"]["joints"]
+                for row in chains
+                if row["labels"]["work"] == work and column in row["timings"]
+            }
+            if len(costs) > 1:
+                growth = costs[max(costs)] / costs[min(costs)]
+                cells.append([work, who, *(number(costs[n]) if n in costs else "" for n in sizes), number(growth)])
+    heads = ["kernel", "who", *(f"{n} joints" for n in sizes), "most joints ÷ fewest"]
+    yield PER_JOINT, heads, cells, [], [True, True, *(False for _ in range(len(sizes) + 1))]
+
+
+def markdown(saved: Saved) -> str:
+    """All tables."""
+    parts = [f"# {heading(saved)}", "\n".join(f"- {line}" for line in about(saved))]
+    for title, heads, cells, notes, left in tables(saved):
+        ruler = [":---" if at_left else "---:" for at_left in left]
+        lines = [f"| {' | '.join(line)} |" for line in (heads, ruler, *cells)]
+        parts += [f"## {title}", "\n".join(lines)]
+        parts += ["\n".join(f"- {note}" for note in notes)] if notes else []
+    return "\n\n".join(parts) + "\n"
+
+
+def show(saved: Saved, console: Console) -> None:
+    """All tables on the terminal."""
+    console.print(f"[bold]{heading(saved)}[/bold]", highlight=False)
+    for line in about(saved):
+        console.print(f"- {line}", soft_wrap=True, highlight=False)
+    for title, heads, cells, notes, left in tables(saved):
+        table = Table(title=title, title_justify="left")
+        for head, at_left in zip(heads, left, strict=True):
+            table.add_column(head, justify="left" if at_left else "right")
+        before = None
+        for line in cells:
+            if before not in (None, line[0]):
+                table.add_section()
+            before = line[0]
+            table.add_row(*line)
+        console.print()
+        console.print(table)
+        for note in notes:
+            console.print(f"- {note}", soft_wrap=True, highlight=False)
