@@ -54,11 +54,11 @@ class Kernel:
         self._expected = [(port.name, port.shape) for port in program.inputs]
         self._shapes = [port.shape for port in program.outputs]
         self._slots = POINTER * len(program.inputs), POINTER * len(program.outputs)
-        self._plans: dict[tuple[tuple[int, ...], ...], tuple[int, list[tuple[int, ...]], list[int]]] = {}
+        self._plans: dict[tuple[tuple[int, ...], ...], tuple[int, list[tuple[int, ...]]]] = {}
         engine = Engine(self.target, batch_module, program, format.name)
         self._run = engine.function(f"{program.name}.batch", ctypes.c_int64, POINTER, POINTER, POINTER)
         pointers = [POINTER] * (len(program.inputs) + len(program.outputs))
-        self._run_whole = engine.function(f"{program.name}.whole", ctypes.c_int64, *pointers)
+        self._run_apart = engine.function(f"{program.name}.apart", ctypes.c_int64, *pointers, result=ctypes.c_int32)
         self.bound_entry = engine.function(f"{program.name}.bound", POINTER)  # (table of the count and every pointer)
 
     def __call__(self, *arrays: Any, out: Any = None, threads: int = 1) -> Any:
@@ -77,23 +77,24 @@ class Kernel:
             self._check(arrays)
         dtype = self.dtype
         try:  # the usual call: contiguous arrays of the dtype that hold every state, of shapes that were seen before
-            count, wanted, sizes = self._plans[tuple([array.shape for array in arrays])]
+            count, wanted = self._plans[tuple([array.shape for array in arrays])]
             if out is None:
                 results = [_empty(shape, dtype) for shape in wanted]
             else:
                 results = list(out) if type(out) is tuple else [out]
+                if [array.shape for array in results] != wanted:
+                    return self._any(arrays, out, threads)
             every = [*arrays, *results]
             addresses = [addressof(byte_of(array)) for array in every]  # refuses what is read-only or not contiguous
+            for array in every:
+                if array.dtype is not dtype:
+                    return self._any(arrays, out, threads)
         except (AttributeError, KeyError, TypeError, ValueError, BufferError):
             return self._any(arrays, out, threads)
         if threads > 1 and count >= 2 * self._least:
             return self._any(arrays, out, threads)
-        for array in every:
-            if array.dtype is not dtype:
-                return self._any(arrays, out, threads)
-        if out is not None and not _separate(results, wanted, addresses, sizes):
+        if not self._run_apart(count, *addresses):  # an output lies over an input
             return self._any(arrays, out, threads)
-        self._run_whole(count, *addresses)
         return results[0] if len(results) == 1 else tuple(results)
 
     @property
@@ -121,9 +122,7 @@ class Kernel:
         if count and all(a.shape == lead + shape for a, (_, shape) in zip(given, self._expected, strict=True)):
             if len(self._plans) >= PLANS:
                 self._plans.clear()
-            shapes = [lead + shape for shape in self._shapes]
-            sizes = [self.format.bytes * count * port.size for port in (*self.program.inputs, *self.program.outputs)]
-            self._plans[tuple([array.shape for array in given])] = count, shapes, sizes
+            self._plans[tuple([array.shape for array in given])] = count, [lead + shape for shape in self._shapes]
         if out is not None:
             for result, target in zip(results, wanted, strict=True):
                 if result is not target:
@@ -189,20 +188,6 @@ class Kernel:
 LINE = 64  # bytes in a cache line
 LARGE = 4096  # numbers in an array that is worth aligning
 TILES_A_THREAD = 128  # fewer tiles than this are done sooner than a thread is woken
-
-
-def _separate(results: list[Any], wanted: list[tuple[int, ...]], addresses: list[int], sizes: list[int]) -> bool:
-    """Whether results are arrays of the shapes wanted, and share no memory with an input."""
-    if len(results) != len(wanted):
-        return False
-    inputs = len(addresses) - len(results)
-    for result, shape, start, size in zip(results, wanted, addresses[inputs:], sizes[inputs:], strict=True):
-        if type(result) is not np.ndarray or result.shape != shape:
-            return False
-        for k in range(inputs):
-            if addresses[k] < start + size and start < addresses[k] + sizes[k]:
-                return False
-    return True
 
 
 def _empty(shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:

@@ -116,8 +116,8 @@ class Module:
 
         `inputs` and `outputs` point to one pointer a port; `strides` says by how many reals an input moves a tile: its
         size times W, or 0 for one tile that serves all. A tail of fewer than W states is computed in padded copies.
-        Beside it `<program>.whole(count, in0, …, out0, …)` serves arrays that hold every state, and `<program>.bound(table)`
-        takes the same from a table in memory.
+        Beside it `<program>.whole(count, in0, …, out0, …)` serves arrays that hold every state, `<program>.apart(…)` does so
+        where no output shares memory with an input, and says whether, and `<program>.bound(table)` takes a table in memory.
         """
         tile = f"{program.name}.tile"
         m = self.machine()
@@ -129,6 +129,7 @@ class Module:
         name = f"{program.name}.batch"
         self.functions[name] = _batch_loop(name, tile, program, self.width, self.format)
         self.functions[f"{program.name}.whole"] = _whole(f"{program.name}.whole", name, program, self.width)
+        self.functions[f"{program.name}.apart"] = _apart(program, self.format)
         self.functions[f"{program.name}.bound"] = _bound(program)
         self.declarations.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
         return name
@@ -310,6 +311,32 @@ def _whole(name: str, batch: str, program: Program, w: int) -> str:
         text.append(f"  store i64 {port.size * w}, ptr %in{k}.step")
     text.append(f"  call void @{batch}(i64 %count, ptr %inputs, ptr %strides, ptr %outputs)")
     return "\n".join([*text, "  ret void", "}"])
+
+
+def _apart(program: Program, format: Format) -> str:
+    """`i32 name(count, in0, …, out0, …)`: the whole function and 1, or nothing and 0 where an output lies over an input."""
+    sizes = {f"in{k}": port.size for k, port in enumerate(program.inputs)}
+    sizes |= {f"out{k}": port.size for k, port in enumerate(program.outputs)}
+    given = ", ".join(["i64 %count", *(f"ptr %{port}" for port in sizes)])
+    text = [f"define i32 @{program.name}.apart({given}) nounwind {{"]
+    for port, size in sizes.items():
+        text += [
+            f"  %{port}.first = ptrtoint ptr %{port} to i64",
+            f"  %{port}.bytes = mul i64 %count, {format.bytes * size}",
+        ]
+        text.append(f"  %{port}.end = add i64 %{port}.first, %{port}.bytes")
+    last = "false"
+    for k in range(len(program.outputs)):
+        for j in range(len(program.inputs)):
+            text += [
+                f"  %before{k}.{j} = icmp ult i64 %out{k}.first, %in{j}.end",
+                f"  %behind{k}.{j} = icmp ult i64 %in{j}.first, %out{k}.end",
+                f"  %over{k}.{j} = and i1 %before{k}.{j}, %behind{k}.{j}",
+                f"  %any{k}.{j} = or i1 {last}, %over{k}.{j}",
+            ]
+            last = f"%any{k}.{j}"
+    text += [f"  br i1 {last}, label %over, label %run", "over:", "  ret i32 0", "run:"]
+    return "\n".join([*text, f"  call void @{program.name}.whole({given})", "  ret i32 1", "}"])
 
 
 def batch_module(width: int, program: Program, dtype: str = DOUBLE.name) -> Module:
