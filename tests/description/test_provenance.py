@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from armwright.description import builtin_names, read_description
-from armwright.description.quantity import quantities
+from armwright.description.paths import quantities
 from armwright.errors import DescriptionError, ModelError
 from physics.arms import arm
 

@@ -1,0 +1,194 @@
+"""`armwright assemble`: modules in, an arm out; or all arms that a set of modules makes, and the best one for a task."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from armwright.cli.tables import number, table
+from armwright.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from armwright.description.modules import Assembly, ModuleLibrary
+
+ENDINGS = (".toml", ".csv")
+
+
+def _option(names: str, metavar: str, text: str) -> Any:
+    return typer.Option(*names.split(), metavar=metavar, help=text, show_default=False)
+
+
+def assemble(
+    assembly: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[FILE.assembly.toml]",
+            help="An assembly's file, or the name of a built-in one.",
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        _option("--output -o", "FILE", "ARM.toml, the arm; with --all a list as .csv, or the best arm as .toml."),
+    ] = None,
+    every: Annotated[bool, typer.Option("--all", help="List every arm that the connectors allow instead.")] = False,
+    modules: Annotated[
+        str | None, _option("--modules", "FILE", "With --all: a module library's file, or the name of a built-in one.")
+    ] = None,
+    task: Annotated[
+        Path | None, _option("--task", "FILE", "With --all: rank them by how well they do the task in this file.")
+    ] = None,
+    max_joints: Annotated[int, typer.Option("--max-joints", metavar="N", help="With --all: joints of an arm.")] = 6,
+    min_joints: Annotated[int, typer.Option("--min-joints", metavar="N", help="With --all: joints of an arm.")] = 1,
+    max_links: Annotated[
+        int, typer.Option("--max-links", metavar="N", help="With --all: how many modules without joints in a row.")
+    ] = 1,
+    limit: Annotated[int, typer.Option("--limit", metavar="N", help="With --all: how many are computed.")] = 1000,
+    show: Annotated[int, typer.Option("--show", metavar="N", help="With --all: how many are printed.")] = 20,
+) -> None:
+    """Put modules together: check that they fit, and write the arm that they make.
+
+    Every number of the arm keeps its source, which names the module. Without -o the arm is only shown.
+
+    With --all no assembly is needed: every chain that the connectors allow is listed, with mass, reach and the payload
+    at the worst pose, held at rest; with --task the arms that reach its poses with its payload in its time come first.
+
+    \b
+    Examples:
+      armwright assemble lwa4p.assembly.toml -o arm.toml
+      armwright assemble --all --modules improv --max-joints 4 --limit 100
+      armwright assemble --all --modules improv --min-joints 6 --task pick.task.toml -o best.toml
+    """
+    from armwright.output import check_destination
+
+    if every == (assembly is not None):
+        given = "--all and a file" if every else "neither a file nor --all"
+        raise ScenarioError(f"assemble: {given} given; expected FILE.assembly.toml, or --all --modules FILE")
+    if output is not None:
+        check_destination(output, ENDINGS if every else (".toml",))
+    if assembly is not None:
+        _one(assembly, output, unused={"--modules": modules, "--task": task})
+    elif modules is None:
+        raise ScenarioError("assemble: --all needs --modules FILE, or the name of a built-in library")
+    else:
+        rules = {"max_joints": max_joints, "min_joints": min_joints, "max_links": max_links, "limit": limit}
+        _all(modules, task, rules, output, show)
+
+
+def _one(name: str, output: Path | None, unused: dict[str, Any]) -> None:
+    import armwright as aw
+    from armwright.cli.tables import console_for_tables
+    from armwright.description.writer import write_toml
+    from armwright.kinematics.reach import reach
+    from armwright.model import build_model
+
+    stray = [option for option, value in unused.items() if value is not None]
+    if stray:
+        raise ScenarioError(f"assemble: {stray[0]} goes with --all, not with a file")
+    record = aw.assemble(name)
+    arm = build_model(record)
+    if output is not None:
+        write_toml(record, output)
+    console = console_for_tables()
+    far = f", reach {number(reach(arm))} m to {arm.tip}" if arm.tip is not None else ""
+    console.print(f"{arm.name}: {arm.n} joints, {number(record.total_mass)} kg{far}", style="bold")
+    rows = []
+    for body in arm.bodies:
+        limits = (body.limits.torque, body.limits.velocity)
+        rows.append([body.joint, body.link, number(body.mass), number(body.drive.gear_ratio), *map(number, limits)])
+    heads = ("joint", "moves", "mass behind it [kg]", "gear", "torque ≤ [N m | N]", "speed ≤ [rad/s | m/s]")
+    shown = table("", heads, rows, left=("moves",))
+    if output is None and shown is not None:
+        console.print(shown)
+    if output is not None:
+        console.print(f"wrote {output}")
+    for warning in arm.warnings:
+        print(f"armwright: note: {warning}", file=sys.stderr)
+
+
+def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | None, show: int) -> None:
+    import armwright as aw
+    from armwright.cli.progress import progress
+    from armwright.cli.tables import console_for_tables
+
+    library = aw.read_modules(modules)
+    wanted = None if task is None else aw.read_task(task)
+    if output is not None and output.suffix == ".toml" and wanted is None:
+        raise ScenarioError(f"{output}: an arm as .toml needs --task FILE, which says what is best; expected .csv")
+    with progress(f"{library.name}: assembling") as tell:
+        if wanted is None:
+            found = aw.enumerate_assemblies(library, **rules, progress=tell)
+            heads, rows = _figures(found.candidates)
+            best, open_ = found.candidates[0].assembly, found.total
+        else:
+            found = aw.rank_assemblies(library, wanted, **rules, progress=tell)
+            heads, rows = _ranks(found.ranked)
+            if not found.ranked:
+                raise ScenarioError(
+                    f"{wanted.name}: none of the {found.total} arms is long enough for its furthest pose"
+                )
+            best, open_ = found.ranked[0].assembly, found.long_enough
+            if output is not None and output.suffix == ".toml" and not found.ranked[0].feasible:
+                raise ScenarioError(f"{wanted.name}: no arm does it; the best, {best.name}: {found.ranked[0].why_not}")
+        if output is not None:
+            _write(output, library, best, heads, rows)
+    console = console_for_tables()
+    console.print(
+        table(
+            f"{library.name}: {len(rows)} of {found.total} arms",
+            heads,
+            [[_cell(value) for value in row] for row in rows[: max(show, 0)]],
+            left=("modules", "verdict"),
+        )
+        or ""
+    )
+    if len(rows) > show > 0:
+        console.print(f"… and {len(rows) - show} more (--show {len(rows)}, or -o FILE.csv)")
+    if open_ < found.total:
+        console.print(f"{found.total - open_} are too short for the furthest pose")
+    if len(rows) < open_:
+        order = "others" if task is not None else "longer ones"
+        console.print(f"{open_ - len(rows)} {order} were not computed (--limit {rules['limit']})")
+    for name, reason in found.left_out.items():
+        print(f"armwright: note: module {name} is left out: {reason}", file=sys.stderr)
+    if output is not None:
+        console.print(f"wrote {output}")
+
+
+def _figures(candidates: Any) -> tuple[tuple[str, ...], list[list[Any]]]:
+    heads = ("modules", "joints", "mass [kg]", "reach [m]", "payload at the worst pose [kg]", "weakest joint")
+    rows = []
+    for c in candidates:
+        weakest = c.weakest if c.holds_itself else f"{c.weakest}, under the arm's own weight"
+        rows.append([c.assembly.name, c.joints, c.mass, c.reach, c.payload, weakest])
+    return heads, rows
+
+
+def _ranks(ranked: Any) -> tuple[tuple[str, ...], list[list[Any]]]:
+    heads = ("modules", "joints", "mass [kg]", "poses", "torque left [1]", "weakest joint", "a round [s]", "verdict")
+    rows = []
+    for r in ranked:
+        told = (len(r.reached), r.torque_margin, r.weakest, r.cycle_time, r.why_not or "feasible")
+        rows.append([r.assembly.name, r.joints, r.mass, *told])
+    return heads, rows
+
+
+def _cell(value: Any) -> str:
+    return value if isinstance(value, str) else number(value)
+
+
+def _write(output: Path, library: ModuleLibrary, best: Assembly, heads: tuple[str, ...], rows: list[list[Any]]) -> None:
+    import csv
+
+    import armwright as aw
+    from armwright.description.writer import write_toml
+    from armwright.output import whole_file
+
+    if output.suffix == ".toml":
+        write_toml(aw.assemble(best, [library]), output)
+        return
+    with whole_file(output) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        csv.writer(file, lineterminator="\n").writerows([heads, *rows])

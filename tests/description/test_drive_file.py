@@ -1,0 +1,114 @@
+"""The drive file: what a URDF cannot say of motors, gears, friction, limits and place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import DescriptionError
+from description.urdf_files import AXIS, LIMIT, one_joint, written
+
+REDUCTION = (
+    '<transmission name="t"><joint name="j1"/><actuator name="m"><mechanicalReduction>{}</mechanicalReduction>'
+    "</actuator></transmission>"
+)
+MOTOR = "rotor_inertia_kg_m2 = 1e-4, torque_constant_n_m_per_a = 0.05, resistance_ohm = 1.0"
+DRIVE = f"""
+source = "sheet"
+command = "voltage"
+gravity_m_s2 = [0.0, 0.0, -9.81]
+tip = "upper"
+
+[sources.sheet]
+kind = "datasheet"
+text = "Motor M"
+
+[joints.j1]
+motor = {{ gear_ratio = 100, {MOTOR} }}
+friction = {{ viscous_n_m_s_per_rad = 2.0, coulomb_positive_n_m = 1, coulomb_negative_n_m = 1, smoothing_rad_per_s = 0.01 }}
+limits = {{ voltage_v = 24, torque_n_m = 7 }}
+"""
+
+
+def test_found_beside_the_urdf(tmp_path):
+    """It adds motors, takes the place of the URDF's friction, and of its limits key by key; every number has its source."""
+    path = written(tmp_path, one_joint(AXIS + LIMIT + '<dynamics damping="9" friction="9"/>'))
+    written(tmp_path, DRIVE, "arm.drive.toml")
+    arm = aw.load(path)
+    (body,) = arm.bodies
+    assert (body.drive.command, body.drive.gear_ratio, body.drive.armature) == ("voltage", 100.0, 1.0)
+    assert body.friction is not None
+    assert (body.friction.viscous, body.friction.coulomb_positive, body.friction.smoothing) == (2.0, 1.0, 0.01)
+    assert (body.limits.voltage, body.limits.torque, body.limits.velocity) == (24.0, 7.0, 2.0)
+    assert not arm.warnings
+    assert arm.tip == "upper"
+    np.testing.assert_array_equal(arm.gravity, [0, 0, -9.81])
+    for where, kind in (
+        ("j1.motor.gear_ratio", "datasheet"),
+        ("j1.limits.voltage_v", "datasheet"),
+        ("j1.limits.velocity_rad_per_s", "import"),
+        ("gravity_m_s2", "datasheet"),
+    ):
+        assert arm.provenance(where).kind == kind
+
+
+def test_given_by_name(tmp_path):
+    path = written(tmp_path, one_joint())
+    other = written(tmp_path, DRIVE, "other.toml")
+    assert aw.load(path).bodies[0].drive.command == "torque"
+    assert aw.load(path, drive=other).bodies[0].drive.gear_ratio == 100
+
+
+@pytest.mark.parametrize(("reduction", "own", "ratio"), [("50", "", 50.0), ("1", "gear_ratio = 100,", 100.0)])
+def test_gear_ratio_of_the_transmission(tmp_path, reduction, own, ratio):
+    """It is used where the drive file has none; 1 is what exporters write who do not know."""
+    path = written(tmp_path, one_joint(more=REDUCTION.format(reduction)))
+    written(tmp_path, DRIVE.replace("gear_ratio = 100,", own), "arm.drive.toml")
+    arm = aw.load(path)
+    assert arm.bodies[0].drive.gear_ratio == ratio
+    assert arm.provenance("j1.motor.gear_ratio").kind == ("datasheet" if own else "import")
+
+
+def test_a_reduction_without_a_motor_is_told(tmp_path):
+    (told,) = aw.load(written(tmp_path, one_joint(more=REDUCTION.format("50")))).warnings
+    assert told.startswith("joint j1: gear ratio 50 of its transmission is not used")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[joints.j1]", "[joints.j7]", r"joints\.j7 does not move or is not there; did you mean j1\?"),
+        ("gear_ratio = 100,", "gear_ratio = 60,", r"gear_ratio = 60, the transmission says 50: expected the same"),
+        ("gear_ratio = 100,", "gear = 100,", r"joints\.j1\.motor .*gear.* unknown key; did you mean gear_ratio"),
+        ("voltage_v = 24", "voltage_v = -24", r"joints\.j1\.limits .*expected a number above 0"),
+        (", smoothing_rad_per_s = 0.01", "", r"joints\.j1\.friction .*needs smoothing_rad_per_s"),
+        ('source = "sheet"', "", r"has no source"),
+        ('source = "sheet"', 'source = "sheat"', "is no key of"),
+        ("command =", "comand =", "unknown key; did you mean command"),
+        ("source =", "source", "not TOML"),
+        ('tip = "upper"', 'tip = "uper"', "is no frame; did you mean upper"),
+    ],
+)
+def test_refusals(tmp_path, old, new, message):
+    ratio = "50" if "50" in message else "100"
+    path = written(tmp_path, one_joint(more=REDUCTION.format(ratio)))
+    assert old in DRIVE
+    written(tmp_path, DRIVE.replace(old, new, 1), "arm.drive.toml")
+    with pytest.raises(DescriptionError, match=message) as refused:
+        aw.load(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_slide(tmp_path):
+    """Friction of a slide is in N, or its motor's in N m."""
+    path = written(tmp_path, one_joint(kind="prismatic"))
+    text = DRIVE[: DRIVE.index("friction =")]
+    written(tmp_path, text + "friction = { viscous_n_s_per_m = 3 }", "arm.drive.toml")
+    body = aw.load(path).bodies[0]
+    assert body.friction is not None
+    assert body.friction.viscous == 3
+    written(tmp_path, text + 'friction = { side = "motor", viscous_n_m_s_per_rad = 1e-4 }', "arm.drive.toml")
+    body = aw.load(path).bodies[0]
+    assert body.friction is not None
+    assert body.friction.viscous == pytest.approx(1.0)

@@ -1,0 +1,158 @@
+"""MJCF, against MuJoCo's own dynamics of the same file."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.description.mjcf import read_mjcf
+from armwright.errors import DescriptionError
+from description.urdf_files import written
+
+mujoco = pytest.importorskip("mujoco", reason="MJCF is read through MuJoCo: pip install mujoco")
+
+ARM = """<mujoco model="arm">
+<compiler angle="radian" autolimits="true"/>
+<option gravity="0.5 0 -9.5"/>
+<default><joint damping="0.4"/></default>
+<worldbody>
+  <geom type="plane" size="1 1 1"/>
+  <body name="pedestal" pos="0 0 1" euler="0 0.3 0">
+    <geom type="box" size="0.1 0.1 0.5" mass="20"/>
+    <body name="upper" pos="0.1 0 0.2" quat="0.9 0.1 0.3 -0.2">
+      <joint name="j1" type="hinge" axis="0.1 1 0.2" pos="0 0.05 0.1" ref="0.2" armature="0.5" range="-2 1"/>
+      <joint name="j2" type="hinge" axis="1 0 0" pos="0.03 0 0" damping="0"/>
+      <inertial pos="0.1 0 0.05" mass="2" fullinertia="0.02 0.03 0.025 0.001 -0.002 0.003"/>
+      <body pos="0.3 0 0">
+        <joint name="j 3" type="slide" axis="0 0.6 0.8" ref="-0.1" pos="1 1 1" frictionloss="3" actuatorfrcrange="-40 40"/>
+        <geom type="capsule" size="0.03 0.1" pos="0 0 0.1"/>
+        <site name="attachment_site" pos="0 0 0.2" euler="0.4 0 0"/>
+        <body name="camera" pos="0 0.1 0"><geom type="sphere" size="0.02" mass="0.1"/></body>
+      </body>
+    </body>
+  </body>
+</worldbody>
+<actuator>
+  <motor name="m1" joint="j1" gear="50" ctrlrange="-2 2"/>
+  <position name="m2" joint="j2" kp="100" kv="3" forcerange="-7 7"/>
+</actuator>
+</mujoco>
+"""
+
+
+def theirs(path, q, qd, qdd):
+    """Inverse dynamics of MuJoCo without its passive and constraint forces."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.dof_damping[:], model.dof_frictionloss[:], model.jnt_limited[:] = 0, 0, 0
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.qacc[:] = q, qd, qdd
+    mujoco.mj_inverse(model, data)
+    return data.qfrc_inverse.copy(), data
+
+
+def test_the_dynamics_are_mujocos(tmp_path):
+    """Several joints of one body, anchors off the origin, references, unnamed bodies, rotated and off-diagonal tensors."""
+    path = written(tmp_path, ARM, "arm.xml")
+    arm = aw.load(path)
+    assert arm.names == ["j1", "j2", "j_3"]
+    rng = np.random.default_rng(4)
+    for _ in range(5):
+        q, qd, qdd = rng.normal(size=(3, 3))
+        tau, data = theirs(path, q, qd, qdd)
+        ours = aw.inverse_dynamics(arm.replace(friction=None), q, qd, qdd)
+        assert np.abs(ours - tau).max() <= 1e-9 * np.abs(tau).max()
+        tip = data.site("attachment_site")
+        pose = aw.forward_kinematics(arm, q)
+        np.testing.assert_allclose(pose[:3, 3], tip.xpos, atol=1e-12)
+        np.testing.assert_allclose(pose[:3, :3], tip.xmat.reshape(3, 3), atol=1e-12)
+
+
+def test_drives(tmp_path):
+    """Armature is n² J_m; a motor's limit is gear · ctrlrange; servo gains are the controller's; dry friction needs a speed."""
+    path = written(tmp_path, ARM, "arm.xml")
+    arm = aw.load(path)
+    one, two, three = arm.bodies
+    assert one.drive.gear_ratio == 50
+    assert one.drive.armature == pytest.approx(0.5, rel=1e-15)
+    assert [body.limits.torque for body in arm.bodies] == [100.0, 7.0, 40.0]
+    assert one.limits.position == (-2.0, 1.0)
+    assert one.friction is not None
+    assert one.friction.viscous == 0.4
+    assert two.friction is None
+    assert three.friction is not None
+    assert three.friction.coulomb_positive == 0
+    assert any("j2: its servo or activation (gains 100 -100 -3)" in told for told in arm.warnings)
+    assert any("j_3: frictionloss 3 N is left out" in told for told in arm.warnings)
+    np.testing.assert_array_equal(arm.gravity, [0.5, 0, -9.5])
+    smooth = aw.load(path, smoothing=0.02).bodies[2].friction
+    assert smooth is not None
+    assert (smooth.coulomb_positive, smooth.smoothing) == (3.0, 0.02)
+    assert arm.provenance("upper.mass_kg").kind == "import"
+
+
+def test_gravity_can_be_off(tmp_path):
+    text = ARM.replace('gravity="0.5 0 -9.5"/>', 'gravity="0 0 -9"><flag gravity="disable"/></option>')
+    np.testing.assert_array_equal(aw.load(written(tmp_path, text, "arm.xml")).gravity, [0, 0, 0])
+
+
+BODY = "<body name='b'>{}<geom size='0.1'/></body>"
+HINGE = "<joint name='j' type='hinge'/>"
+
+
+def mjcf(joint=HINGE, after="", before=""):
+    """One body on one joint."""
+    return f"<mujoco>\n{before}<worldbody>{BODY.format(joint)}</worldbody>{after}</mujoco>"
+
+
+REFUSALS = [
+    (mjcf("<freejoint name='f'/>"), "joint 'f' is a free joint"),
+    (mjcf("<joint name='s' type='ball'/>"), "joint 's' is a ball joint"),
+    (mjcf("<joint name='j' stiffness='3'/>"), "joint 'j' has a spring"),
+    (mjcf(after="<tendon><fixed name='t'><joint joint='j' coef='1'/></fixed></tendon>"), "tendon 't' couples"),
+    (mjcf(after="<equality><joint name='e' joint1='j'/></equality>"), "equality 'e' couples"),
+    (mjcf(before="<option density='1.2'/>"), "fluids are not offered"),
+    (mjcf().replace("<body name", "<body gravcomp='1' name"), "body 'b' has gravcomp"),
+    (mjcf(after="<actuator><general name='a' body='b'/></actuator>"), "actuator 'a' drives no joint"),
+    (mjcf().replace("size=", "sise="), "MuJoCo refuses it: .*line 2"),
+    (mjcf().replace("size='0.1'", "size='-0.1'"), "MuJoCo refuses it"),
+    (mjcf(before="<compiler meshdir='../..'/>"), r"a\.xml:2: .*leads out of"),
+    (mjcf(before="<asset><mesh file='/etc/passwd'/></asset>"), "leads out of"),
+    (mjcf(before="<include file='a.xml'/>"), "includes itself"),
+    (mjcf(before="<include file='b.xml'/>"), r"b\.xml: no such file"),
+    (
+        mjcf(before="<!-- --><asset><hfield name='h' nrow='1000000' ncol='1000000' size='1 1 1 1'/></asset>"),
+        "8192 at most",
+    ),
+    (mjcf().replace("<worldbody>", "<worldbody><replicate count='1000000000'/>"), "1000 at most"),
+    (mjcf().replace("<worldbody>", "<worldbody><flexcomp/>"), "rigid bodies"),
+    ('<!DOCTYPE m [<!ENTITY a "b">]>' + mjcf(), "declares a document type"),
+    (
+        mjcf().replace("size='0.1'", "pos='0 nan 0' size='0.1'"),
+        r"a\.xml:2: <geom pos='0 nan 0'>: expected finite numbers",
+    ),
+    (mjcf("<joint name='j' armature='1e300'/>"), "dof_armature holds 1e\\+300: expected numbers of a robot"),
+    ("<mujoco><worldbody/></mujoco>", "expected .*joint"),
+]
+
+
+@pytest.mark.parametrize(("text", "message"), REFUSALS)
+def test_refusals(tmp_path, text, message):
+    with pytest.raises(DescriptionError, match=message) as refused:
+        aw.load(written(tmp_path, text, "a.xml"))
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_includes_are_read(tmp_path):
+    written(tmp_path, "<mujocoinclude><option gravity='0 0 -1'/></mujocoinclude>", "b.xml")
+    path = written(tmp_path, mjcf(before="<include file='b.xml'/>"), "a.xml")
+    np.testing.assert_array_equal(aw.load(path).gravity, [0, 0, -1])
+
+
+def test_without_mujoco(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(DescriptionError, match=r"not installed: pip install armwright\[bench\]"):
+        read_mjcf(written(tmp_path, mjcf(), "a.xml"))

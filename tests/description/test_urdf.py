@@ -1,0 +1,261 @@
+"""URDF: what is read means what the format says, and what is not read is refused or told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import armwright as aw
+from armwright.description.urdf import read_urdf
+from armwright.errors import DescriptionError
+from description.urdf_files import AXIS, INERTIAL, LIMIT, joint, link, one_joint, robot, written
+
+
+def test_a_chain(tmp_path):
+    """Frames, axes, masses and limits, each number where it belongs and with its source."""
+    path = written(tmp_path, one_joint('<axis xyz="0 1 0"/>' + LIMIT))
+    description = read_urdf(path)
+    (one,) = description.joints
+    assert (one.name, one.type, one.parent, one.child) == ("j1", "revolute", "base", "upper")
+    assert one.frame.xyz_m.value == (0.2, 0.0, 0.0)
+    assert one.frame.rpy_rad.value == (0.1, 0.0, 0.0)
+    assert one.axis.value == (0.0, 1.0, 0.0)
+    assert one.limits.position_rad.value == (-1.0, 1.0)
+    assert (float(one.limits.torque_n_m), float(one.limits.velocity_rad_per_s)) == (10.0, 2.0)
+    assert float(description.link("upper").mass_kg) == 1.5
+    assert description.provenance("upper.mass_kg").kind == "import"
+    assert "arm.urdf" in description.provenance("upper.mass_kg").text
+    assert description.command == "torque"
+    assert not description.remarks
+    assert aw.load(path).names == ["j1"]
+
+
+def test_the_inertial_frame_is_turned(tmp_path):
+    """The tensor is in the axes of the inertial origin: R I Rᵀ in the link's, as SciPy turns it."""
+    rpy = (0.3, -0.7, 1.1)
+    turned = INERTIAL.replace('xyz="0.1 0 0"', 'xyz="0.1 0 0" rpy="0.3 -0.7 1.1"')
+    tensor = read_urdf(written(tmp_path, one_joint(moved=turned))).link("upper").inertia_kg_m2.matrix()
+    rotation = Rotation.from_euler("xyz", rpy).as_matrix()
+    np.testing.assert_allclose(tensor, rotation @ np.diag([0.01, 0.02, 0.02]) @ rotation.T, rtol=0, atol=1e-16)
+
+
+def test_a_base_with_mass_or_looks_stands_on_the_world(tmp_path):
+    """So that nothing of it is lost; a base that is but a name is the base."""
+    text = robot(link("pelvis"), link("upper"), joint("j1", "pelvis", "upper"))
+    description = read_urdf(written(tmp_path, text))
+    assert description.base == "world"
+    assert [j.name for j in description.joints] == ["world_to_pelvis", "j1"]
+    assert description.total_mass == 3.0
+    assert read_urdf(written(tmp_path, one_joint())).base == "base"
+    seen = robot(link("base", '<visual><geometry><sphere radius="0.1"/></geometry></visual>'), link("upper"),
+                 joint("j1", "base", "upper"))  # fmt: skip
+    description = read_urdf(written(tmp_path, seen))
+    assert description.base == "world"
+    assert "base: no inertia is stated: massless" in description.remarks[0]
+
+
+@pytest.mark.parametrize(("kind", "unit"), [("revolute", "rad"), ("prismatic", "m")])
+def test_friction(tmp_path, kind, unit):
+    """Damping is viscous; Coulomb friction needs the caller's smoothing speed, or is left out and told."""
+    path = written(tmp_path, one_joint(AXIS + LIMIT + '<dynamics damping="0.5" friction="0.25"/>', kind))
+    arm = aw.load(path)
+    assert arm.bodies[0].friction is not None
+    assert (arm.bodies[0].friction.viscous, arm.bodies[0].friction.coulomb_positive) == (0.5, 0.0)
+    (told,) = arm.warnings
+    assert "joint j1: Coulomb friction 0.25 N" in told
+    assert "left out" in told
+    arm = aw.load(path, smoothing=0.01)
+    assert arm.bodies[0].friction is not None
+    assert arm.bodies[0].friction.coulomb_negative == 0.25
+    assert arm.bodies[0].friction.smoothing == 0.01
+    assert arm.provenance(f"j1.friction.smoothing_{unit}_per_s").kind == "estimate"
+    assert not arm.warnings
+
+
+@pytest.mark.parametrize(
+    "limit", ['<limit effort="0" velocity="0"/>', '<limit lower="-inf" upper="inf" effort="inf"/>']
+)
+def test_limits_that_say_nothing(tmp_path, limit):
+    arm = aw.load(written(tmp_path, one_joint(AXIS + limit)))
+    assert arm.bodies[0].limits.position == (-np.inf, np.inf)
+    assert arm.bodies[0].limits.torque == np.inf
+    assert any("read as unknown" in told for told in arm.warnings)
+
+
+def test_continuous_and_fixed(tmp_path):
+    """A continuous joint has no range; a fixed one carries its child's mass with its parent, exactly."""
+    text = robot(
+        link("base", ""), link("upper"), link("tool"),
+        joint("j1", "base", "upper", AXIS, "continuous"), joint("j2", "upper", "tool", "", "fixed"),
+    )  # fmt: skip
+    arm = aw.load(written(tmp_path, text))
+    assert arm.names == ["j1"]
+    assert arm.bodies[0].mass == 3.0
+    assert {"upper", "tool"} <= set(arm.frames)
+    turn = Rotation.from_euler("x", 0.1).as_matrix()
+    com = 0.5 * (np.array([0.1, 0, 0]) + np.array([0.2, 0, 0]) + turn @ [0.1, 0, 0])
+    np.testing.assert_allclose(arm.bodies[0].link_frame.inverse().point(arm.bodies[0].com), com, atol=1e-16)
+
+
+def test_harmless_tags_are_counted(tmp_path):
+    more = (
+        '<gazebo/><gazebo reference="upper"><material>x</material></gazebo><sensor name="s"/>'
+        '<transmission name="t"><joint name="j1"/><actuator name="m"/></transmission>'
+    )
+    description = read_urdf(
+        written(tmp_path, one_joint(AXIS + LIMIT + '<safety_controller k_velocity="1"/>', more=more))
+    )
+    assert description.notes is not None
+    for told in ("gazebo (2)", "sensor (1)", "joint/safety_controller (1)", "base fixed"):
+        assert told in description.notes
+    assert not description.remarks
+
+
+def test_names(tmp_path):
+    """A robot file's names have no dots and spaces; what is renamed is told."""
+    description = read_urdf(written(tmp_path, one_joint().replace('"upper"', '"link_1.0 tip"')))
+    assert description.joints[0].child == "link_1_0_tip"
+    assert description.notes is not None
+    assert "link_1.0 tip → link_1_0_tip" in description.notes
+    text = robot(link("base", ""), link("a.b"), link("a_b"), joint("j1", "base", "a.b"), joint("j2", "a.b", "a_b"))
+    with pytest.raises(DescriptionError, match="a_b"):
+        read_urdf(written(tmp_path, text))
+
+
+def test_mimic_held_at_its_offset(tmp_path):
+    """`mimic = "fixed"` holds the joint where it stands while its master is at 0."""
+    follow = AXIS + LIMIT + '<mimic joint="j1" multiplier="2" offset="0.3"/>'
+    text = robot(link("base", ""), link("upper"), link("tool"), joint("j1", "base", "upper"),
+                 joint("j2", "upper", "tool", follow))  # fmt: skip
+    path = written(tmp_path, text)
+    with pytest.raises(DescriptionError, match=r"arm\.urdf:6: joint 'j2' follows 2 · j1 \+ 0.3"):
+        read_urdf(path)
+    fixed, free = (aw.load(path, mimic=how) for how in ("fixed", "independent"))
+    assert (fixed.n, free.n) == (1, 2)
+    q = np.array([0.7])
+    pose = aw.forward_kinematics(free, np.array([0.7, 0.3]), "tool")
+    np.testing.assert_allclose(aw.forward_kinematics(fixed, q, "tool"), pose, atol=1e-15)
+    assert all(any("mimics another joint" in told for told in arm.warnings) for arm in (fixed, free))
+
+
+def test_visuals(tmp_path):
+    """Shapes, colours by name or in place, and meshes on the search path; a missing one is told and not drawn."""
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "a.stl").write_text("no mesh, and nobody opens it")
+    shapes = '<box size="1 2 3"/>', '<cylinder radius="0.1" length="2"/>', '<sphere radius="0.2"/>'
+    meshes = '<mesh filename="meshes/a.stl" scale="0.001 0.001 0.001"/>', '<mesh filename="meshes/none.stl"/>'
+    red = '<material name="red"/>'
+    visuals = "".join(f"<visual><geometry>{shape}</geometry>{red}</visual>" for shape in (*shapes, *meshes))
+    named = '<material name="red"><color rgba="1 0 0 1"/></material>'
+    description = read_urdf(written(tmp_path, one_joint(moved=INERTIAL + visuals, more=named)))
+    found = description.link("upper").visuals
+    assert [visual.solid.shape for visual in found] == ["box", "cylinder", "sphere", "mesh"]
+    assert {visual.colour for visual in found} == {(1.0, 0.0, 0.0)}
+    assert found[3].solid.path == (tmp_path / "meshes" / "a.stl").resolve()
+    assert any("not on the search path" in told for told in description.remarks)
+
+
+TREE = (link("base", ""), link("upper"), link("fore"))
+REFUSALS = [
+    ("<robot name='x'>", r"arm\.urdf:1: not XML: no element found|arm\.urdf:1: not XML"),
+    ("<mujoco/>", r"arm\.urdf:1: <mujoco>: expected a URDF"),
+    ("<robot><link name='a'/></robot>", "<robot> has no name"),
+    ("<robot name='x'/>", "has no <link>"),
+    ('<!DOCTYPE r [<!ENTITY a "b">]><robot name="x"/>', r"arm\.urdf:1: declares a document type or entities"),
+    ('<?xml version="1.0" encoding="klingon"?><robot name="x"/>', "unknown encoding"),
+    (b'<robot name="\xff"/>', r"arm\.urdf:1: not XML"),
+    ("<a>" * 200, "more than 100 elements within each other"),
+    (robot("<xacro:property name='a' value='1'/>", link("a")), r"arm\.urdf:2: <xacro:property>: this is a xacro file"),
+    (robot("<loop_joint/>", link("a")), r"arm\.urdf:2: <loop_joint> in <robot> is unknown, and could carry physics"),
+    (one_joint(AXIS + LIMIT + "<dynamic damping='1'/>"), r"arm\.urdf:4: <dynamic> .*did you mean dynamics"),
+    (one_joint(AXIS + LIMIT + "<dynamics dampin='1'/>"), r"dampin='1'.*did you mean damping\?"),
+    (one_joint(AXIS + LIMIT + "<dynamics damping='-1'/>"), "expected numbers of 0 or more"),
+    (one_joint(LIMIT), r"arm\.urdf:4: joint 'j1' moves and has no <axis>"),
+    (one_joint("<axis xyz='0 0 0'/>" + LIMIT), "is zero: expected a direction"),
+    (one_joint("<axis xyz='0 0'/>" + LIMIT), "expected 3 finite numbers"),
+    (one_joint("<axis xyz='0 0 nan'/>" + LIMIT), "expected 3 finite numbers"),
+    (one_joint("<axis xyz='0 0 1_0'/>" + LIMIT), "expected 3 finite numbers"),
+    (one_joint(AXIS + AXIS + LIMIT), "a second <axis> in one <joint>"),
+    (one_joint(AXIS + "<limit lower='1' upper='-1'/>"), r"lower = 1 is above upper = -1"),
+    (one_joint(AXIS + "<limit effort='-3'/>"), "expected a number of 0 or more"),
+    (one_joint(kind="planar"), "'planar' is not offered"),
+    (one_joint(kind="floating"), "'floating' is not offered"),
+    (one_joint(kind="revolut"), "did you mean revolute"),
+    (one_joint(moved="<inertial><mass value='1'/></inertial>"), r"arm\.urdf:3: link 'upper' has no <inertia>"),
+    (one_joint(moved=INERTIAL.replace('"1.5"', '"-1"')), r"mass = -1: expected a number of 0 or more"),
+    (one_joint(moved=INERTIAL.replace('"1.5"', '"1e400"')), "expected a finite number"),
+    (one_joint(moved=INERTIAL.replace('"1.5"', '"1e200"')), "expected a number of a robot"),
+    (one_joint(moved=INERTIAL.replace('izz="0.02"', 'izz="-0.02"')), "no body has one below 0"),
+    (one_joint(moved=INERTIAL.replace(' izz="0.02"', "")), "<inertia> has no izz"),
+    (one_joint(moved="<origin xyz='1 0 0'/>" + INERTIAL), "<origin> of a link means nothing"),
+    (one_joint(moved="<gravity>0</gravity>" + INERTIAL), "<gravity>0</gravity>: expected 1"),
+    (robot(*TREE, joint("j1", "base", "upper")), r"2 links are no joint's child, base, fore: expected one base"),
+    (robot(*TREE[:2], joint("j1", "base", "uper")), r"child 'uper' is no link; did you mean upper\?"),
+    (robot(*TREE[:2], TREE[1], joint("j1", "base", "upper")), r"a second link 'upper', the first is in line 3"),
+    (robot(*TREE, joint("j1", "base", "upper"), joint("j1", "upper", "fore")), "a second joint 'j1'"),
+    (robot(*TREE, joint("j1", "base", "upper"), joint("j2", "upper", "fore"), joint("j3", "base", "fore")),
+     r"arm\.urdf:7: link 'fore' is the child of two joints, 'j2' and 'j3': closed chains"),
+    (robot(*TREE, joint("j1", "fore", "upper"), joint("j2", "upper", "fore")), "carries itself"),
+    (robot(*TREE[:2], joint("j1", "upper", "base"), joint("j2", "base", "upper")), "every link is a joint's child"),
+    (one_joint(moved=INERTIAL + "<visual/>"), "<visual> has no <geometry>"),
+    (one_joint(moved=INERTIAL + "<visual><geometry><mesh filename='../../../etc/a.stl'/></geometry></visual>"),
+     "leads out of"),
+    (one_joint(moved=INERTIAL + "<visual><geometry><mesh filename='http://x/a.stl'/></geometry></visual>"),
+     "nothing is fetched"),
+    (one_joint(moved=INERTIAL + "<visual><geometry><box size='0 1 1'/></geometry></visual>"), "expected sizes above 0"),
+    (one_joint(more="<transmission name='t'><joint name='j1'/><actuator name='a'><mechanicalReduction>x"
+                    "</mechanicalReduction></actuator></transmission>"), "expected a number other than 0"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "message"), REFUSALS)
+def test_refusals(tmp_path, text, message):
+    with pytest.raises(DescriptionError, match=message) as refused:
+        read_urdf(written(tmp_path, text))
+    assert "\n" not in str(refused.value)
+    assert "arm.urdf" in str(refused.value)
+
+
+def test_a_tag_may_be_ignored_by_name(tmp_path):
+    path = written(tmp_path, robot("<loop_joint/>", *TREE[:2], joint("j1", "base", "upper")))
+    description = read_urdf(path, ignore=["loop_joint"])
+    assert description.notes is not None
+    assert "loop_joint (1)" in description.notes
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"mimic": "maybe"}, "mimic = 'maybe'"),
+        ({"smoothing": 0.0}, "expected a speed above 0"),
+        ({"smoothing": "x"}, "expected a speed above 0"),
+        ({"packages": ["/nowhere/at/all"]}, "no such folder"),
+        ({"drive": "/nowhere/at/all.toml"}, "cannot be read"),
+        ({"colour": 1}, "colour = … is no option"),
+    ],
+)
+def test_options(tmp_path, options, message):
+    with pytest.raises(DescriptionError, match=message):
+        aw.load(written(tmp_path, one_joint()), **options)
+    with pytest.raises(DescriptionError, match="is no option of reading it"):
+        aw.load("two-link", **options)
+
+
+def test_files_that_are_none(tmp_path):
+    with pytest.raises(DescriptionError, match=r"none\.urdf: no such file"):
+        aw.load(tmp_path / "none.urdf")
+    (tmp_path / "folder.urdf").mkdir()
+    with pytest.raises(DescriptionError, match="a folder, expected an XML file"):
+        aw.load(tmp_path / "folder.urdf")
+    with pytest.raises(DescriptionError, match=r"expected a URDF .* or an MJCF"):
+        aw.load(written(tmp_path, "<sdf/>", "a.xml"))
+    assert aw.load(written(tmp_path, one_joint(), "a.xml")).names == ["j1"]
+
+
+def test_an_impossible_inertia(tmp_path):
+    """Refused with the link and by how much; the caller may load it."""
+    path = written(tmp_path, one_joint(moved=INERTIAL.replace('ixx="0.01"', 'ixx="0.1"')))
+    with pytest.raises(DescriptionError, match=r"link 'upper' has an impossible inertia: .* of the largest below 0"):
+        aw.load(path)
+    assert any("impossible inertia" in told for told in aw.load(path, on_impossible="warn").warnings)
