@@ -12,8 +12,10 @@ from armwright_tables import table
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from armwright.description import drive, robot
+from armwright.description import built_from, drive, materials, parts, robot, solids, visual
+from armwright.description.modules import assembly, library
 from armwright.description.quantity import Quantity, Source
+from armwright.modular import task
 
 TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("The file itself", "", (robot.RobotDescription,)),
@@ -34,8 +36,35 @@ TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("[joints.limits]", "", (drive.RotaryLimits, drive.LinearLimits)),
     ("[[links]]", "", (robot.Link,)),
     ("inertia_kg_m2", "", (robot.Inertia,)),
+    ("[[links.visuals]]", "Solids are those of the [parts file](parts-file.md).", (visual.Visual,)),
     ("[[frames]]", "", (robot.NamedFrame,)),
+    ("[built_from]", "", (built_from.BuiltFrom,)),
     ("A number with its source", "", (Quantity,)),
+)
+PARTS_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
+    ("The file itself", "", (parts.PartsDatabase,)),
+    ("[materials.KEY]", "", (materials.Material,)),
+    ("[[links]]", "", (parts.PartsLink,)),
+    ("[[links.parts]]", "", (parts.Part,)),
+    ("[[links.parts.pendulums]]", "", (parts.Pendulum,)),
+    ("[[links.parts.sections]]", "", (parts.Section,)),
+    ("Patterns of copies", "", (parts.LinearPattern, parts.PolarPattern)),
+    ("Solids", "", tuple(solids.SHAPES.values())),
+)
+MODULE_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
+    ("A module library, `*.modules.toml`", "", (library.ModuleLibrary,)),
+    ("[[modules]] of a library", "", (library.Module,)),
+    ("[[modules.bodies]]", "", (library.ModuleBody,)),
+    (
+        "[[modules.joints]]",
+        "As `[[joints]]` of a robot file, with `frame` only, and with the child's own frame.",
+        (library.ModuleRevolute,),
+    ),
+    ("[[modules.connectors]]", "", (library.Connector,)),
+    ("An assembly, `*.assembly.toml`", "", (assembly.Assembly,)),
+    ("[[modules]] of an assembly", "", (assembly.Placed,)),
+    ("A task, `*.task.toml`", "", (task.Task,)),
+    ("[[poses]]", "", (task.Pose,)),
 )
 UNITS = {  # endings of keys, the longest first
     "_n_m_s_per_rad": "N m s/rad",
@@ -45,6 +74,8 @@ UNITS = {  # endings of keys, the longest first
     "_s_per_rad": "s/rad",
     "_n_s_per_m": "N s/m",
     "_s_per_m": "s/m",
+    "_rad_per_s2": "rad/s²",
+    "_m_per_s2": "m/s²",
     "_m_per_s": "m/s",
     "_kg_m2": "kg m²",
     "_m_s2": "m/s²",
@@ -57,6 +88,7 @@ UNITS = {  # endings of keys, the longest first
     "_v": "V",
     "_a": "A",
     "_h": "H",
+    "_s": "s",
 }
 INERTIA = ("xx", "xy", "xz", "yy", "yz", "zz")
 KEY = re.compile(r"\[([A-Z][A-Za-z]+\d{4})\]")
@@ -117,8 +149,22 @@ def _records(annotation: Any) -> list[type]:
 
 def robot_file() -> str:
     """A section for every table of a robot file."""
+    return _sections(TABLES)
+
+
+def parts_file() -> str:
+    """A section for every table of a parts file that a robot file does not have, and for every solid."""
+    return _sections(PARTS_TABLES)
+
+
+def module_files() -> str:
+    """A section for every table of a module library, an assembly and a task that a robot file does not have."""
+    return _sections(MODULE_TABLES)
+
+
+def _sections(tables: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...]) -> str:
     parts = []
-    for title, about, records in TABLES:
+    for title, about, records in tables:
         parts += [f"## {title}" if not title.startswith(("[", "dh", "frame", "inertia")) else f"## `{title}`", about]
         for record in records:
             parts += [_record(record)]
@@ -147,4 +193,4 @@ def _prose(record: type[BaseModel]) -> str:
     return "\n".join([head, "", "```text", *lines, "```"])
 
 
-GENERATORS = {"robot-file": robot_file}
+GENERATORS = {"robot-file": robot_file, "module-files": module_files, "parts-file": parts_file}

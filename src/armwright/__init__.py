@@ -14,11 +14,16 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from armwright.actuators import motor_current, motor_torque, motor_voltage
+    from armwright.control import Cascade, ComputedTorque, JointPID
     from armwright.description import RobotDescription, builtin_names
+    from armwright.description.modules import assemble, read_modules
+    from armwright.description.parts_output import write_parts
+    from armwright.description.writer import to_toml, write_toml
     from armwright.dynamics import (
         articulated_body,
         bias_torques,
         centre_of_mass,
+        composite_body,
         coriolis_matrix,
         energy,
         forward_arm,
@@ -41,19 +46,30 @@ if TYPE_CHECKING:
     from armwright.kinematics import forward_kinematics, jacobian, jacobian_dot_qd
     from armwright.model import Model
     from armwright.model.load import load
+    from armwright.modular import enumerate_assemblies, rank_assemblies, read_task
+    from armwright.scenarios import read_scenario, rerun
     from armwright.simulation.plot import plot
+    from armwright.simulation.protocols import Controller, Measurement, Reference
     from armwright.simulation.recording import load_run, save
     from armwright.simulation.scenario import Scenario
     from armwright.simulation.schedule import Schedule, read_schedule
+    from armwright.simulation.sensors import Sensors
+    from armwright.simulation.shaping import Shaping
     from armwright.simulation.simulator import simulate
+    from armwright.simulation.timing import Timing
+    from armwright.trajectory import Quintic, Ramp, Sine, Step
 
 __version__ = "0.1.0"
 
 _HOMES = {  # where each public name lives; imported when first used, so that `import armwright` costs nothing
     "armwright.actuators": ("motor_current", "motor_torque", "motor_voltage"),
+    "armwright.control": ("Cascade", "ComputedTorque", "JointPID"),
     "armwright.description": ("RobotDescription", "builtin_names"),
+    "armwright.description.modules": ("assemble", "read_modules"),
+    "armwright.description.parts_output": ("write_parts",),
+    "armwright.description.writer": ("to_toml", "write_toml"),
     "armwright.dynamics": (
-        *("articulated_body", "bias_torques", "centre_of_mass", "coriolis_matrix"),
+        *("articulated_body", "bias_torques", "centre_of_mass", "composite_body", "coriolis_matrix"),
         *("energy", "forward_arm", "forward_arm_linearised", "forward_dynamics"),
         *("forward_dynamics_derivatives", "gravity_torques", "inverse_dynamics", "inverse_dynamics_derivatives"),
         *("kinetic_energy", "mass_matrix", "operational_inertia", "potential_energy"),
@@ -64,29 +80,52 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.kinematics": ("forward_kinematics", "jacobian", "jacobian_dot_qd"),
     "armwright.model": ("Model",),
     "armwright.model.load": ("load",),
+    "armwright.modular": ("enumerate_assemblies", "rank_assemblies", "read_task"),
+    "armwright.scenarios": ("read_scenario", "rerun"),
     "armwright.simulation.plot": ("plot",),
+    "armwright.simulation.protocols": ("Controller", "Measurement", "Reference"),
     "armwright.simulation.recording": ("load_run", "save"),
     "armwright.simulation.scenario": ("Scenario",),
     "armwright.simulation.schedule": ("Schedule", "read_schedule"),
+    "armwright.simulation.sensors": ("Sensors",),
+    "armwright.simulation.shaping": ("Shaping",),
     "armwright.simulation.simulator": ("simulate",),
+    "armwright.simulation.timing": ("Timing",),
+    "armwright.trajectory": ("Quintic", "Ramp", "Sine", "Step"),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 _CALLED = {"compile": "compile_arm"}  # inside, nothing is called like Python's own
 
 __all__ = [
     "ArmwrightError",
+    "Cascade",
     "CompiledArm",
+    "ComputedTorque",
+    "Controller",
+    "JointPID",
+    "Measurement",
     "Model",
+    "Quintic",
+    "Ramp",
+    "Reference",
     "RobotDescription",
     "Scenario",
     "Schedule",
+    "Sensors",
+    "Shaping",
+    "Sine",
+    "Step",
+    "Timing",
     "articulated_body",
+    "assemble",
     "bias_torques",
     "builtin_names",
     "centre_of_mass",
     "compile",
+    "composite_body",
     "coriolis_matrix",
     "energy",
+    "enumerate_assemblies",
     "forward_arm",
     "forward_arm_linearised",
     "forward_dynamics",
@@ -107,11 +146,19 @@ __all__ = [
     "operational_inertia",
     "plot",
     "potential_energy",
+    "rank_assemblies",
+    "read_modules",
+    "read_scenario",
     "read_schedule",
+    "read_task",
     "regressor",
     "regressor_drive",
+    "rerun",
     "save",
     "simulate",
+    "to_toml",
+    "write_parts",
+    "write_toml",
 ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import tomllib
 from importlib import resources
@@ -14,6 +15,8 @@ from armwright.description.refusal import refusal
 from armwright.description.robot import RobotDescription
 from armwright.errors import DescriptionError, nearest
 
+XML_ENDINGS = (".urdf", ".xml", ".mjcf", ".xacro")
+
 
 def builtin_names() -> list[str]:
     """Names of the arms that come with Armwright.
@@ -22,14 +25,17 @@ def builtin_names() -> list[str]:
         names: what `load` takes, in alphabetical order.
     """
     folder = resources.files("armwright.robots")
-    return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
+    names = (entry.name for entry in folder.iterdir() if entry.name.endswith(".toml"))
+    return sorted(name.removesuffix(".toml") for name in names if name.count(".") == 1)  # cmu-dd.parts.toml is no arm
 
 
-def read_description(name_or_path: str | os.PathLike[str]) -> RobotDescription:
-    """The description of a built-in arm (by name) or of a TOML database (by path).
+def read_description(name_or_path: str | os.PathLike[str], **reading: Any) -> RobotDescription:
+    """The description of a built-in arm (by name), of a TOML database, a URDF or an MJCF (by path).
 
     A built-in name is that arm, whatever else in the working directory is called so; `./panda` is the file.
 
+    Args:
+        name_or_path: what to read.   reading: options of `read_urdf` or `read_mjcf`, where it is such a file.
     Raises:
         DescriptionError: no such robot, no such file, or a file that cannot be believed; one line that names file,
             place, value and what was expected.
@@ -39,18 +45,52 @@ def read_description(name_or_path: str | os.PathLike[str]) -> RobotDescription:
         raise DescriptionError(f"{name_or_path!r}: expected the name of a built-in arm, or the path of a TOML file")
     path, names = Path(text), builtin_names()
     if text in names and (isinstance(name_or_path, str) or not path.exists()):
+        _check_options(text, reading, ())
         with resources.as_file(resources.files("armwright.robots") / f"{text}.toml") as builtin:
             return read_toml(builtin)
+    if path.suffix.lower() in XML_ENDINGS:
+        return _read_xml_robot(path, reading)
     if text and (path.suffix == ".toml" or path.exists()):
+        _check_options(text, reading, ())
         return read_toml(path)
     raise DescriptionError(f"no robot {text!r}: not a built-in arm and not a file; {nearest(text, names)}")
 
 
+def _read_xml_robot(path: Path, reading: dict[str, Any]) -> RobotDescription:
+    """A URDF or an MJCF, by what its first element is."""
+    from armwright.description.xml_tree import read_xml
+
+    root = read_xml(path)
+    if root.tag == "mujoco":
+        from armwright.description.mjcf import read_mjcf as read
+    elif root.tag == "robot":
+        from armwright.description.urdf import read_urdf as read
+    else:
+        raise root.error(f"<{root.tag}>: expected a URDF (<robot>) or an MJCF (<mujoco>)")
+    _check_options(str(path), reading, tuple(inspect.signature(read).parameters)[1:])
+    return read(path, **reading)
+
+
+def _check_options(place: str, given: dict[str, Any], known: tuple[str, ...]) -> None:
+    for option in given:
+        if option not in known:
+            raise DescriptionError(f"{place}: {option} = … is no option of reading it; {nearest(option, known)}")
+
+
 def read_toml(path: Path) -> RobotDescription:
     """The description in a TOML database."""
+    return parse(read_document(path), str(path), folder=path.parent)
+
+
+def read_document(path: Path) -> dict[str, Any]:
+    """What a TOML file holds, unchecked.
+
+    Raises:
+        DescriptionError: no such file, or no TOML.
+    """
     try:
         with open(path, "rb") as file:
-            data = tomllib.load(file)
+            return tomllib.load(file)
     except FileNotFoundError:
         raise DescriptionError(f"{path}: no such file") from None
     except IsADirectoryError:
@@ -63,12 +103,15 @@ def read_toml(path: Path) -> RobotDescription:
         raise DescriptionError(f"{path}: not TOML: byte {error.start} is no UTF-8 text") from None
     except (ValueError, RecursionError) as error:  # a number of a million digits, a list in a list in a list …
         raise DescriptionError(f"{path}: not TOML that can be read: {error}") from None
-    return parse(data, str(path))
 
 
-def parse(data: dict[str, Any], place: str) -> RobotDescription:
-    """The description in a parsed TOML document; `place` is what errors call it."""
+def parse(data: dict[str, Any], place: str, folder: Path | None = None) -> RobotDescription:
+    """The description in a parsed TOML document.
+
+    Args:
+        data: the document.   place: what errors call it.   folder: where the paths of meshes start, and stay.
+    """
     try:
-        return RobotDescription.model_validate(data)
+        return RobotDescription.model_validate(data, context={"folder": folder})
     except pydantic.ValidationError as error:
         raise DescriptionError(f"{place}: {refusal(error, data, RobotDescription)}") from None

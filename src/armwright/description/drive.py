@@ -6,6 +6,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
+from armwright.description.motor_effects import Cogging, Coupling, Thermal
 from armwright.description.quantity import NotNegative, NotZero, Number, Positive, Range, Record, Share
 
 Command = Literal["voltage", "current", "torque"]
@@ -29,8 +30,22 @@ class Motor(Record):
     )
     resistance_ohm: Positive | None = Field(default=None, description="R of the armature.")
     inductance_h: Positive | None = Field(
-        default=None, description="L of the armature; recorded, and neglected in eq. (11)."
+        default=None,
+        description="L of the armature. In the simulator the current is then a state; eq. (11) neglects it.",
     )
+    current_loop_hz: Positive | None = Field(
+        default=None,
+        description="Bandwidth of the drive's current controller. Absent: it applies the voltage that gives the current "
+        "in the end. Goes with inductance_h and a command of current or torque.",
+    )
+    pwm: Literal["brake", "coast"] | None = Field(
+        default=None,
+        description='What the bridge does while it is off: "brake" shorts the motor, "coast" opens it, and the back-EMF '
+        "acts only while on. Absent: brake.",
+    )
+    thermal: Thermal | None = Field(default=None, description="Absent: the motor stays as it was measured.")
+    cogging: Cogging | None = Field(default=None, description="Absent: none.")
+    coupling: tuple[Coupling, ...] = Field(default=(), description="Other joints that turn this motor.")
     basis: Basis = Field("dc", description="How the electrical constants of a brushless motor were measured.")
 
     @model_validator(mode="after")
@@ -39,6 +54,16 @@ class Motor(Record):
         given = [key for key in electrical if getattr(self, key) is not None]
         if given and self.torque_constant_n_m_per_a is None:
             raise ValueError(f"a motor with {given[0]} needs torque_constant_n_m_per_a")
+        if self.thermal is not None and self.resistance_ohm is None:
+            raise ValueError("thermal needs resistance_ohm, whose heat warms the winding")
+        if self.inductance_h is not None and self.resistance_ohm is None:
+            raise ValueError("inductance_h needs resistance_ohm beside it")
+        if self.current_loop_hz is not None and self.inductance_h is None:
+            raise ValueError("current_loop_hz needs inductance_h: without, the current follows at once")
+        if self.pwm == "coast" and self.inductance_h is not None:
+            raise ValueError(
+                'pwm = "coast" goes without inductance_h: its law is of a current that dies away in every period'
+            )
         return self
 
 
@@ -49,6 +74,10 @@ class RotaryFriction(Record):
     `law = "coulomb"`:  f = offset + viscous q̇ + s · [ coulomb + (stribeck_torque - coulomb) exp(-(q̇/stribeck_speed)²) ],
     coulomb_positive where q̇ > 0, coulomb_negative where q̇ < 0 (both magnitudes).
     `law = "sigmoid"`:  f = a / (1 + exp(-b (q̇ + c))) - a / (1 + exp(-b c)) + viscous q̇ + offset. [Gaz2019]
+    `law = "lugre"`: in the simulator  f = offset + viscous q̇ + bristle_stiffness z + bristle_damping ż,
+    ż = q̇ - bristle_stiffness |q̇| / g z,  g the bracket of the Coulomb law; that law itself in the kernels. [CanudasEtAl1995]
+    Load and temperature count in the simulator only: Coulomb's levels rise by load_share · |torque through the gear|,
+    viscous falls by exp(-(T - T_reference) / viscous_fall_k), T of the motor's housing, or winding. [BittencourtGunnarsson2012]
     """
 
     source: str | None = None
@@ -56,7 +85,7 @@ class RotaryFriction(Record):
         default="joint",
         description="Whose friction it is: the joint's, or the motor's in motor radians, which is referred by n² and |n|.",
     )
-    law: Literal["coulomb", "sigmoid"] = Field(default="coulomb", description="The equation above that holds.")
+    law: Literal["coulomb", "sigmoid", "lugre"] = Field(default="coulomb", description="The equation above that holds.")
     viscous_n_m_s_per_rad: NotNegative | None = Field(default=None, description="Slope of the friction over the speed.")
     coulomb_positive_n_m: NotNegative | None = Field(
         default=None, description="Magnitude of the dry friction where q̇ > 0."
@@ -80,6 +109,15 @@ class RotaryFriction(Record):
     sigmoid_amplitude_n_m: NotNegative | None = Field(default=None, description="a of the sigmoid law.")
     sigmoid_slope_s_per_rad: Positive | None = Field(default=None, description="b of the sigmoid law.")
     sigmoid_shift_rad_per_s: Number | None = Field(default=None, description="c of the sigmoid law.")
+    bristle_stiffness_n_m_per_rad: Positive | None = Field(default=None, description="σ0 of LuGre.")
+    bristle_damping_n_m_s_per_rad: NotNegative | None = Field(default=None, description="σ1 of LuGre.")
+    load_share: NotNegative | None = Field(
+        default=None, description="What the dry friction gains of the torque through the gear; absent: nothing."
+    )
+    viscous_fall_k: Positive | None = Field(
+        default=None,
+        description="Warming over which viscous falls to 1/e, from the motor's thermal.reference_c on; absent: constant.",
+    )
 
     @model_validator(mode="after")
     def _complete(self) -> RotaryFriction:
@@ -94,7 +132,7 @@ class LinearFriction(Record):
     side: Literal["joint"] = Field(
         default="joint", description="A slide's own friction; its motor's is told in N m with side = 'motor'."
     )
-    law: Literal["coulomb", "sigmoid"] = Field(default="coulomb", description="The equation above that holds.")
+    law: Literal["coulomb", "sigmoid", "lugre"] = Field(default="coulomb", description="The equation above that holds.")
     viscous_n_s_per_m: NotNegative | None = Field(default=None, description="Slope of the friction over the speed.")
     coulomb_positive_n: NotNegative | None = Field(
         default=None, description="Magnitude of the dry friction where q̇ > 0."
@@ -116,6 +154,15 @@ class LinearFriction(Record):
     sigmoid_amplitude_n: NotNegative | None = Field(default=None, description="a of the sigmoid law.")
     sigmoid_slope_s_per_m: Positive | None = Field(default=None, description="b of the sigmoid law.")
     sigmoid_shift_m_per_s: Number | None = Field(default=None, description="c of the sigmoid law.")
+    bristle_stiffness_n_per_m: Positive | None = Field(default=None, description="σ0 of LuGre.")
+    bristle_damping_n_s_per_m: NotNegative | None = Field(default=None, description="σ1 of LuGre.")
+    load_share: NotNegative | None = Field(
+        default=None, description="What the dry friction gains of the torque through the gear; absent: nothing."
+    )
+    viscous_fall_k: Positive | None = Field(
+        default=None,
+        description="Warming over which viscous falls to 1/e, from the motor's thermal.reference_c on; absent: constant.",
+    )
 
     @model_validator(mode="after")
     def _complete(self) -> LinearFriction:
@@ -128,6 +175,8 @@ def _check_friction(friction: RotaryFriction | LinearFriction, force: str, lengt
     coulomb = [f"coulomb_positive_{force}", f"coulomb_negative_{force}"]
     stribeck = [level, f"stribeck_speed_{length}_per_s"]
     sigmoid = [f"sigmoid_amplitude_{force}", f"sigmoid_slope_s_per_{length}", f"sigmoid_shift_{length}_per_s"]
+    per = "n_m_per_rad" if force == "n_m" else "n_per_m"
+    bristle = [f"bristle_stiffness_{per}", f"bristle_damping_{per.replace('_per', '_s_per')}"]
     given = {key for key in type(friction).model_fields if getattr(friction, key) is not None}
 
     def together(keys: list[str]) -> None:
@@ -138,6 +187,19 @@ def _check_friction(friction: RotaryFriction | LinearFriction, force: str, lengt
     together(coulomb)
     together(stribeck)
     smoothing = f"smoothing_{length}_per_s"
+    if friction.law == "lugre":
+        missing = [key for key in (*bristle, *coulomb) if key not in given]
+        if missing:
+            raise ValueError(f'law = "lugre" needs {" and ".join(missing)}')
+        flat = [key for key in coulomb if getattr(friction, key).value == 0]
+        if flat:
+            raise ValueError(f'{flat[0]}: law = "lugre" expects a level above 0, at which the bristles slip')
+    elif bristle[0] in given or bristle[1] in given:
+        raise ValueError(f'{next(key for key in bristle if key in given)} needs law = "lugre"')
+    if "load_share" in given and coulomb[0] not in given:
+        raise ValueError(f"load_share needs {coulomb[0]} and {coulomb[1]} beside it, which rise with the load")
+    if "viscous_fall_k" in given and not any(key.startswith("viscous_n") for key in given):
+        raise ValueError("viscous_fall_k needs viscous friction, which falls")
     if friction.law == "sigmoid":
         missing = [key for key in sigmoid if key not in given]
         if missing:
@@ -161,6 +223,7 @@ class RotaryLimits(Record):
     source: str | None = None
     position_rad: Range | None = Field(default=None, description="[lowest, highest].")
     velocity_rad_per_s: Positive | None = Field(default=None, description="Either way.")
+    acceleration_rad_per_s2: Positive | None = Field(default=None, description="Either way, of planned motions.")
     torque_n_m: Positive | None = Field(default=None, description="Of the motor referred to the joint, either way.")
     voltage_v: Positive | None = Field(default=None, description="Of the drive, either way.")
     current_a: Positive | None = Field(default=None, description="Of the drive, either way.")
@@ -176,6 +239,7 @@ class LinearLimits(Record):
     source: str | None = None
     position_m: Range | None = Field(default=None, description="[lowest, highest].")
     velocity_m_per_s: Positive | None = Field(default=None, description="Either way.")
+    acceleration_m_per_s2: Positive | None = Field(default=None, description="Either way, of planned motions.")
     force_n: Positive | None = Field(default=None, description="Of the motor referred to the joint, either way.")
     voltage_v: Positive | None = Field(default=None, description="Of the drive, either way.")
     current_a: Positive | None = Field(default=None, description="Of the drive, either way.")

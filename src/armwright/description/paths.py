@@ -22,7 +22,7 @@ def quantities(record: Record, *, pictures: bool = True) -> Iterator[tuple[str, 
             yield path, value, value.source or source
         else:
             own = getattr(value, "source", None) or source if isinstance(value, Record) else source
-            for name, child in _below(value, path):
+            for name, child in below(value, path):
                 if pictures or not name.endswith(".visuals"):
                     yield from walk(child, name, own)
 
@@ -33,12 +33,12 @@ def with_values(record: Any, values: Mapping[str, Any], path: str = "") -> Any:
     """A record with other values at some paths, numbers or symbols, unchecked."""
     if isinstance(record, Quantity):
         return Quantity.model_construct(**{**dict(record), "value": values[path]}) if path in values else record
-    below = [(child, with_values(child, values, name)) for name, child in _below(record, path)]
-    if all(new is old for old, new in below):
+    pairs = [(child, with_values(child, values, name)) for name, child in below(record, path)]
+    if all(new is old for old, new in pairs):
         return record
     if isinstance(record, tuple):
-        return tuple(new for _, new in below)
-    fields = zip(type(record).model_fields, below, strict=True)
+        return tuple(new for _, new in pairs)
+    fields = zip(type(record).model_fields, pairs, strict=True)
     return record.model_copy(update={name: new for name, (old, new) in fields if new is not old})
 
 
@@ -53,7 +53,7 @@ def reading_at(record: Record, path: str) -> Reading:
 
 def _fields(value: Any, wanted: str, path: str) -> Iterator[tuple[Record, str]]:
     """The record that holds the quantity at a path, and the name of its field there."""
-    for name, child in _below(value, path):
+    for name, child in below(value, path):
         if isinstance(child, Quantity):
             if name == wanted:
                 yield value, name.rsplit(".", 1)[-1]
@@ -61,7 +61,7 @@ def _fields(value: Any, wanted: str, path: str) -> Iterator[tuple[Record, str]]:
             yield from _fields(child, wanted, name)
 
 
-def _below(value: Any, path: str) -> Iterator[tuple[str, Any]]:
+def below(value: Any, path: str) -> Iterator[tuple[str, Any]]:
     """What stands directly below a record or a list, by path. Links, joints and frames go by their own names."""
     if isinstance(value, Record):
         for name in type(value).model_fields:

@@ -16,7 +16,14 @@ from armwright.description.refusal import refusal
 from armwright.errors import DescriptionError
 
 SourceKind = Literal[
-    *("drawing", "cad", "datasheet", "measurement", "fit", "estimate", "publication", "definition"),
+    "drawing",
+    "cad",
+    "datasheet",
+    "measurement",
+    "fit",
+    "estimate",
+    "publication",
+    "definition",
     "import",  # another program's file, which does not say where it has its numbers from
 ]
 

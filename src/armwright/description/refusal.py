@@ -9,7 +9,18 @@ import pydantic
 from armwright.errors import nearest
 
 Location = tuple[int | str, ...]
-LISTS = ("joints", "links", "frames")  # whose tables are called by their names, not by their numbers
+LISTS = {  # whose tables are called by their names, not by their numbers
+    "joints": "joint",
+    "links": "link",
+    "frames": "frame",
+    "modules": "module",
+    "bodies": "body",
+    "connectors": "connector",
+    "poses": "pose",
+    "parts": "part",
+    "sections": "section",
+}
+TAGS = ("type", "shape")  # the keys that tell kinds of a table apart
 LONGEST = 60  # characters of a value that an error repeats
 
 
@@ -33,16 +44,14 @@ def refusal(error: pydantic.ValidationError, data: dict[str, Any], record: type[
 def _sentence(error: Any, data: dict[str, Any], record: type[pydantic.BaseModel]) -> str:
     kind, location = error["type"], error["loc"]
     if kind == "extra_forbidden":
-        return f"unknown key; {nearest(str(location[-1]), _fields_at(location, data, record))}"
+        return f"unknown key; {nearest(str(location[-1]), _fields_at(location, record))}"
     if kind == "missing":
         name = str(location[-1])
-        return f"missing; expected {_expected(name, _fields_at(location, data, record).get(name))}"
+        return f"missing; expected {_expected(name, _fields_at(location, record).get(name))}"
     if kind == "value_error":
         return error["msg"].removeprefix("Value error, ")
-    if kind == "union_tag_not_found":
-        return "type is missing; expected revolute, prismatic or fixed"
-    if kind == "union_tag_invalid":
-        return f"type = {_shown(error['input'].get('type')) or 'a table'}; expected revolute, prismatic or fixed"
+    if kind in ("union_tag_not_found", "union_tag_invalid"):
+        return _wrong_tag(error, record)
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         return "expected a table"
     if kind == "tuple_type":
@@ -55,6 +64,16 @@ def _sentence(error: Any, data: dict[str, Any], record: type[pydantic.BaseModel]
         return "expected a finite number"
     message = error["msg"].removeprefix("Input should be ")
     return f"expected {message[0].lower()}{message[1:]}"
+
+
+def _wrong_tag(error: Any, record: type[pydantic.BaseModel]) -> str:
+    """Which kinds of a table there are: joints by `type`, solids by `shape`."""
+    key = error["ctx"]["discriminator"].strip("'")
+    kinds = [tag for tag in map(_tag, _records_at((*error["loc"], key), record)) if tag]
+    expected = f"expected {', '.join(kinds[:-1])} or {kinds[-1]}"
+    if error["type"] == "union_tag_not_found":
+        return f"{key} is missing; {expected}"
+    return f"{key} = {_shown(error['input'].get(key)) or 'a table'}; {expected}"
 
 
 def _shown(value: Any) -> str:
@@ -84,8 +103,8 @@ def _place(location: Location, data: Any, *, is_missing: bool) -> str:
             at = at[key]
             name = at.get("name") if isinstance(at, dict) else getattr(at, "name", None)
             if collection in LISTS and len(words) == 1:
-                singular = collection.removesuffix("s")
-                head, words = (f"{singular} {name!r}" if isinstance(name, str) and name else f"{collection}[{key}]"), []
+                called = f"{LISTS[collection]} {name!r}" if isinstance(name, str) and name else f"{collection}[{key}]"
+                head, words = f"{head} {called}".strip(), []
             elif words:
                 words[-1] += f"[{key}]"
         elif isinstance(key, str) and isinstance(at, dict) and (key in at or (is_missing and k == len(location) - 1)):
@@ -94,8 +113,15 @@ def _place(location: Location, data: Any, *, is_missing: bool) -> str:
     return " ".join(part for part in (head, ".".join(words)) if part)
 
 
-def _fields_at(location: Location, data: Any, record: type[pydantic.BaseModel]) -> dict[str, Any]:
-    """The fields that the table at the end of a location may have, found by walking the record types."""
+def _fields_at(location: Location, record: type[pydantic.BaseModel]) -> dict[str, Any]:
+    """The fields that the table at the end of a location may have."""
+    return {
+        name: field for option in reversed(_records_at(location, record)) for name, field in option.model_fields.items()
+    }
+
+
+def _records_at(location: Location, record: type[pydantic.BaseModel]) -> list[Any]:
+    """What the table at the end of a location may be, found by walking the record types."""
     options: list[Any] = [record]
     for key in location[:-1]:
         if isinstance(key, int):
@@ -105,7 +131,7 @@ def _fields_at(location: Location, data: Any, record: type[pydantic.BaseModel]) 
             options = _records_in(fields[0])
         else:  # not a field: the branch of a union, by its tag or by its name
             options = [option for option in options if key in (_tag(option), option.__name__)] or options
-    return {name: field for option in reversed(options) for name, field in option.model_fields.items()}
+    return options
 
 
 def _expected(name: str, field: Any) -> str:
@@ -122,8 +148,12 @@ def _expected(name: str, field: Any) -> str:
 
 
 def _tag(record: Any) -> str | None:
-    field = record.model_fields.get("type")
-    return field.annotation.__args__[0] if field is not None and hasattr(field.annotation, "__args__") else None
+    """What a record's `type` or `shape` says in a file."""
+    for key in TAGS:
+        field = record.model_fields.get(key)
+        if field is not None and hasattr(field.annotation, "__args__"):
+            return field.annotation.__args__[0]
+    return None
 
 
 def _records_in(annotation: Any) -> list[Any]:

@@ -7,17 +7,30 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from armwright.description.built_from import BuiltFrom
+from armwright.description.compliance import (
+    LinearBrake,
+    LinearElasticity,
+    LinearStops,
+    RotaryBrake,
+    RotaryElasticity,
+    RotaryStops,
+)
 from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
+from armwright.description.drive_effects import check_drive_effects
+from armwright.description.paths import quantities
 from armwright.description.quantity import (
     Direction,
     NotNegative,
     Number,
+    Positive,
     Record,
     Source,
     SourceKind,
     Vector3,
-    quantities,
 )
+from armwright.description.supply import Supply
+from armwright.description.visual import Visual
 from armwright.errors import DescriptionError, nearest
 
 Name = Annotated[str, Field(min_length=1, pattern=r"^[^\s.\[\]]+$")]
@@ -108,9 +121,15 @@ class RevoluteJoint(_Joint):
         default=None, description="Direction of the joint in its frame; goes with frame only."
     )
     command: Command | None = Field(default=None, description="What its drive is told; absent: the robot's.")
+    bus_period_s: Positive | None = Field(default=None, description="Time between two commands on the drive's bus.")
     motor: Motor | None = Field(default=None, description="Motor and gear.")
     friction: RotaryFriction | None = Field(default=None, description="Absent: none.")
     limits: RotaryLimits = Field(default=RotaryLimits(), description="Absent: none known.")
+    elasticity: RotaryElasticity | None = Field(default=None, description="Of the gear; absent: it is rigid.")
+    stops: RotaryStops | None = Field(
+        default=None, description="End stops; absent: nothing stops the joint at its limits."
+    )
+    brake: RotaryBrake | None = Field(default=None, description="A holding brake; absent: none.")
 
 
 class PrismaticJoint(_Joint):
@@ -123,9 +142,15 @@ class PrismaticJoint(_Joint):
         default=None, description="Direction of the joint in its frame; goes with frame only."
     )
     command: Command | None = Field(default=None, description="What its drive is told; absent: the robot's.")
+    bus_period_s: Positive | None = Field(default=None, description="Time between two commands on the drive's bus.")
     motor: Motor | None = Field(default=None, description="Motor and gear.")
     friction: SlideFriction | None = Field(default=None, description="Absent: none.")
     limits: LinearLimits = Field(default=LinearLimits(), description="Absent: none known.")
+    elasticity: LinearElasticity | None = Field(default=None, description="Of the gear; absent: it is rigid.")
+    stops: LinearStops | None = Field(
+        default=None, description="End stops; absent: nothing stops the joint at its limits."
+    )
+    brake: LinearBrake | RotaryBrake | None = Field(default=None, description="A holding brake; absent: none.")
 
     @model_validator(mode="after")
     def _friction_side(self) -> PrismaticJoint:
@@ -161,7 +186,7 @@ class Inertia(Record):
 
     def matrix(self) -> np.ndarray:
         """(3, 3) [kg m²]."""
-        xx, xy, xz, yy, yz, zz = (float(v) for v in (self.xx, self.xy, self.xz, self.yy, self.yz, self.zz))
+        xx, xy, xz, yy, yz, zz = (v.number for v in (self.xx, self.xy, self.xz, self.yy, self.yz, self.zz))
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
@@ -176,6 +201,7 @@ class Link(Record):
     accept_impossible: str | None = Field(
         default=None, min_length=1, description="Why an impossible inertia is accepted."
     )
+    visuals: tuple[Visual, ...] = Field(default=(), description="What it looks like; the dynamics do not read it.")
 
 
 class NamedFrame(Record):
@@ -199,9 +225,16 @@ class RobotDescription(Record):
     gravity_m_s2: Vector3 | None = Field(default=None, description="In base axes; absent: standard gravity along -z.")
     base: Name = Field(default="base", description="What the joints' parents call the base.")
     command: Command | None = Field(default=None, description="What drives the joints that do not say it themselves.")
+    supply: Supply | None = Field(
+        default=None, description="What feeds all drives of the simulator; absent: one that never sags."
+    )
     tip: Name | None = Field(
         default=None,
         description="The frame or link that kinematics and wrench are about; absent: the last link of a chain.",
+    )
+    built_from: BuiltFrom | None = Field(default=None, description="Where the links were computed from.")
+    remarks: tuple[str, ...] = Field(
+        default=(), description="What was left out or doubtful where it was read from another format; told on load."
     )
     joints: tuple[Joint, ...] = Field(description="One table a joint, in the order of q.")
     links: tuple[Link, ...] = Field(description="One table a link.")
@@ -212,7 +245,8 @@ class RobotDescription(Record):
         _check_names(self)
         _check_tree(self)
         _check_commands(self)
-        _check_sources(self)
+        check_drive_effects(self)
+        check_sources(self)
         return self
 
     def link(self, name: str) -> Link:
@@ -322,7 +356,12 @@ def _check_commands(robot: RobotDescription) -> None:
                 )
 
 
-def _check_sources(robot: RobotDescription) -> None:
+def check_sources(robot: Any) -> None:
+    """Refuses numbers of a file that have no source; `robot` is a record with its [sources].
+
+    Raises:
+        ValueError: names the number.
+    """
     for path, _, source in quantities(robot):
         if source is None:
             raise ValueError(

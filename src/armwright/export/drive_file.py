@@ -6,9 +6,12 @@ from typing import Any
 
 import tomlkit
 
+from armwright.description.drive_file import JointDrive
 from armwright.description.quantity import Quantity, Record
 from armwright.description.robot import FixedJoint, RobotDescription
 from armwright.export.joint_frames import joint_frames, moved_tip, tip_of
+
+CARRIED = [name for name in JointDrive.model_fields if name != "source"]
 
 
 def drive_file(robot: RobotDescription) -> str:
@@ -18,13 +21,12 @@ def drive_file(robot: RobotDescription) -> str:
         if isinstance(joint, FixedJoint):
             continue
         source = joint.source or robot.source
-        table: dict[str, Any] = {"command": joint.command} if joint.command is not None else {}
-        if joint.bus_period_s is not None:
-            table["bus_period_s"] = _plain(joint.bus_period_s, source)
-        for name in ("motor", "friction", "limits"):
-            record = getattr(joint, name)
-            if record is not None and record.model_fields_set:
-                table[name] = _plain(record, source)
+        given = {name: getattr(joint, name) for name in CARRIED}
+        table = {
+            name: _plain(value, source)
+            for name, value in given.items()
+            if value is not None and not (isinstance(value, Record) and not value.model_fields_set)
+        }
         joints[joint.name] = table
     tip = moved_tip(robot, joint_frames(robot)) or tip_of(robot)
     document = {
@@ -32,6 +34,7 @@ def drive_file(robot: RobotDescription) -> str:
         **({} if robot.command is None else {"command": robot.command}),
         **({} if robot.gravity_m_s2 is None else {"gravity_m_s2": _plain(robot.gravity_m_s2, None)}),
         **({} if tip is None else {"tip": tip}),
+        **({} if robot.supply is None else {"supply": _plain(robot.supply, robot.source)}),
         "sources": {key: source.model_dump(exclude_none=True) for key, source in robot.sources.items()},
         "joints": joints,
     }
@@ -50,4 +53,6 @@ def _plain(value: Any, source: str | None) -> Any:
         given = {key: getattr(value, key) for key in type(value).model_fields if key in value.model_fields_set}
         table = {key: _plain(inner, None) for key, inner in given.items() if inner is not None}
         return table if "source" in table or source is None else {"source": source, **table}
-    return value
+    if isinstance(value, dict):
+        return {key: _plain(inner, None) for key, inner in value.items()}
+    return [_plain(inner, None) for inner in value] if isinstance(value, (tuple, list)) else value

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable
 
-from armwright.description.drive import LinearFriction, RotaryFriction
+from armwright.description.drive import LinearFriction, LinearLimits, RotaryFriction, RotaryLimits
+from armwright.description.drive_file import PARTS
 from armwright.description.paths import quantities
+from armwright.description.quantity import Quantity
 from armwright.description.robot import FixedJoint, RobotDescription
 
 
@@ -25,6 +27,9 @@ class Losses:
         return [told(what, names, word) for (what, word), names in self.found.items()]
 
 
+EFFECTS = ("current_loop_hz", "pwm", "thermal", "cogging", "coupling")
+
+
 def of_all_formats(robot: RobotDescription) -> list[str]:
     """What neither URDF nor MJCF has a place for."""
     moving = [joint for joint in robot.joints if not isinstance(joint, FixedJoint)]
@@ -33,14 +38,21 @@ def of_all_formats(robot: RobotDescription) -> list[str]:
     lossy = [name for name, motor in motors if motor.gear_efficiency is not None]
     driven = [joint.name for joint in moving if (joint.command or robot.command) != "torque"]
     supply = [j.name for j in moving if j.limits.voltage_v is not None or j.limits.current_a is not None]
+    planned = [j.name for j in moving if _acceleration(j.limits) is not None]
     numbers = list(quantities(robot))
     spread = sum(quantity.std is not None for _, quantity, _ in numbers)
     dh = [joint.name for joint in robot.joints if joint.dh is not None or joint.modified_dh is not None]
     accepted = [link.name for link in robot.links if link.accept_impossible is not None]
+    parts = {part: [joint.name for joint in moving if getattr(joint, part) is not None] for part in PARTS}
+    within = {key: [name for name, motor in motors if getattr(motor, key) not in (None, ())] for key in EFFECTS}
     sentences = [
         told("electrical constants", electric),
         told("gear efficiency", lossy),
         told("voltage and current limits", supply),
+        told("acceleration limits", planned),
+        *(told(part, names) for part, names in parts.items()),
+        *(told(f"{key} of the motor", names) for key, names in within.items()),
+        "supply" if robot.supply is not None else "",
         told("commands other than torque", driven),
         told("Denavit-Hartenberg rows (frames are written instead)", dh),
         told("the reasons why impossible inertias are accepted", accepted, "link"),
@@ -49,6 +61,10 @@ def of_all_formats(robot: RobotDescription) -> list[str]:
         "title and notes" if robot.title or robot.notes else "",
     ]
     return [sentence for sentence in sentences if sentence]
+
+
+def _acceleration(limits: RotaryLimits | LinearLimits) -> Quantity | None:
+    return limits.acceleration_rad_per_s2 if isinstance(limits, RotaryLimits) else limits.acceleration_m_per_s2
 
 
 def of_friction(robot: RobotDescription) -> list[str]:
@@ -92,6 +108,9 @@ def _beyond_coulomb(friction: RotaryFriction | LinearFriction) -> list[str]:
             lost.append("dry friction that differs by direction (the mean is written)")
     if offset is not None and float(offset):
         lost.append("friction offset")
+    lost += [
+        f"{key} of the friction" for key in ("load_share", "viscous_fall_k") if getattr(friction, key, None) is not None
+    ]
     if level is not None:
         lost.append("Stribeck friction")
     return lost
@@ -99,5 +118,5 @@ def _beyond_coulomb(friction: RotaryFriction | LinearFriction) -> list[str]:
 
 def told(what: str, names: Iterable[str], word: str = "joint") -> str:
     """One loss and whose it is; nothing where it is nobody's."""
-    names = list(names)
+    names = list(dict.fromkeys(names))
     return f"{what}: {word}{'s' if len(names) > 1 else ''} {', '.join(names)}" if names else ""

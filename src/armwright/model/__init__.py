@@ -2,6 +2,37 @@
 
 from armwright.model.arguments import check_arm, one_state
 from armwright.model.build import build_model
-from armwright.model.model import BASE, Body, Drive, Frame, Friction, Limits, Model
+from armwright.model.model import (
+    BASE,
+    Body,
+    Brake,
+    Cogging,
+    Drive,
+    Elasticity,
+    Frame,
+    Friction,
+    Limits,
+    Model,
+    Stops,
+    Supply,
+    Thermal,
+)
 
-__all__ = ["BASE", "Body", "Drive", "Frame", "Friction", "Limits", "Model", "build_model", "check_arm", "one_state"]
+__all__ = [
+    "BASE",
+    "Body",
+    "Brake",
+    "Cogging",
+    "Drive",
+    "Elasticity",
+    "Frame",
+    "Friction",
+    "Limits",
+    "Model",
+    "Stops",
+    "Supply",
+    "Thermal",
+    "build_model",
+    "check_arm",
+    "one_state",
+]

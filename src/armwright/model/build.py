@@ -39,11 +39,11 @@ def build_model(robot: RobotDescription, *, on_impossible: str = "error") -> Mod
         raise DescriptionError(f'on_impossible = {on_impossible!r}: expected "error" or "warn"')
     warnings = [*robot.remarks, *check_bodies(robot, on_impossible), *check_drives(robot)]
     model = assembled(robot)
-    warnings += [*doubts(robot, _places_of_joints(robot, model)), *massless(model)]
+    warnings += [*doubts(robot, places_of_joints(robot, model)), *massless(model)]
     return replace(model, warnings=tuple(warnings))
 
 
-def _places_of_joints(robot: RobotDescription, model: Model) -> dict[str, list[Any]]:
+def places_of_joints(robot: RobotDescription, model: Model) -> dict[str, list[Any]]:
     """For every link that moves, the joints it hangs on and bears: (3,) [m] in the link's frame."""
     places: dict[str, list[Any]] = {link.name: [] for link in robot.links if model.frames[link.name].body != BASE}
     for joint in robot.joints:

@@ -60,7 +60,7 @@ def doubts(robot: RobotDescription, places: dict[str, list[np.ndarray]]) -> list
 def massless(model: Model) -> list[str]:
     """Joints behind which nothing has mass or inertia: their acceleration has no answer."""
     carried = [
-        float(body.mass) + float(np.trace(body.inertia)) + abs(float(body.drive.armature)) for body in model.bodies
+        float(body.mass) + float(np.trace(body.inertia)) + abs(float(body.drive.reflected)) for body in model.bodies
     ]
     for i, body in model.inward():
         if body.parent != BASE:

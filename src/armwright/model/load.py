@@ -31,10 +31,10 @@ def load(name_or_path: str | os.PathLike[str], *, on_impossible: str = "error", 
         model = build_model(description, on_impossible=on_impossible)
     except DescriptionError as error:  # it knows the robot, not the file
         raise DescriptionError(f"{os.fspath(name_or_path)}: {error}") from None
-    return replace(model, warnings=(*model.warnings, *_outdated(description, Path(name_or_path))))
+    return replace(model, warnings=(*model.warnings, *outdated(description, Path(name_or_path))))
 
 
-def _outdated(description: RobotDescription, path: Path) -> list[str]:
+def outdated(description: RobotDescription, path: Path) -> list[str]:
     """A warning, where the parts or modules beside a file are not those that it was built from."""
     if description.built_from is None or not path.is_file():
         return []

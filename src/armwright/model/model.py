@@ -318,44 +318,56 @@ class Model(Frozen):
         Raises:
             ModelError: an unknown change, or a value that is none.
         """
-        changed = self
-        for what, value in changes.items():
-            changed = _replaced(changed, what, value)
-        if "gravity" in changes:
-            changes["gravity"] = changed.gravity  # a copy of its own
-        return dataclasses.replace(changed, changes={**self.changes, **changes})
+        from armwright.model.changes import changed
 
+        return changed(self, changes)
 
-def _gravity(value: Any) -> Array:
-    try:
-        gravity = scalar.array(value)
-    except (TypeError, ValueError):  # rows of unequal length, or no numbers
-        gravity = scalar.array([])
-    if gravity.shape != (3,) or not (scalar.is_symbolic(gravity) or np.isfinite(gravity).all()):
-        raise ModelError(f"replace(gravity={value!r}): expected three finite numbers [m/s²] in base axes")
-    return gravity
+    def with_payload(self, mass: Any, com: Any, inertia: Any, frame: str | None = None, **told: Any) -> Model:
+        """The arm with a body in its hand: a link "payload" fixed to a frame. What `replace` changed stays changed.
 
+        Args:
+            mass: () [kg].   com: (3,) [m] centre of mass, in the frame.
+            inertia: (3, 3) [kg m²] about the centre of mass, in the frame's axes, or three principal moments.
+            frame: name of a frame; by default the tip.   told: name of the link, source of its numbers.
+        Raises:
+            DescriptionError: a body that cannot be, a name that is taken, no such frame.   ModelError: no description.
+        """
+        from armwright.model.variants import with_payload
 
-def _replaced(model: Model, what: str, value: Any) -> Model:
-    def bodies(change: Any) -> Model:
-        return dataclasses.replace(model, bodies=tuple(change(body) for body in model.bodies))
+        return self._variant(with_payload, mass, com, inertia, self.tip if frame is None else frame, **told)
 
-    def drives(**parts: Any) -> Model:
-        return bodies(lambda body: dataclasses.replace(body, drive=dataclasses.replace(body.drive, **parts)))
+    def with_locked(self, positions: Mapping[str, Any]) -> Model:
+        """The arm with joints held, `{"joint3": 0.4}` [rad | m]: q has the others only, the dynamics are the same.
 
-    if what in ("friction", "rotors", "efficiency"):
-        if value is not None:
-            raise ModelError(f"replace({what}={value!r}): only None, which takes it away, is offered")
-        if what == "friction":
-            return bodies(lambda body: dataclasses.replace(body, friction=None))
-        return drives(rotor_inertia=0.0) if what == "rotors" else drives(efficiency=None)
-    if what == "gravity":
-        return dataclasses.replace(model, gravity=_gravity(value))
-    if what == "tip":
-        model.frame(value)
-        return dataclasses.replace(model, tip=value)
-    if what == "name":
-        return dataclasses.replace(model, name=str(value))
-    raise ModelError(
-        f"replace({what}=...): {nearest(what, ['friction', 'rotors', 'efficiency', 'gravity', 'tip', 'name'])}"
-    )
+        Raises:
+            DescriptionError: no such joint, a position that is none, or no joint left.   ModelError: no description.
+        """
+        from armwright.model.variants import with_locked
+
+        return self._variant(with_locked, positions)
+
+    def with_values(self, values: Mapping[str, Any], source: str = "definition") -> Model:
+        """The arm with other numbers in its record, `{"link6.mass_kg": 2.0, "link6.com_m[2]": 0.1}`, checked like a file's.
+
+        Raises:
+            DescriptionError: no such number, or a value that cannot stand there.   ModelError: no description.
+        """
+        from armwright.model.variants import with_values
+
+        return self._variant(with_values, values, source)
+
+    def subchain(self, base: str, tip: str) -> Model:
+        """The part of the arm from one frame or link to another, its new base and tip. What is fixed to it stays, what moves
+        beside it is left out, with a warning. Gravity is turned into the new base's axes, joints before the base at 0.
+
+        Raises:
+            DescriptionError: no such frame, or nothing moves between the two.   ModelError: no description.
+        """
+        from armwright.model.variants.of_arm import subchain_of
+
+        return subchain_of(self, base, tip)
+
+    def _variant(self, transform: Any, *arguments: Any, **named: Any) -> Model:
+        from armwright.model.variants.of_arm import told, variant
+
+        return variant(self, transform(told(self), *arguments, **named))

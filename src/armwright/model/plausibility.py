@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armwright.description.robot import FixedJoint, RobotDescription
+from armwright.description.robot import FixedJoint, Link, RobotDescription
 from armwright.errors import DescriptionError
 from armwright.model.referred import drive_of
 from armwright.spatial import pseudo_inertia
@@ -20,11 +20,8 @@ def check_bodies(robot: RobotDescription, on_impossible: str) -> list[str]:
         DescriptionError: names the link and by how much its pseudo-inertia fails to be positive semidefinite.
     """
     warnings = []
-    for link in robot.links:
-        body = pseudo_inertia(float(link.mass_kg), np.array(link.com_m), link.inertia_kg_m2.matrix())
-        if is_possible(body):
-            continue
-        eigenvalues = np.linalg.eigvalsh(body)
+    for link in impossible_links(robot):
+        eigenvalues = np.linalg.eigvalsh(_body(link))
         fault = (
             f"link {link.name!r} has an impossible inertia: its pseudo-inertia has the eigenvalue {eigenvalues[0]:.4g}, "
             f"{-eigenvalues[0] / max(abs(eigenvalues[-1]), 1e-300):.2g} of the largest below 0"
@@ -39,6 +36,16 @@ def check_bodies(robot: RobotDescription, on_impossible: str) -> list[str]:
                 'or accept_impossible = "reason" in the link, or on_impossible="warn"'
             )
     return warnings
+
+
+def impossible_links(robot: RobotDescription) -> list[Link]:
+    """The links that no real body can be, accepted or not."""
+    return [link for link in robot.links if not is_possible(_body(link))]
+
+
+def _body(link: Link) -> np.ndarray:
+    """(4, 4) pseudo-inertia."""
+    return pseudo_inertia(float(link.mass_kg), np.array(link.com_m), link.inertia_kg_m2.matrix())
 
 
 def is_possible(body: np.ndarray) -> bool:

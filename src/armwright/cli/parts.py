@@ -1,0 +1,52 @@
+"""`armwright parts`: an arm's file from the parts that it is made of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+parts = typer.Typer()
+
+File = Annotated[Path, typer.Argument(metavar="FILE.parts.toml", help="The parts database.", show_default=False)]
+Arm = Annotated[
+    Path, typer.Option("--output", "-o", metavar="ARM.toml", help="The arm's file to write; replaced where it exists.")
+]
+Audit = Annotated[
+    Path | None,
+    typer.Option(
+        "--audit", metavar="AUDIT.html", help="Also write how every link's numbers come about, as a web page."
+    ),
+]
+
+
+@parts.callback()
+def _about() -> None:
+    """Compute an arm's mass properties from drawings: links of parts, parts of sections."""
+
+
+@parts.command()
+def build(file: File, output: Arm, audit: Audit = None) -> None:
+    """Write the arm that a parts database describes, with every link's mass, centre of mass and inertia computed.
+
+    Run it again when the construction changes: an arm's file that is older than its parts says so when it is loaded.
+
+    \b
+    Examples:
+      armwright parts build my-arm.parts.toml -o my-arm.toml
+      armwright parts build my-arm.parts.toml -o my-arm.toml --audit audit.html
+    """
+    from armwright.cli.progress import progress
+    from armwright.description.parts_output import write_parts
+
+    with progress(f"weighing {file.name}"):
+        built = write_parts(file, output, audit)
+    for told in built.overrides:
+        typer.echo(f"measured: {told}", err=True)
+    for warning in built.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    arm = built.description
+    typer.echo(f"wrote {output}: {arm.name}, {len(arm.links)} links, {arm.total_mass:.6g} kg")
+    if audit is not None:
+        typer.echo(f"wrote {audit}")

@@ -1,0 +1,187 @@
+"""`NAME.drive.toml` beside a robot file: what the other format cannot say of motors, gears, friction and place.
+
+```toml
+source = "datasheet"                 # for all that names no source of its own
+command = "current"
+
+[sources.datasheet]
+kind = "datasheet"
+text = "…"
+
+[joints.shoulder]                    # the joint's name in the other file
+motor = { gear_ratio = 100, rotor_inertia_kg_m2 = 1e-5, torque_constant_n_m_per_a = 0.05 }
+friction = { viscous_n_m_s_per_rad = 2.0 }
+limits = { current_a = 8.0 }
+```
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pydantic
+from pydantic import Field
+
+from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
+from armwright.description.quantity import Positive, Record, Source, Vector3
+from armwright.description.refusal import refusal
+from armwright.errors import DescriptionError, nearest
+
+ENDING = ".drive.toml"
+PARTS = ("elasticity", "stops", "brake")  # of a joint that no other format knows
+PLACEHOLDER = 1.0  # the reduction that tools write where nobody gave one
+
+
+class JointDrive(Record):
+    """What drives one joint."""
+
+    source: str | None = None
+    command: Command | None = Field(default=None, description="What its drive is told; absent: the file's.")
+    bus_period_s: Positive | None = Field(default=None, description="Time between two commands on the drive's bus.")
+    motor: dict[str, Any] | None = Field(default=None, description="Motor and gear, as in a robot file.")
+    friction: dict[str, Any] | None = Field(default=None, description="Takes the place of the other file's.")
+    limits: dict[str, Any] | None = Field(default=None, description="Key by key in the place of the other file's.")
+    elasticity: dict[str, Any] | None = Field(default=None, description="As in a robot file, and so the following.")
+    stops: dict[str, Any] | None = Field(default=None, description="What the joint runs into.")
+    brake: dict[str, Any] | None = Field(default=None, description="What holds it.")
+
+
+class DriveFile(Record):
+    """What another format cannot say of a robot's drives."""
+
+    source: str | None = Field(default=None, description="Source of every number below that names none of its own.")
+    sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: where numbers come from.")
+    command: Command | None = Field(default=None, description="What drives the joints that do not say it themselves.")
+    supply: dict[str, Any] | None = Field(default=None, description="As in a robot file.")
+    gravity_m_s2: Vector3 | None = Field(default=None, description="In base axes.")
+    tip: str | None = Field(default=None, min_length=1, description="The link that kinematics and wrench are about.")
+    joints: dict[str, JointDrive] = Field(default_factory=dict, description="[joints.NAME].")
+
+
+def find_drive_file(robot_file: Path, drive: str | os.PathLike[str] | None) -> Path | None:
+    """The drive file that was given, or the one beside the robot file; None where there is none."""
+    if drive is not None:
+        return Path(drive)
+    beside = robot_file.with_name(robot_file.stem + ENDING)
+    return beside if beside.is_file() else None
+
+
+def read_drive_file(path: Path) -> DriveFile:
+    """The drives in a TOML file.
+
+    Raises:
+        DescriptionError: no such file, no TOML, an unknown key.
+    """
+    try:
+        data = tomllib.loads(path.read_bytes().decode())
+    except OSError as error:
+        raise DescriptionError(f"{path}: cannot be read: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError and UnicodeDecodeError are ValueErrors
+        raise DescriptionError(f"{path}: not TOML: {error}") from None
+    return _validated(path, "", DriveFile, data)
+
+
+def add_drives(path: Path, drives: DriveFile, robot: dict[str, Any], reductions: dict[str, float]) -> None:
+    """Puts a drive file's numbers into a robot read from another format.
+
+    Args:
+        path: of the drive file, for errors.   drives: what it says.
+        robot: the robot's record, changed here; no key of its sources is one of the drive file's.
+        reductions: gear ratios that the other file knows, by joint.
+    Raises:
+        DescriptionError: a joint that the robot has not or that does not move, a gear ratio that is missing or another
+            than the other file's, a number without a source.
+    """
+    moving = {joint["name"]: joint for joint in robot["joints"] if joint["type"] != "fixed"}
+    for name, given in drives.joints.items():
+        if name not in moving:
+            raise DescriptionError(f"{path}: joints.{name} does not move or is not there; {nearest(name, moving)}")
+        joint, source = moving[name], given.source or drives.source
+        slides = joint["type"] == "prismatic"
+        if given.command is not None:
+            joint["command"] = given.command
+        if given.bus_period_s is not None:
+            joint |= _sourced({"bus_period_s": given.bus_period_s}, source)
+        if given.motor is not None:
+            motor = _with_reduction(path, name, given.motor, reductions.get(name), robot["source"])
+            joint["motor"] = _part(path, f"joints.{name}.motor", Motor, motor, source)
+        if given.friction is not None:
+            on_motor = given.friction.get("side") == "motor"
+            kind = LinearFriction if slides and not on_motor else RotaryFriction
+            joint["friction"] = _part(path, f"joints.{name}.friction", kind, given.friction, source)
+        if given.limits is not None:
+            place, kind = f"joints.{name}.limits", LinearLimits if slides else RotaryLimits
+            limits = _part(path, place, kind, given.limits, source)
+            joint["limits"] = {**joint.get("limits", {}), **_sourced(limits, source)}
+        for part in PARTS:
+            if getattr(given, part) is not None:
+                joint[part] = _table(path, f"joints.{name}.{part}", getattr(given, part), source)
+    if drives.supply is not None:
+        robot["supply"] = _table(path, "supply", drives.supply, drives.source)
+    robot["sources"] |= drives.sources
+    for key in ("command", "tip"):
+        if getattr(drives, key) is not None:
+            robot[key] = getattr(drives, key)
+    if drives.gravity_m_s2 is not None:
+        if (drives.gravity_m_s2.source or drives.source) is None:
+            raise DescriptionError(f"{path}: gravity_m_s2 has no source: expected source = ... for the whole file")
+        robot["gravity_m_s2"] = _sourced({"g": drives.gravity_m_s2}, drives.source)["g"]
+
+
+def _with_reduction(
+    path: Path, name: str, motor: dict[str, Any], reduction: float | None, source: str
+) -> dict[str, Any]:
+    """The motor with the gear ratio that only the other file gives; two that disagree are refused."""
+    if reduction is None or reduction == PLACEHOLDER:
+        return motor
+    if "gear_ratio" not in motor:
+        return {**motor, "gear_ratio": {"value": reduction, "source": source}}
+    own = motor["gear_ratio"]
+    own = own.get("value") if isinstance(own, dict) else own
+    if own != reduction:
+        raise DescriptionError(
+            f"{path}: joints.{name}.motor.gear_ratio = {own}, the transmission says {reduction:g}: expected the same"
+        )
+    return motor
+
+
+def _part(path: Path, place: str, kind: type[Record], data: dict[str, Any], source: str | None) -> Any:
+    """A table as a record that bears its source."""
+    record = _validated(path, f"{place} ", kind, data)
+    if getattr(record, "source", None) is None:
+        if source is None:
+            raise DescriptionError(f"{path}: {place} has no source: expected source = ... in it or for the whole file")
+        return record.replace(source=source)
+    return record
+
+
+def _table(path: Path, place: str, table: dict[str, Any], source: str | None) -> dict[str, Any]:
+    """A table that bears its source; its keys are checked with the robot's."""
+    if table.get("source", source) is None:
+        raise DescriptionError(f"{path}: {place} has no source: expected source = ... in it or for the whole file")
+    return {"source": source, **table}
+
+
+def _sourced(limits: Any, source: str | None) -> dict[str, Any]:
+    """The quantities of a record, each with its own source: they go into a table of another one."""
+    own = getattr(limits, "source", None) or source
+    fields = (
+        limits.items()
+        if isinstance(limits, dict)
+        else ((name, getattr(limits, name)) for name in limits.model_fields_set)
+    )
+    return {
+        name: quantity if quantity.source is not None else quantity.replace(source=own)
+        for name, quantity in fields
+        if name != "source" and quantity is not None
+    }
+
+
+def _validated(path: Path, place: str, kind: type[Record], data: dict[str, Any]) -> Any:
+    try:
+        return kind.model_validate(data)
+    except pydantic.ValidationError as error:
+        raise DescriptionError(f"{path}: {place}{refusal(error, data, kind)}") from None

@@ -1,0 +1,107 @@
+"""Where a mesh is that a robot file names: `package://NAME/…`, `file://…` or a path, and never outside the search path."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from urllib.parse import unquote
+
+from armwright.description.xml_tree import Element
+from armwright.errors import DescriptionError
+
+SCHEMES = ("package://", "model://")
+
+
+def package_folders(file: Path, given: Iterable[str | os.PathLike[str]] = ()) -> tuple[Path, ...]:
+    """Folders in which packages are looked for: those given, ROS_PACKAGE_PATH, and the parents of the file.
+
+    Args:
+        file: the robot file.   given: folders that are packages, or that hold packages.
+    Raises:
+        DescriptionError: a given folder is none.
+    """
+    folders = []
+    for folder in given:
+        if not Path(folder).is_dir():
+            raise DescriptionError(f"packages = [{os.fspath(folder)!r}]: no such folder")
+        folders.append(Path(folder).resolve())
+    named = [Path(folder) for folder in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if folder]
+    return (*folders, *(folder.resolve() for folder in named if folder.is_dir()), *file.resolve().parents)
+
+
+def find_mesh(element: Element, name: str, file: Path, folders: tuple[Path, ...]) -> Path | None:
+    """The file that `name` means; None where there is none. Nothing is opened.
+
+    `package://P/rest` is `rest` below a folder on the search path that is called P, or below a P in one. Other paths start
+    at the robot file's folder, and end below its package: the nearest parent with a package.xml, or else the next one.
+
+    Raises:
+        DescriptionError: a path that leads out, by `..`, links or from the root; another scheme.
+    """
+    if "\0" in name:
+        raise element.error(f"{name!r}: expected the path of a file")
+    for scheme in SCHEMES:
+        if name.startswith(scheme):
+            package, _, rest = (
+                unquote(name.removeprefix(scheme)).lstrip("/").partition("/")
+            )  # some write package:///NAME
+            return _in_package(element, name, package, rest, _roots(package, file, folders))
+    if name.startswith("file://"):
+        name = unquote(name.removeprefix("file://"))
+    elif "://" in name:
+        raise element.error(f"{name!r}: expected package://, file:// or a path; nothing is fetched")
+    path = _resolved(file.resolve().parent / name)
+    if not any(path.is_relative_to(root) for root in (_package_of(file), *folders[: _given(file, folders)])):
+        raise element.error(
+            f"{name!r} leads out of {str(_package_of(file))!r}; expected a path below it, or packages = [FOLDER]"
+        )
+    return path if path.is_file() else None
+
+
+def _roots(package: str, file: Path, folders: tuple[Path, ...]) -> list[Path]:
+    """Where a package of that name may be: a folder called so, or one in a folder of packages.
+
+    Of the file's parents only those below the home folder and the disk's top folders count, and as folders of packages only
+    up to the one that the file's own package stands in.
+    """
+    given, top = folders[: _given(file, folders)], _package_of(file).parent
+    parents = [folder for folder in folders[len(given) :] if not _is_everybodys(folder)]
+    own = [folder for folder in (*given, *parents) if folder.name == package]
+    holding = [*given, *(folder for folder in parents if folder.is_relative_to(top))]
+    return [*own, *(folder / package for folder in holding)]
+
+
+def _is_everybodys(folder: Path) -> bool:
+    """The disk, its top folders, the home folder and what that stands in: no packages."""
+    home = _resolved(Path.home())
+    return folder.parent == folder.parent.parent or folder in (home, *home.parents)
+
+
+def _in_package(element: Element, name: str, package: str, rest: str, roots: list[Path]) -> Path | None:
+    if not package or package in (".", "..") or not rest:
+        raise element.error(f"{name!r}: expected package://NAME/path")
+    for root in roots:
+        path = _resolved(root / rest)
+        if not path.is_relative_to(_resolved(root)):
+            raise element.error(f"{name!r} leads out of the package {package!r}: expected a path below it")
+        if path.is_file():
+            return path
+    return None
+
+
+def _given(file: Path, folders: tuple[Path, ...]) -> int:
+    """How many of the folders are not just parents of the file."""
+    return len(folders) - len(file.resolve().parents)
+
+
+def _package_of(file: Path) -> Path:
+    parents = file.resolve().parents
+    return next((folder for folder in parents if (folder / "package.xml").is_file()), parents[min(1, len(parents) - 1)])
+
+
+def _resolved(path: Path) -> Path:
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError):  # a loop of links
+        return Path(os.sep)

@@ -1,0 +1,49 @@
+"""Actuators of an MJCF: gear, limits of torque; servo gains are a controller's and no part of the arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import inf
+from typing import Any
+
+
+@dataclass
+class Actuation:
+    """What drives one joint."""
+
+    gear: float = 1.0
+    torque: float = inf  # [N m | N], either way
+    remarks: list[str] = field(default_factory=list)
+
+
+def actuations(mujoco: Any, model: Any) -> dict[int, Actuation]:
+    """By joint. A motor's force is gear · gain · ctrl; a servo's is limited by its force range alone."""
+    found: dict[int, Actuation] = {}
+    for i in range(model.nu):
+        joint = int(model.actuator_trnid[i, 0])
+        if joint in found:
+            found[joint].remarks.append("has several actuators: their gears and limits are not used")
+            found[joint].gear, found[joint].torque = 1.0, inf
+            continue
+        actuation = found[joint] = Actuation(gear=float(model.actuator_gear[i, 0]) or 1.0)
+        bounds = []
+        if model.actuator_forcelimited[i]:
+            bounds.append(model.actuator_forcerange[i])
+        plain = (
+            int(model.actuator_gaintype[i]) == int(mujoco.mjtGain.mjGAIN_FIXED)
+            and int(model.actuator_biastype[i]) == int(mujoco.mjtBias.mjBIAS_NONE)
+            and int(model.actuator_dyntype[i]) == int(mujoco.mjtDyn.mjDYN_NONE)
+        )
+        if plain and model.actuator_ctrllimited[i]:
+            bounds.append(model.actuator_ctrlrange[i] * model.actuator_gainprm[i, 0])
+        if not plain:
+            gains = " ".join(f"{gain:g}" for gain in (*model.actuator_gainprm[i, :1], *model.actuator_biasprm[i, 1:3]))
+            actuation.remarks.append(f"its servo or activation (gains {gains}) is a controller's and not used")
+        for low, high in bounds:
+            if low != -high:
+                actuation.remarks.append(
+                    f"its force range {low:g} … {high:g} is not even; the smaller holds either way"
+                )
+            limit = min(abs(low), abs(high)) * abs(actuation.gear)
+            actuation.torque = min(actuation.torque, limit or inf)
+    return found

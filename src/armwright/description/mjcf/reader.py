@@ -1,0 +1,242 @@
+"""MJCF → RobotDescription, through the tree that MuJoCo compiles."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pydantic
+
+from armwright.description.mjcf.actuators import Actuation, actuations
+from armwright.description.mjcf.refused import check_offered, check_sizes
+from armwright.description.mjcf.safety import check_file
+from armwright.description.refusal import refusal
+from armwright.description.robot import RobotDescription
+from armwright.errors import DescriptionError
+from armwright.spatial import Placement, roll_pitch_yaw, rotation_to_axis, rotation_z
+
+SOURCE = "mjcf_file"
+SMOOTHING = "smoothing_argument"
+CHOSEN = "Chosen by whoever read the MJCF: the speed over which Coulomb friction changes its sign"
+TIPS = ("tip", "attachment_site")  # sites that MuJoCo's own models call an arm's end
+UNNAMEABLE = re.compile(r"[\s.\[\]]")
+
+
+def read_mjcf(path: str | os.PathLike[str], *, smoothing: float | None = None) -> RobotDescription:
+    """The description in a MuJoCo XML file: bodies, hinges and slides, armature, damping, gears and limits.
+
+    Armature becomes the rotor inertia  J = armature / n²  behind the actuator's gear n (1 without one). Sites become frames;
+    a site called tip or attachment_site is the tip.
+
+    Args:
+        path: the file.
+        smoothing: speed [rad/s | m/s] over which frictionloss changes its sign, an estimate of the caller's. Without it
+            frictionloss is left out with a warning: MuJoCo smooths it by its solver, not by a speed.
+    Returns:
+        description: `remarks` tell what was left out or doubtful, `notes` what was ignored.
+    Raises:
+        DescriptionError: MuJoCo is not installed or refuses the file; free joints, springs, tendons, constraints and
+            whatever else would change the dynamics.
+    """
+    file = Path(path)
+    if smoothing is not None and not (isinstance(smoothing, (int, float)) and 0 < smoothing < inf):
+        raise DescriptionError(f"smoothing = {smoothing!r}: expected a speed above 0 [rad/s | m/s]")
+    check_file(file)
+    try:
+        mujoco: Any = importlib.import_module("mujoco")
+    except ImportError:
+        told = "MJCF is read through MuJoCo, which is not installed: pip install armwright[bench]"
+        raise DescriptionError(f"{file}: {told}") from None
+    with _heard(mujoco) as warnings:
+        try:
+            model = mujoco.MjModel.from_xml_path(str(file))
+        except (ValueError, mujoco.FatalError, mujoco.UnexpectedError) as error:
+            raise DescriptionError(f"{file}: MuJoCo refuses it: {' '.join(str(error).split())}") from None
+    check_offered(str(file), mujoco, model)
+    check_sizes(str(file), model)
+    return _Reader(file, mujoco, model, smoothing, warnings).description()
+
+
+@contextmanager
+def _heard(mujoco: Any) -> Iterator[list[str]]:
+    """MuJoCo's warnings as a list; it would write them to the terminal and to a log file in the working directory."""
+    heard: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda text: heard.append(" ".join(str(text).split())))
+    try:
+        yield heard
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+class _Reader:
+    """One compiled model, being read."""
+
+    def __init__(self, file: Path, mujoco: Any, model: Any, smoothing: float | None, warnings: list[str]):
+        self.warnings = warnings
+        self.file, self.mujoco, self.model, self.smoothing = file, mujoco, model, smoothing
+        self.driven = actuations(mujoco, model)
+        self.remarks: dict[str, list[str]] = defaultdict(list)
+        self.taken: set[str] = set()
+        self.joints: list[dict[str, Any]] = []
+        self.links: list[dict[str, Any]] = []
+        self.inside: dict[int, Placement] = {0: Placement.identity()}  # of every body's frame in its link's
+
+    def description(self) -> RobotDescription:
+        model, kinds = self.model, self.mujoco.mjtObj
+        self.bodies = {i: self._name(kinds.mjOBJ_BODY, i, "body") for i in range(model.nbody)}
+        for i in range(1, model.nbody):
+            self._add_body(i)
+        frames = [self._frame(i) for i in range(model.nsite)]
+        tips = [frame["name"] for frame in frames if frame["name"] in TIPS]
+        off = bool(model.opt.disableflags & int(self.mujoco.mjtDisableBit.mjDSBL_GRAVITY))
+        record = {
+            "name": UNNAMEABLE.sub("_", self.file.stem),
+            "notes": f"Read from {self.file.name} through MuJoCo {self.mujoco.__version__}. Contacts, geoms ({model.ngeom}), "
+            f"sensors ({model.nsensor}) and keyframes ({model.nkey}) are no part of an arm and ignored.",
+            "base": self.bodies[0],
+            "command": "torque",
+            "gravity_m_s2": [0.0, 0.0, 0.0] if off else model.opt.gravity.tolist(),
+            "source": SOURCE,
+            "sources": {
+                SOURCE: {"kind": "import", "text": f"read from {self.file.name}, an MJCF, which names no sources"},
+                **({} if self.smoothing is None else {SMOOTHING: {"kind": "estimate", "text": CHOSEN}}),
+            },
+            "remarks": (
+                *(f"MuJoCo warns: {told}" for told in self.warnings),
+                *(f"joint{'s' * (len(names) > 1)} {', '.join(names)}: {told}" for told, names in self.remarks.items()),
+            ),
+            "joints": self.joints,
+            "links": self.links,
+            "frames": frames,
+            **({"tip": tips[0]} if len(tips) == 1 else {}),
+        }
+        try:
+            return RobotDescription.model_validate(record)
+        except pydantic.ValidationError as error:
+            raise DescriptionError(f"{self.file}: {refusal(error, record, RobotDescription)}") from None
+
+    def _name(self, kind: Any, i: int, word: str) -> str:
+        """A body's, joint's or site's name, made where it has none; once each."""
+        name = UNNAMEABLE.sub("_", self.mujoco.mj_id2name(self.model, kind, i) or f"{word}{i}")
+        if kind != self.mujoco.mjtObj.mjOBJ_JOINT:
+            while name in self.taken:
+                name += "_"
+            self.taken.add(name)
+        return name
+
+    def _add_body(self, i: int) -> None:
+        """T = T_body · M1(q1) · M2(q2) …: a body with several joints hangs on links without mass in between."""
+        model = self.model
+        parent = int(model.body_parentid[i])
+        at, carrier = self.inside[parent] @ _placement(model.body_pos[i], model.body_quat[i]), self.bodies[parent]
+        first, count = int(model.body_jntadr[i]), int(model.body_jntnum[i])
+        if not count:
+            self._add_joint({"name": f"{self.bodies[i]}_fixed", "type": "fixed"}, carrier, self.bodies[i], at)
+            self.inside[i] = Placement.identity()
+        for k in range(first, first + count):
+            last = k == first + count - 1
+            link = self.bodies[i] if last else self._between(self.bodies[i], k - first + 1)
+            axis, reference = model.jnt_axis[k], float(model.qpos0[model.jnt_qposadr[k]])
+            hinge = int(model.jnt_type[k]) == int(self.mujoco.mjtJoint.mjJNT_HINGE)
+            anchor = Placement(np.eye(3), model.jnt_pos[k] if hinge else np.zeros(3))
+            record = self._joint(k, hinge=hinge)
+            self._add_joint(record, carrier, link, at @ anchor @ _motion(axis, -reference, hinge=hinge), axis)
+            carrier, at = link, anchor.inverse()
+            if last:
+                self.inside[i] = at
+            else:
+                nothing = {"mass_kg": 0.0, "com_m": [0.0] * 3}
+                self.links.append({"name": link, **nothing, "inertia_kg_m2": _tensor(np.zeros((3, 3)))})
+        inertial = self.inside[i] @ _placement(model.body_ipos[i], model.body_iquat[i])
+        tensor = inertial.rotation @ np.diag(model.body_inertia[i]) @ inertial.rotation.T
+        mass = float(model.body_mass[i])
+        own = {"mass_kg": mass, "com_m": inertial.position.tolist(), "inertia_kg_m2": _tensor(tensor)}
+        self.links.append({"name": self.bodies[i], **own})
+
+    def _between(self, body: str, k: int) -> str:
+        name = f"{body}_{k}"
+        while name in self.taken:
+            name += "_"
+        self.taken.add(name)
+        return name
+
+    def _add_joint(self, record: dict[str, Any], parent: str, child: str, at: Placement, axis: Any = None) -> None:
+        frame = {"xyz_m": at.position.tolist(), "rpy_rad": list(roll_pitch_yaw(at.rotation))}
+        along = {} if axis is None else {"axis": axis.tolist()}
+        self.joints.append({**record, "parent": parent, "child": child, "frame": frame, **along})
+
+    def _joint(self, k: int, *, hinge: bool) -> dict[str, Any]:
+        """Kind, drive, friction and limits."""
+        model, dof = self.model, int(self.model.jnt_dofadr[k])
+        name = self._name(self.mujoco.mjtObj.mjOBJ_JOINT, k, "joint")
+        unit, force, viscous, length = ("rad", "n_m", "n_m_s_per_rad", "rad") if hinge else ("m", "n", "n_s_per_m", "m")
+        actuation = self.driven.get(k, Actuation())
+        for told in actuation.remarks:
+            self.remarks[told].append(name)
+        limits: dict[str, Any] = {}
+        if model.jnt_limited[k]:
+            limits[f"position_{unit}"] = model.jnt_range[k].tolist()
+        torque = actuation.torque
+        if model.jnt_actfrclimited[k]:
+            torque = min(torque, float(np.abs(model.jnt_actfrcrange[k]).min()))
+        if 0 < torque < inf:
+            limits["torque_n_m" if hinge else "force_n"] = torque
+        friction: dict[str, Any] = {}
+        disabled = model.opt.disableflags
+        damping, loss = float(np.ravel(model.dof_damping[dof])[0]), float(model.dof_frictionloss[dof])
+        if damping and not disabled & int(getattr(self.mujoco.mjtDisableBit, "mjDSBL_DAMPER", 0)):
+            friction[f"viscous_{viscous}"] = damping
+        if loss and self.smoothing is not None:
+            friction |= {f"coulomb_{side}_{force}": loss for side in ("positive", "negative")}
+            friction[f"smoothing_{length}_per_s"] = {"value": self.smoothing, "source": SMOOTHING}
+        elif loss:
+            told = (
+                f"frictionloss {loss:g} {'N m' if hinge else 'N'} is left out, as no speed smooths it: give smoothing"
+            )
+            self.remarks[told].append(name)
+        record: dict[str, Any] = {"name": name, "type": "revolute" if hinge else "prismatic", "limits": limits}
+        armature, gear = float(model.dof_armature[dof]), actuation.gear
+        if armature or gear != 1.0:
+            record["motor"] = {"gear_ratio": gear, "rotor_inertia_kg_m2": armature / (gear * gear)}
+        return record | ({"friction": friction} if friction else {})
+
+    def _frame(self, i: int) -> dict[str, Any]:
+        body = int(self.model.site_bodyid[i])
+        at = self.inside[body] @ _placement(self.model.site_pos[i], self.model.site_quat[i])
+        name = self._name(self.mujoco.mjtObj.mjOBJ_SITE, i, "site")
+        rpy = list(roll_pitch_yaw(at.rotation))
+        return {"name": name, "link": self.bodies[body], "xyz_m": at.position.tolist(), "rpy_rad": rpy}
+
+
+def _placement(position: np.ndarray, quaternion: np.ndarray) -> Placement:
+    """From MuJoCo's position and unit quaternion (w, x, y, z)."""
+    w, x, y, z = np.asarray(quaternion) / np.linalg.norm(quaternion)
+    rotation = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return Placement(np.array(rotation), np.array(position))
+
+
+def _motion(axis: np.ndarray, q: float, *, hinge: bool) -> Placement:
+    """A joint's motion at q, in its frame."""
+    if not hinge:
+        return Placement(np.eye(3), np.asarray(axis) * q)
+    turn = rotation_to_axis(axis)
+    return Placement(turn @ rotation_z(q) @ turn.T, np.zeros(3))
+
+
+def _tensor(tensor: np.ndarray) -> dict[str, float]:
+    both = 0.5 * (tensor + tensor.T)
+    pairs = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
+    return {name: max(float(both[i, j]), 0.0) if i == j else float(both[i, j]) for name, (i, j) in pairs.items()}

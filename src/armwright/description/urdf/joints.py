@@ -1,0 +1,195 @@
+"""Joints of a URDF: frames, axes, friction, limits. https://wiki.ros.org/urdf/XML/joint says what each attribute means."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armwright.description.urdf.reading import UrdfReading
+from armwright.description.urdf.tags import DYNAMICS_ELSEWHERE, LIMITS_ELSEWHERE
+from armwright.description.xml_tree import Element
+from armwright.errors import nearest
+from armwright.spatial import Placement, roll_pitch_yaw, rotation_rpy, rotation_to_axis, rotation_z
+
+TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
+LARGEST = 1e9  # SI; no length, mass or tensor of a robot is beyond, and the arithmetic stays far from overflow
+NONE = ("inf", "+inf", "-inf", "infinity", "-infinity")  # how some files say that there is no limit
+
+
+def joint_record(reading: UrdfReading, joint: Element) -> dict[str, Any]:
+    """A joint as the record has it.
+
+    Raises:
+        DescriptionError: an unknown or unoffered type, no axis, contradicting limits; with file and line.
+    """
+    name = joint.word("name")
+    what = f"joint {name!r}"
+    joint.only_attributes("name", "type", "dont_collapse")
+    reading.check_children(joint)
+    kind = joint.word("type", what)
+    if kind in ("floating", "planar"):
+        raise joint.error(f"{what}: type {kind!r} is not offered: an arm's base is fixed, and its joints turn or slide")
+    if kind not in TYPES:
+        raise joint.error(f"{what}: type = {kind!r}; {nearest(kind, TYPES)}")
+    ends = {}
+    for side in ("parent", "child"):
+        end = joint.needed(side, what)
+        end.only_attributes("link")
+        ends[side] = end.word("link", f"{what}: <{side}>")
+    record = {"name": name, "type": TYPES[kind], **ends, "frame": pose(joint.one("origin"))}
+    if kind == "fixed":
+        for tag in ("axis", "limit", "dynamics", "mimic"):
+            if joint.one(tag) is not None:
+                reading.ignored[f"fixed joint/{tag}"] += 1
+        return record
+    record["axis"] = _axis(reading, joint, what)
+    limits = _limits(reading, joint, kind)
+    friction = _friction(reading, joint, record["type"])
+    return {**record, "limits": limits, **({"friction": friction} if friction else {})}
+
+
+def pose(origin: Element | None) -> dict[str, Any]:
+    """`<origin>` as a frame: absent parts are 0, as the format says."""
+    if origin is None:
+        return {"xyz_m": [0.0, 0.0, 0.0], "rpy_rad": [0.0, 0.0, 0.0]}
+    origin.only_attributes("xyz", "rpy")
+    xyz = origin.numbers("xyz", 3, (0.0, 0.0, 0.0))
+    return {"xyz_m": bounded(origin, xyz), "rpy_rad": bounded(origin, origin.numbers("rpy", 3, (0.0, 0.0, 0.0)))}
+
+
+def bounded(element: Element, values: list[float]) -> list[float]:
+    """Numbers that can be a robot's.
+
+    Raises:
+        DescriptionError: one of them is beyond all sizes.
+    """
+    for value in values:
+        if abs(value) > LARGEST:
+            raise element.error(f"<{element.tag}>: {value:g}: expected a number of a robot, in SI units")
+    return values
+
+
+def _axis(reading: UrdfReading, joint: Element, what: str) -> list[float]:
+    axis = joint.one("axis")
+    if axis is None:
+        raise joint.error(f'{what} moves and has no <axis>; expected one, such as <axis xyz="0 0 1"/>')
+    axis.only_attributes("xyz")
+    direction = axis.numbers("xyz", 3)
+    length = float(np.linalg.norm(bounded(axis, direction)))
+    if not length > 0:
+        raise axis.error(f"{what}: <axis xyz> is zero: expected a direction")
+    if abs(length - 1) > 1e-2:
+        reading.remark("its axis is not of length 1; read as a direction", "joint", joint.word("name"))
+    return direction
+
+
+def _limits(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]:
+    """Position, speed and effort. 0 is how exporters write what they do not know; no joint has room or effort 0."""
+    name, limit = joint.word("name"), joint.one("limit")
+    unit, effort = ("m", "force_n") if kind == "prismatic" else ("rad", "torque_n_m")
+    if limit is None:
+        if kind != "continuous":
+            reading.remark("no <limit>, which the format asks for: no limit is known", "joint", name)
+        return {}
+    for attribute in limit.attributes:
+        if attribute in LIMITS_ELSEWHERE:
+            reading.ignored[f"limit {attribute}"] += 1
+    limit.only_attributes("lower", "upper", "effort", "velocity", *LIMITS_ELSEWHERE)
+    found: dict[str, Any] = {}
+    lower, upper = (_limit(limit, side) for side in ("lower", "upper"))
+    if kind != "continuous":
+        if lower is not None and upper is not None and lower < upper:
+            found[f"position_{unit}"] = [lower, upper]
+        elif lower is not None and upper is not None and lower > upper:
+            raise limit.error(f"joint {name!r}: lower = {lower:g} is above upper = {upper:g}: expected lower < upper")
+        else:
+            reading.remark(
+                "its position limits leave no room (lower = upper) or are infinite: read as unknown", "joint", name
+            )
+    for attribute, key in (("velocity", f"velocity_{unit}_per_s"), ("effort", effort)):
+        value = _limit(limit, attribute)
+        if value is not None and value < 0:
+            raise limit.error(f"joint {name!r}: <limit {attribute}={value:g}>: expected a number of 0 or more")
+        if value:
+            found[key] = value
+        elif attribute in limit.attributes and reading.drive_of(name) is None:
+            reading.remark(f"{attribute} limit 0 or infinite: read as unknown", "joint", name)
+    return found
+
+
+def _limit(limit: Element, attribute: str) -> float | None:
+    if limit.attributes.get(attribute, "").strip().lower() in NONE:
+        return None
+    return limit.number(attribute, 0.0)
+
+
+def _friction(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]:
+    """Damping is viscous friction. `friction` is Coulomb's, which needs a smoothing speed that a URDF cannot give."""
+    dynamics, name = joint.one("dynamics"), joint.word("name")
+    if dynamics is None:
+        return {}
+    dynamics.only_attributes("damping", "friction", *DYNAMICS_ELSEWHERE)
+    for attribute in DYNAMICS_ELSEWHERE:
+        if dynamics.number(attribute, 0.0) != 0:
+            reading.remark(f"<dynamics {attribute}> is another simulator's and not used", "joint", name)
+    damping, coulomb = (bounded(dynamics, [dynamics.number(key, 0.0)])[0] for key in ("damping", "friction"))
+    if damping < 0 or coulomb < 0:
+        raise dynamics.error(
+            f"joint {name!r}: damping = {damping:g}, friction = {coulomb:g}: expected numbers of 0 or more"
+        )
+    force, viscous, length = ("n", "n_s_per_m", "m") if kind == "prismatic" else ("n_m", "n_m_s_per_rad", "rad")
+    record: dict[str, Any] = {f"viscous_{viscous}": damping} if damping else {}
+    if coulomb and reading.smoothing is not None:
+        both = {f"coulomb_{side}_{force}": coulomb for side in ("positive", "negative")}
+        smoothing = {"value": reading.smoothing, "source": reading.smoothing_source}
+        record |= {**both, f"smoothing_{length}_per_s": smoothing}
+    elif coulomb and getattr(reading.drive_of(name), "friction", None) is None:
+        unit = "N" if kind == "prismatic" else "N m"
+        reading.remark(
+            f"Coulomb friction {coulomb:g} {unit} is left out, as a URDF has no speed to smooth it over: "
+            "give smoothing, or friction in the drive file",
+            "joint",
+            name,
+        )
+    return record
+
+
+def held(reading: UrdfReading, joint: Element, record: dict[str, Any]) -> dict[str, Any]:
+    """A mimic joint by the caller's choice: held where it stands while its master is at 0, or independent.
+
+    Raises:
+        DescriptionError: the caller chose neither.
+    """
+    mimic = joint.one("mimic")
+    if mimic is None or record["type"] == "fixed":
+        return record
+    mimic.only_attributes("joint", "multiplier", "offset")
+    master, name = mimic.word("joint"), record["name"]
+    multiplier, offset = mimic.number("multiplier", 1.0), bounded(mimic, [mimic.number("offset", 0.0)])[0]
+    if reading.mimic == "independent":
+        reading.remark("mimics another joint in the file, and is read as a joint of its own", "joint", name)
+        return record
+    if reading.mimic == "fixed":
+        reading.remark(
+            "mimics another joint in the file, and is held where it stands while that is at 0", "joint", name
+        )
+        frame = record["frame"]
+        at = Placement(rotation_rpy(*frame["rpy_rad"]), np.array(frame["xyz_m"])) @ _moved(record, offset)
+        return {
+            **{key: record[key] for key in ("name", "parent", "child")},
+            "type": "fixed",
+            "frame": {"xyz_m": at.position.tolist(), "rpy_rad": list(roll_pitch_yaw(at.rotation))},
+        }
+    raise mimic.error(
+        f"joint {name!r} follows {multiplier:g} · {master} + {offset:g}, and coupled joints are not offered; "
+        'expected mimic = "independent" (a joint of its own) or "fixed" (held)'
+    )
+
+
+def _moved(record: dict[str, Any], q: float) -> Placement:
+    """A joint's motion at q, in its frame."""
+    turn = rotation_to_axis(np.array(record["axis"]))
+    if record["type"] == "prismatic":
+        return Placement(np.eye(3), turn[:, 2] * q)
+    return Placement(turn @ rotation_z(q) @ turn.T, np.zeros(3))

@@ -1,0 +1,219 @@
+"""URDF → RobotDescription: the tree, its names, and how the parts come together."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Collection, Iterable
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import pydantic
+
+from armwright.description.drive_file import PLACEHOLDER, add_drives, find_drive_file, read_drive_file
+from armwright.description.mesh_path import package_folders
+from armwright.description.refusal import refusal
+from armwright.description.robot import RobotDescription
+from armwright.description.urdf.inertials import link_record
+from armwright.description.urdf.joints import held, joint_record
+from armwright.description.urdf.reading import UrdfReading
+from armwright.description.urdf.tags import GAZEBO_PHYSICS
+from armwright.description.urdf.transmissions import reductions
+from armwright.description.urdf.visuals import colours, visuals
+from armwright.description.xml_tree import Element, read_xml
+from armwright.errors import DescriptionError, nearest
+
+MIMIC = ("refuse", "independent", "fixed")
+MOST_LINKS = 2000  # a tree of more is no robot, and would keep its checks busy for minutes
+UNNAMEABLE = re.compile(r"[\s.\[\]]")
+
+
+def read_urdf(
+    path: str | os.PathLike[str],
+    *,
+    packages: Iterable[str | os.PathLike[str]] = (),
+    drive: str | os.PathLike[str] | None = None,
+    smoothing: float | None = None,
+    mimic: str = "refuse",
+    ignore: Collection[str] = (),
+) -> RobotDescription:
+    """The description in a URDF, its base fixed; every number that carries dynamics is used or refused.
+
+    Args:
+        path: the file.
+        packages: folders in which `package://` looks first; then ROS_PACKAGE_PATH and the parents of the file.
+        drive: the file of the drive train; by default NAME.drive.toml beside NAME.urdf, where there is one.
+        smoothing: speed [rad/s | m/s] over which Coulomb friction changes its sign, an estimate of the caller's. Without
+            it (and without friction in the drive file) Coulomb friction is left out with a warning: a URDF has no such speed.
+        mimic: joints that follow others: "refuse" (default), "independent" (joints of their own), or "fixed" (held).
+        ignore: tags to leave out that are neither read nor known to be harmless.
+    Returns:
+        description: `remarks` tell what was left out or doubtful, `notes` what was ignored as harmless.
+    Raises:
+        DescriptionError: a file that cannot be believed; one line with file, line, element and reason.
+    """
+    if mimic not in MIMIC:
+        raise DescriptionError(f"mimic = {mimic!r}; {nearest(str(mimic), MIMIC)}")
+    if smoothing is not None and not (isinstance(smoothing, (int, float)) and 0 < smoothing < inf):
+        raise DescriptionError(f"smoothing = {smoothing!r}: expected a speed above 0 [rad/s | m/s]")
+    file = Path(path)
+    robot = read_xml(file)
+    beside = find_drive_file(file, drive)
+    drives = None if beside is None else read_drive_file(beside)
+    reading = UrdfReading(file, package_folders(file, packages), smoothing, mimic, frozenset(ignore), drives)
+    record = _record(reading, robot)
+    ratios = reductions(reading, robot)
+    if beside is not None and drives is not None:
+        add_drives(beside, drives, record, ratios)
+    for joint in record["joints"]:
+        ratio = ratios.get(joint["name"], PLACEHOLDER)
+        if abs(ratio) != PLACEHOLDER and joint["type"] != "fixed" and "motor" not in joint:
+            reading.remark(
+                f"gear ratio {ratio:g} of its transmission is not used, as no motor is known: give one in the drive file",
+                "joint",
+                joint["name"],
+            )
+    return _validated(reading, record)
+
+
+def _record(reading: UrdfReading, robot: Element) -> dict[str, Any]:
+    """The robot as a table, as a robot file would have it."""
+    if robot.tag != "robot":
+        raise robot.error(f"<{robot.tag}>: expected a URDF, whose first element is <robot>")
+    reading.check_children(robot)
+    _check_gazebo(reading, robot)
+    name = robot.word("name")
+    if not robot.all("link"):
+        raise robot.error(f"robot {name!r} has no <link>: expected at least one")
+    if max(len(robot.all("link")), len(robot.all("joint"))) > MOST_LINKS:
+        raise robot.error(f"robot {name!r}: more than {MOST_LINKS} links or joints: no robot is described so")
+    root = _root(robot)
+    named = colours(robot)
+    joints = [held(reading, joint, joint_record(reading, joint)) for joint in robot.all("joint")]
+    links = []
+    for link in robot.all("link"):
+        seen = visuals(reading, link, named)
+        if link.attributes["name"] == root and link.one("inertial") is None and not seen:
+            continue  # nothing but a name for the base
+        links.append(link_record(reading, link) | ({"visuals": seen} if seen else {}))
+    base = root
+    if any(link["name"] == root for link in links):
+        base = _base_for(joints, links)
+        still = {"xyz_m": [0.0, 0.0, 0.0], "rpy_rad": [0.0, 0.0, 0.0]}
+        joints.insert(0, {"name": f"{base}_to_{root}", "type": "fixed", "parent": base, "child": root, "frame": still})
+    record: dict[str, Any] = {
+        "name": name,
+        "base": base,
+        "command": "torque",
+        "source": reading.source,
+        "sources": {
+            reading.source: {"kind": "import", "text": f"read from {reading.path.name}, a URDF, which names no sources"}
+        },
+        "joints": joints,
+        "links": links,
+    }
+    if reading.smoothing is not None:
+        text = "Chosen by whoever read the URDF: the speed over which Coulomb friction changes its sign"
+        record["sources"][reading.smoothing_source] = {"kind": "estimate", "text": text}
+    return record
+
+
+def _base_for(joints: list[dict[str, Any]], links: list[dict[str, Any]]) -> str:
+    """A name for what the first link stands on."""
+    taken = {entry["name"] for entry in (*joints, *links)}
+    return next(name for name in ("world", "ground", *(f"world{k}" for k in range(len(taken)))) if name not in taken)
+
+
+def _root(robot: Element) -> str:
+    """The one link that is no joint's child.
+
+    Raises:
+        DescriptionError: a name given twice, a parent or child that is no link, a closed chain, several roots, none.
+    """
+    links: dict[str, Element] = {}
+    for link in robot.all("link"):
+        _add(links, link, link.word("name"))
+    joints: dict[str, Element] = {}
+    movers: dict[str, str] = {}
+    parents: dict[str, str] = {}
+    for joint in robot.all("joint"):
+        name = joint.word("name")
+        _add(joints, joint, name)
+        for side in ("parent", "child"):
+            end = joint.needed(side, f"joint {name!r}")
+            linked = end.word("link", f"joint {name!r}: <{side}>")
+            if linked not in links:
+                raise end.error(f"joint {name!r}: {side} {linked!r} is no link; {nearest(linked, links)}")
+        child = joint.needed("child").word("link")
+        if child in movers:
+            raise joint.error(
+                f"link {child!r} is the child of two joints, {movers[child]!r} and {name!r}: closed chains are not offered"
+            )
+        movers[child], parents[child] = name, joint.needed("parent").word("link")
+    roots = [name for name in links if name not in movers]
+    if not roots:
+        raise robot.error("every link is a joint's child: expected a tree with one link that stands")
+    if len(roots) > 1:
+        raise links[roots[1]].error(
+            f"{len(roots)} links are no joint's child, {', '.join(roots[:4])}{'…' if len(roots) > 4 else ''}: expected one base"
+        )
+    _check_reached(links, parents, roots[0])
+    return roots[0]
+
+
+def _check_reached(links: dict[str, Element], parents: dict[str, str], root: str) -> None:
+    reached = {root}
+    for name in links:
+        path, at = [], name
+        while at not in reached:
+            if at in path:
+                raise links[at].error(f"link {at!r} carries itself: expected a tree that starts at {root!r}")
+            path.append(at)
+            at = parents[at]
+        reached.update(path)
+
+
+def _add(known: dict[str, Element], element: Element, name: str) -> None:
+    if name in known:
+        raise element.error(f"a second {element.tag} {name!r}, the first is in line {known[name].line}: expected one")
+    known[name] = element
+
+
+def _check_gazebo(reading: UrdfReading, robot: Element) -> None:
+    """Gazebo's extensions belong to its simulation; those that would change the dynamics are remarked."""
+    for gazebo in robot.all("gazebo"):
+        reading.ignored["gazebo"] += 1
+        for child in gazebo.children:
+            if child.text.strip().lower() not in GAZEBO_PHYSICS.get(child.tag, (child.text.strip().lower(),)):
+                about = gazebo.attributes.get("reference", "robot")
+                reading.remark(f"<gazebo> <{child.tag}> is Gazebo's own and not used", "element", about)
+
+
+def _validated(reading: UrdfReading, record: dict[str, Any]) -> RobotDescription:
+    """The record with names that a robot file may use, checked as any robot is."""
+    _rename(reading, record)
+    notes, remarks = reading.notes(), reading.told()
+    try:
+        return RobotDescription.model_validate({**record, "notes": notes, "remarks": remarks})
+    except pydantic.ValidationError as error:
+        both = reading.path if reading.drives is None else f"{reading.path} with its drive file"
+        raise DescriptionError(f"{both}: {refusal(error, record, RobotDescription)}") from None
+
+
+def _rename(reading: UrdfReading, record: dict[str, Any]) -> None:
+    """Names without spaces, dots and brackets, which the paths of numbers are made of."""
+
+    def plain(name: str) -> str:
+        new = UNNAMEABLE.sub("_", name)
+        if new != name:
+            reading.renamed[name] = new
+        return new
+
+    for key in ("name", "base", "tip"):
+        if key in record:
+            record[key] = plain(record[key])
+    for entry in (*record["joints"], *record["links"]):
+        for key in ("name", "parent", "child"):
+            if key in entry:
+                entry[key] = plain(entry[key])
