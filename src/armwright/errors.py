@@ -34,6 +34,10 @@ class DivergenceError(ArmwrightError):
     """A simulation left the finite numbers."""
 
 
+class SessionError(ArmwrightError):
+    """A line of a session cannot be understood, or done now."""
+
+
 class RunError(ArmwrightError):
     """A dataset or a saved file cannot be read as a run."""
 
@@ -44,6 +48,10 @@ class OutputError(ArmwrightError):
 
 class ProgramError(ArmwrightError):
     """A function cannot be traced or compiled: an operation that has no row in the table."""
+
+
+class ExpressionError(ArmwrightError):
+    """A formula that was typed cannot be understood."""
 
 
 class SymbolError(ArmwrightError, TypeError):

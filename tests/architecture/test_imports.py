@@ -15,18 +15,24 @@ PACKAGE = "armwright"
 ORDER = (
     ("errors",),
     ("scalar",),
+    ("expressions",),
+    ("output",),
     ("spatial",),
     ("robots",),  # data files only; description reads them
     ("description",),
     ("model",),
     ("kinematics",),
+    ("pictures",),  # arms drawn, in any pose
     ("actuators",),  # above dynamics: friction and gear loss are part of the inverse dynamics
     ("dynamics",),
     ("program",),
     ("kernels",),
     ("simulation",),
     ("trajectory", "ik", "identification", "control"),
+    ("scenarios",),  # scenario files: they name controllers and trajectories
+    ("modular",),  # which arms modules make, and what they can do
     ("export",),
+    ("record",),  # what people do with robot files: compare, check, convert
     ("sweep",),
     (PACKAGE,),  # __init__.py: the public names
     ("cli", "studio"),

@@ -14,11 +14,14 @@ import typer
 from typer.core import TyperGroup
 
 from armwright import __version__
+from armwright.cli.assemble import assemble
 from armwright.cli.export import export
 from armwright.cli.forward import forward
 from armwright.cli.info import info
 from armwright.cli.inverse import inverse
+from armwright.cli.parts import parts
 from armwright.cli.robots import robots
+from armwright.cli.rerun import rerun
 from armwright.cli.simulate import simulate
 from armwright.errors import ArmwrightError
 
@@ -105,7 +108,7 @@ def _commands(
 ) -> None:
     """Models and simulates robot arms, from the parts of an arm to the code that runs it.
 
-    ROBOT is the name of a built-in arm (see `armwright robots`) or the path of its TOML file.
+    ROBOT is the name of a built-in arm (see `armwright robots`) or the path of its TOML, URDF or MJCF file.
 
     \b
     Try:
@@ -117,9 +120,10 @@ def _commands(
         typer.echo(context.get_help())
 
 
-for command in (robots, info, inverse, forward, simulate):
+for command in (robots, info, inverse, forward, simulate, rerun, assemble):
     app.command()(command)
 app.add_typer(export, name="export")
+app.add_typer(parts, name="parts")
 
 
 def _unwrapped(text: str) -> str:
@@ -128,6 +132,6 @@ def _unwrapped(text: str) -> str:
     return "\n\n".join(part if part.startswith("\b") else " ".join(part.split()) for part in paragraphs)
 
 
-for told in (*app.registered_commands, *export.registered_commands):
+for told in (*app.registered_commands, *export.registered_commands, *parts.registered_commands):
     assert told.callback is not None
     told.help = _unwrapped(told.callback.__doc__ or "")

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from armwright.model import Model
+    from armwright.simulation.scenario import Scenario
 
+SCENARIO = ".scenario.toml"
 Numbers = str | None
 
 
@@ -51,10 +53,12 @@ def simulate(
     ] = None,
     plot: Annotated[Path | None, _option("--plot", "FILE", "Where its picture goes: .png, .svg or .pdf.")] = None,
 ) -> None:
-    """Move an arm: drive commands in, motion out.
+    """Move an arm: drive commands in, motion out; or run a scenario file.
 
     Commands come from a schedule, or are constant: one value a joint with commas between, or one for all joints. Each
     is in its drive's own unit, as `armwright info` shows it. Without -o and --plot the state at the end is shown.
+
+    A file that ends in .scenario.toml says all of it instead: robot, controller, reference, timing, lanes.
 
     \b
     Examples:
@@ -62,9 +66,9 @@ def simulate(
       armwright simulate cmu-dd --voltage 5 --duration 1 --plot run.png
       armwright simulate cmu-dd --schedule volts.csv -o run.nc
       armwright simulate lwa4p --current 0 --q0 0,30deg,0,0,0,0 --duration 1
+      armwright simulate swing.scenario.toml -o run.nc
     """
     import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.simulation.plot import check_picture
     from armwright.simulation.recording import check_recording, joint_units
 
@@ -72,8 +76,15 @@ def simulate(
         check_recording(output)
     if plot is not None:
         check_picture(plot)
-    arm = aw.load(robot)
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
+    if robot.endswith(SCENARIO):
+        given = {**constants, "schedule": schedule, "duration": duration, "q0": q0, "qd0": qd0}
+        for name, value in given.items():
+            if value is not None:
+                raise ScenarioError(f"{robot}: --{name}, but a scenario file says all of it; expected one or the other")
+        _run(aw.read_scenario(robot), output, plot)
+        return
+    arm = aw.load(robot)
     scenario = aw.Scenario(
         arm,
         duration=duration,
@@ -83,7 +94,14 @@ def simulate(
         qd0=None if qd0 is None else vector("--qd0", qd0, arm.names, joint_units(arm, "qd")),
         record_every=record_every,
     )
-    with progress(f"simulating {arm.name}") as tell:
+    _run(scenario, output, plot)
+
+
+def _run(scenario: Scenario, output: Path | None, plot: Path | None) -> None:
+    import armwright as aw
+    from armwright.cli.progress import progress
+
+    with progress(f"simulating {scenario.arm.name}") as tell:
         start = time.perf_counter()
         run = aw.simulate(scenario, progress=tell)
         spent = time.perf_counter() - start
@@ -91,7 +109,7 @@ def simulate(
             aw.save(run, output)
         if plot is not None:
             aw.plot(run, plot)
-    _show(arm, run, step, spent, [path for path in (output, plot) if path is not None])
+    _show(scenario, run, spent, [path for path in (output, plot) if path is not None])
 
 
 def _commands(arm: Model, schedule: Path | None, constants: dict[str, str | None]) -> dict[str, Any]:
@@ -123,15 +141,17 @@ def _commands(arm: Model, schedule: Path | None, constants: dict[str, str | None
     return {"command": vector(f"--{name}", text, arm.names, units)}
 
 
-def _show(arm: Model, run: xr.Dataset, step: float, spent: float, written: list[Path]) -> None:
+def _show(scenario: Scenario, run: xr.Dataset, spent: float, written: list[Path]) -> None:
     from rich.console import Console
 
     from armwright.cli.tables import end_state
 
     console = Console(highlight=False, markup=False, soft_wrap=True)
-    end = float(run["time"][-1])
+    step, what = scenario.tick, "steps" if scenario.controller is None else "periods"
+    lanes = "" if scenario.lanes is None else f" in {scenario.lanes} lanes"
     console.print(
-        f"{arm.name}: {end:g} s in {round(end / step)} steps of {step * 1e3:g} ms, compiled and run in {spent:.2f} s"
+        f"{scenario.arm.name}: {scenario.ticks * step:g} s in {scenario.ticks} {what} of {step * 1e3:g} ms{lanes}, "
+        f"compiled and run in {spent:.2f} s"
     )
     for path in written:
         console.print(f"wrote {path}")

@@ -13,11 +13,13 @@ import numpy as np
 from armwright.errors import ScenarioError, nearest
 from armwright.model import Model
 from armwright.model.vary import Varied
-from armwright.simulation.integrators import INTEGRATORS
+from armwright.simulation.events import EventFunction
+from armwright.simulation.integrators import RULES
 from armwright.simulation.law import Law
 from armwright.simulation.schedule import Schedule
 from armwright.simulation.sensors import Sensors
 from armwright.simulation.shaping import Shaping
+from armwright.simulation.stepping import Adaptivity
 from armwright.simulation.timing import Timing
 
 MOST_STEPS = 2**53
@@ -43,8 +45,14 @@ class Scenario:
         initial_command: (n,) in force before the first tick; default: what holds the arm, within its drives' limits.
         vary: numbers of the record by name, (lanes,) each, or one for all: `{"link6.mass_kg": [0.1, 0.2]}`.
         seed: of noise, jitter and losses.
+        document: the scenario file that it was read from, with all it named; a run keeps it, to be done again.
         q0: (n,) or (lanes, n) [rad | m], default 0.   qd0: the same [rad/s | m/s].
-        integrator: a name of `integrators.INTEGRATORS`.
+        integrator: a name of `integrators.RULES`: "rk3", "rk4", "semi_implicit_euler"; "rk45", which chooses its own steps
+            within each tick; or "cvodes", slow and accurate, for some lanes.
+        rtol, atol: of "rk45" and "cvodes": what each entry of the state may be wrong by in a step; default `TOLERANCES`.
+        most_steps: of "rk45" in one tick; a lane that wants more is frozen and marked.
+        events: of "rk45", by name: functions (t, x) of time and state whose changes of sign are found, landed on and told,
+            as `events.joint_stops` makes them.
         record_every: rows are recorded every so many steps; 0 records the first and the last state only.
         record: "all", or "state" for q and qd alone, which many lanes over many rows may want.
         target: processor level to compile for, as in `compile`.
@@ -73,14 +81,17 @@ class Scenario:
     initial_command: Any = None
     vary: Mapping[str, Any] = field(default_factory=dict)
     seed: int = 0
+    rtol: float | None = None
+    atol: float | None = None
+    most_steps: int | None = None
+    events: Mapping[str, EventFunction] = field(default_factory=dict)
+    document: str | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.arm, Model):
             raise ScenarioError(f"arm = {self.arm!r}: expected an arm, as aw.load(name) gives")
-        if not isinstance(self.integrator, str) or self.integrator not in INTEGRATORS:
-            raise ScenarioError(
-                f"integrator = {self.integrator!r}: unknown; {nearest(str(self.integrator), INTEGRATORS)}"
-            )
+        if not isinstance(self.integrator, str) or self.integrator not in RULES:
+            raise ScenarioError(f"integrator = {self.integrator!r}: unknown; {nearest(str(self.integrator), RULES)}")
         self._check_loop()
         if (
             isinstance(self.record_every, bool)
@@ -99,7 +110,7 @@ class Scenario:
             )
         if self.controller is None and self.reference is not None:
             raise ScenarioError("a reference goes with a controller; commands over time are a schedule")
-        _ = self.schedules, self.ticks, self.lanes, self.initial_state
+        _ = self.schedules, self.ticks, self.lanes, self.initial_state, self.adaptivity
 
     def _check_loop(self) -> None:
         """Refuses times of the loop that do not fit together."""
@@ -129,6 +140,11 @@ class Scenario:
             return [_by_name(schedule, self.arm) for schedule in given]
         commands = self._vectors("command", self.command)
         return [Schedule.constant(self.arm.names, row) for row in np.atleast_2d(commands)]
+
+    @property
+    def adaptivity(self) -> Adaptivity | None:
+        """How the integrator chooses its steps; None for rules of fixed step."""
+        return Adaptivity.of(self.integrator, self.substeps, self.rtol, self.atol, self.most_steps, self.events)
 
     @property
     def integration_step(self) -> float:
@@ -195,7 +211,7 @@ class Scenario:
     @cached_property
     def law(self) -> Law | None:
         """The controller, taken apart."""
-        return None if self.controller is None else Law.of(self.controller)
+        return None if self.controller is None else Law.of(self.controller, self.arm, self.tick)
 
     @cached_property
     def varied(self) -> Varied | None:

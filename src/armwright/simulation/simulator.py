@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -10,21 +11,26 @@ import numpy as np
 
 from armwright.actuators.drive import UNITS
 from armwright.dynamics import mass_matrix
-from armwright.errors import DivergenceError, ScenarioError
+from armwright.errors import ScenarioError
 from armwright.kernels.batch import Kernel
 from armwright.kernels.llvm import select_target
 from armwright.kernels.loop import Loop, Schedules
-from armwright.kernels.stages import Integrate, Record, Rows
+from armwright.kernels.stages import Integrate, Record, Rows, Stage
 from armwright.model import Model
 from armwright.model.simplify import simplified
-from armwright.program import Program, call, trace
+from armwright.program import call, trace
+from armwright.scalar import Array
 from armwright.simulation.controlled import simulate_controlled
+from armwright.simulation.cvodes import Cvodes, check_lanes
+from armwright.simulation.events import Parts
 from armwright.simulation.groups import Progress, run_groups
 from armwright.simulation.integrators import INTEGRATORS
 from armwright.simulation.plant import plant_derivative, plant_outputs
+from armwright.simulation.provenance import provenance
 from armwright.simulation.recording import make_dataset
 from armwright.simulation.scenario import LANDING, Scenario
 from armwright.simulation.stability import Stability
+from armwright.simulation.stepping import Account, Adaptivity, adaptive_stage, begin_adaptive
 
 if TYPE_CHECKING:
     import xarray
@@ -40,29 +46,49 @@ class Simulator:
     arm: Model
     integrator: str
     target: str | None
+    adaptivity: Adaptivity | None
     loop: Loop
-    step: Program
     outputs: Kernel
     stability: Stability
 
 
-def compile_simulator(arm: Model, integrator: str = "rk3", target: str | None = None) -> Simulator:
+def compile_simulator(
+    arm: Model, integrator: str = "rk3", target: str | None = None, adaptivity: Adaptivity | None = None
+) -> Simulator:
     """The loop and the outputs of an arm as native code.
 
+    Args:
+        arm: the model.   integrator: a name of `integrators.RULES`.   target: processor level, as in `compile`.
+        adaptivity: how "rk45" chooses its steps, as `Scenario.adaptivity` says.
     Raises:
         ModelError: a drive without the constants that its command needs.
     """
     n, chosen, plain = arm.n, select_target(target), simplified(arm)
     state, command = {"x": (2 * n,)}, {"u": (n,)}
-    plant = trace("plant", lambda x, u: plant_derivative(plain, x, u), state | command, ("xd",), noinline=True)
-    rule = INTEGRATORS[integrator].step
-    step = trace(
-        "step", lambda x, u, h: rule(lambda x, u: call(plant, x, u), x, u, h), state | command | {"h": ()}, ("x_next",)
-    )
+
+    def derivative(x: Array, u: Array) -> np.ndarray:
+        return plant_derivative(plain, x, u)
+
+    stages: list[Stage] = [Rows("u", n), Record("states", ("x",), (2 * n,))]
+    if integrator in INTEGRATORS:
+        plant = trace("plant", derivative, state | command, ("xd",), noinline=True)
+        rule = INTEGRATORS[integrator].step
+        shapes = state | command | {"h": ()}
+        stages.append(
+            Integrate(trace("step", lambda x, u, h: rule(lambda x, u: call(plant, x, u), x, u, h), shapes, ("x_next",)))
+        )
+    elif integrator == "rk45":
+        assert adaptivity is not None
+        stages.append(adaptive_stage(derivative, state | command, adaptivity, _parts(n)))
     names = ("qdd", "tau", "voltage", "current")
     outputs = trace("outputs", lambda x, u: plant_outputs(plain, x, u), state | command, names)
-    loop = Loop((Rows("u", n), Record("states", ("x",), (2 * n,)), Integrate(step)), chosen.doubled())
-    return Simulator(arm, integrator, target, loop, step, Kernel(outputs, chosen), Stability(arm))
+    loop = Loop(tuple(stages), chosen.doubled())
+    return Simulator(arm, integrator, target, adaptivity, loop, Kernel(outputs, chosen), Stability(arm))
+
+
+def _parts(n: int) -> Parts:
+    """The state's parts by name."""
+    return lambda x: {"q": x[:n], "qd": x[n:]}
 
 
 def simulate(
@@ -88,25 +114,43 @@ def simulate(
         ScenarioError: a step too large for the arm's fastest time constant; names the step that would do.
         DivergenceError: a single run left the finite numbers.
     """
-    arm = scenario.arm
     if scenario.controller is not None:
-        return simulate_controlled(scenario, progress, threads)
+        run = simulate_controlled(scenario, progress, threads)
+    else:
+        run = _simulate_driven(scenario, progress, threads, simulator)
+    run.attrs |= {"seed": scenario.seed, "made_with": json.dumps(provenance(scenario.target))}
+    if scenario.document is not None:
+        run.attrs["scenario"] = scenario.document
+    return run
+
+
+def _simulate_driven(
+    scenario: Scenario, progress: Progress | None, threads: int | None, simulator: Simulator | None
+) -> xarray.Dataset:
+    """A run under commands over time."""
+    arm = scenario.arm
     _check_inertia(arm, scenario.initial_state[0, : arm.n])
-    simulator = simulator or compile_simulator(arm, scenario.integrator, scenario.target)
+    simulator = simulator or compile_simulator(arm, scenario.integrator, scenario.target, scenario.adaptivity)
     x0 = scenario.initial_state
     _check_simulator(simulator, scenario)
-    rule = INTEGRATORS[scenario.integrator]
-    commands = np.concatenate([schedule.commands for schedule in scenario.schedules])
-    simulator.stability.check_step(scenario.integrator, rule, scenario.tick, commands)
+    if scenario.integrator in INTEGRATORS:
+        rule = INTEGRATORS[scenario.integrator]
+        commands = np.concatenate([schedule.commands for schedule in scenario.schedules])
+        simulator.stability.check_step(scenario.integrator, rule, scenario.tick, commands)
     every = scenario.record_every or scenario.ticks
     record = _record(scenario, simulator.loop.target.width)
-    frozen = _run(simulator.loop, scenario, record, every, progress, threads or os.cpu_count() or 1)
-    if scenario.lanes is None and frozen[0] >= 0:
-        raise DivergenceError(
-            f"{arm.name}: the simulation left the finite numbers at t = {frozen[0] * scenario.tick:g} s; "
-            f"last state q = {np.array2string(record[-1, 0, : arm.n], precision=4, max_line_width=10**6)}"
-        )
-    return _dataset(scenario, simulator, record[:, : len(x0)].transpose(1, 0, 2), every, frozen)
+    account = Account.of(len(x0), len(scenario.events))
+    if scenario.integrator == "cvodes":
+        _solve(scenario, record, every, progress, account)
+    else:
+        _run(simulator.loop, scenario, record, every, progress, threads or os.cpu_count() or 1, account)
+    if scenario.lanes is None:
+        account.check(arm.name, scenario.tick, f"last state q = {_told(record[-1, 0, : arm.n])}")
+    return _dataset(scenario, simulator, record[:, : len(x0)].transpose(1, 0, 2), every, account)
+
+
+def _told(q: np.ndarray) -> str:
+    return np.array2string(q, precision=4, max_line_width=10**6)
 
 
 def _schedules(scenario: Scenario) -> Schedules:
@@ -146,15 +190,22 @@ def _rows(times: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _run(
-    loop: Loop, scenario: Scenario, record: np.ndarray, every: int, progress: Progress | None, workers: int
-) -> np.ndarray:
-    """Records the states of all lanes; comes back with the ticks (lanes,) in which they left the finite numbers, or -1."""
+    loop: Loop,
+    scenario: Scenario,
+    record: np.ndarray,
+    every: int,
+    progress: Progress | None,
+    workers: int,
+    account: Account,
+) -> None:
+    """Records the states of all lanes."""
     x0, ticks, schedules = scenario.initial_state, scenario.ticks, _schedules(scenario)
-    frozen = np.empty(len(x0))
 
     def begin(first: int, count: int) -> Any:
         lanes = loop.lanes(count, first)
         lanes.set("x", x0[first : first + count])
+        if scenario.adaptivity is not None:
+            begin_adaptive(lanes, scenario.adaptivity, _parts(scenario.arm.n), x0[first : first + count])
         loop.begin_rows(lanes, "u", schedules)
         own = record[:, first : first + lanes.tiles * lanes.width]
 
@@ -169,13 +220,30 @@ def _run(
                 records={"states": own},
             )
 
-        def end() -> None:
-            frozen[first : first + count] = lanes.get("frozen")[:, 0]
-
-        return advance, end
+        return advance, lambda: account.read(lanes)
 
     run_groups(len(x0), loop.target.width, ticks, begin, progress, workers)
-    return frozen
+
+
+def _solve(scenario: Scenario, record: np.ndarray, every: int, progress: Progress | None, account: Account) -> None:
+    """Records the states of all lanes as CVODES finds them, lane by lane."""
+    arm, ticks, h, x0 = scenario.arm, scenario.ticks, scenario.tick, scenario.initial_state
+    check_lanes(len(x0))
+    assert scenario.adaptivity is not None
+    plain = simplified(arm)
+    shapes = {"x": (2 * arm.n,), "u": (arm.n,)}
+    solver = Cvodes(lambda x, u: plant_derivative(plain, x, u), shapes, scenario.adaptivity, stiff=False)
+    for lane, x in enumerate(x0):
+        schedule = scenario.schedules[lane % len(scenario.schedules)]
+        record[:, lane], reached = x, 0
+        for reached, states in solver.held(x, *_rows(schedule.times, h), schedule.commands, ticks, h):
+            for k, state in enumerate(states, reached - len(states) + 1):
+                if k % every == 0:
+                    record[k // every :, lane] = state
+        if reached < ticks:
+            account.frozen[lane] = reached
+        if progress is not None:
+            progress((lane + 1) * ticks, len(x0) * ticks)
 
 
 def _check_simulator(simulator: Simulator, scenario: Scenario) -> None:
@@ -184,7 +252,7 @@ def _check_simulator(simulator: Simulator, scenario: Scenario) -> None:
     Raises:
         ScenarioError: names what differs.
     """
-    for what in ("arm", "integrator", "target"):
+    for what in ("arm", "integrator", "target", "adaptivity"):
         compiled, asked = getattr(simulator, what), getattr(scenario, what)
         if compiled is not asked and compiled != asked and asked is not None:
             raise ScenarioError(
@@ -209,7 +277,7 @@ def _check_inertia(arm: Model, q: np.ndarray) -> None:
 
 
 def _dataset(
-    scenario: Scenario, simulator: Simulator, states: np.ndarray, every: int, frozen: np.ndarray
+    scenario: Scenario, simulator: Simulator, states: np.ndarray, every: int, account: Account
 ) -> xarray.Dataset:
     """States (lanes, rows, 2n) with what follows from them."""
     arm, n = scenario.arm, scenario.arm.n
@@ -235,13 +303,7 @@ def _dataset(
         q, qd, u = q[0], qd[0], u[0]
         parts = {name: value[0] for name, value in parts.items()}
     run = make_dataset(arm, t, q, qd, u, **parts, attrs=attrs)
-    if scenario.lanes is not None:
-        diverged = np.where(frozen < 0, np.nan, frozen * scenario.tick)
-        run["diverged_at"] = (
-            "lane",
-            diverged,
-            {"units": "s", "long_name": "time at which the lane left the finite numbers"},
-        )
+    account.tell(run, scenario.tick, scenario.adaptivity, scenario.lanes is None)
     return run
 
 

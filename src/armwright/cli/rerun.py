@@ -1,0 +1,45 @@
+"""`armwright rerun`: a saved run, done again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def rerun(
+    run: Annotated[Path, typer.Argument(metavar="RUN.nc", help="A run of a scenario file.", show_default=False)],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Where the new run goes: .nc, .csv or .parquet.", show_default=False),
+    ] = None,
+) -> None:
+    """Do a saved run again, from the scenario that it keeps, and tell whether every bit is the same.
+
+    Bits are the same where processor, its features and versions are those that the run was made with; what differs is told.
+    Exit code 1 where numbers differ.
+
+    \b
+    Example:
+      armwright rerun run.nc
+    """
+    import armwright as aw
+    from armwright.cli.progress import progress
+    from armwright.simulation.recording import check_recording
+
+    if output is not None:
+        check_recording(output)
+    with progress(f"running {run.name} again") as tell:
+        done = aw.rerun(run, progress=tell)
+    if output is not None:
+        aw.save(done.run, output)
+        print(f"wrote {output}")
+    for line in done.surroundings:
+        print(f"differs  {line}")
+    if done.same:
+        print("the same to the last bit")
+        return
+    for name, largest in done.differences.items():
+        print(f"differs  {name}: by {largest:.3g} at most")
+    raise typer.Exit(1)

@@ -1,0 +1,246 @@
+"""`*.scenario.toml` → Scenario: robot, drives or controller, reference, timing, lanes, and what to keep."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import json
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pydantic
+
+from armwright import scalar
+from armwright.description.database import read_document
+from armwright.description.refusal import refusal
+from armwright.errors import ArmwrightError, DescriptionError, ScenarioError, nearest
+from armwright.expressions import expression
+from armwright.model import Model, build_model
+from armwright.model.vary import Varied
+from armwright.scalar import Scalar
+from armwright.scenarios.files import Files
+from armwright.scenarios.lanes import placed
+from armwright.scenarios.records import Kind, ScenarioTable
+from armwright.simulation.recording import joint_units
+from armwright.simulation.scenario import Scenario
+from armwright.simulation.schedule import read_schedule
+from armwright.simulation.sensors import Sensors
+from armwright.simulation.shaping import Shaping
+from armwright.simulation.timing import Timing
+
+HOMES = {"controller": "armwright.control", "reference": "armwright.trajectory"}
+TIMES = ("measurement_delay", "command_delay", "jitter")  # whose keys end in _s
+
+
+def read_scenario(path: str | os.PathLike[str]) -> Scenario:
+    """The scenario in a file.
+
+    Args:
+        path: of the `*.scenario.toml`; robots and tables that it names stand beside it, or are built in.
+    Returns:
+        scenario: as in Python; `scenario.document` keeps the file and all that it named.
+    Raises:
+        ArmwrightError: no such file, or something in it that cannot be believed; names file, key, value and what was expected.
+    """
+    path = Path(path)
+    try:
+        document = read_document(path)
+        text = path.read_text(encoding="utf-8")
+    except DescriptionError as error:
+        raise ScenarioError(str(error)) from None
+    return parse_scenario(document, str(path), Files(path.parent), text)
+
+
+def parse_scenario(document: dict[str, Any], place: str, files: Files, text: str) -> Scenario:
+    """The scenario in a parsed TOML document; `place` is what errors call it."""
+    try:
+        table = ScenarioTable.model_validate(document)
+    except pydantic.ValidationError as error:
+        raise ScenarioError(f"{place}: {refusal(error, document, ScenarioTable)}") from None
+    try:
+        scenario = _scenario(table, files)
+    except ArmwrightError as error:
+        told = str(error)
+        raise type(error)(told if told.startswith(place) else f"{place}: {told}") from None
+    kept = {"scenario": text, "files": files.read}
+    return dataclasses.replace(scenario, document=json.dumps(kept, sort_keys=True))
+
+
+def _scenario(table: ScenarioTable, files: Files) -> Scenario:
+    arm = build_model(files.robot(table.robot))
+    if table.without:
+        arm = arm.replace(**dict.fromkeys(table.without))
+    units = joint_units(arm, "u")
+    given: dict[str, Any] = {
+        "q0": _joints("initial.q", table.initial.q, arm),
+        "qd0": _joints("initial.qd", table.initial.qd, arm),
+        "initial_command": _joints("initial.command", table.initial.command, arm),
+        "duration": table.duration_s,
+        "sample_period": table.sample_period_s,
+        "substeps": table.substeps,
+        "integrator": table.integrator,
+        "seed": table.seed,
+        "vary": dict(table.values),
+        "record": table.record.what,
+        "record_every": table.record.every,
+    }
+    if table.record.reduce:
+        given["reduce"] = table.record.reduce
+    parts = {
+        "sensors": table.sensors.model_dump(),
+        "shaping": {name: _joints(f"shaping.{name}", value, arm) for name, value in table.shaping.model_dump().items()},
+        "timing": {name.removesuffix("_s"): value for name, value in table.timing.model_dump().items()},
+        "controller": None if table.controller is None else _fields("controller", table.controller, arm),
+    }
+    if table.drive is not None:
+        if table.drive.schedule is not None:
+            given["schedule"] = read_schedule(files.table(table.drive.schedule), arm.names, units)
+        else:
+            given["command"] = _joints("drive.command", table.drive.command, arm)
+    if table.lanes is not None:
+        for name, column in table.lanes.columns().items():
+            _vary(name, column, arm, given, parts)
+    given |= {
+        "sensors": Sensors(**parts["sensors"]),
+        "shaping": Shaping(**parts["shaping"]),
+        "timing": Timing(**parts["timing"]),
+    }
+    if table.controller is not None:
+        given["controller"] = _built("controller", table.controller.kind, parts["controller"] or {}, arm)
+        given["reference"] = _reference(table.reference, arm, files)
+    return Scenario(arm, **given)
+
+
+def _joints(place: str, value: Any, arm: Model) -> np.ndarray | None:
+    """One number for all joints, one each, or a table by joint whose others are 0."""
+    if value is None:
+        return None
+    if isinstance(value, Mapping):
+        for name in value:
+            if name not in arm.names:
+                raise ScenarioError(f"{place}: no joint {name!r}; {nearest(name, arm.names)}")
+        return np.array([value.get(name, 0.0) for name in arm.names])
+    if np.ndim(value) == 0:
+        return np.full(arm.n, float(value))
+    if len(value) != arm.n:
+        raise ScenarioError(f"{place} holds {len(value)} numbers, expected {arm.n}: {', '.join(arm.names)}")
+    return np.array(value, dtype=float)
+
+
+def _kinds(place: str) -> dict[str, type]:
+    """Controllers or trajectories by the name a file gives them: JointPID is joint_pid."""
+    module = importlib.import_module(HOMES[place])
+    found = {name: getattr(module, name) for name in module.__all__}
+    classes = {name: kind for name, kind in found.items() if isinstance(kind, type) and dataclasses.is_dataclass(kind)}
+    return {re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower(): kind for name, kind in classes.items()}
+
+
+def _fields(place: str, table: Kind, arm: Model) -> dict[str, Any]:
+    """The fields of a kind, tables by joint told as arrays."""
+    return {
+        name: _joints(f"{place}.{name}", value, arm)
+        if isinstance(value, Mapping)
+        else np.array(value, dtype=float)
+        if isinstance(value, list)
+        else value
+        for name, value in table.fields().items()
+    }
+
+
+def _built(place: str, kind: str, values: Mapping[str, Any], arm: Model) -> Any:
+    kinds = _kinds(place)
+    if kind not in kinds:
+        extra = ["pose", "schedule", "expression"] if place == "reference" else []
+        raise ScenarioError(f"{place}: kind = {kind!r}: unknown; {nearest(kind, [*kinds, *extra])}")
+    names = [f.name for f in dataclasses.fields(kinds[kind]) if f.init]
+    for name in values:
+        if name not in names:
+            raise ScenarioError(f"{place}: {kind} has no {name!r}; {nearest(name, names)}")
+    values = {**({"arm": arm} if "arm" in names else {}), **({"model": arm} if "model" in names else {}), **values}
+    try:
+        return kinds[kind](**values)
+    except TypeError as error:
+        missing = [f.name for f in dataclasses.fields(kinds[kind]) if f.init and f.name not in values and _needed(f)]
+        raise ScenarioError(f"{place}: {kind} needs {', '.join(missing) or error}") from None
+
+
+def _needed(field: dataclasses.Field) -> bool:
+    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+
+
+def _reference(table: Kind | None, arm: Model, files: Files) -> Any:
+    if table is None:
+        return None
+    fields = table.fields()
+    wanted = {"pose": ("q",), "schedule": ("file",), "expression": ("q",)}.get(table.kind)
+    if wanted is None:
+        return _built("reference", table.kind, _fields("reference", table, arm), arm)
+    for name in fields:
+        if name not in wanted:
+            raise ScenarioError(f"reference: {table.kind} has no {name!r}; {nearest(name, wanted)}")
+    if wanted[0] not in fields:
+        raise ScenarioError(f"reference: {table.kind} needs {wanted[0]}")
+    if table.kind == "pose":
+        return _joints("reference.q", fields["q"], arm)
+    if table.kind == "schedule":
+        return read_schedule(files.table(fields["file"]), arm.names, joint_units(arm, "q"))
+    return _formulas(fields["q"], arm)
+
+
+def _formulas(texts: Any, arm: Model) -> Any:
+    """q(t) from one formula a joint, or a table by joint whose others stay at 0."""
+    if isinstance(texts, Mapping):
+        for name in texts:
+            if name not in arm.names:
+                raise ScenarioError(f"reference.q: no joint {name!r}; {nearest(name, arm.names)}")
+        texts = [str(texts.get(name, "0")) for name in arm.names]
+    if not isinstance(texts, list) or len(texts) != arm.n:
+        raise ScenarioError(f"reference.q: expected {arm.n} formulas of t: {', '.join(arm.names)}")
+    formulas = [expression(str(text), ("t",)) for text in texts]
+
+    def q(t: Scalar) -> np.ndarray:
+        return scalar.array([formula({"t": t}) for formula in formulas])
+
+    return q
+
+
+def _vary(name: str, column: np.ndarray, arm: Model, given: dict[str, Any], parts: dict[str, Any]) -> None:
+    """One number of the file becomes a column of lanes."""
+    path, entry = name, None
+    match = re.fullmatch(r"(.*)\[(\d+)\]", name)
+    if match and match[1].split(".")[0] in (*parts, "initial"):
+        path, entry = match[1], int(match[2])
+    head, _, field = path.partition(".")
+    if head == "initial":
+        key = {"q": "q0", "qd": "qd0"}.get(field)
+        if key is None or entry is None or entry >= arm.n:
+            raise ScenarioError(f"lanes: no {name!r}; expected initial.q[0] … initial.q[{arm.n - 1}], or initial.qd[…]")
+        given[key] = placed(np.zeros(arm.n) if given[key] is None else given[key], entry, column)
+    elif head == "timing":
+        field = field.removesuffix("_s")
+        if field not in parts["timing"] or entry is not None or field == "preset":
+            known = [f"timing.{key}{'_s' * (key in TIMES)}" for key in parts["timing"] if key != "preset"]
+            raise ScenarioError(f"lanes: no {name!r}; {nearest(name, known)}")
+        parts["timing"][field] = column
+    elif head == "controller":
+        fields = parts["controller"] or {}
+        if field not in fields:
+            raise ScenarioError(f"lanes: no {name!r}; {nearest(name, [f'controller.{key}' for key in fields])}")
+        whole = fields[field]
+        if np.ndim(whole) == 0:
+            fields[field] = column.reshape(-1, 1) if entry is None else placed(np.full(arm.n, whole), entry, column)
+        elif entry is None:
+            fields[field] = np.multiply.outer(column, np.ones(arm.n))
+        else:
+            fields[field] = placed(whole, entry, column)
+    elif head in parts:
+        raise ScenarioError(
+            f"lanes: {name!r} cannot differ by lane; expected a number of the robot, initial, timing or controller"
+        )
+    else:
+        Varied(arm, [name])  # refuses what is no number of the record, and lists those there are
+        given["vary"] = {**given["vary"], name: column}

@@ -1,0 +1,61 @@
+"""Where a scenario's files come from: a folder, or what a run has kept of them."""
+
+from __future__ import annotations
+
+import tempfile
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from armwright.description import read_description
+from armwright.description.database import parse
+from armwright.description.robot import RobotDescription
+from armwright.description.writer import to_toml
+from armwright.errors import ScenarioError
+
+
+@dataclass
+class Files:
+    """Files that a scenario names, by the names it gives them.
+
+    Attributes:
+        folder: where they lie.   kept: texts by name, of a run that is done again; they come first.
+        read: what was read, to be kept with a run.
+    """
+
+    folder: Path
+    kept: dict[str, str] = field(default_factory=dict)
+    read: dict[str, str] = field(default_factory=dict)
+
+    def robot(self, name: str) -> RobotDescription:
+        """A robot's record: kept, beside the scenario, or built in."""
+        if name in self.kept:
+            self.read[name] = self.kept[name]
+            return parse(tomllib.loads(self.kept[name]), name, self.folder)
+        beside = self.folder / name
+        record = read_description(beside if Path(name).suffix else name)
+        bare = record.model_copy(
+            update={"links": tuple(link.model_copy(update={"visuals": ()}) for link in record.links)}
+        )
+        self.read[name] = to_toml(bare)  # what it looks like has no say in how it moves
+        return record
+
+    def table(self, name: str) -> Path:
+        """The path of a table of numbers.
+
+        Raises:
+            ScenarioError: it is not there, or no text.
+        """
+        if name in self.kept:
+            self.read[name] = self.kept[name]
+            with tempfile.NamedTemporaryFile("w", suffix=Path(name).suffix, delete=False, encoding="utf-8") as file:
+                file.write(self.kept[name])
+            return Path(file.name)
+        path = self.folder / name
+        try:
+            self.read[name] = path.read_text(encoding="utf-8")
+        except OSError as error:
+            raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from None
+        except UnicodeDecodeError as error:
+            raise ScenarioError(f"{path}: byte {error.start} is no UTF-8 text") from None
+        return path

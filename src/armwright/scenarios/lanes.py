@@ -1,0 +1,118 @@
+"""Many runs from one file: numbers of it that take a list of values, a grid of them, or random draws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from armwright.description.quantity import Record
+
+Numbers = tuple[float, ...]
+
+
+class Values(Record):
+    """What one number is in the lanes: one of these ways."""
+
+    values: Numbers | None = Field(
+        default=None, min_length=1, description="These, one a lane (or one a row of the grid)."
+    )
+    start: float | None = Field(default=None, description="From here …")
+    stop: float | None = Field(default=None, description="… to here …")
+    count: int | None = Field(default=None, ge=1, description="… in so many equal steps.")
+    normal: tuple[float, float] | None = Field(default=None, description="Drawn: mean and standard deviation.")
+    uniform: tuple[float, float] | None = Field(default=None, description="Drawn evenly between two bounds.")
+    lognormal: tuple[float, float] | None = Field(
+        default=None, description="Drawn: median, and standard deviation of the logarithm."
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Values:
+        line = [name for name in ("start", "stop", "count") if getattr(self, name) is not None]
+        if line and len(line) != 3:
+            raise ValueError("start, stop and count go together")
+        ways = [name for name in ("values", "normal", "uniform", "lognormal") if getattr(self, name) is not None]
+        ways += ["start"] if line else []
+        if len(ways) != 1:
+            raise ValueError(
+                f"expected one of values, start with stop and count, normal, uniform, lognormal, not {' and '.join(ways) or 'none'}"
+            )
+        for name in ("normal", "lognormal"):
+            given = getattr(self, name)
+            if given is not None and given[1] < 0:
+                raise ValueError(f"{name} = {list(given)}: expected a standard deviation of 0 or more")
+        return self
+
+    @property
+    def drawn(self) -> bool:
+        """Whether chance has a say."""
+        return self.values is None and self.start is None
+
+    def listed(self) -> np.ndarray:
+        """The values, where they are stated."""
+        if self.values is not None:
+            return np.array(self.values)
+        assert self.start is not None and self.stop is not None and self.count is not None
+        return np.linspace(self.start, self.stop, self.count)
+
+    def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
+        """So many values from the distribution."""
+        if self.normal is not None:
+            return random.normal(*self.normal, size=count)
+        if self.uniform is not None:
+            return random.uniform(*self.uniform, size=count)
+        assert self.lognormal is not None
+        median, deviation = self.lognormal
+        return median * np.exp(random.normal(0.0, deviation, size=count))
+
+
+class Lanes(Record):
+    """How numbers of the file vary from lane to lane."""
+
+    kind: Literal["list", "grid", "draws"] = Field(
+        description="'list': all lists are as long as there are lanes; 'grid': every combination; 'draws': at random."
+    )
+    count: int | None = Field(default=None, ge=1, description="Lanes to draw; goes with 'draws'.")
+    seed: int | None = Field(default=None, ge=0, description="Of the draws; goes with 'draws'.")
+    vary: dict[str, Values] = Field(
+        min_length=1,
+        description="By name: 'link6.mass_kg', 'controller.kp[2]', 'timing.command_delay_s', 'initial.q[1]'.",
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> Lanes:
+        if (self.kind == "draws") != (self.count is not None) or (self.kind == "draws") != (self.seed is not None):
+            raise ValueError("count and seed go with kind = 'draws', which needs both")
+        for name, values in self.vary.items():
+            if values.drawn and self.kind != "draws":
+                raise ValueError(f"{name} is drawn: expected kind = 'draws'")
+        lengths = {name: len(v.listed()) for name, v in self.vary.items() if not v.drawn}
+        wanted = {self.count} if self.kind == "draws" else set(lengths.values())
+        if self.kind != "grid" and (len(wanted) > 1 or any(length not in wanted for length in lengths.values())):
+            told = ", ".join(f"{length} of {name}" for name, length in lengths.items())
+            raise ValueError(f"lists of unequal length: {told}")
+        return self
+
+    def columns(self) -> Mapping[str, np.ndarray]:
+        """(lanes,) values of every name, in the order of the file. A name's draws depend on the seed and its place alone."""
+        if self.kind == "grid":
+            axes = [values.listed() for values in self.vary.values()]
+            grid = np.meshgrid(*axes, indexing="ij")
+            return {name: part.ravel() for name, part in zip(self.vary, grid, strict=True)}
+        columns: dict[str, np.ndarray] = {}
+        for place, (name, values) in enumerate(self.vary.items()):
+            random = np.random.Generator(np.random.Philox(key=[self.seed or 0, place]))
+            columns[name] = values.draw(random, self.count or 1) if values.drawn else values.listed()
+        return columns
+
+
+def placed(whole: Any, entry: int | None, column: np.ndarray) -> np.ndarray:
+    """A number, or one entry of several, that varies: (lanes,) or (lanes, k) with the other entries as they are."""
+    if entry is None:
+        return column
+    rows = np.atleast_2d(np.asarray(whole, dtype=float))
+    rows = np.repeat(rows, len(column), axis=0) if len(rows) == 1 else rows.copy()
+    rows[:, entry] = column
+    return rows

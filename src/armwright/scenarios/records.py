@@ -1,0 +1,139 @@
+"""The tables of a scenario file, `*.scenario.toml`. Everything that decides a run is in it; nothing physical is defaulted."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import ConfigDict, Field, model_validator
+
+from armwright.description.quantity import Record
+from armwright.scenarios.lanes import Lanes
+
+Number = float
+PerJoint = float | tuple[float, ...] | dict[str, float]
+
+
+class Initial(Record):
+    """Where the arm begins: numbers in the order of the joints, or a table by their names (others are 0)."""
+
+    q: PerJoint | None = Field(default=None, description="Positions [rad | m]; absent: 0.")
+    qd: PerJoint | None = Field(default=None, description="Speeds [rad/s | m/s]; absent: 0.")
+    command: PerJoint | None = Field(
+        default=None,
+        description="In force before the first tick, each in its joint's own unit; absent: what holds the arm.",
+    )
+
+
+class Drive(Record):
+    """Commands over time, without a controller: one of these."""
+
+    command: PerJoint | None = Field(default=None, description="Constant, each in its joint's own unit.")
+    schedule: str | None = Field(
+        default=None, description="CSV file: t in s and one column a joint, held from row to row."
+    )
+
+    @model_validator(mode="after")
+    def _one(self) -> Drive:
+        if (self.command is None) == (self.schedule is None):
+            raise ValueError("expected either command or schedule")
+        return self
+
+
+class Kind(Record):
+    """A table that names what it is, and gives its fields."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    kind: str = Field(description="Which one.")
+
+    def fields(self) -> dict[str, Any]:
+        """Everything but the kind."""
+        return dict(self.model_extra or {})
+
+
+class SensorsTable(Record):
+    """What is measured, and how well; see `armwright.Sensors`. Absent: everything exactly."""
+
+    counts: float | tuple[float, ...] | None = Field(
+        default=None, description="Encoder counts in one turn; absent: not quantised."
+    )
+    side: Literal["motor", "link"] = Field(default="motor", description="Where the encoder sits.")
+    velocity: str = Field(default="exact", description="exact, difference, filtered or observer.")
+    cutoff_hz: float | None = Field(default=None, description="Of the filter or observer.")
+    position_noise: float = Field(default=0.0, ge=0, description="Standard deviation [rad | m].")
+    velocity_noise: float = Field(default=0.0, ge=0, description="[rad/s | m/s].")
+    current_noise: float = Field(default=0.0, ge=0, description="[A].")
+
+
+class ShapingTable(Record):
+    """The command's way out of the controller; see `armwright.Shaping`. Absent: as it is."""
+
+    limit: PerJoint | None = Field(default=None, description="The most that is commanded, either way.")
+    rate: PerJoint | None = Field(default=None, description="How fast a command may change, per second.")
+    resolution: PerJoint | None = Field(default=None, description="Its steps, of a DAC or a PWM.")
+
+
+class TimingTable(Record):
+    """When measurements are taken and commands act; see `armwright.Timing`. Absent: at once."""
+
+    preset: str = Field(default="ideal", description="ideal, one-tick or sync.")
+    measurement_delay_s: float = Field(default=0.0, description="How old a measurement is when the controller sees it.")
+    command_delay_s: float = Field(default=0.0, description="From the controller to the drive, beyond the preset's.")
+    jitter_s: float = Field(default=0.0, description="The most that a command is late beyond that, uniform.")
+    measurement_loss: float = Field(
+        default=0.0, description="Probability that a measurement is lost; the last is repeated."
+    )
+    command_loss: float = Field(default=0.0, description="The same of commands.")
+    clock_drift: float = Field(default=0.0, description="(Drive's period - master's) / master's.")
+
+
+class RecordTable(Record):
+    """What is kept of the run."""
+
+    every: int = Field(default=1, ge=0, description="Ticks from one row to the next; 0: the first and the last only.")
+    what: Literal["all", "state", "none"] = Field(default="all", description="All, q and qd alone, or no rows at all.")
+    reduce: tuple[str, ...] = Field(default=(), description="Numbers computed along the way, such as rms_error.")
+
+
+class ScenarioTable(Record):
+    """A whole scenario."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    title: str | None = Field(default=None, description="One line for whoever reads the file.")
+    robot: str = Field(description="A built-in arm, or a robot file beside this one.")
+    without: tuple[Literal["friction", "rotors", "efficiency"], ...] = Field(
+        default=(), description="Parts of the record that this run leaves away."
+    )
+    values: dict[str, float | tuple[float, ...]] = Field(
+        default_factory=dict, description="Other numbers than the record's: 'link6.mass_kg' = 1.2."
+    )
+    duration_s: float | None = Field(default=None, description="How long; absent: until a schedule's last row.")
+    sample_period_s: float | None = Field(
+        default=None, description="Of the controller; without one, of the integrator."
+    )
+    substeps: int = Field(default=1, description="Integration steps in a period.")
+    integrator: str = Field(default="rk3", description="rk3, rk4, semi_implicit_euler, rk45 or cvodes.")
+    seed: int = Field(default=0, ge=0, description="Of noise, jitter and losses.")
+    initial: Initial = Field(default_factory=Initial, description="Where the arm begins.")
+    drive: Drive | None = Field(default=None, description="Commands over time; or a controller.")
+    controller: Kind | None = Field(
+        default=None, description="kind = 'joint_pid', 'cascade', 'computed_torque' and its gains."
+    )
+    reference: Kind | None = Field(
+        default=None,
+        description="kind = 'pose', 'schedule', 'expression' or a named trajectory; absent: the initial pose.",
+    )
+    sensors: SensorsTable = Field(default_factory=SensorsTable, description="What is measured.")
+    shaping: ShapingTable = Field(default_factory=ShapingTable, description="What becomes of commands.")
+    timing: TimingTable = Field(default_factory=TimingTable, description="When they act.")
+    lanes: Lanes | None = Field(default=None, description="Many runs at once; absent: one.")
+    record: RecordTable = Field(default_factory=RecordTable, description="What is kept.")
+
+    @model_validator(mode="after")
+    def _driven(self) -> ScenarioTable:
+        if (self.drive is None) == (self.controller is None):
+            raise ValueError("expected either [drive] or [controller]")
+        if self.reference is not None and self.controller is None:
+            raise ValueError("[reference] goes with a [controller]; commands over time are a [drive]")
+        return self

@@ -1,0 +1,17 @@
+"""What a run was made with: versions and processor, on which its last bits depend."""
+
+from __future__ import annotations
+
+import importlib.metadata
+
+from armwright.kernels.llvm import select_target
+
+PACKAGES = ("armwright", "casadi", "llvmlite", "numpy")
+
+
+def provenance(target: str | None = None) -> dict[str, str]:
+    """Names and versions, as texts."""
+    chosen = select_target(target)
+    on = sorted(feature[1:] for feature in chosen.features.split(",") if feature.startswith("+"))
+    versions = {name: importlib.metadata.version(name) for name in PACKAGES}
+    return versions | {"processor": chosen.cpu, "features": " ".join(on), "lanes at once": str(chosen.width)}

@@ -1,0 +1,168 @@
+"""Scenario files: the same runs as in Python, clear refusals, lanes, and runs done again."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import armwright as aw
+from armwright.errors import ArmwrightError, RunError
+
+HEAD = """
+robot = "cmu-dd"
+duration_s = 0.05
+sample_period_s = 1e-3
+"""
+DRIVEN = HEAD + "[drive]\ncommand = [4, -3, 2, 1, 0.5, 0.25]\n"
+PID = HEAD + (
+    '[controller]\nkind = "joint_pid"\nkp = [400, 900, 300, 150, 30, 20]\nkd = [40, 90, 30, 12, 3, 2]\n'
+    '[reference]\nkind = "expression"\nq = { joint2 = "0.2*sin(3*t)", joint4 = "10 deg" }\n'
+)
+
+
+def scenario(folder, text):
+    path = folder / "one.scenario.toml"
+    path.write_text(text, encoding="utf-8")
+    return aw.read_scenario(path)
+
+
+def test_a_driven_arm_is_that_of_python(tmp_path):
+    run = aw.simulate(scenario(tmp_path, DRIVEN + "[initial]\nq = { joint2 = 0.3 }\n"))
+    arm = aw.load("cmu-dd")
+    command = [4, -3, 2, 1, 0.5, 0.25]
+    same = aw.simulate(aw.Scenario(arm, command=command, q0=[0, 0.3, 0, 0, 0, 0], duration=0.05, step=1e-3))
+    np.testing.assert_array_equal(run.q, same.q)
+
+
+def test_schedules_and_robots_lie_beside_the_file(tmp_path):
+    from armwright.description.writer import write_toml
+
+    arm = aw.load("cmu-dd")
+    write_toml(arm.description, tmp_path / "mine.toml")
+    (tmp_path / "volts.csv").write_text(
+        "t,1,2,3,4,5,6\n".replace("1,2,3,4,5,6", ",".join(arm.names)) + "0,1,2,3,0,0,0\n0.02,0,0,0,1,1,1\n"
+    )
+    text = HEAD.replace("cmu-dd", "mine.toml") + '[drive]\nschedule = "volts.csv"\n'
+    run = aw.simulate(scenario(tmp_path, text))
+    rows = aw.Schedule(np.array([0.0, 0.02]), np.array([[1.0, 2, 3, 0, 0, 0], [0, 0, 0, 1, 1, 1]]), tuple(arm.names))
+    same = aw.simulate(aw.Scenario(arm, schedule=rows, duration=0.05))
+    np.testing.assert_array_equal(run.q, same.q)
+    aw.save(run, tmp_path / "run.nc")
+    for name in ("volts.csv", "mine.toml", "one.scenario.toml"):
+        (tmp_path / name).unlink()
+    assert aw.rerun(tmp_path / "run.nc").same
+
+
+def test_a_controlled_arm_and_its_lanes(tmp_path):
+    lanes = '[lanes]\nkind = "grid"\n[lanes.vary]\n"timing.command_delay_s" = { values = [0, 1.5e-3] }\n'
+    lanes += '"link6.mass_kg" = { start = 1.0, stop = 2.0, count = 2 }\n"controller.kp[1]" = { values = [500, 900] }\n'
+    many = aw.simulate(scenario(tmp_path, PID + lanes))
+    assert many.sizes["lane"] == 8
+    assert many.attrs["controller"] == "compiled"
+    text = PID.replace("kp = [400, 900,", "kp = [400, 500,")
+    text += "[timing]\ncommand_delay_s = 1.5e-3\n"
+    one = aw.simulate(scenario(tmp_path, text.replace("[controller]", "[values]\n'link6.mass_kg' = 2.0\n[controller]")))
+    np.testing.assert_allclose(many.q.values[6], one.q.values, atol=1e-10)
+
+
+def test_draws_depend_on_the_seed_and_on_nothing_else(tmp_path):
+    drawn = (
+        PID + '[lanes]\nkind = "draws"\ncount = 5\nseed = 7\n[lanes.vary]\n"initial.q[1]" = { normal = [0.1, 0.02] }\n'
+    )
+    first = scenario(tmp_path, drawn)
+    more = scenario(tmp_path, drawn + '"controller.kp[0]" = { uniform = [300, 500] }\n')
+    np.testing.assert_array_equal(first.q0, more.q0)
+    other = scenario(tmp_path, drawn.replace("seed = 7", "seed = 8"))
+    assert not np.array_equal(first.q0, other.q0)
+    assert np.abs(first.q0[:, 1] - 0.1).max() < 0.1
+    assert np.all(first.q0[:, [0, 2, 3, 4, 5]] == 0.0)
+
+
+def test_noise_and_losses_come_again(tmp_path):
+    noisy = PID.replace("[controller]", "seed = 5\n[controller]").replace(
+        "[controller]", "[sensors]\nposition_noise = 1e-4\n[timing]\njitter_s = 5e-4\ncommand_loss = 0.1\n[controller]"
+    )
+    run = aw.simulate(scenario(tmp_path, noisy))
+    aw.save(run, tmp_path / "run.nc")
+    again = aw.rerun(tmp_path / "run.nc")
+    assert again.same
+    assert again.surroundings == ()
+    calm = aw.simulate(scenario(tmp_path, PID))
+    assert not np.array_equal(run.q, calm.q)
+
+
+def test_another_surrounding_is_told_and_other_numbers_found(tmp_path):
+    run = aw.simulate(scenario(tmp_path, DRIVEN))
+    run.attrs["made_with"] = json.dumps(json.loads(run.attrs["made_with"]) | {"numpy": "1.0"})
+    run["q"] = run["q"] + 1e-9
+    aw.save(run, tmp_path / "run.nc")
+    again = aw.rerun(tmp_path / "run.nc")
+    assert not again.same
+    assert again.surroundings[0].startswith("numpy: 1.0 then")
+    assert again.differences["q"] == pytest.approx(1e-9, rel=1e-6)
+
+
+def test_a_run_of_python_keeps_no_scenario(tmp_path):
+    run = aw.simulate(aw.Scenario(aw.load("two-link"), command=[1.0, 1.0], duration=0.01))
+    aw.save(run, tmp_path / "run.nc")
+    with pytest.raises(RunError, match="keeps no scenario"):
+        aw.rerun(tmp_path / "run.nc")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (HEAD, r"expected either \[drive\] or \[controller\]"),
+        (DRIVEN + "speed = 3\n", "drive speed: unknown key|unknown key"),
+        (DRIVEN.replace("cmu-dd", "cmu-ddd"), "no robot 'cmu-ddd'"),
+        (DRIVEN.replace("duration_s = 0.05", "duration_s = 0.0505"), "no whole number of steps"),
+        (DRIVEN.replace("0.05\n", "0.05\nsubsteps = 0\n"), "substeps = 0"),
+        (DRIVEN.replace("[4, -3,", "[4,"), r"drive.command holds 5 numbers, expected 6"),
+        (DRIVEN + "[initial]\nq = { joint9 = 1 }\n", "no joint 'joint9'"),
+        (PID.replace("joint_pid", "joint_pidd"), "kind = 'joint_pidd': unknown; did you mean joint_pid"),
+        (PID.replace("kd =", "kdd ="), "joint_pid has no 'kdd'; did you mean kd"),
+        (PID.replace("[400, 900, 300, 150, 30, 20]", "[400, 900]"), "kp"),
+        (PID.replace("sin(3*t)", "sinn(3*t)"), "unknown function 'sinn'"),
+        (PID.replace("joint4 =", "joint7 ="), "no joint 'joint7'"),
+        (PID + "[timing]\npreset = 'onetick'\n", "did you mean one-tick"),
+        (PID + "[timing]\ncommand_delay_s = -1e-3\n", "expected a time of 0 s or more"),
+        (PID + "[sensors]\nvelocity = 'observer'\n", "cutoff_hz"),
+        (PID + "[lanes]\nkind = 'grid'\n[lanes.vary]\n'link6.mass' = { values = [1] }\n", "no parameter 'link6.mass'"),
+        (PID + "[lanes]\nkind = 'grid'\n[lanes.vary]\n'controller.kx' = { values = [1] }\n", "no 'controller.kx'"),
+        (PID + "[lanes]\nkind = 'grid'\n[lanes.vary]\n'sensors.counts' = { values = [1] }\n", "cannot differ by lane"),
+        (
+            PID + "[lanes]\nkind = 'list'\n[lanes.vary]\n'controller.kp[0]' = { normal = [1, 1] }\n",
+            "expected kind = 'draws'",
+        ),
+        (PID + "[lanes]\nkind = 'draws'\n[lanes.vary]\n'controller.kp[0]' = { normal = [1, 1] }\n", "count and seed"),
+        (HEAD.replace("0.05", "nan") + "[drive]\ncommand = 1\n", "expected a finite number"),
+        ("robot = [", "not TOML"),
+    ],
+)
+def test_what_cannot_be_run_is_refused_in_one_line(tmp_path, text, said):
+    with pytest.raises(ArmwrightError, match=said) as refused:
+        aw.simulate(scenario(tmp_path, text))
+    assert str(refused.value).startswith(str(tmp_path)) or "scenario" not in said
+    assert "\n" not in str(refused.value)
+
+
+@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_any_file_is_a_scenario_or_refused(tmp_path, data):
+    """Lines of a good file, some of them spoilt."""
+    lines = [line for line in (PID + "[timing]\npreset = 'one-tick'\n[lanes]\nkind = 'grid'\n").splitlines() if line]
+    for _ in range(data.draw(st.integers(1, 3))):
+        k = data.draw(st.integers(0, len(lines) - 1))
+        lines[k] = data.draw(
+            st.sampled_from(
+                ["", "x = 1", "kp = 'a'", "q = [1]", "[lanes.vary]", "robot = 3", "kd = nan", lines[k][::-1]]
+            )
+        )
+    try:
+        scenario(tmp_path, "\n".join(lines))
+    except ArmwrightError as error:
+        assert "\n" not in str(error)
