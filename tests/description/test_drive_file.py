@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.description.drive_file import DriveFile, JointDrive
+from armwright.description.robot import PrismaticJoint, RevoluteJoint, RobotDescription
 from armwright.errors import DescriptionError
 from description.urdf_files import AXIS, LIMIT, one_joint, written
 
@@ -112,3 +114,21 @@ def test_a_slide(tmp_path):
     body = aw.load(path).bodies[0]
     assert body.friction is not None
     assert body.friction.viscous == pytest.approx(1.0)
+
+
+def test_it_can_say_all_that_a_robot_file_says_of_drives():
+    """Whatever a joint may have beside its place, and a robot beside its tree."""
+    placed = {"name", "parent", "child", "frame", "type", "dh", "modified_dh", "axis"}
+    for joint in (RevoluteJoint, PrismaticJoint):
+        assert set(joint.model_fields) - placed == set(JointDrive.model_fields)
+    told = {"name", "title", "notes", "base", "built_from", "remarks", "links", "frames"}
+    assert set(RobotDescription.model_fields) - told == set(DriveFile.model_fields)
+
+
+def test_stops_and_brakes(tmp_path):
+    """What no other format knows goes through as in a robot file, and is refused as there."""
+    path = written(tmp_path, one_joint())
+    brake = "brake = { holding_torque_n_m = 3.0, nonsense = 1 }"
+    written(tmp_path, f"{DRIVE}{brake}", "arm.drive.toml")
+    with pytest.raises(DescriptionError, match=r"arm\.urdf with its drive file: joint 'j1' brake\.nonsense"):
+        aw.load(path)

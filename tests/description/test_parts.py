@@ -15,16 +15,16 @@ from hypothesis import strategies as st
 
 import armwright as aw
 from armwright.description import read_description
-from armwright.description.audit import adding_up, audit
-from armwright.description.audit_page import audit_page
-from armwright.description.built_from import built_from
-from armwright.description.changes import changes
-from armwright.description.materials import common_materials
-from armwright.description.overlap import overlaps
-from armwright.description.parts_build import arm_of_parts, build_parts
-from armwright.description.parts_file import parse_parts
-from armwright.description.parts_output import write_parts
-from armwright.description.weighing import weigh
+from armwright.description.parts.audit import adding_up, audit
+from armwright.description.parts.audit_page import audit_page
+from armwright.description.parts.built_from import built_from
+from armwright.description.parts.changes import changes
+from armwright.description.parts.materials import common_materials
+from armwright.description.parts.overlap import overlaps
+from armwright.description.parts.build import arm_of_parts, build_parts
+from armwright.description.parts.file import parse_parts
+from armwright.description.parts.output import write_parts
+from armwright.description.parts.weighing import weigh
 from armwright.description.writer import to_toml
 from armwright.errors import ArmwrightError, DescriptionError, OutputError
 from description.parts_arms import ORIGIN, built, database, document, part, section

@@ -11,10 +11,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from armwright.description.containment import bounds, inside
-from armwright.description.section_faces import faces
-from armwright.description.self_intersection import crossing_faces
-from armwright.description.solids import SHAPES, Mesh, Solid
+from armwright.description.parts.containment import bounds, inside
+from armwright.description.parts.section_faces import faces
+from armwright.description.solids.self_intersection import crossing_faces
+from armwright.description.solids.shapes import SHAPES, Mesh, Solid
 from armwright.errors import DescriptionError
 
 R, r, L = 0.31, 0.12, 0.7

@@ -93,3 +93,64 @@ def test_much_of_everything_ends(place):
     place.write_bytes(b"<robot name='a'>" + b"<x/>" * 300_000 + b"</robot>")
     with pytest.raises(DescriptionError, match="could carry physics"):
         read_urdf(place)
+
+
+DRIVE = """source = "measurement"
+command = "current"
+gravity_m_s2 = [0.0, 0.0, -9.81]
+tip = "upper"
+[joints.j1]
+command = "torque"
+motor = { gear_ratio = 50, rotor_inertia_kg_m2 = 1e-4, torque_constant_n_m_per_a = 0.05 }
+friction = { viscous_n_m_s_per_rad = 2.0 }
+limits = { voltage_v = 24, torque_n_m = 7, position_rad = [-1, 1] }
+[joints.j2]
+motor = { rotor_inertia_kg_m2 = 1e-4, gear_ratio = { value = 300, std = 2 }, torque_constant_n_m_per_a = 0.05 }
+"""
+WORDS = [
+    "0",
+    "-1",
+    "1e300",
+    "nan",
+    '""',
+    "[]",
+    "{}",
+    "[1, 2]",
+    "true",
+    "2020-01-01",
+    '"measurement"',
+    "{ value = 1 }",
+    "[[]]",
+]
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    changes=st.lists(
+        st.tuples(st.integers(0, 400), st.sampled_from(WORDS) | st.text(max_size=3)), min_size=1, max_size=3
+    )
+)
+def test_mutated_drive_files(place, changes):
+    """Values of the drive file replaced by others, at any place where one begins."""
+    text = DRIVE
+    for where, word in changes:
+        starts = [k + 2 for k in range(len(text)) if text.startswith("= ", k)]
+        if not starts:
+            break
+        start = starts[where % len(starts)]
+        end = next(k for k in range(start, len(text) + 1) if text[k : k + 1] in (",", "}", "\n", ""))
+        text = text[:start] + word + text[end:]
+    drive = place.with_name("arm.drive.toml")
+    drive.write_text(text, encoding="utf-8", errors="surrogatepass")
+    try:
+        check(place, SEED.encode(), "independent")
+    finally:
+        drive.unlink()
+
+
+def test_the_drive_file_loads(place):
+    drive = place.with_name("arm.drive.toml")
+    drive.write_text(DRIVE, encoding="utf-8")
+    check(place, SEED.encode(), "independent")
+    assert build_model(read_urdf(place, mimic="independent")).bodies[1].drive.gear_ratio == 300
+    drive.unlink()

@@ -7,6 +7,7 @@ import pytest
 
 import armwright as aw
 from armwright.description import builtin_names, read_description
+from armwright.description.robot import RevoluteJoint
 from armwright.description.urdf import read_urdf
 from armwright.description.writer import write_toml
 from armwright.errors import OutputError
@@ -127,6 +128,33 @@ def test_friction_that_neither_holds_is_listed(tmp_path):
         description = read_description(name)
         assert any(what in told for told in write_urdf(description, tmp_path / "arm.urdf"))
         assert any(what in told for told in write_mjcf(description, tmp_path / "arm.xml"))
+
+
+def test_the_drive_file_keeps_what_no_other_format_knows(tmp_path):
+    """A gear that gives way, stops, a current loop, accelerations: in the drive file, and listed as lost in the others."""
+    description = read_description("lwa4p")
+    first, *others = description.joints
+    assert isinstance(first, RevoluteJoint)
+    assert first.motor is not None
+    elasticity = {"stiffness_n_m_per_rad": 1e4, "damping_n_m_s_per_rad": {"value": 5.0, "source": "estimate"}}
+    changed = first.replace(
+        elasticity=elasticity,
+        motor=first.motor.replace(current_loop_hz=800.0, inductance_h=1e-3, resistance_ohm=1.0),
+        limits=first.limits.replace(acceleration_rad_per_s2=3.0),
+    )
+    description = description.replace(joints=(changed, *others))
+    losses = write_urdf(description, tmp_path / "arm.urdf"), write_mjcf(description, tmp_path / "arm.xml")
+    for told in losses:
+        for what in ("elasticity", "current_loop_hz of the motor", "acceleration limits"):
+            assert f"{what}: joint joint1" in told
+        assert not any("coupling" in sentence or "stops" in sentence for sentence in told)
+    again = read_urdf(tmp_path / "arm.urdf").joints[0]
+    assert isinstance(again, RevoluteJoint)
+    assert again.elasticity is not None
+    assert again.elasticity.damping_n_m_s_per_rad == changed.elasticity.damping_n_m_s_per_rad
+    assert float(again.elasticity.stiffness_n_m_per_rad) == 1e4
+    assert again.motor == changed.motor.replace(source="liu")
+    assert float(again.limits.acceleration_rad_per_s2) == 3.0
 
 
 def test_pictures_are_kept(tmp_path):

@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from armwright.description.built_from import BuiltFrom
 from armwright.description.compliance import (
     LinearBrake,
     LinearElasticity,
@@ -18,6 +17,7 @@ from armwright.description.compliance import (
 )
 from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
 from armwright.description.drive_effects import check_drive_effects
+from armwright.description.parts.built_from import BuiltFrom
 from armwright.description.paths import quantities
 from armwright.description.quantity import (
     Direction,
@@ -29,8 +29,8 @@ from armwright.description.quantity import (
     SourceKind,
     Vector3,
 )
+from armwright.description.solids.visual import Visual
 from armwright.description.supply import Supply
-from armwright.description.visual import Visual
 from armwright.errors import DescriptionError, nearest
 
 Name = Annotated[str, Field(min_length=1, pattern=r"^[^\s.\[\]]+$")]

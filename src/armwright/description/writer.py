@@ -13,9 +13,9 @@ from pathlib import Path
 from re import fullmatch
 from typing import Any
 
-from armwright.description.mesh import Mesh
 from armwright.description.quantity import Quantity, Record
 from armwright.description.robot import RobotDescription
+from armwright.description.solids.mesh import Mesh
 from armwright.errors import OutputError
 from armwright.output import whole_file
 

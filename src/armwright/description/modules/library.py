@@ -18,7 +18,7 @@ from armwright.description.robot import (
     RevoluteJoint,
     check_sources,
 )
-from armwright.description.visual import Visual
+from armwright.description.solids.visual import Visual
 from armwright.errors import DescriptionError, nearest
 from armwright.spatial import Placement, rotation_rpy, rotation_x
 

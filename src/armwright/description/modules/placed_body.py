@@ -10,7 +10,7 @@ from armwright.description.inertia_point import about_com
 from armwright.description.modules.library import ModuleBody
 from armwright.description.quantity import Quantity
 from armwright.description.robot import Inertia, JointFrame, Link
-from armwright.description.visual import Visual
+from armwright.description.solids.visual import Visual
 from armwright.spatial import Placement, rpy_angles
 
 ENTRIES = (("xx", 0, 0), ("xy", 0, 1), ("xz", 0, 2), ("yy", 1, 1), ("yz", 1, 2), ("zz", 2, 2))

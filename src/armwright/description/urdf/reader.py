@@ -12,9 +12,9 @@ from typing import Any
 import pydantic
 
 from armwright.description.drive_file import PLACEHOLDER, add_drives, find_drive_file, read_drive_file
-from armwright.description.mesh_path import package_folders
 from armwright.description.refusal import refusal
 from armwright.description.robot import RobotDescription
+from armwright.description.solids.mesh_path import package_folders
 from armwright.description.urdf.inertials import link_record
 from armwright.description.urdf.joints import held, joint_record
 from armwright.description.urdf.reading import UrdfReading

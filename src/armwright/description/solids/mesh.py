@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
-from armwright.description.moments import Moments
 from armwright.description.quantity import Scale3
-from armwright.description.self_intersection import crossing_faces
-from armwright.description.solid import SolidRecord
+from armwright.description.solids.moments import Moments
+from armwright.description.solids.self_intersection import crossing_faces
+from armwright.description.solids.solid import SolidRecord
 from armwright.errors import DescriptionError
 
 if TYPE_CHECKING:

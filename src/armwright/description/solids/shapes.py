@@ -11,11 +11,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from armwright.description.mesh import Mesh
-from armwright.description.moments import Moments
-from armwright.description.outline import polygon_moments, why_not_simple
 from armwright.description.quantity import NotNegative, Outline, Positive, Size3
-from armwright.description.solid import SolidRecord
+from armwright.description.solids.mesh import Mesh
+from armwright.description.solids.moments import Moments
+from armwright.description.solids.outline import polygon_moments, why_not_simple
+from armwright.description.solids.solid import SolidRecord
 
 
 class Cylinder(SolidRecord):

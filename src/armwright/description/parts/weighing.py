@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from armwright.description.moments import Moments, total
-from armwright.description.parts import Part, PartsDatabase, PartsLink, Section
+from armwright.description.parts.records import Part, PartsDatabase, PartsLink, Section
+from armwright.description.solids.moments import Moments, total
 from armwright.errors import DescriptionError
 from armwright.spatial import Placement
 

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from armwright.description.database import read_toml
-from armwright.description.parts_build import PartsBuild, build_parts
+from armwright.description.parts.build import PartsBuild, build_parts
 from armwright.description.robot import RobotDescription
 from armwright.description.writer import to_toml
 from armwright.errors import DescriptionError, OutputError
@@ -36,7 +36,7 @@ def write_parts(
     text = to_toml(build.description, arm.parent)
     page = None
     if audit is not None:
-        from armwright.description.audit_page import audit_page
+        from armwright.description.parts.audit_page import audit_page
 
         page = audit_page(build, _previous(arm))
     with whole_file(arm) as temporary:

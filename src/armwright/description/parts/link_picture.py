@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from armwright.description.section_faces import faces
-from armwright.description.weighing import WeighedLink
+from armwright.description.parts.section_faces import faces
+from armwright.description.parts.weighing import WeighedLink
 
 COLOURS = ("#4878a8", "#d08740", "#5d9b63", "#b65c5c", "#8d76b0", "#8a6d5c", "#c985b5", "#7f7f7f", "#a8a444", "#4aa7b5")
 AXES = (("x", "#c23b3b"), ("y", "#3b8f3b"), ("z", "#3b5bc2"))

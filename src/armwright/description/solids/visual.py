@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from armwright.description.quantity import Record, Vector3
-from armwright.description.solids import Solid
+from armwright.description.solids.shapes import Solid
 from armwright.spatial import Placement, rotation_rpy
 
 

@@ -12,10 +12,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from armwright.description.drive import Command
-from armwright.description.materials import Material, common_materials
+from armwright.description.parts.materials import Material, common_materials
 from armwright.description.quantity import Direction, NotZero, Positive, Record, Source, Vector3
 from armwright.description.robot import KINDS, Inertia, Joint, JointFrame, Name, NamedFrame, check_sources
-from armwright.description.solids import Solid
+from armwright.description.solids.shapes import Solid
 from armwright.errors import nearest
 from armwright.spatial import Placement, rotation_rpy, rotation_to_axis, rotation_z
 

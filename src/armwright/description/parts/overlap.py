@@ -12,9 +12,9 @@ from itertools import combinations
 
 import numpy as np
 
-from armwright.description.containment import bounds, inside
-from armwright.description.mesh import Mesh
-from armwright.description.weighing import WeighedLink, WeighedPart, WeighedSection
+from armwright.description.parts.containment import bounds, inside
+from armwright.description.parts.weighing import WeighedLink, WeighedPart, WeighedSection
+from armwright.description.solids.mesh import Mesh
 from armwright.spatial import Placement
 
 SHARE = 0.01  # of a part's mass: an overlap below it is not told

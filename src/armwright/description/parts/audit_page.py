@@ -8,12 +8,12 @@ from html import escape
 
 import numpy as np
 
-from armwright.description.audit import ENTRIES, Row, audit
-from armwright.description.changes import Change, changes
-from armwright.description.link_picture import colour_of_part, link_picture
-from armwright.description.parts_build import PartsBuild
+from armwright.description.parts.audit import ENTRIES, Row, audit
+from armwright.description.parts.build import PartsBuild
+from armwright.description.parts.changes import Change, changes
+from armwright.description.parts.link_picture import colour_of_part, link_picture
+from armwright.description.parts.weighing import WeighedLink
 from armwright.description.robot import RobotDescription
-from armwright.description.weighing import WeighedLink
 
 STYLE = """
 :root { color-scheme: light; }

@@ -11,18 +11,18 @@ from typing import Any
 import numpy as np
 import pydantic
 
-from armwright.description.built_from import BuiltFrom, built_from
-from armwright.description.materials import common_materials
-from armwright.description.mesh import Mesh
-from armwright.description.overlap import overlaps
-from armwright.description.parts import PartsDatabase
-from armwright.description.parts_file import read_parts
+from armwright.description.parts.built_from import BuiltFrom, built_from
+from armwright.description.parts.file import read_parts
+from armwright.description.parts.materials import common_materials
+from armwright.description.parts.overlap import overlaps
+from armwright.description.parts.records import PartsDatabase
+from armwright.description.parts.weighing import WeighedLink, WeighedSection, weigh
 from armwright.description.paths import quantities
 from armwright.description.quantity import Source
 from armwright.description.refusal import refusal
 from armwright.description.robot import Inertia, Link, RobotDescription
-from armwright.description.visual import Visual
-from armwright.description.weighing import WeighedLink, WeighedSection, weigh
+from armwright.description.solids.mesh import Mesh
+from armwright.description.solids.visual import Visual
 from armwright.errors import DescriptionError
 from armwright.spatial import Placement, rpy_angles, snap
 

@@ -9,7 +9,7 @@ from typing import Any
 import pydantic
 
 from armwright.description.database import read_document
-from armwright.description.parts import PartsDatabase
+from armwright.description.parts.records import PartsDatabase
 from armwright.description.refusal import refusal
 from armwright.errors import DescriptionError
 

@@ -12,9 +12,9 @@ from math import floor
 
 import numpy as np
 
-from armwright.description.moments import Moments
+from armwright.description.parts.weighing import WeighedLink, WeighedPart
 from armwright.description.robot import Link
-from armwright.description.weighing import WeighedLink, WeighedPart
+from armwright.description.solids.moments import Moments
 
 MASS_DECIMALS = 6
 INERTIA_DECIMALS = 8

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from armwright.description.mesh import Mesh
-from armwright.description.solids import Box, Cone, Cylinder, Ellipsoid, Prism, SemiCylinder, Sphere, Tube
+from armwright.description.solids.mesh import Mesh
+from armwright.description.solids.shapes import Box, Cone, Cylinder, Ellipsoid, Prism, SemiCylinder, Sphere, Tube
 
 
 @singledispatch

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from pydantic import model_validator
 
-from armwright.description.moments import Moments
 from armwright.description.quantity import Record
+from armwright.description.solids.moments import Moments
 
 LONGEST = 1000.0  # [m] of any dimension; what is longer was not given in metres
 

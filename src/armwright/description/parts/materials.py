@@ -9,7 +9,7 @@ from importlib import resources
 from pydantic import Field
 
 from armwright.description.quantity import Positive, Record, Source
-from armwright.description.visual import Colour
+from armwright.description.solids.visual import Colour
 
 
 class Material(Record):
@@ -35,5 +35,5 @@ class Materials(Record):
 @cache
 def common_materials() -> Materials:
     """The table that comes with Armwright, `materials.toml` beside this file."""
-    text = (resources.files("armwright.description") / "materials.toml").read_text(encoding="utf-8")
+    text = (resources.files("armwright.description.parts") / "materials.toml").read_text(encoding="utf-8")
     return Materials.model_validate(tomllib.loads(text))

@@ -1,0 +1,1 @@
+"""The Parts Database: sections, parts, links; materials; the audit."""

@@ -1,0 +1,1 @@
+"""Solids: shapes in closed form, meshes, and where they are drawn."""

@@ -1,0 +1,179 @@
+"""Arms with drives for the tests of the plant, and runs of them in a graph interpreter: no code of our compilers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from armwright import scalar
+from armwright.description.database import parse
+from armwright.model import Model, build_model
+from armwright.program import trace
+from armwright.simulation.integrators import INTEGRATORS
+from armwright.simulation.plant import Plant
+
+RK3 = INTEGRATORS["rk3"]
+MOTOR = {
+    "gear_ratio": 50.0,
+    "rotor_inertia_kg_m2": 2e-4,
+    "torque_constant_n_m_per_a": 0.06,
+    "resistance_ohm": 1.2,
+}
+COULOMB = {
+    "viscous_n_m_s_per_rad": 0.8,
+    "coulomb_positive_n_m": 2.0,
+    "coulomb_negative_n_m": 2.4,
+    "smoothing_rad_per_s": 0.05,
+}
+LUGRE = {
+    "law": "lugre",
+    **COULOMB,
+    "stribeck_torque_n_m": 3.0,
+    "stribeck_speed_rad_per_s": 0.1,
+    "bristle_stiffness_n_m_per_rad": 2e3,
+    "bristle_damping_n_m_s_per_rad": 5.0,
+}
+THERMAL = {
+    "ambient_c": 25.0,
+    "reference_c": 20.0,
+    "winding_capacity_j_per_k": 8.0,
+    "winding_resistance_k_per_w": 1.5,
+    "housing_capacity_j_per_k": 200.0,
+    "housing_resistance_k_per_w": 3.0,
+    "resistance_rise_per_k": 0.0039,
+    "constant_fall_per_k": 0.0011,
+}
+ELASTIC = {"stiffness_n_m_per_rad": 4e3, "damping_n_m_s_per_rad": 6.0}
+HARMONIC = {**ELASTIC, "cubic_n_m_per_rad3": 1e6, "error_rad": 2e-4, "error_phase_rad": 0.2}
+COGGING = {"amplitude_n_m": 0.01, "periods": 7, "phase_rad": 0.3}
+ON_MOTOR = {  # LuGre of the motor, in its own radians
+    "law": "lugre",
+    "side": "motor",
+    "viscous_n_m_s_per_rad": 3.2e-4,
+    "smoothing_rad_per_s": 1.0,
+    "coulomb_positive_n_m": 0.04,
+    "coulomb_negative_n_m": 0.04,
+    "stribeck_torque_n_m": 0.06,
+    "stribeck_speed_rad_per_s": 5.0,
+    "bristle_stiffness_n_m_per_rad": 0.8,
+    "bristle_damping_n_m_s_per_rad": 2e-3,
+}
+STOPS = {"stiffness_n_m_per_rad": 5e3, "damping_n_m_s_per_rad": 20.0}
+BRAKE = {
+    "holding_torque_n_m": 30.0,
+    "stiffness_n_m_per_rad": 1e4,
+    "damping_n_m_s_per_rad": 20.0,
+    "release_time_s": 0.02,
+}
+SUPPLY = {
+    "voltage_v": 48.0,
+    "source_resistance_ohm": 0.4,
+    "capacitance_f": 5e-3,
+    "chopper_voltage_v": 52.0,
+    "chopper_band_v": 2.0,
+    "chopper_resistance_ohm": 5.0,
+}
+
+
+def pendulum(
+    command: str = "voltage", gravity: float = 9.81, robot: dict[str, Any] | None = None, **joint: Any
+) -> Model:
+    """A rod that swings about y; keys of its joint, and of the robot."""
+    return chain([{"command": command, **joint}], gravity, robot)
+
+
+def chain(joints: list[dict[str, Any]], gravity: float = 9.81, robot: dict[str, Any] | None = None) -> Model:
+    """Rods one behind the other that all turn about y."""
+    links, hinges = [], []
+    for k, own in enumerate(joints):
+        frame = {"xyz_m": [0.6 if k else 0.0, 0, 0], "rpy_rad": [0, 0, 0]}
+        hinge = {"name": f"joint{k}", "type": "revolute", "parent": f"rod{k - 1}" if k else "base", "child": f"rod{k}"}
+        hinges.append({**hinge, "frame": frame, "axis": [0, 1, 0], **own})
+        tensor = {"xx": 0.01, "xy": 0, "xz": 0, "yy": 0.1, "yz": 0, "zz": 0.1}
+        links.append({"name": f"rod{k}", "mass_kg": 3.0, "com_m": [0.3, 0, 0], "inertia_kg_m2": tensor})
+    record = {
+        "name": "chain",
+        "source": "definition",
+        "gravity_m_s2": [0, 0, -gravity],
+        "joints": hinges,
+        "links": links,
+    }
+    return build_model(parse({**record, **(robot or {})}, "chain"))
+
+
+def steps(plant: Plant, x0: Any, u: Any, h: float, count: int, brake: Any = None) -> np.ndarray:
+    """The states (count + 1, size) of so many steps; u (n,), or (count, n) that changes."""
+    sizes = {"x": (plant.size,), "u": (plant.model.n,)} | ({} if brake is None else {"brake": (len(brake),)})
+    program = trace("step", lambda x, u, *b: plant.step(RK3, x, u, h, None, *b), sizes, ("x_next",))
+    given = [np.asarray(value, dtype=float) for value in ([u] if brake is None else [u, brake])]
+    held = [value.T if value.ndim == 2 else np.tile(value.reshape(-1, 1), count) for value in given]
+    states = program.graph.mapaccum("run", count)(np.asarray(x0, dtype=float), *held)
+    return np.vstack([np.asarray(x0, dtype=float), np.asarray(states).T])
+
+
+def exact(plant: Plant, x0: Any, u: Any, duration: float, **options: Any) -> np.ndarray:
+    """The state after a while, by SciPy to 1e-12."""
+    graph = trace("xd", lambda x, u: plant.derivative(x, u), {"x": (plant.size,), "u": (plant.model.n,)}).graph
+    solved = solve_ivp(
+        lambda t, x: np.asarray(graph(x, u)).ravel(), (0.0, duration), x0,
+        **{"method": "DOP853", "rtol": 3e-14, "atol": 1e-12, **options},
+    )  # fmt: skip
+    return solved.y[:, -1]
+
+
+def with_energies(plant: Plant, x0: Any, u: Any, h: float, count: int) -> tuple[np.ndarray, dict[str, float]]:
+    """The last state, and the energies [J] that went each way, integrated as further states by the same stages."""
+    names = ("electrical", "heat", "friction", "mechanical")
+
+    def split(y: Any, u: Any) -> tuple[Any, Any]:
+        x = y[: plant.size]
+        rates = plant.energy_rates(x, u)
+        xd, fast = plant.split(x, u)
+        return scalar.array([*xd, *(rates[name] for name in names)]), fast
+
+    def step(y: Any, u: Any) -> Any:
+        if not plant.stiff:
+            return RK3.step(lambda y, u: split(y, u)[0], y, u, h)
+        assert RK3.exponential is not None
+        return RK3.exponential(split, plant.stiff, y, u, h)
+
+    program = trace("step", step, {"y": (plant.size + 4,), "u": (plant.model.n,)}, ("next",))
+    y0 = np.concatenate([np.asarray(x0, dtype=float), np.zeros(4)])
+    held = np.asarray(u, dtype=float).reshape(-1, 1).repeat(count, axis=1)
+    last = np.asarray(program.graph.mapaccum("run", count)(y0, held))[:, -1]
+    return last[: plant.size], dict(zip(names, last[plant.size :], strict=True))
+
+
+MANY = {  # an arm for each effect, and one that has them all
+    "plain": pendulum(motor=MOTOR, friction=COULOMB),
+    "inductance": pendulum(motor={**MOTOR, "inductance_h": 1e-3}, friction=COULOMB),
+    "current loop": pendulum(
+        "torque", motor={**MOTOR, "inductance_h": 1e-3, "current_loop_hz": 300.0}, friction=COULOMB
+    ),
+    "thermal": pendulum(motor={**MOTOR, "thermal": THERMAL}, friction={**COULOMB, "viscous_fall_k": 30.0}),
+    "cogging": pendulum(motor={**MOTOR, "cogging": COGGING}, friction=COULOMB),
+    "coast": pendulum(motor={**MOTOR, "pwm": "coast"}, friction=COULOMB, limits={"voltage_v": 24.0}),
+    "lugre": pendulum(motor=MOTOR, friction=LUGRE),
+    "load": pendulum(motor={**MOTOR, "gear_efficiency": 0.8}, friction={**COULOMB, "load_share": 0.05}),
+    "elastic": pendulum(motor=MOTOR, friction=COULOMB, elasticity=ELASTIC),
+    "harmonic": pendulum(motor=MOTOR, friction=ON_MOTOR, elasticity=HARMONIC),
+    "supply": pendulum(motor=MOTOR, friction=COULOMB, robot={"supply": SUPPLY}),
+    "all": chain(
+        [
+            {
+                "command": "voltage",
+                "friction": LUGRE,
+                "elasticity": ELASTIC,
+                "motor": {**MOTOR, "inductance_h": 1e-3, "thermal": THERMAL, "cogging": COGGING},
+            },
+            {
+                "command": "voltage",
+                "friction": ON_MOTOR,
+                "motor": {**MOTOR, "coupling": [{"joint": "joint0", "ratio": 10.0}]},
+            },
+        ],
+        robot={"supply": SUPPLY},
+    ),
+}

@@ -1,0 +1,186 @@
+"""The plant: states only for what is there, one meaning on floats, traced and compiled, and SciPy's solution at order 3."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright import scalar
+from armwright.actuators import limited_drive
+from armwright.dynamics import forward_dynamics
+from armwright.errors import ScenarioError
+from armwright.kernels.batch import Kernel
+from armwright.kernels.llvm import select_target
+from armwright.model.vary import Varied
+from armwright.program import trace
+from armwright.simulation.plant import Plant
+from simulation.plants import BRAKE, COULOMB, MANY, MOTOR, RK3, SUPPLY, exact, pendulum, steps
+
+U = {"all": [12.0, 8.0]}
+SMOOTH = [name for name in MANY if name != "supply"]  # whose bus may take over the voltage limit within a run
+
+
+def begun(plant):
+    n = plant.model.n
+    return plant.initial(np.full(n, 0.3), np.full(n, 0.5))
+
+
+def test_a_plain_arm_has_the_plain_program():
+    """Without extras not a state and not an operation more: the same instructions as from the equations alone."""
+    arm = aw.load("puma560", on_impossible="warn")
+
+    def bare(x, u):
+        q, qd = x[:6], x[6:]
+        return np.concatenate([qd, forward_dynamics(arm, q, qd, limited_drive(arm, qd, u).tau)])
+
+    inputs = {"x": (12,), "u": (6,)}
+    plant = Plant.of(arm)
+    assert str(plant.program().program) == str(trace("plant", bare, inputs, ("xd",)))
+    assert [part.name for part in plant.parts] == ["q", "qd"]
+
+
+@pytest.mark.parametrize("name", MANY)
+def test_states_are_those_of_the_record(name):
+    expected = {
+        "plain": [],
+        "inductance": ["current"],
+        "current loop": ["current"],
+        "cogging": [],
+        "coast": [],
+        "load": [],
+        "thermal": ["winding_temperature", "housing_temperature"],
+        "lugre": ["bristle"],
+        "supply": ["bus_voltage"],
+        "elastic": ["motor_q", "motor_qd"],
+        "harmonic": ["motor_q", "motor_qd", "bristle"],
+    }
+    plant = Plant.of(MANY[name])
+    names = [part.name for part in plant.parts[2:]]
+    if name in expected:
+        assert names == expected[name]
+    assert plant.size == len(begun(plant)) == len(plant.derivative(begun(plant), np.zeros(plant.model.n)))
+    with pytest.raises(ScenarioError, match="no state 'nothing'; it has q, qd"):
+        plant.part(begun(plant), "nothing")
+
+
+@pytest.mark.parametrize("name", MANY)
+def test_floats_interpreter_and_native_code_agree(name):
+    plant = Plant.of(MANY[name])
+    n, x, u = plant.model.n, begun(plant), np.array(U.get(name, [12.0]))
+    program = trace(
+        "step", lambda x, u, h: plant.step(RK3, x, u, h), {"x": (plant.size,), "u": (n,), "h": ()}, ("next",)
+    )
+    compiled = Kernel(program, select_target(None))
+    for _ in range(5):
+        told = plant.step(RK3, x, u, 1e-3)
+        np.testing.assert_allclose(compiled(x, u, np.array(1e-3)), told, rtol=1e-11, atol=1e-13)
+        x = told
+    names = tuple(plant.outputs(x, u))
+    outputs = trace("outputs", lambda x, u: tuple(plant.outputs(x, u).values()), {"x": (plant.size,), "u": (n,)}, names)
+    for told, native in zip(plant.outputs(x, u).values(), Kernel(outputs, select_target(None))(x, u), strict=True):
+        np.testing.assert_allclose(native, told, rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_scipy_finds_the_same_at_third_order(name):
+    """SciPy at 1e-12 on `derivative`, which knows nothing of exponentials; the error shrinks by 8 with half the step."""
+    plant, u, duration = Plant.of(MANY[name]), U.get(name, [12.0]), 0.1
+    x = begun(plant)
+    reference = exact(plant, x, u, duration)
+    scale = np.maximum(np.abs(reference), 1e-3)
+    error = [np.max(np.abs(steps(plant, x, u, duration / k, k)[-1] - reference) / scale) for k in (400, 800)]
+    assert error[1] < 1e-5
+    order = np.log2(error[0] / error[1])
+    assert 2.6 < order < 4.2
+
+
+STEP = {"inductance": 1e-5, "thermal": 5e-4, "lugre": 5e-4, "elastic": 5e-5, "coast": 5e-4, "load": 5e-4}
+
+
+@pytest.mark.parametrize(("name", "step"), STEP.items())
+def test_scipy_to_1e_8(name, step):
+    plant, x = Plant.of(MANY[name]), begun(Plant.of(MANY[name]))
+    reference = exact(plant, x, [12.0], 0.1)
+    np.testing.assert_allclose(steps(plant, x, [12.0], step, round(0.1 / step))[-1], reference, rtol=1e-8, atol=1e-11)
+
+
+def test_numbers_of_the_record_as_symbols():
+    """A plant told with a varied inductance and stiffness is the one with those numbers, its derivative one call still."""
+    arm = MANY["all"]
+    varied = Varied(
+        arm, ["joint0.motor.inductance_h", "joint0.elasticity.stiffness_n_m_per_rad", "supply.capacitance_f"]
+    )
+    x, u = begun(Plant.of(arm)), np.array([12.0, 8.0])
+
+    def step(x, u, p):
+        return Plant.of(varied.model(p)).step(RK3, x, u, 1e-3)
+
+    program = trace("step", step, {"x": x.shape, "u": (2,), "p": (3,)}, ("next",))
+    for factor in (1.0, 1.7):
+        values = varied.nominal * factor
+        told = Plant.of(varied.model(values)).step(RK3, x, u, 1e-3)
+        np.testing.assert_allclose(np.ravel(program.graph(x, u, values)), told, rtol=1e-11, atol=1e-13)
+
+
+def test_motors_stand_where_their_links_are():
+    plant = Plant.of(MANY["all"])
+    x = plant.initial([0.3, -0.2], [0.5, 0.1])
+    seen = plant.measured(x, np.array([1.0, 2.0]))
+    assert plant.part(x, "motor_q") == pytest.approx(50.0 * 0.3)
+    np.testing.assert_allclose(seen["motor_q"], [0.3, -0.2 + 10.0 / 50.0 * 0.3])
+    np.testing.assert_allclose(seen["motor_qd"], [0.5, 0.1 + 10.0 / 50.0 * 0.5])
+    assert seen["current"][0] == 0.0
+    assert seen["q"].tolist() == [0.3, -0.2]
+    assert plant.part(x, "bus_voltage") == SUPPLY["voltage_v"]
+
+
+def test_a_coupled_motor_pulls_at_both_its_joints():
+    """Power: tau = Nᵀ Kt i of joint torques times joint speeds is Kt i times the motor's speed."""
+    plant = Plant.of(MANY["all"])
+    x = plant.initial([0.3, -0.2], [0.5, 0.1])
+    outputs = plant.outputs(x, np.array([0.0, 8.0]))
+    motor = 10.0 * 0.5 + 50.0 * 0.1  # [rad/s]
+    assert outputs["tau"] @ x[2:4] == pytest.approx(0.06 * outputs["current"][1] * motor)
+
+
+def test_outputs_of_a_plain_arm():
+    plant = Plant.of(MANY["plain"])
+    x, u = begun(plant), np.array([12.0])
+    out = plant.outputs(x, u)
+    assert list(out) == [
+        *("qdd", "tau", "voltage", "current", "tau_link", "heat", "friction_loss", "electrical_power")
+    ]  # fmt: skip
+    assert out["heat"][0] == pytest.approx(1.2 * out["current"][0] ** 2)
+    arm = plant.model.replace(friction=None, rotors=None)
+    np.testing.assert_allclose(out["tau_link"], aw.inverse_dynamics(arm, x[:1], x[1:], out["qdd"]))
+    bare = Plant.of(pendulum("torque")).outputs(x, u)
+    assert np.isnan([*bare["heat"], *bare["voltage"], *bare["current"]]).all()
+
+
+def test_a_wrench_reaches_every_plant():
+    """As in `forward_dynamics`; the same acceleration of a plain arm and of one that has a state more."""
+    wrench, u = np.array([3.0, 0.0, 5.0, 0.0, 2.0, 0.0]), np.array([12.0])
+    found = [Plant.of(MANY[name]).derivative(begun(Plant.of(MANY[name])), u, wrench)[1] for name in ("plain", "supply")]
+    assert found[0] == pytest.approx(found[1], rel=1e-12)
+    assert found[0] != pytest.approx(Plant.of(MANY["plain"]).derivative(begun(Plant.of(MANY["plain"])), u)[1])
+
+
+def test_a_rule_without_exact_parts_is_refused():
+    rule = dataclasses.replace(RK3, exponential=None)
+    plant = Plant.of(MANY["inductance"])
+    with pytest.raises(ScenarioError, match="current change faster than a step"):
+        plant.step(rule, begun(plant), np.array([1.0]), 1e-3)
+
+
+def test_brakes_take_part_only_where_they_are_asked_for():
+    arm = pendulum(motor=MOTOR, friction=COULOMB, brake=BRAKE)
+    assert Plant.of(arm).size == 2
+    assert [part.name for part in Plant.of(arm, brakes=True).parts] == ["q", "qd", "brake"]
+    assert not Plant.of(MANY["plain"], brakes=True).brakes
+    x = np.array([0.1, 0.2, 1e-3])
+    plant = Plant.of(arm, brakes=True)
+    np.testing.assert_array_equal(plant.derivative(x, [1.0]), plant.derivative(x, [1.0], None, np.zeros(1)))
+    assert scalar.is_symbolic(plant.program(brake=True).split(x, np.zeros(1), None, np.ones(1))[0])

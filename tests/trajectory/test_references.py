@@ -1,0 +1,76 @@
+"""Named references: their ends, and that speed and acceleration are the derivatives of what is before them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import ScenarioError
+from armwright.simulation.references import reference_rows
+from armwright.trajectory import Quintic, Ramp, Sine, Step
+from physics.arms import arm
+
+START, GOAL = np.array([0.1, -0.2]), np.array([0.9, 0.4])
+SMOOTH = [
+    Ramp(START, GOAL, 0.5, time=0.2),
+    Quintic(START, GOAL, 0.5, time=0.2),
+    Sine(START, GOAL, 1.3, phase=0.4),
+]
+
+
+@pytest.mark.parametrize("reference", SMOOTH, ids=lambda reference: type(reference).__name__)
+def test_speed_and_acceleration_are_derivatives(reference):
+    h = 1e-5
+    for t in (0.05, 0.31, 0.5, 0.64, 0.9):
+        before, at, after = (reference(t + k * h) for k in (-1, 0, 1))
+        np.testing.assert_allclose(at[1], (after[0] - before[0]) / (2 * h), atol=1e-6)
+        np.testing.assert_allclose(at[2], (after[1] - before[1]) / (2 * h), atol=1e-5)
+
+
+@pytest.mark.parametrize("reference", [Step(START, GOAL, 0.3), *SMOOTH[:2]], ids=lambda r: type(r).__name__)
+def test_they_begin_and_end_at_rest(reference):
+    for t, pose in ((0.0, START), (1.0, GOAL)):
+        q, qd, qdd = reference(t)
+        np.testing.assert_allclose(q, pose, rtol=1e-15)
+        np.testing.assert_array_equal([qd, qdd], 0.0)
+
+
+def test_a_step_jumps_at_its_tick():
+    t = np.arange(11) * 0.1  # 3 ticks are 0.30000000000000004 s
+    rows = reference_rows(arm("two-link"), Step(START, GOAL, 0.3), t)
+    np.testing.assert_array_equal(rows[2, :2], START)
+    np.testing.assert_array_equal(rows[3, :2], GOAL)
+    late = reference_rows(arm("two-link"), Step(START, GOAL, 0.7), np.array([0.7 - 1e-9, 7 * 0.1 - 1e-16]))
+    np.testing.assert_array_equal(late[:, :2], [START, GOAL])
+
+
+def test_a_scenario_takes_them():
+    run = aw.simulate(
+        aw.Scenario(
+            arm("two-link"), controller=aw.ComputedTorque(kp=100.0, kd=20.0), reference=Ramp(START, GOAL, 0.5),
+            q0=START, sample_period=1e-3, duration=0.8,
+        )
+    )  # fmt: skip
+    np.testing.assert_allclose(run.q.values[-1], GOAL, atol=0.05)
+    np.testing.assert_allclose(run.q_reference.values[250], 0.5 * (START + GOAL), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Quintic(START, GOAL, 0.0), "Quintic: duration = 0.0: expected a number above 0"),
+        (lambda: Ramp(START, [1.0], 1.0), "numbers of joints do not fit together: 2 of start, 1 of goal"),
+        (lambda: Step(START, [np.nan, 0.0]), "Step: goal = .*expected finite numbers"),
+        (lambda: Sine(START, "wide", 1.0), "Sine: amplitude = 'wide'"),
+        (lambda: Sine(START, GOAL, True), "frequency_hz = True"),
+    ],
+)
+def test_bad_references_are_refused(make, said):
+    with pytest.raises(ScenarioError, match=said):
+        make()
+
+
+def test_another_number_of_joints_is_refused():
+    with pytest.raises(ScenarioError, match="the function gave shape"):
+        reference_rows(arm("cmu-dd"), Step(START, GOAL), np.zeros(1))
