@@ -50,13 +50,13 @@ def ratio(head: str, column: str) -> Column:
     return Column(head, cell)
 
 
-def share(head: str, key: str) -> Column:
-    """Of the machine's limit; whether it is as much as is wanted, if anything is."""
+def share(head: str, key: str, judged: bool = True) -> Column:
+    """Of the machine's limit; whether it is as much as is wanted, if anything is and it is `judged`."""
 
     def cell(r: Record) -> str:
         if key not in r["facts"]:
             return ""
-        of, wanted = r["facts"][key], r["facts"].get("wanted")
+        of, wanted = r["facts"][key], r["facts"].get("wanted") if judged else None
         verdict = "" if wanted is None else f" {'✓' if of >= wanted else '✗'} ≥ {100 * wanted:.0f}"
         return f"{100 * of:.0f} %{verdict}"
 
@@ -112,7 +112,7 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
             *(
                 fact("at the machine's limit", "limit", number),
                 share("of the limit", "of_slots"),
-                share("as flops", "of_flops"),
+                share("as flops", "of_flops", judged=False),
             ),
             worst("error"),
         ),

@@ -131,10 +131,14 @@ class Varied:
             ModelError: names the parameter or link, the lane, the value and what was expected.
         """
         rows = values.reshape(-1, len(self.parameters))
+        finite = bool(np.isfinite(rows).all())
         for k, p in enumerate(self.parameters):
             column = rows[:, k]
             single = p.entry is None  # the test of several numbers is about them together
-            fits = np.isfinite(column) & (p.reading.test(column) if single else True)
+            fits = p.reading.test(column) if single else True
+            if finite and np.all(fits):
+                continue
+            fits = np.isfinite(column) & fits
             if not fits.all():
                 lane = int(np.argmin(fits))
                 expected = p.reading.expected if single else "a finite number"
@@ -159,13 +163,16 @@ class Varied:
                 yield link.name, [_Column(columns[path]) if path in columns else value for path, value in named]
 
     def _check_link(self, link: str, numbers: Sequence[Any]) -> None:
-        mass, xx, xy, xz, yy, yz, zz = np.broadcast_arrays(*map(np.atleast_1d, (numbers[0], *numbers[4:])))
+        mass, (xx, xy, xz, yy, yz, zz) = numbers[0], numbers[4:]
         # Positive definite about the centre of mass, and so about any point: Sylvester's minors of ½ tr(I) 1 - I.
         half = 0.5 * (xx + yy + zz)
         a, c, e = half - xx, half - yy, half - zz
         minor = a * c - xy * xy
         sure = (mass > 0) & (a > 0) & (minor > 0) & (minor * e - a * yz * yz - c * xz * xz - 2.0 * xy * xz * yz > 0)
-        for lane in np.flatnonzero(~sure):
+        if np.all(sure):
+            return
+        lanes = max(np.size(v) for v in numbers)
+        for lane in np.flatnonzero(~np.broadcast_to(sure, lanes)):
             m, x, y, z, *tensor = (float(v if np.ndim(v) == 0 else v[lane]) for v in numbers)
             xx_, xy_, xz_, yy_, yz_, zz_ = tensor
             about_com = np.array([[xx_, xy_, xz_], [xy_, yy_, yz_], [xz_, yz_, zz_]])
