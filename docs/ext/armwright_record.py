@@ -12,10 +12,16 @@ from armwright_tables import table
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from armwright.description import built_from, drive, materials, parts, robot, solids, visual
+from armwright.description import drive, robot
 from armwright.description.modules import assembly, library
+from armwright.description.parts import built_from, materials
+from armwright.description.parts import records as parts
 from armwright.description.quantity import Quantity, Source
+from armwright.description.solids import shapes as solids
+from armwright.description.solids import visual
 from armwright.modular import task
+from armwright.scenarios import lanes
+from armwright.scenarios import records as scenario
 
 TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("The file itself", "", (robot.RobotDescription,)),
@@ -50,6 +56,17 @@ PARTS_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("[[links.parts.sections]]", "", (parts.Section,)),
     ("Patterns of copies", "", (parts.LinearPattern, parts.PolarPattern)),
     ("Solids", "", tuple(solids.SHAPES.values())),
+)
+SCENARIO_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
+    ("The file itself", "", (scenario.ScenarioTable,)),
+    ("[initial]", "", (scenario.Initial,)),
+    ("[drive]", "", (scenario.Drive,)),
+    ("[sensors]", "", (scenario.SensorsTable,)),
+    ("[shaping]", "", (scenario.ShapingTable,)),
+    ("[timing]", "", (scenario.TimingTable,)),
+    ("[record]", "", (scenario.RecordTable,)),
+    ("[lanes]", "", (lanes.Lanes,)),
+    ("What a number is in the lanes", "", (lanes.Values,)),
 )
 MODULE_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("A module library, `*.modules.toml`", "", (library.ModuleLibrary,)),
@@ -162,6 +179,11 @@ def module_files() -> str:
     return _sections(MODULE_TABLES)
 
 
+def scenario_file() -> str:
+    """A section for every table of a scenario file."""
+    return _sections(SCENARIO_TABLES)
+
+
 def _sections(tables: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...]) -> str:
     parts = []
     for title, about, records in tables:
@@ -193,4 +215,4 @@ def _prose(record: type[BaseModel]) -> str:
     return "\n".join([head, "", "```text", *lines, "```"])
 
 
-GENERATORS = {"robot-file": robot_file, "module-files": module_files, "parts-file": parts_file}
+GENERATORS = {"robot-file": robot_file, "module-files": module_files, "parts-file": parts_file, "scenario-file": scenario_file}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import itertools
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -182,7 +183,10 @@ class Kernel:
             self._run(last - first, ins, moves, outs)
 
         bounds = [count // w * part // parts * w for part in range(parts)] + [count]
-        list(_pool(parts).map(run, bounds[:-1], bounds[1:]))
+        others = [_pool(parts - 1).submit(run, *part) for part in itertools.pairwise(bounds[:-1])]
+        run(bounds[-2], count)  # the last part in this thread, which would only wait
+        for other in others:
+            other.result()
 
 
 LINE = 64  # bytes in a cache line
