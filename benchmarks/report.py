@@ -138,6 +138,19 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
             worst("error"),
         ),
     ),
+    "control": (
+        "Sampled control, ns per step",
+        (
+            *(label("work", "work"), label("lanes", "lanes"), time("ours", "ours")),
+            *(
+                time("MuJoCo Euler", "Euler"),
+                ratio("Euler ÷ ours", "Euler"),
+                time("MuJoCo RK4", "RK4"),
+                ratio("RK4 ÷ ours", "RK4"),
+            ),
+            worst("error"),
+        ),
+    ),
     "batch size": (
         "Batch size, ns per state",
         (

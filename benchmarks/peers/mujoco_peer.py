@@ -43,7 +43,12 @@ class MuJoCoArm:
     name = f"MuJoCo {mujoco.__version__}"
 
     def __init__(self, arm: Model, integrator: str, step: float):
-        self.model = mujoco.MjModel.from_xml_string(mjcf(arm, integrator, step))
+        possible = all(
+            np.linalg.eigvalsh(np.array(b.inertia_com, dtype=float))[0] > 0 and b.mass > 0 for b in arm.bodies
+        )
+        self.model = mujoco.MjModel.from_xml_string(mjcf(arm, integrator, step, own_masses=possible))
+        if not possible:
+            put_masses(self.model, arm)
         self.data = mujoco.MjData(self.model)
         self.n = arm.n
 
@@ -58,9 +63,9 @@ class MuJoCoArm:
         return states
 
     def trajectories(self, commands: np.ndarray, steps: int) -> np.ndarray:
-        """(lanes, steps, 2n) states after every step: `mujoco.rollout`, one thread."""
+        """(lanes, steps, 2n) states after every step: `mujoco.rollout`, one thread; commands (lanes, n) or (lanes, steps, n)."""
         rest = np.zeros((len(commands), mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
-        held = np.broadcast_to(commands[:, None, :], (len(commands), steps, self.n))
+        held = commands if commands.ndim == 3 else np.broadcast_to(commands[:, None, :], (len(commands), steps, self.n))
         states, _ = rollout.rollout(self.model, self.data, rest, np.ascontiguousarray(held))
         return np.asarray(states)[:, :, 1 : 1 + 2 * self.n]
 
@@ -76,19 +81,24 @@ class MuJoCoLoop:
 
     def __init__(self, arm: Model):
         self._code = ctypes.CDLL(str(compiled_loop(build=False)))
-        self._model = model = mujoco.MjModel.from_xml_string(mjcf(arm, "Euler", 1e-3, motors=False))
-        for k, body in enumerate(arm.bodies, start=1):  # whatever was published, possible or not
-            moments, axes = np.linalg.eigh(np.array(body.inertia_com, dtype=float))
-            axes[:, 0] *= np.sign(np.linalg.det(axes))
-            model.body_mass[k], model.body_ipos[k] = body.mass, body.com
-            model.body_inertia[k], model.body_iquat[k] = moments, _quaternion(axes)
+        self._model = model = mujoco.MjModel.from_xml_string(mjcf(arm, "Euler", 1e-3, motors=False, own_masses=False))
+        put_masses(model, arm)
         self._data = mujoco.MjData(model)
-        mujoco.mj_setConst(model, self._data)
         self._places = ctypes.c_void_p(self._model._address), ctypes.c_void_p(self._data._address)
 
     def call(self, name: str, out: Results, *arrays: np.ndarray) -> Results:
         """One of the loop's algorithms over all states, into `out`."""
         return call(self._code, name, self._places, arrays, out)
+
+
+def put_masses(model: Any, arm: Model) -> None:
+    """The arm's own masses in MuJoCo's compiled model: whatever was published, possible or not."""
+    for k, body in enumerate(arm.bodies, start=1):
+        moments, axes = np.linalg.eigh(np.array(body.inertia_com, dtype=float))
+        axes[:, 0] *= np.sign(np.linalg.det(axes))
+        model.body_mass[k], model.body_ipos[k] = body.mass, body.com
+        model.body_inertia[k], model.body_iquat[k] = moments, _quaternion(axes)
+    mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
 @functools.cache
@@ -104,13 +114,14 @@ def compiled_loop(build: bool) -> Path:
     return library(SOURCE, ("gcc", "clang"), flags, mujoco.__version__, build)
 
 
-def mjcf(arm: Model, integrator: str, step: float, motors: bool = True) -> str:
+def mjcf(arm: Model, integrator: str, step: float, motors: bool = True, own_masses: bool = True) -> str:
     """The arm as MuJoCo's XML: no geometry, no contacts, no limits; every joint turns about (or slides along) its z axis.
 
     Args:
         arm: a chain.   integrator: "Euler" or "RK4".   step: [s].
-        motors: whether it has them, and viscous friction, and its own masses: MuJoCo reads only what a body can have.
-            Without, rotors are still armature, and all masses stand for others.
+        motors: whether it has them, and viscous friction; without, rotors are still armature.
+        own_masses: whether bodies have their own, which MuJoCo reads only where a body can have them; else masses that stand
+            for others.
     """
     root = ElementTree.Element("mujoco", model=arm.name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="false", balanceinertia="false")
@@ -126,7 +137,7 @@ def mjcf(arm: Model, integrator: str, step: float, motors: bool = True) -> str:
             joint["damping"] = _damping(body)
             ElementTree.SubElement(actuators, "general", _motor(body))
         ElementTree.SubElement(element, "joint", joint)
-        ElementTree.SubElement(element, "inertial", _mass(body) if motors else ANY_MASS)
+        ElementTree.SubElement(element, "inertial", _mass(body) if own_masses else ANY_MASS)
     return ElementTree.tostring(root, encoding="unicode")
 
 
@@ -137,7 +148,8 @@ def _mass(body: Body) -> dict[str, str]:
 
 
 def _damping(body: Body) -> str:
-    assert body.friction is not None
+    if body.friction is None:
+        return "0"
     assert body.friction.smoothing is None, "MuJoCo's own dry friction is another law: viscous only"
     return repr(float(body.friction.viscous))
 

@@ -1,0 +1,96 @@
+"""A thousand lanes of `puma560` with its motors under a PID controller at 1 kHz, beside MuJoCo without one: ns per step."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+from peers.mujoco_peer import MuJoCoArm
+from records import Record, Task, record
+from timing import Check, Contestant, Entry, race, relative_error
+
+import armwright as aw
+from armwright.simulation.controlled import compile_controlled, simulate_controlled
+
+ROBOT = "puma560"
+STEP = 1e-3  # [s] of the controller and of the integrator
+EXPECTED = {"Euler": 15.0, "RK4": 50.0}
+EXACT, FIRST_ORDER = 1e-5, 3e-2  # of a state's largest entry: what orders 3 and 4 leave, and what Euler leaves
+AMPLITUDE = np.array([0.5, 0.4, 0.4, 0.6, 0.5, 0.6])  # [rad]
+EFFECTS: dict[str, dict[str, Any]] = {  # what a tick may have beside the controller
+    "PID": {},
+    "PID, a delay of 1.5 periods": {"timing": aw.Timing(command_delay=1.5 * STEP)},
+    "PID, jitter and losses": {"timing": aw.Timing(command_delay=0.5 * STEP, jitter=0.4 * STEP, command_loss=0.01)},
+    "PID, encoders and filters": {"sensors": aw.Sensors(counts=4096, velocity="filtered", cutoff_hz=100.0)},
+    "PID, noise": {"sensors": aw.Sensors(position_noise=1e-5)},
+    "PID, substeps 4": {"substeps": 4},
+}
+
+
+def size(quick: bool) -> tuple[int, float, int]:
+    """Lanes, duration [s], and how many of the lanes MuJoCo runs: its time a step does not depend on them."""
+    return (64, 0.1, 2) if quick else (1000, 1.0, 10)
+
+
+def tasks(quick: bool) -> list[Task]:
+    """A race for the controller alone, with every added effect beside it."""
+    return [Task("control", f"{ROBOT} under PID", partial(control_records, quick))]
+
+
+def control_records(quick: bool, repetitions: int) -> list[Record]:
+    """Ours with each effect, beside MuJoCo's two integrators fed with the commands that our controller gave."""
+    arm = aw.load(ROBOT).replace(friction=None)
+    lanes, duration, count = size(quick)
+    steps = round(duration / STEP)
+    random = np.random.default_rng(3)
+    kp = random.uniform(0.8, 1.2, (lanes, 1)) * np.array([60.0, 120.0, 60.0, 30.0, 30.0, 30.0])
+    control = aw.JointPID(kp=kp, ki=2.0 * kp, kd=0.1 * kp)
+    common = {"reference": aw.Sine(np.zeros(6), AMPLITUDE, 1.0), "sample_period": STEP, "duration": duration}
+
+    def scenario(effect: dict[str, Any], record: str, **more: Any) -> aw.Scenario:
+        return aw.Scenario(arm, controller=control, record=record, **(common | effect | more))
+
+    told = aw.simulate(scenario({}, "all", record_every=1))
+    commands = np.ascontiguousarray(told["u"].values[:count, :-1])
+    ends = np.concatenate([told["q"].values[:count, -1], told["qd"].values[:count, -1]], axis=-1)
+
+    def check(states: np.ndarray, tolerance: float) -> Check:
+        return Check(relative_error(states, ends, 1) if np.isfinite(states).all() else float("nan"), tolerance)
+
+    def ours(effect: str) -> Contestant:
+        made = compile_controlled(scenario(EFFECTS[effect], "state", record_every=0))
+
+        def checked(run: Any) -> Check:
+            states = np.concatenate([run["q"].values[:count, -1], run["qd"].values[:count, -1]], axis=-1)
+            if effect == "PID":
+                return check(states, EXACT)
+            return Check(0.0 if np.isfinite(states).all() else float("nan"), EXACT)  # another motion: finite is all
+
+        return Contestant(effect, lambda: simulate_controlled(made, None, 1), lanes * steps, checked)
+
+    def peer(integrator: str) -> Contestant:
+        engine, tolerance = MuJoCoArm(arm, integrator, STEP), FIRST_ORDER if integrator == "Euler" else EXACT
+        run = partial(engine.trajectories, commands, steps)
+        return Contestant(f"MuJoCo {integrator}", run, count * steps, lambda states: check(states[:, -1], tolerance))
+
+    peers = {integrator: peer(integrator) for integrator in EXPECTED}
+    entries = []
+    for effect in EFFECTS:
+        wanted = EXPECTED if effect == "PID" and not quick else {}
+        labels = {"arm": ROBOT, "joints": arm.n, "work": effect, "form": "this processor", "lanes": lanes}
+        entries.append(Entry(labels, {"ours": ours(effect), **peers}, dict.fromkeys(peers, "ours"), wanted))
+    return [record(row) for row in race(entries, repetitions)]
+
+
+def notes(quick: bool) -> dict[str, list[str]]:
+    lanes, duration, count = size(quick)
+    return {
+        "control": [
+            f"{ROBOT} with its motors, without friction: {lanes:,} lanes of {duration:g} s, RK3 and controller at {1e3 * STEP:g} "
+            f"ms, gains a row a lane; ours is a whole compiled run, threads=1; {MuJoCoArm.name} runs {count} lanes by rollout, one "
+            "thread, with the commands that our controller gave: no controller of its own",
+            "error: our final states against MuJoCo's under the same commands; where delays or sensors make another motion, that "
+            "it is finite",
+        ]
+    }
