@@ -12,7 +12,7 @@ from armwright_tables import table
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from armwright.description import drive, robot
+from armwright.description import compliance, drive, mimic, motor_effects, robot, supply
 from armwright.description.modules import assembly, library
 from armwright.description.parts import built_from, materials
 from armwright.description.parts import records as parts
@@ -37,9 +37,17 @@ TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
         (robot.RevoluteDH, robot.PrismaticDH, robot.FixedDH),
     ),
     ("frame", "", (robot.JointFrame,)),
+    ("mimic", "", (mimic.RotaryMimic, mimic.LinearMimic)),
     ("[joints.motor]", "", (drive.Motor,)),
+    ("motor: coupling", "A list of them.", (motor_effects.Coupling,)),
+    ("motor: thermal", "", (motor_effects.Thermal,)),
+    ("motor: cogging", "", (motor_effects.Cogging,)),
     ("[joints.friction]", "", (drive.RotaryFriction, drive.LinearFriction)),
     ("[joints.limits]", "", (drive.RotaryLimits, drive.LinearLimits)),
+    ("elasticity", "", (compliance.RotaryElasticity, compliance.LinearElasticity)),
+    ("stops", "", (compliance.RotaryStops, compliance.LinearStops)),
+    ("brake", "", (compliance.RotaryBrake, compliance.LinearBrake)),
+    ("[supply]", "", (supply.Supply,)),
     ("[[links]]", "", (robot.Link,)),
     ("inertia_kg_m2", "", (robot.Inertia,)),
     ("[[links.visuals]]", "Solids are those of the [parts file](parts-file.md).", (visual.Visual,)),
@@ -85,6 +93,13 @@ MODULE_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
 )
 UNITS = {  # endings of keys, the longest first
     "_n_m_s_per_rad": "N m s/rad",
+    "_n_m_per_rad3": "N m/rad³",
+    "_n_m_per_rad": "N m/rad",
+    "_n_per_m3": "N/m³",
+    "_n_per_m": "N/m",
+    "_j_per_k": "J/K",
+    "_k_per_w": "K/W",
+    "_per_k": "1/K",
     "_v_s_per_rad": "V s/rad",
     "_n_m_per_a": "N m/A",
     "_rad_per_s": "rad/s",
@@ -104,7 +119,11 @@ UNITS = {  # endings of keys, the longest first
     "_n": "N",
     "_v": "V",
     "_a": "A",
+    "_hz": "Hz",
     "_h": "H",
+    "_f": "F",
+    "_c": "°C",
+    "_k": "K",
     "_s": "s",
 }
 INERTIA = ("xx", "xy", "xz", "yy", "yz", "zz")
@@ -187,7 +206,12 @@ def scenario_file() -> str:
 def _sections(tables: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...]) -> str:
     parts = []
     for title, about, records in tables:
-        parts += [f"## {title}" if not title.startswith(("[", "dh", "frame", "inertia")) else f"## `{title}`", about]
+        parts += [
+            f"## {title}"
+            if not title.startswith(("[", "dh", "frame", "inertia", "motor", "elast", "stops", "brake"))
+            else f"## `{title}`",
+            about,
+        ]
         for record in records:
             parts += [_record(record)]
     return "\n\n".join(part for part in parts if part)
@@ -215,4 +239,9 @@ def _prose(record: type[BaseModel]) -> str:
     return "\n".join([head, "", "```text", *lines, "```"])
 
 
-GENERATORS = {"robot-file": robot_file, "module-files": module_files, "parts-file": parts_file, "scenario-file": scenario_file}
+GENERATORS = {
+    "robot-file": robot_file,
+    "module-files": module_files,
+    "parts-file": parts_file,
+    "scenario-file": scenario_file,
+}

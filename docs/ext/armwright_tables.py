@@ -82,7 +82,8 @@ def _robot(name: str) -> str:
         ("driven by", drive),
         ("gravity", f"({', '.join(f'{g:g}' for g in arm.gravity)}) m/s², base axes"),
     ]
-    parts = [f"## {name}", f"{record.title}.", record.notes or "", table(("", ""), facts), _joints(arm)]
+    picture = f"![{name} in one pose](images/robot-{name}.png)"
+    parts = [f"## {name}", f"{record.title}.", record.notes or "", picture, table(("", ""), facts), _joints(arm)]
     parts += ["Where the numbers come from:", _sources(record)]
     parts += [f":::{{note}}\n{warning}\n:::" for warning in arm.warnings]
     return "\n\n".join(part for part in parts if part)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from armwright.control import Cascade, ComputedTorque, JointPID
     from armwright.description import RobotDescription, builtin_names
     from armwright.description.modules import assemble, read_modules
-    from armwright.description.parts_output import write_parts
+    from armwright.description.parts.output import write_parts
     from armwright.description.writer import to_toml, write_toml
     from armwright.dynamics import (
         articulated_body,
@@ -47,7 +47,13 @@ if TYPE_CHECKING:
     from armwright.model import Model
     from armwright.model.load import load
     from armwright.modular import enumerate_assemblies, rank_assemblies, read_task
+    from armwright.pictures.graphic import write_graphic
+    from armwright.pictures.plot_runs import plot_runs
+    from armwright.pictures.show import show
+    from armwright.record import check, convert, diff
     from armwright.scenarios import read_scenario, rerun
+    from armwright.simulation.converge import converge
+    from armwright.simulation.events import joint_stops
     from armwright.simulation.plot import plot
     from armwright.simulation.protocols import Controller, Measurement, Reference
     from armwright.simulation.recording import load_run, save
@@ -56,6 +62,7 @@ if TYPE_CHECKING:
     from armwright.simulation.sensors import Sensors
     from armwright.simulation.shaping import Shaping
     from armwright.simulation.simulator import simulate
+    from armwright.simulation.statistics import statistics
     from armwright.simulation.timing import Timing
     from armwright.trajectory import Quintic, Ramp, Sine, Step
 
@@ -66,7 +73,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.control": ("Cascade", "ComputedTorque", "JointPID"),
     "armwright.description": ("RobotDescription", "builtin_names"),
     "armwright.description.modules": ("assemble", "read_modules"),
-    "armwright.description.parts_output": ("write_parts",),
+    "armwright.description.parts.output": ("write_parts",),
     "armwright.description.writer": ("to_toml", "write_toml"),
     "armwright.dynamics": (
         *("articulated_body", "bias_torques", "centre_of_mass", "composite_body", "coriolis_matrix"),
@@ -82,6 +89,12 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.model.load": ("load",),
     "armwright.modular": ("enumerate_assemblies", "rank_assemblies", "read_task"),
     "armwright.scenarios": ("read_scenario", "rerun"),
+    "armwright.simulation.converge": ("converge",),
+    "armwright.simulation.events": ("joint_stops",),
+    "armwright.pictures.graphic": ("write_graphic",),
+    "armwright.pictures.plot_runs": ("plot_runs",),
+    "armwright.pictures.show": ("show",),
+    "armwright.record": ("check", "convert", "diff"),
     "armwright.simulation.plot": ("plot",),
     "armwright.simulation.protocols": ("Controller", "Measurement", "Reference"),
     "armwright.simulation.recording": ("load_run", "save"),
@@ -90,6 +103,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.simulation.sensors": ("Sensors",),
     "armwright.simulation.shaping": ("Shaping",),
     "armwright.simulation.simulator": ("simulate",),
+    "armwright.simulation.statistics": ("statistics",),
     "armwright.simulation.timing": ("Timing",),
     "armwright.trajectory": ("Quintic", "Ramp", "Sine", "Step"),
 }
@@ -121,9 +135,13 @@ __all__ = [
     "bias_torques",
     "builtin_names",
     "centre_of_mass",
+    "check",
     "compile",
     "composite_body",
+    "converge",
+    "convert",
     "coriolis_matrix",
+    "diff",
     "energy",
     "enumerate_assemblies",
     "forward_arm",
@@ -136,6 +154,7 @@ __all__ = [
     "inverse_dynamics_derivatives",
     "jacobian",
     "jacobian_dot_qd",
+    "joint_stops",
     "kinetic_energy",
     "load",
     "load_run",
@@ -145,6 +164,7 @@ __all__ = [
     "motor_voltage",
     "operational_inertia",
     "plot",
+    "plot_runs",
     "potential_energy",
     "rank_assemblies",
     "read_modules",
@@ -155,8 +175,11 @@ __all__ = [
     "regressor_drive",
     "rerun",
     "save",
+    "show",
     "simulate",
+    "statistics",
     "to_toml",
+    "write_graphic",
     "write_parts",
     "write_toml",
 ]

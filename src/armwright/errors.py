@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import Any
 
 
 class ArmwrightError(Exception):
@@ -56,6 +57,14 @@ class ExpressionError(ArmwrightError):
 
 class SymbolError(ArmwrightError, TypeError):
     """A traced symbol was used as if it were a number; names the `armwright.scalar` function to use."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C ended a simulation; `run` holds the lanes that were finished, or of one group of lanes the time until then."""
+
+    def __init__(self, message: str, run: Any):
+        super().__init__(message)
+        self.run = run
 
 
 def nearest(name: str, choices: Iterable[str]) -> str:

@@ -22,7 +22,6 @@ ORDER = (
     ("description",),
     ("model",),
     ("kinematics",),
-    ("pictures",),  # arms drawn, in any pose
     ("actuators",),  # above dynamics: friction and gear loss are part of the inverse dynamics
     ("dynamics",),
     ("program",),
@@ -32,9 +31,11 @@ ORDER = (
     ("scenarios",),  # scenario files: they name controllers and trajectories
     ("modular",),  # which arms modules make, and what they can do
     ("export",),
+    ("pictures",),  # arms drawn, in any pose and moving; plots to explore
     ("record",),  # what people do with robot files: compare, check, convert
     ("sweep",),
     (PACKAGE,),  # __init__.py: the public names
+    ("session",),  # the report's `sim`, in the public names
     ("cli", "studio"),
     ("__main__",),
 )

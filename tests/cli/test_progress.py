@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from armwright.cli.progress import PATIENCE, progress
+from armwright.cli.progress import PATIENCE, progress, rate
 
 
 def test_silent_without_a_terminal(capfd):
@@ -23,7 +23,7 @@ def test_on_a_terminal(seconds, seen):
     leader, follower = pty.openpty()
     script = (
         "import time\nfrom armwright.cli.progress import progress\n"
-        f"with progress('working') as tell:\n    tell(1, 2)\n    time.sleep({seconds})"
+        f"with progress('working', 'steps') as tell:\n    tell(1, 2)\n    time.sleep({seconds})"
     )
     environment = {key: value for key, value in os.environ.items() if key not in ("NO_COLOR", "CI")} | {"TERM": "xterm"}
     subprocess.run([sys.executable, "-c", script], stderr=follower, env=environment, check=True)
@@ -35,3 +35,10 @@ def test_on_a_terminal(seconds, seen):
     os.close(leader)
     os.close(follower)
     assert (b"working" in shown) == seen
+
+
+@pytest.mark.parametrize(
+    ("speed", "said"), [(None, ""), (12.3456, "12.3 steps/s"), (2.4e6, "2.4 M steps/s"), (7e9, "7 G steps/s")]
+)
+def test_rates(speed, said):
+    assert rate(speed, "steps") == said

@@ -62,6 +62,6 @@ def test_an_offset_dies_away_with_the_chosen_poles():
 
 
 def test_a_model_of_other_joints_is_refused():
+    law = ComputedTorque(kp=1.0, kd=1.0, model=arm("cmu-dd"))
     with pytest.raises(ScenarioError, match="the model has 6 joints; expected the 2 of"):
-        law = ComputedTorque(kp=1.0, kd=1.0, model=arm("cmu-dd"))
         aw.Scenario(arm("two-link"), controller=law, sample_period=1e-3, duration=0.1)

@@ -24,9 +24,9 @@ def told(seed=0):
 def test_all_terms_are_what_the_equation_says():
     model = arm("cmu-dd")
     r, y = told()
-    law = JointPID(
-        kp=2.0, ki=5.0, kd=0.3, speed_feedforward=0.7, acceleration_feedforward=0.05, gravity=True
-    ).fitted(model, PERIOD)
+    law = JointPID(kp=2.0, ki=5.0, kd=0.3, speed_feedforward=0.7, acceleration_feedforward=0.05, gravity=True).fitted(
+        model, PERIOD
+    )
     s = law.init(model, y)
     integral = np.full(N, 0.25)
     s[:N] = integral
@@ -112,9 +112,7 @@ def test_a_command_that_is_late_is_compared_with_its_own():
     common = {"reference": np.full(6, 1e-3), "sample_period": PERIOD, "duration": 0.2, "timing": aw.Timing("one-tick")}
     rule = {"anti_windup": "back-calculation", "tracking_time": 0.05}
     laws = [JointPID(kp=100.0, ki=50.0, kd=10.0, **more) for more in ({}, rule | {"delay_ticks": 1}, rule)]
-    plain, knows, ignores = [
-        aw.simulate(aw.Scenario(arm("cmu-dd"), controller=law, **common)).q.values for law in laws
-    ]
+    plain, knows, ignores = [aw.simulate(aw.Scenario(arm("cmu-dd"), controller=law, **common)).q.values for law in laws]
     np.testing.assert_allclose(knows, plain, atol=1e-12)
     assert np.abs(ignores - plain).max() > 1e-9
 

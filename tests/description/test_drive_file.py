@@ -118,7 +118,7 @@ def test_a_slide(tmp_path):
 
 def test_it_can_say_all_that_a_robot_file_says_of_drives():
     """Whatever a joint may have beside its place, and a robot beside its tree."""
-    placed = {"name", "parent", "child", "frame", "type", "dh", "modified_dh", "axis"}
+    placed = {"name", "parent", "child", "frame", "type", "dh", "modified_dh", "axis", "mimic"}
     for joint in (RevoluteJoint, PrismaticJoint):
         assert set(joint.model_fields) - placed == set(JointDrive.model_fields)
     told = {"name", "title", "notes", "base", "built_from", "remarks", "links", "frames"}

@@ -129,14 +129,30 @@ def test_mimic_held_at_its_offset(tmp_path):
     text = robot(link("base", ""), link("upper"), link("tool"), joint("j1", "base", "upper"),
                  joint("j2", "upper", "tool", follow))  # fmt: skip
     path = written(tmp_path, text)
-    with pytest.raises(DescriptionError, match=r"arm\.urdf:6: joint 'j2' follows 2 · j1 \+ 0.3"):
-        read_urdf(path)
-    fixed, free = (aw.load(path, mimic=how) for how in ("fixed", "independent"))
-    assert (fixed.n, free.n) == (1, 2)
+    fixed, free, coupled = (aw.load(path, mimic=how) for how in ("fixed", "independent", "coupled"))
+    assert (fixed.n, free.n, coupled.n) == (1, 2, 1)
+    pose = aw.forward_kinematics(free, np.array([0.7, 2 * 0.7 + 0.3]), "tool")
+    np.testing.assert_allclose(aw.forward_kinematics(coupled, np.array([0.7]), "tool"), pose, atol=1e-15)
     q = np.array([0.7])
     pose = aw.forward_kinematics(free, np.array([0.7, 0.3]), "tool")
     np.testing.assert_allclose(aw.forward_kinematics(fixed, q, "tool"), pose, atol=1e-15)
     assert all(any("mimics another joint" in told for told in arm.warnings) for arm in (fixed, free))
+
+
+@pytest.mark.parametrize(
+    ("follow", "message"),
+    [
+        ('joint="j3"', "6: joint 'j2' mimics 'j3', which does not move or is not there; did you mean j1"),
+        ('joint="j2"', "mimic"),
+        ('joint="j1" multiplier="0"', "6: joint 'j2' follows 'j1' by a multiplier of 0: expected another number"),
+        ('joint="j1" multiplier="x"', "multiplier"),
+    ],
+)
+def test_mimics_of_nothing_are_refused(tmp_path, follow, message):
+    text = robot(link("base", ""), link("upper"), link("tool"), joint("j1", "base", "upper"),
+                 joint("j2", "upper", "tool", f"{AXIS}{LIMIT}<mimic {follow}/>"))  # fmt: skip
+    with pytest.raises(DescriptionError, match=message):
+        aw.load(written(tmp_path, text))
 
 
 def test_visuals(tmp_path):

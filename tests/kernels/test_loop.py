@@ -9,7 +9,7 @@ from armwright import scalar
 from armwright.kernels.llvm import select_target
 from armwright.kernels.loop import Loop, Schedules
 from armwright.kernels.philox import philox, uniform
-from armwright.kernels.stages import NEVER, Call, Delay, Draw, Integrate, Record, Rows, Table
+from armwright.kernels.stages import NEVER, Adapt, Call, Delay, Draw, Integrate, Record, Rows, Table
 from armwright.program import trace
 
 H = 0.01
@@ -185,3 +185,63 @@ def test_a_lane_that_leaves_the_finite_numbers_is_frozen_and_the_others_go_on():
     assert lanes.get("frozen")[:, 0].tolist() == [-1.0, 1.0, 9.0]
     assert found[-1, 1, 0] == 1e200
     assert found[-1, 0, 0] == 0.5**4096
+
+
+def trial(x, u, h):
+    """Two halves by Heun's rule, and how far they are from the whole."""
+    whole, halves = heun(x, u, h), heun(heun(x, u, 0.5 * h), u, 0.5 * h)
+    gap = (halves - whole) / 1e-6
+    error = scalar.sqrt(gap[0] * gap[0] + gap[1] * gap[1])
+    return halves, error, scalar.clip(0.9 / (error + 1e-3), 0.25, 3.0)
+
+
+TRIAL = trace("trial", trial, {"x": (2,), "u": (1,), "h": ()}, ("x_next", "error", "grow"))
+
+
+def adapted(x, changes, wanted, edges, most=1000):
+    """What `Adapt` says it does, for one lane and tick: the state, the next step, how many trials."""
+    t, rejected, tried = 0.0, False, 0
+    for edge in edges:
+        u = np.array([[u for begin, u in changes if begin <= t][-1]])
+        while t < edge:
+            if tried == most:
+                return x, wanted, tried
+            s = edge - t if edge - t <= 1.01 * wanted else wanted
+            new, error, grow = trial(x, u, s)
+            tried += 1
+            good = error <= 1.0
+            following = s * (min(grow, 1.0) if rejected else grow)
+            if good:
+                x, t = np.asarray(new, float), edge if edge - t <= s else t + s
+                wanted = max(wanted, following) if s < wanted else following
+            else:
+                wanted = following
+            rejected = not good
+    return x, wanted, tried
+
+
+@pytest.mark.parametrize("most", [1000, 5])
+def test_lanes_that_choose_their_steps_do_what_numpy_does(most):
+    ticks = 3
+    plan = (Record("run", ("x", "trials"), (2, 1)), Adapt(TRIAL, most=most, planned=2))
+    loop = Loop(plan, select_target())
+    lanes = loop.lanes(LANES)
+    pushes = np.geomspace(0.01, 1000.0, LANES).reshape(-1, 1)
+    lanes.set("x", starts())
+    lanes.set("u_plan", np.hstack([0.0 * pushes, pushes]))
+    lanes.set("u_from", np.full(1, 0.3 * H))
+    found = recorded(loop, lanes, ticks, 3)
+    for lane, push in enumerate(pushes[:, 0]):
+        x, wanted, total = starts()[lane], H, 0
+        for k in range(ticks):
+            x, wanted, tried = adapted(x, [(0.0, 0.0), (0.3 * H, push)], wanted, [0.3 * H, H], most)
+            total += tried
+            np.testing.assert_allclose(found[k + 1, lane, :2], x, rtol=1e-12, atol=1e-13)
+            assert found[k + 1, lane, 2] == total
+            if lanes.get("frozen")[lane, 0] == k:
+                assert tried == most
+                break
+    stopped = lanes.get("frozen")[:, 0] >= 0
+    np.testing.assert_array_equal(lanes.get("stalled")[:, 0], stopped)
+    assert stopped.any() == (most == 5)
+    assert not stopped.all()

@@ -13,7 +13,7 @@ from armwright.actuators import friction_torques, transmission
 from armwright.dynamics import gravity_torques, inverse_dynamics, mass_matrix
 from armwright.errors import ModelError
 from armwright.kinematics import forward_kinematics
-from physics.arms import NAMES, arm, random_state
+from physics.arms import NAMES, arm, projection, random_state
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -25,7 +25,8 @@ def test_what_is_taken_away_is_away(name):
     bare = model.replace(friction=None, rotors=None, efficiency=None)
     assert not friction_torques(bare, qd).any()
     assert (transmission(bare, qd, qdd) == 1.0).all()
-    rotors = np.diag([body.drive.armature for body in model.bodies])
+    g = projection(model)
+    rotors = g.T @ np.diag([body.drive.armature for body in model.bodies]) @ g
     np.testing.assert_allclose(mass_matrix(model, q), mass_matrix(bare, q) + rotors, rtol=1e-14, atol=1e-14)
     np.testing.assert_array_equal(inverse_dynamics(model, q, qd, qdd), before)
 

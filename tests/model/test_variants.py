@@ -263,6 +263,21 @@ def test_an_impossible_arm_that_was_accepted_stays_so(tmp_path):
     assert any("impossible" in warning for warning in loaded.with_locked({"joint2": 0.1}).warnings)
 
 
+def test_joints_that_mimic_others():
+    """They are held with the joint that they follow, and stay with it in a subchain."""
+    whole = arm("gripper")
+    with pytest.raises(DescriptionError, match="the joint mimics 'left'; expected that one held"):
+        whole.with_locked({"right": 0.0})
+    assert whole.with_locked({"left": 0.01}).names == ["joint1", "joint2", "joint3", "joint4"]
+    assert len(whole.with_locked({"left": 0.01}).bodies) == 5
+    with pytest.raises(DescriptionError, match="joint 'right' mimics 'left', which does not move between the two"):
+        whole.subchain("base", "right_link")
+    part = whole.with_locked({"left": 0.01}).subchain("base", "right_link")
+    q = random_state(part, 1)[0]
+    expected = aw.forward_kinematics(whole, np.array([*q, 0.0, 0.01]), "right_link")
+    np.testing.assert_allclose(aw.forward_kinematics(part, q), expected, atol=1e-12)
+
+
 def test_without_a_description_there_is_no_variant():
     import dataclasses
 

@@ -14,24 +14,39 @@ from armwright.description.database import parse
 from armwright.model import Model, build_model
 from armwright.program import interpret, trace
 
-NAMES = [*builtin_names(), "workshop"]
+NAMES = [*builtin_names(), "workshop", "gripper"]
+OWN = ("workshop", "gripper")
+FREE = [name for name in NAMES if name != "gripper"]  # whose joints all move by themselves
 
 
 @functools.cache
 def description(name: str) -> RobotDescription:
-    """The description of a built-in arm or of `workshop`."""
-    return parse(workshop(), "workshop") if name == "workshop" else read_description(name)
+    """The description of a built-in arm, of `workshop` or of `gripper`."""
+    return parse({"workshop": workshop, "gripper": gripper}[name](), name) if name in OWN else read_description(name)
 
 
 @functools.cache
 def arm(name: str) -> Model:
-    """The model of a built-in arm or of `workshop`, with friction, rotors and gear loss."""
+    """The model of an arm of `NAMES`, with friction, rotors and gear loss."""
     return build_model(description(name))
 
 
 def random_state(model: Model, seed: int, rows: int = 3) -> np.ndarray:
     """(rows, n) numbers of order 1: q, qd, qdd or torques."""
     return np.random.default_rng(seed).normal(size=(rows, model.n))
+
+
+def all_positions(model: Model, q: np.ndarray) -> np.ndarray:
+    """(N,) of all joints, those that follow others included: G q + o."""
+    return q if model.mimics is None else projection(model) @ q + np.array(model.mimics.offset, dtype=float)
+
+
+def projection(model: Model) -> np.ndarray:
+    """G (N, n): how all joints' speeds follow from those of the coordinates."""
+    if model.mimics is None:
+        return np.eye(model.n)
+    pairs = zip(model.mimics.coordinate, model.mimics.factor, strict=True)
+    return np.array([factor * np.eye(model.n)[k] for k, factor in pairs])
 
 
 def gradient(name: str, function: Callable[..., Any], *arguments: np.ndarray) -> list[np.ndarray]:
@@ -100,3 +115,41 @@ def workshop() -> dict[str, Any]:
         "links": [*(link(f"link{k}", 6.0 - k) for k in range(1, 6)), link("hand", 0.8)],
         "frames": [{"name": "tool", "link": "hand", "xyz_m": [0.02, 0.03, 0.15], "rpy_rad": [0.5, -0.4, 0.2]}],
     }
+
+
+def gripper() -> dict[str, Any]:
+    """`workshop` with a hand of three fingers that one slide moves, in a chain of mimics, and a joint that levels another.
+
+    Slides follow slides, turns follow slides and turns, forward and backward, with offsets, friction and rotors of their own.
+    """
+    robot = workshop()
+    smooth = {"coulomb_positive_n_m": 0.2, "coulomb_negative_n_m": 0.3, "smoothing_rad_per_s": 0.1}
+    carried = {"gear_ratio": -30.0, "rotor_inertia_kg_m2": 1e-5}
+
+    def finger(name: str, parent: str, kind: str, at: list[float], **more: Any) -> dict[str, Any]:
+        frame = {"xyz_m": at, "rpy_rad": [0.3, 10.0 * at[0], -0.2]}
+        place = {"name": name, "parent": parent, "child": f"{name}_link", "type": kind}
+        return {**place, "frame": frame, "axis": [0.2, 1.0, -0.4], **more}
+
+    sliding = {"friction": {"viscous_n_s_per_m": 9.0, "coulomb_positive_n": 2.0, "coulomb_negative_n": 1.0}}
+    sliding["friction"]["smoothing_m_per_s"] = 0.01
+    drive = {"gear_ratio": 400.0, "gear_efficiency": 0.8, "rotor_inertia_kg_m2": 1e-6}
+    drive |= {"torque_constant_n_m_per_a": 0.02, "resistance_ohm": 3.0}
+    fingers = [
+        finger("thumb_tip", "thumb_link", "revolute", [0.03, 0.0, 0.04],
+               mimic={"joint": "thumb", "multiplier": 0.7, "offset_rad": -0.4}, friction=smooth),
+        finger("left", "hand", "prismatic", [0.05, 0.0, 0.1], motor=drive, **sliding),
+        finger("right", "hand", "prismatic", [-0.05, 0.01, 0.1],
+               mimic={"joint": "left", "multiplier": -1.0, "offset_m": 0.01}, **sliding),
+        finger("thumb", "hand", "revolute", [0.0, 0.04, 0.08],
+               mimic={"joint": "left", "multiplier": 6.0, "offset_rad": 0.3}, friction=smooth, motor=carried),
+    ]  # fmt: skip
+    levelling = robot["joints"][4]
+    levelling["mimic"] = {"joint": "joint4", "multiplier": -1.5, "offset_rad": 0.2}
+    levelling["motor"] = carried
+    tensor = {"xx": 1e-3, "xy": 1e-4, "xz": 0.0, "yy": 1.2e-3, "yz": -1e-4, "zz": 8e-4}
+    links = [
+        {"name": f"{finger['name']}_link", "mass_kg": 0.4, "com_m": [0.01, 0.0, 0.05], "inertia_kg_m2": tensor}
+        for finger in fingers
+    ]
+    return {**robot, "name": "gripper", "joints": [*robot["joints"], *fingers], "links": [*robot["links"], *links]}

@@ -14,6 +14,7 @@ from armwright.description.urdf import read_urdf
 from armwright.dynamics import inverse_dynamics
 from armwright.errors import DescriptionError
 from armwright.model import Model, build_model
+from physics.arms import all_positions, projection
 
 STATES = 2
 PACKAGE = "cmeel.prefix/share/example-robot-data/robots"
@@ -32,7 +33,7 @@ class Verdict:
     """How one robot does."""
 
     refused: str | None  # why it is refused as it stands; None: it is not
-    mimic: bool  # whether it loads with mimic = "independent" only
+    mimic: bool  # whether it loads with mimic = "independent" only, as it mimics a joint that is not there
     impossible: bool  # whether it loads with on_impossible="warn" only
     arm: Model | None  # as it loads with both
     error: float | None  # of inverse dynamics against Pinocchio, relative to the largest entry; None: no Pinocchio
@@ -48,7 +49,7 @@ def examined(path: Path) -> Verdict:
     try:
         description = read_urdf(path)
     except DescriptionError as error:
-        if "coupled joints" not in str(error):
+        if "mimics" not in str(error):
             return Verdict(refused, False, False, None, None)
         mimic, description = True, read_urdf(path, mimic="independent")
     try:
@@ -61,23 +62,27 @@ def examined(path: Path) -> Verdict:
 
 
 def against_pinocchio(path: Path, arm: Model) -> float:
-    """The largest difference of inverse dynamics, relative to the largest entry, over random states."""
+    """The largest difference of inverse dynamics, relative to the largest entry, over random states.
+
+    Pinocchio's joints all move by themselves; where joints follow others, its torques are projected: G q + o in, Gᵀ tau out.
+    """
     import pinocchio as pin
 
     model: Any = pin.buildModelFromUrdf(str(path))
     data = model.createData()
     ours = arm.replace(friction=None, gravity=model.gravity.linear)
     plain = {name.translate(str.maketrans(" .[]", "____")): i for i, name in enumerate(model.names)}
-    joints = [model.joints[plain[name]] for name in arm.names]
-    assert model.nv == arm.n
+    joints = [model.joints[plain[name]] for name in arm.tree.names]
+    assert model.nv == arm.tree.n
+    g = projection(arm)
     rng, worst = np.random.default_rng(len(path.name)), 0.0
     for _ in range(STATES):
         q, qd, qdd = rng.normal(size=(3, arm.n))
         theirs = [pin.neutral(model), np.zeros(model.nv), np.zeros(model.nv)]
-        for joint, *state in zip(joints, q, qd, qdd, strict=True):
+        for joint, *state in zip(joints, all_positions(arm, q), g @ qd, g @ qdd, strict=True):
             angle = [np.cos(state[0]), np.sin(state[0])] if joint.nq == 2 else [state[0]]
             theirs[0][joint.idx_q : joint.idx_q + joint.nq] = angle
             theirs[1][joint.idx_v], theirs[2][joint.idx_v] = state[1:]
-        tau = pin.rnea(model, data, *theirs)[[joint.idx_v for joint in joints]]
+        tau = g.T @ pin.rnea(model, data, *theirs)[[joint.idx_v for joint in joints]]
         worst = max(worst, float(np.abs(inverse_dynamics(ours, q, qd, qdd) - tau).max() / np.abs(tau).max()))
     return worst

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import Any
 
+import numpy as np
 import pytest
 
 from armwright.description.urdf import read_urdf
-from armwright.errors import DescriptionError
+from armwright.dynamics import inverse_dynamics, mass_matrix
+from armwright.model import build_model
 from reference.example_robots import Verdict, examined, robot_files
 
 TOLERANCE = 1e-9
@@ -41,13 +44,13 @@ def test_all_that_move_agree_with_pinocchio(verdicts):
 
 
 def test_what_is_refused_is_refused_truly(verdicts):
-    """For good: nothing moves. As it stands: coupled joints, or an inertia whose link and margin are named."""
+    """For good: nothing moves. As it stands: joints that mimic none, or an inertia whose link and margin are named."""
     for name, verdict in verdicts.items():
         if name in REFUSED:
             assert verdict.refused is not None
             assert REFUSED[name] in verdict.refused
         elif verdict.refused is not None:
-            assert ("coupled joints" in verdict.refused) == verdict.mimic
+            assert ("which does not move or is not there" in verdict.refused) == verdict.mimic
             told = verdict.refused if not verdict.mimic else " ".join(verdict.arm.warnings if verdict.arm else ())
             assert ("impossible inertia" in told) == verdict.impossible
             assert "\n" not in verdict.refused
@@ -94,13 +97,59 @@ def test_no_mesh_is_opened(monkeypatch):
     assert all(path.parents[2].as_posix() in file for file in files)
 
 
-@pytest.mark.parametrize("mimic", ["refuse", "independent", "fixed"])
-def test_mimic_joints(mimic):
+@pytest.mark.parametrize(("mimic", "joints"), [("coupled", 8), ("independent", 9), ("fixed", 8)])
+def test_mimic_joints(mimic, joints):
     path = robot_files()["panda_description/urdf/panda.urdf"]
-    if mimic == "refuse":
-        with pytest.raises(DescriptionError, match=r"panda\.urdf:348: joint 'panda_finger_joint2' follows"):
-            read_urdf(path)
-        return
     moving = [joint.name for joint in read_urdf(path, mimic=mimic).joints if joint.type != "fixed"]
-    assert ("panda_finger_joint2" in moving) == (mimic == "independent")
+    assert ("panda_finger_joint2" in moving) == (mimic != "fixed")
     assert "panda_finger_joint1" in moving
+    arm = build_model(read_urdf(path, mimic=mimic))
+    assert arm.n == joints
+    assert "panda_finger_joint1" in arm.names
+    assert (arm.mimics is not None) == (mimic == "coupled")
+
+
+COUPLED = {  # coordinates, joints that move
+    "baxter_description/urdf/baxter.urdf": (17, 19),
+    "panda_description/urdf/panda.urdf": (8, 9),
+    "panda_description/urdf/panda_collision.urdf": (8, 9),
+    "pr2_description/urdf/pr2.urdf": (20, 30),
+    "romeo_description/urdf/romeo.urdf": (33, 55),
+    "talos_data/robots/talos_full_v2.urdf": (32, 44),
+    "talos_data/robots/talos_full_v2_box.urdf": (32, 44),
+    "tiago_pro_description/robots/tiago_pro.urdf": (23, 33),
+}
+
+
+def test_robots_with_mimics(verdicts):
+    """All of them as their files say; one mimics a joint that is not there, and says so with file and line."""
+    found = {name: v.arm for name, v in verdicts.items() if v.arm is not None and v.arm.mimics is not None}
+    assert {name: (arm.n, arm.tree.n) for name, arm in found.items()} == COUPLED
+    assert [name for name, v in verdicts.items() if v.mimic] == ["alex_description/urdf/alex_psyonic_hands.urdf"]
+    refused = verdicts["alex_description/urdf/alex_psyonic_hands.urdf"].refused
+    assert refused is not None
+    assert "joint 'Left_index_q2' mimics 'index_q1'" in refused
+
+
+@pytest.mark.parametrize("file", ["panda_description/urdf/panda.urdf", "tiago_pro_description/robots/tiago_pro.urdf"])
+def test_pinocchios_own_mimics(file):
+    """Pinocchio reading the mimics itself: same coordinates, same torques and inertia."""
+    pin = pytest.importorskip("pinocchio", reason="Pinocchio is the oracle here: pip install pin")
+    path = robot_files()[file]
+    theirs: Any = pin.buildModelFromUrdf(str(path), mimic=True)
+    data = theirs.createData()
+    ours = build_model(read_urdf(path)).replace(friction=None, rotors=None, gravity=theirs.gravity.linear)
+    assert theirs.nv == ours.n
+    joints = [theirs.joints[theirs.getJointId(name)] for name in ours.names]
+    at = [joint.idx_v for joint in joints]
+    for seed in range(3):
+        states = np.random.default_rng(seed).normal(size=(3, ours.n))
+        there = [pin.neutral(theirs), np.zeros(theirs.nv), np.zeros(theirs.nv)]
+        for joint, q, qd, qdd in zip(joints, *states, strict=True):
+            there[0][joint.idx_q : joint.idx_q + joint.nq] = [np.cos(q), np.sin(q)] if joint.nq == 2 else [q]
+            there[1][joint.idx_v], there[2][joint.idx_v] = qd, qdd
+        tau = pin.rnea(theirs, data, *there)[at]
+        np.testing.assert_allclose(inverse_dynamics(ours, *states), tau, rtol=0, atol=TOLERANCE * np.abs(tau).max())
+        upper = np.triu(pin.crba(theirs, data, there[0]))
+        m = (upper + np.triu(upper, 1).T)[np.ix_(at, at)]
+        np.testing.assert_allclose(mass_matrix(ours, states[0]), m, rtol=0, atol=TOLERANCE * np.abs(m).max())

@@ -11,7 +11,7 @@ import armwright as aw
 from armwright import scalar
 from armwright.actuators import limited_drive
 from armwright.dynamics import forward_dynamics
-from armwright.errors import ScenarioError
+from armwright.errors import ModelError, ScenarioError
 from armwright.kernels.batch import Kernel
 from armwright.kernels.llvm import select_target
 from armwright.model.vary import Varied
@@ -20,6 +20,7 @@ from armwright.simulation.plant import Plant
 from simulation.plants import BRAKE, COULOMB, MANY, MOTOR, RK3, SUPPLY, exact, pendulum, steps
 
 U = {"all": [12.0, 8.0]}
+FAST = ("inductance", "elastic", "harmonic", "all")  # with time constants of a millisecond
 SMOOTH = [name for name in MANY if name != "supply"]  # whose bus may take over the voltage limit within a run
 
 
@@ -88,10 +89,10 @@ def test_floats_interpreter_and_native_code_agree(name):
 def test_scipy_finds_the_same_at_third_order(name):
     """SciPy at 1e-12 on `derivative`, which knows nothing of exponentials; the error shrinks by 8 with half the step."""
     plant, u, duration = Plant.of(MANY[name]), U.get(name, [12.0]), 0.1
-    x = begun(plant)
+    x, counts = begun(plant), (400, 800) if name in FAST else (100, 200)
     reference = exact(plant, x, u, duration)
     scale = np.maximum(np.abs(reference), 1e-3)
-    error = [np.max(np.abs(steps(plant, x, u, duration / k, k)[-1] - reference) / scale) for k in (400, 800)]
+    error = [np.max(np.abs(steps(plant, x, u, duration / k, k)[-1] - reference) / scale) for k in counts]
     assert error[1] < 1e-5
     order = np.log2(error[0] / error[1])
     assert 2.6 < order < 4.2
@@ -122,18 +123,22 @@ def test_numbers_of_the_record_as_symbols():
     for factor in (1.0, 1.7):
         values = varied.nominal * factor
         told = Plant.of(varied.model(values)).step(RK3, x, u, 1e-3)
-        np.testing.assert_allclose(np.ravel(program.graph(x, u, values)), told, rtol=1e-11, atol=1e-13)
+        np.testing.assert_allclose(np.asarray(program.graph(x, u, values)).ravel(), told, rtol=1e-11, atol=1e-13)
 
 
 def test_motors_stand_where_their_links_are():
     plant = Plant.of(MANY["all"])
     x = plant.initial([0.3, -0.2], [0.5, 0.1])
-    seen = plant.measured(x, np.array([1.0, 2.0]))
+    u = np.array([1.0, 2.0])
+    (q, _, current), (motor_q, motor_qd, _) = plant.measured(x, u), plant.measured(x, u, "motor")
     assert plant.part(x, "motor_q") == pytest.approx(50.0 * 0.3)
-    np.testing.assert_allclose(seen["motor_q"], [0.3, -0.2 + 10.0 / 50.0 * 0.3])
-    np.testing.assert_allclose(seen["motor_qd"], [0.5, 0.1 + 10.0 / 50.0 * 0.5])
-    assert seen["current"][0] == 0.0
-    assert seen["q"].tolist() == [0.3, -0.2]
+    np.testing.assert_allclose(motor_q, [0.3, -0.2 + 10.0 / 50.0 * 0.3])
+    np.testing.assert_allclose(motor_qd, [0.5, 0.1 + 10.0 / 50.0 * 0.5])
+    assert current[0] == 0.0
+    assert q.tolist() == [0.3, -0.2]
+    many = plant.initial([[0.3, -0.2], [0.1, 0.2]], [0.5, 0.1])
+    np.testing.assert_array_equal(many[0], x)
+    assert many.shape == (2, plant.size)
     assert plant.part(x, "bus_voltage") == SUPPLY["voltage_v"]
 
 
@@ -184,3 +189,19 @@ def test_brakes_take_part_only_where_they_are_asked_for():
     plant = Plant.of(arm, brakes=True)
     np.testing.assert_array_equal(plant.derivative(x, [1.0]), plant.derivative(x, [1.0], None, np.zeros(1)))
     assert scalar.is_symbolic(plant.program(brake=True).split(x, np.zeros(1), None, np.ones(1))[0])
+
+
+def test_what_the_drives_did():
+    """In each joint's own unit: the bus is all the voltage there is, and a torque is what the current makes."""
+    sagged = Plant.of(MANY["supply"])
+    x = sagged.initial([0.3], [0.5])
+    x[2] = 20.0
+    assert sagged.applied(x, np.array([40.0])).tolist() == [20.0]
+    assert Plant.of(MANY["plain"]).applied(x[:2], np.array([40.0])).tolist() == [40.0]
+    loop = Plant.of(MANY["current loop"])
+    np.testing.assert_allclose(loop.applied(np.array([0.3, 0.5, 2.0]), np.array([12.0])), 50.0 * 0.06 * 2.0)
+
+
+def test_an_elastic_gear_needs_its_rotor():
+    with pytest.raises(ModelError, match="'joint0' has no inertia before its elastic gear"):
+        Plant.of(MANY["elastic"].replace(rotors=None))

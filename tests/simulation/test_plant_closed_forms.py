@@ -179,12 +179,12 @@ def test_sliding_is_the_static_map():
 
 
 def test_a_brake_holds_slips_and_lets_go():
-    """25 N m are held without creeping, 40 N m slip, and after its release the joint moves freely."""
+    """12 N m put on at once are held without creeping, 40 N m slip, and when it is released its torque dies away."""
     arm = pendulum("torque", gravity=0.0, motor=MOTOR, brake=BRAKE)
     plant = Plant.of(arm, brakes=True)
     x = plant.initial([0.0], [0.0])
-    held = steps(plant, x, [25.0], 1e-3, 20_000, brake=[1.0])
-    assert held[-1, 0] == pytest.approx(25.0 / 1e4, rel=0.5)
+    held = steps(plant, x, [12.0], 1e-3, 20_000, brake=[1.0])
+    assert 12.0 / 1e4 < held[-1, 0] < 60.0 / 1e4
     assert abs(held[-1, 0] - held[10_000, 0]) < 1e-12
     slipping = steps(plant, x, [40.0], 1e-3, 1000, brake=[1.0])[-1]
     assert slipping[1] == pytest.approx(10.0 / (J + LINK), rel=0.05)

@@ -90,7 +90,7 @@ def test_few_lanes_are_lines_and_many_a_band():
     few = draw(invented(aw.load("two-link"), lanes=3)).axes[0]
     assert (len(few.lines), len(few.collections)) == (6, 0)
     many = draw(invented(aw.load("two-link"), lanes=FEW_LANES + 1))
-    assert (len(many.axes[0].lines), len(many.axes[0].collections)) == (2, 2)
+    assert (len(many.axes[0].lines), len(many.axes[0].collections)) == (2, 4)  # two bands each
     assert f"{FEW_LANES + 1} lanes" in many.get_suptitle()
 
 

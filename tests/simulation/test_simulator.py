@@ -449,3 +449,16 @@ def test_ctrl_c_comes_back_soon(cmu):
     with pytest.raises(KeyboardInterrupt):
         aw.simulate(scenario, simulator=simulator, threads=2, progress=interrupt)
     assert time.perf_counter() - start < 5.0  # the whole run takes a quarter of a minute
+
+
+def test_parameters_may_vary_by_lane_without_a_controller():
+    arm = aw.load("cmu-dd")
+    masses = np.array([1.0, 2.0, 3.0])
+    common = {"command": [8, 6, 4, 2, 1, 0.5], "duration": 0.1}
+    many = aw.simulate(aw.Scenario(arm, vary={"link6.mass_kg": masses}, **common))
+    assert many.sizes["lane"] == 3
+    for lane, mass in enumerate(masses):
+        one = aw.simulate(aw.Scenario(arm, vary={"link6.mass_kg": mass}, **common))
+        np.testing.assert_array_equal(many.q[lane], one.q)
+        np.testing.assert_array_equal(many.tau[lane], one.tau)
+    assert np.abs(many.q[0] - many.q[2]).max() > 1e-4

@@ -64,7 +64,7 @@ def test_the_newest_command_that_arrived_is_in_force(late):
     ],
 )
 def test_presets_and_delays(timing, late):
-    delays = Delays.of(timing, PERIOD, 1)
+    delays = Delays.of(timing, PERIOD)
     behind = lateness(delays, 7.0, delays.later[0], delays.jitter[0], delays.drift[0], 0.5)
     assert delays.commanded[0] + behind == pytest.approx(late, abs=1e-12)
     assert behind < delays.pending + 1
@@ -73,17 +73,17 @@ def test_presets_and_delays(timing, late):
 
 def test_jitter_spreads_arrivals_and_a_synchronous_drive_hides_it():
     w = np.linspace(0.001, 0.999, 9)
-    free = Delays.of(Timing("ideal", command_delay=0.5 * PERIOD, jitter=0.8 * PERIOD), PERIOD, 1)
+    free = Delays.of(Timing("ideal", command_delay=0.5 * PERIOD, jitter=0.8 * PERIOD), PERIOD)
     late = np.array([lateness(free, 0.0, free.later[0], free.jitter[0], 0.0, each) for each in w])
     np.testing.assert_allclose(late, 0.5 + 0.8 * w)
     assert free.pending == 1
-    held = Delays.of(Timing("sync", command_delay=0.1 * PERIOD, jitter=0.8 * PERIOD), PERIOD, 1)
+    held = Delays.of(Timing("sync", command_delay=0.1 * PERIOD, jitter=0.8 * PERIOD), PERIOD)
     assert {float(lateness(held, 0.0, held.later[0], held.jitter[0], 0.0, each)) for each in w} == {0.0}
 
 
 def test_a_drive_with_its_own_clock_acts_at_its_own_ticks():
     drift = 0.01
-    delays = Delays.of(Timing("ideal", clock_drift=drift), PERIOD, 1)
+    delays = Delays.of(Timing("ideal", clock_drift=drift), PERIOD)
     ticks = np.arange(200.0)
     acts = np.array([k + lateness(delays, k, 0.0, 0.0, drift, 0.5) for k in ticks])
     np.testing.assert_allclose(np.rint(acts / (1 + drift)), acts / (1 + drift), atol=1e-9)

@@ -40,7 +40,7 @@ def limited_drive(model: Model, qd: Array, u: Array) -> DriveOutput:
     Raises:
         ModelError: a drive without the constants that its command needs.
     """
-    rows = [_limited(model, body, qd[i], u[i]) for i, body in model.outward()]
+    rows = [limited_joint(model, body, qd[i], u[i]) for i, body in enumerate(model.coordinates)]
     return DriveOutput(*(scalar.array(column) for column in zip(*rows, strict=True)))
 
 
@@ -53,7 +53,7 @@ def demanded_drive(model: Model, qd: Array, tau: Array) -> DriveOutput:
         output: tau as it was given, voltage and current of every joint, (n, …).
     """
     voltage, current = [], []
-    for i, body in model.outward():
+    for i, body in enumerate(model.coordinates):
         drive, unknown = body.drive, np.nan * tau[i]
         known = drive.torque_constant is not None
         current.append(joint_current(drive, tau[i]) if known else unknown)
@@ -62,45 +62,48 @@ def demanded_drive(model: Model, qd: Array, tau: Array) -> DriveOutput:
     return DriveOutput(tau, scalar.stack(voltage), scalar.stack(current))
 
 
-def _limited(model: Model, body: Body, speed: Scalar, u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+def limited_joint(model: Model, body: Body, speed: Scalar, u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+    """Torque [N m | N], voltage [V] and current [A] of one drive, as `limited_drive`."""
     check_command(model, body)
     drive, supply = body.drive, body.limits.voltage
     if drive.torque_constant is None:
-        return _clipped(u, body.limits.torque), np.nan, np.nan
-    constant, most = joint_constant(drive), _most_current(body)
+        return clipped(u, body.limits.torque), np.nan, np.nan
+    constant, most = joint_constant(drive), most_current(body)
     if drive.command == "voltage":
         voltage = u
-        if _is_limit(most):
+        if is_limit(most):
             lowest, highest = (joint_voltage(drive, speed, constant * i) for i in (-most, most))
             voltage = scalar.clip(u, lowest, highest)
-        voltage = _clipped(voltage, supply)
+        voltage = clipped(voltage, supply)
         torque = joint_torque(drive, speed, voltage)
         return torque, voltage, joint_current(drive, torque)
     if drive.command == "current":
-        torque = constant * _clipped(u, most)
+        torque = constant * clipped(u, most)
     else:
-        torque = _clipped(u, scalar.abs(constant) * most) if _is_limit(most) else u
+        torque = clipped(u, scalar.abs(constant) * most) if is_limit(most) else u
     if drive.resistance is None:
         return torque, np.nan, joint_current(drive, torque)
     voltage = joint_voltage(drive, speed, torque)
-    if _is_limit(supply):
-        voltage = _clipped(voltage, supply)
+    if is_limit(supply):
+        voltage = clipped(voltage, supply)
         torque = joint_torque(drive, speed, voltage)
     return torque, voltage, joint_current(drive, torque)
 
 
-def _most_current(body: Body) -> Scalar:
+def most_current(body: Body) -> Scalar:
     """The most current [A] that the limits of current and of torque allow; infinite without either."""
     current, torque = body.limits.current, body.limits.torque
-    if not _is_limit(torque):
+    if not is_limit(torque):
         return current
     of_torque = joint_current(body.drive, torque)
-    return scalar.minimum(current, scalar.abs(of_torque)) if _is_limit(current) else scalar.abs(of_torque)
+    return scalar.minimum(current, scalar.abs(of_torque)) if is_limit(current) else scalar.abs(of_torque)
 
 
-def _clipped(value: Scalar, most: Scalar) -> Scalar:
-    return scalar.clip(value, -most, most) if _is_limit(most) else value
+def clipped(value: Scalar, most: Scalar) -> Scalar:
+    """The value within ±most, where that is a limit."""
+    return scalar.clip(value, -most, most) if is_limit(most) else value
 
 
-def _is_limit(most: Scalar) -> bool:
+def is_limit(most: Scalar) -> bool:
+    """Whether there is a limit at all: a symbol or a finite number."""
     return scalar.is_symbolic(most) or most < np.inf

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armwright import scalar
-from armwright.model import Friction, Model
+from armwright.model import Friction, Mimics, Model, on_tree
 from armwright.scalar import Array, Scalar
 
 
@@ -14,32 +14,52 @@ def smooth_sign(speed: Scalar, smoothing: Scalar) -> Scalar:
     return speed / scalar.sqrt(speed * speed + smoothing * smoothing)
 
 
-def joint_friction(friction: Friction | None, speed: Scalar) -> Scalar:
+def joint_friction(
+    friction: Friction | None, speed: Scalar, load: Scalar | None = None, warming: Scalar | None = None
+) -> Scalar:
     """Friction torque of one joint [N m | N] at a speed [rad/s | m/s], positive against positive motion.
 
     Coulomb with Stribeck:  f = offset + viscous q̇ + s · [ Fc + (Fs - Fc) exp(-(q̇/vs)²) ],  Fc by the sign of q̇.
+    With a load [N m | N] and a warming [K], which only the simulator knows, as `dry_level` and `viscous_torque`.
     Sigmoid:  f = offset + viscous q̇ + a/(1 + exp(-b (q̇ + c))) - a/(1 + exp(-b c)).  [Gaz2019]
     """
     if friction is None:
         return 0.0
-    torque = friction.offset + friction.viscous * speed
+    torque = friction.offset + viscous_torque(friction, speed, warming)
     if friction.sigmoid is not None:
         a, b, c = friction.sigmoid
         return torque + a / (1.0 + scalar.exp(-b * (speed + c))) - a / (1.0 + scalar.exp(-b * c))
     if friction.smoothing is None:
         return torque
+    return torque + dry_level(friction, speed, load) * smooth_sign(speed, friction.smoothing)
+
+
+def viscous_torque(friction: Friction, speed: Scalar, warming: Scalar | None = None) -> Scalar:
+    """viscous q̇ exp(-warming / fall): oil thins as it warms.  [BittencourtGunnarsson2012]"""
+    if warming is None or friction.viscous_fall is None:
+        return friction.viscous * speed
+    return friction.viscous * speed * scalar.exp(-warming / friction.viscous_fall)
+
+
+def dry_level(friction: Friction, speed: Scalar, load: Scalar | None = None) -> Scalar:
+    """g(q̇) = Fc + (Fs - Fc) exp(-(q̇/vs)²) [N m | N], both levels raised by share · |load|.  [BittencourtGunnarsson2012]"""
     plus, minus = friction.coulomb_positive, friction.coulomb_negative
     level = plus if plus is minus or _same(plus, minus) else scalar.where(scalar.less(speed, 0.0), minus, plus)
-    if friction.stribeck is not None:
+    most = friction.stribeck
+    if load is not None and friction.load_share is not None:
+        added = friction.load_share * scalar.abs(load)
+        level, most = level + added, None if most is None else most + added
+    if most is not None:
         ratio = speed / friction.stribeck_speed
-        level = level + (friction.stribeck - level) * scalar.exp(-(ratio * ratio))
-    return torque + level * smooth_sign(speed, friction.smoothing)
+        level = level + (most - level) * scalar.exp(-(ratio * ratio))
+    return level
 
 
 def _same(a: Scalar, b: Scalar) -> bool:
     return not scalar.is_symbolic(a, b) and a == b
 
 
+@on_tree(Mimics.torques)
 def friction_torques(model: Model, qd: Array) -> np.ndarray:
     """Friction of all joints, f(q̇): what the motors must give beside the links' dynamics. [OlssonEtAl1998]
 

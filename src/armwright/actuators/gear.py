@@ -6,8 +6,8 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators.friction import smooth_sign
-from armwright.model import Model
-from armwright.scalar import Array
+from armwright.model import Drive, Model
+from armwright.scalar import Array, Scalar
 
 
 def transmission(model: Model, qd: Array, torque: Array) -> np.ndarray:
@@ -22,10 +22,11 @@ def transmission(model: Model, qd: Array, torque: Array) -> np.ndarray:
     Returns:
         e: (n,) [-]; 1.0 where the gear has no loss.
     """
-    return scalar.array([_transmission(body.drive, qd[i], torque[i]) for i, body in model.outward()])
+    return scalar.array([joint_transmission(body.drive, qd[i], torque[i]) for i, body in enumerate(model.coordinates)])
 
 
-def _transmission(drive, speed, torque):
+def joint_transmission(drive: Drive, speed: Scalar, torque: Scalar) -> Scalar:
+    """e of one joint [-], at a speed [rad/s | m/s] and a torque [N m | N] on either side of the gear."""
     if drive.efficiency is None:
         return 1.0
     s = scalar.abs(smooth_sign(speed, drive.smoothing))

@@ -13,7 +13,7 @@ from armwright.scalar import Array
 def told_command(model: Model, output) -> np.ndarray:
     """What the drives do (n,) in the unit of each joint's command [V | A | N m | N]."""
     parts = {"voltage": output.voltage, "current": output.current, "torque": output.tau}
-    return scalar.array([parts[body.drive.command][i] for i, body in model.outward()])
+    return scalar.array([parts[body.drive.command][i] for i, body in enumerate(model.coordinates)])
 
 
 def holding_command(model: Model, gravity_torques: Array) -> np.ndarray:

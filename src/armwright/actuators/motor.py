@@ -21,7 +21,8 @@ def need_constants(model: Model, what: str, *constants: str) -> None:
     Raises:
         ModelError: names the joint and the key that its record would need.
     """
-    for body in model.bodies:
+    for body in model.coordinates:
+        check_uncoupled(model, body, what)
         for constant in constants:
             if getattr(body.drive, constant) is None:
                 key = f"motor.{ELECTRICAL[constant]}"
@@ -42,7 +43,7 @@ def motor_current(model: Model, tau: Array) -> np.ndarray:
         ModelError: a drive without a torque constant.
     """
     need_constants(model, "motor_current", "torque_constant")
-    return scalar.array([joint_current(body.drive, tau[i]) for i, body in model.outward()])
+    return scalar.array([joint_current(body.drive, tau[i]) for i, body in enumerate(model.coordinates)])
 
 
 @one_state
@@ -57,7 +58,7 @@ def motor_voltage(model: Model, qd: Array, tau: Array) -> np.ndarray:
         ModelError: a drive without resistance or torque constant.
     """
     need_constants(model, "motor_voltage", "resistance", "torque_constant")
-    return scalar.array([joint_voltage(body.drive, qd[i], tau[i]) for i, body in model.outward()])
+    return scalar.array([joint_voltage(body.drive, qd[i], tau[i]) for i, body in enumerate(model.coordinates)])
 
 
 @one_state
@@ -72,7 +73,7 @@ def motor_torque(model: Model, qd: Array, voltage: Array) -> np.ndarray:
         ModelError: a drive without resistance or torque constant.
     """
     need_constants(model, "motor_torque", "resistance", "torque_constant")
-    return scalar.array([joint_torque(body.drive, qd[i], voltage[i]) for i, body in model.outward()])
+    return scalar.array([joint_torque(body.drive, qd[i], voltage[i]) for i, body in enumerate(model.coordinates)])
 
 
 def drive_torque(model: Model, qd: Array, u: Array) -> np.ndarray:
@@ -85,11 +86,12 @@ def drive_torque(model: Model, qd: Array, u: Array) -> np.ndarray:
     Raises:
         ModelError: a drive without the constants that its command needs.
     """
-    return scalar.array([_torque_of_command(model, i, qd[i], u[i]) for i, _ in model.outward()])
+    return scalar.array([_torque_of_command(model, i, qd[i], u[i]) for i in range(model.n)])
 
 
 def _torque_of_command(model: Model, joint: int, speed: Scalar, u: Scalar) -> Scalar:
-    body = model.bodies[joint]
+    body = model.coordinates[joint]
+    check_uncoupled(model, body, "drive_torque")
     check_command(model, body)
     if body.drive.command == "torque":
         return u
@@ -111,6 +113,19 @@ def check_command(model: Model, body: Body) -> None:
                 f"{model.name}: joint {body.joint!r} is driven by {body.drive.command}, "
                 f"but its record has no motor.{ELECTRICAL[constant]}"
             )
+
+
+def check_uncoupled(model: Model, body: Body, what: str) -> None:
+    """Refuses a motor that several joints turn, whose speed is not that of its joint.
+
+    Raises:
+        ModelError: names the joint.
+    """
+    if body.drive.coupling:
+        raise ModelError(
+            f"{model.name}: {what} does not know the coupled motor of joint {body.joint!r}, "
+            f"which {body.drive.coupling[0][0]!r} turns as well; only the simulator does"
+        )
 
 
 def joint_constant(drive: Drive) -> Scalar:

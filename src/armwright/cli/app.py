@@ -15,13 +15,21 @@ from typer.core import TyperGroup
 
 from armwright import __version__
 from armwright.cli.assemble import assemble
+from armwright.cli.check import check
+from armwright.cli.converge import converge
+from armwright.cli.convert import convert
+from armwright.cli.diff import diff
 from armwright.cli.export import export
 from armwright.cli.forward import forward
+from armwright.cli.graphic import graphic
 from armwright.cli.info import info
 from armwright.cli.inverse import inverse
 from armwright.cli.parts import parts
-from armwright.cli.robots import robots
+from armwright.cli.plot import plot
 from armwright.cli.rerun import rerun
+from armwright.cli.robots import robots
+from armwright.cli.show import show
+from armwright.cli.sim import sim
 from armwright.cli.simulate import simulate
 from armwright.errors import ArmwrightError
 
@@ -120,7 +128,23 @@ def _commands(
         typer.echo(context.get_help())
 
 
-for command in (robots, info, inverse, forward, simulate, rerun, assemble):
+for command in (
+    robots,
+    info,
+    show,
+    check,
+    diff,
+    convert,
+    inverse,
+    forward,
+    simulate,
+    plot,
+    graphic,
+    converge,
+    rerun,
+    assemble,
+    sim,
+):
     app.command()(command)
 app.add_typer(export, name="export")
 app.add_typer(parts, name="parts")

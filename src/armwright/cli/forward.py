@@ -21,7 +21,7 @@ def forward(robot: Robot, table: Table, output: Out = None) -> None:
     """
     import armwright as aw
     from armwright.cli.progress import progress
-    from armwright.simulation.output import check_destination
+    from armwright.output import check_destination
     from armwright.simulation.recording import joint_units
     from armwright.simulation.tables import joint_columns, read_table, write_table
 

@@ -51,6 +51,7 @@ def info(robot: Robot, operations: Operations = False) -> None:
     console.print(_summary(arm, record))
     for part in (
         *_geometry(record),
+        _mimics(record),
         _masses(record),
         _inertias(record),
         _drives(arm, record),
@@ -74,8 +75,9 @@ def _summary(arm: Model, record: RobotDescription) -> str:
     except ModelError:
         far = "—, the arm names no tip"
     kinds = Counter(body.kind for body in arm.bodies)
+    followers = f", {len(arm.bodies) - arm.n} of them mimic others" if arm.mimics is not None else ""
     lines = {
-        "joints": ", ".join(f"{count} {kind}" for kind, count in kinds.items()),
+        "joints": ", ".join(f"{count} {kind}" for kind, count in kinds.items()) + followers,
         "mass": f"{number(record.total_mass)} kg, all links",
         "reach": far,
         "gravity": f"{'  '.join(f'{g:g}' for g in arm.gravity)} m/s², in base axes",
@@ -143,12 +145,12 @@ def _inertias(record: RobotDescription) -> Group | None:
 def _drives(arm: Model, record: RobotDescription) -> Group | None:
     with_motor = {joint.name for joint in record.joints if getattr(joint, "motor", None) is not None}
     rows = []
-    for body in arm.bodies:
+    for body in arm.coordinates:
         drive = body.drive
         if body.joint not in with_motor:
             rows.append([body.joint, drive.command, *[""] * 8])
             continue
-        known = (drive.rotor_inertia, drive.armature, drive.efficiency, drive.torque_constant, drive.back_emf_constant)
+        known = (drive.rotor_inertia, drive.reflected, drive.efficiency, drive.torque_constant, drive.back_emf_constant)
         rows.append(
             [body.joint, drive.command, *map(number, (drive.gear_ratio, *known, drive.resistance, drive.inductance))]
         )
@@ -165,6 +167,17 @@ def _drives(arm: Model, record: RobotDescription) -> Group | None:
         "L [H]",
     )
     return table("Drives (DC-equivalent constants)", heads, rows, left=("command",))
+
+
+def _mimics(record: RobotDescription) -> Group | None:
+    rows = []
+    for joint in record.joints:
+        mimic = getattr(joint, "mimic", None)
+        if mimic is not None:
+            unit = "rad" if joint.type == "revolute" else "m"
+            rows.append([joint.name, mimic.joint, number(mimic.multiplier), f"{number(mimic.offset)} {unit}"])
+    heads = ("joint", "master", "multiplier", "offset")
+    return table("Joints that mimic others: q = multiplier · q_master + offset", heads, rows, left=("master",))
 
 
 def _friction(record: RobotDescription) -> Group | None:
@@ -187,20 +200,22 @@ def _limits(arm: Model) -> Group | None:
         scale = DEGREES if body.kind == "revolute" else 1.0
         bounded = low > -float("inf") or high < float("inf")
         place = f"{number(scale * low)} … {number(scale * high)}{'°' if scale > 1 else ' m'}" if bounded else ""
-        most = (body.limits.velocity, body.limits.torque, body.limits.voltage, body.limits.current)
+        most = [getattr(body.limits, name) for name in ("velocity", "acceleration", "torque", "voltage", "current")]
         rows.append([body.joint, place, *("" if value == float("inf") else number(value) for value in most)])
     mixed = {body.kind for body in arm.bodies}
     speed, force = (
         ("rad/s | m/s", "N m | N") if len(mixed) > 1 else ("rad/s", "N m") if "revolute" in mixed else ("m/s", "N")
     )
-    heads = ("joint", "position", f"velocity [{speed}]", f"motor torque [{force}]", "voltage [V]", "current [A]")
+    rate = " | ".join(f"{unit}²" for unit in speed.split(" | "))
+    heads = ("joint", "position", f"velocity [{speed}]", f"acceleration [{rate}]", f"motor torque [{force}]")
+    heads = (*heads, "voltage [V]", "current [A]")
     return table("Limits", heads, rows)
 
 
 def _sources(record: RobotDescription) -> Group | None:
-    from armwright.description.quantity import quantities
+    from armwright.description.paths import quantities
 
-    counts = Counter(source or "" for _, _, source in quantities(record))
+    counts = Counter(source or "" for _, _, source in quantities(record, pictures=False))
     rows = []
     for key, count in counts.items():
         source = record.source_of(key)

@@ -25,7 +25,7 @@ def inverse(robot: Robot, table: Table, output: Out = None) -> None:
     import armwright as aw
     from armwright.actuators import demanded_drive
     from armwright.cli.progress import progress
-    from armwright.simulation.output import check_destination
+    from armwright.output import check_destination
     from armwright.simulation.recording import joint_units
     from armwright.simulation.tables import joint_columns, read_table, write_table
 

@@ -10,13 +10,33 @@ PATIENCE = 1.0  # [s] before there is anything to see
 
 
 @contextlib.contextmanager
-def progress(words: str) -> Iterator[Callable[[int, int], None]]:
-    """Shows `words` and how far the work in the block is, which may call what it is given with (done, total)."""
+def progress(words: str, unit: str = "") -> Iterator[Callable[[int, int], None]]:
+    """Shows `words` and how far the work in the block is, which may call what it is given with (done, total).
+
+    Args:
+        words: what is done.   unit: of what is counted; where it is given, the rate is shown too.
+    """
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        ProgressColumn,
+        Task,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        """How many a second."""
+
+        def render(self, task: Task) -> Text:
+            return Text(rate(task.speed, unit), style="progress.data.speed")
 
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    columns = (*columns, Rate()) if unit else columns
     bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
     task = bar.add_task(words, total=None)  # until someone tells, the bar only shows that it lives
     timer = threading.Timer(PATIENCE, bar.start)
@@ -28,3 +48,13 @@ def progress(words: str) -> Iterator[Callable[[int, int], None]]:
         timer.cancel()
         timer.join()
         bar.stop()
+
+
+def rate(speed: float | None, unit: str) -> str:
+    """How many a second, in words: `rate(2.4e6, "steps")` → "2.4 M steps/s"."""
+    if speed is None:
+        return ""
+    for least, letter in ((1e9, "G "), (1e6, "M "), (1e3, "k ")):
+        if speed >= least:
+            return f"{speed / least:.3g} {letter}{unit}/s"
+    return f"{speed:.3g} {unit}/s"

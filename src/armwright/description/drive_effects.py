@@ -17,10 +17,11 @@ def check_drive_effects(robot: Any) -> None:
         ValueError: names the joint, the key and what it needs.
     """
     moving = [joint for joint in robot.joints if joint.type != "fixed"]
+    free = [joint.name for joint in moving if joint.mimic is None]
     for joint in moving:
         try:
             _check_joint(robot, joint)
-            _check_coupling(joint, [other.name for other in moving])
+            _check_coupling(joint, free)
         except ValueError as error:
             raise ValueError(f"joint {joint.name!r}: {error}") from None
 
@@ -61,7 +62,9 @@ def _check_coupling(joint: Any, names: list[str]) -> None:
     others = [coupling.joint for coupling in joint.motor.coupling]
     for other in others:
         if other not in names:
-            raise ValueError(f"motor.coupling joint = {other!r} does not move or is not there; {nearest(other, names)}")
+            raise ValueError(
+                f"motor.coupling joint = {other!r} does not move by itself or is not there; {nearest(other, names)}"
+            )
         if other == joint.name:
             raise ValueError("motor.coupling names the joint itself, whose share is gear_ratio")
         if others.count(other) > 1:

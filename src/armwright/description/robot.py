@@ -17,6 +17,7 @@ from armwright.description.compliance import (
 )
 from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
 from armwright.description.drive_effects import check_drive_effects
+from armwright.description.mimic import LinearMimic, RotaryMimic, check_mimics
 from armwright.description.parts.built_from import BuiltFrom
 from armwright.description.paths import quantities
 from armwright.description.quantity import (
@@ -120,6 +121,7 @@ class RevoluteJoint(_Joint):
     axis: Direction | None = Field(
         default=None, description="Direction of the joint in its frame; goes with frame only."
     )
+    mimic: RotaryMimic | None = Field(default=None, description="Whom it follows; absent: it has an entry in q.")
     command: Command | None = Field(default=None, description="What its drive is told; absent: the robot's.")
     bus_period_s: Positive | None = Field(default=None, description="Time between two commands on the drive's bus.")
     motor: Motor | None = Field(default=None, description="Motor and gear.")
@@ -141,6 +143,7 @@ class PrismaticJoint(_Joint):
     axis: Direction | None = Field(
         default=None, description="Direction of the joint in its frame; goes with frame only."
     )
+    mimic: LinearMimic | None = Field(default=None, description="Whom it follows; absent: it has an entry in q.")
     command: Command | None = Field(default=None, description="What its drive is told; absent: the robot's.")
     bus_period_s: Positive | None = Field(default=None, description="Time between two commands on the drive's bus.")
     motor: Motor | None = Field(default=None, description="Motor and gear.")
@@ -236,7 +239,9 @@ class RobotDescription(Record):
     remarks: tuple[str, ...] = Field(
         default=(), description="What was left out or doubtful where it was read from another format; told on load."
     )
-    joints: tuple[Joint, ...] = Field(description="One table a joint, in the order of q.")
+    joints: tuple[Joint, ...] = Field(
+        description="One table a joint, in the order of q, in which those that mimic others have no entry."
+    )
     links: tuple[Link, ...] = Field(description="One table a link.")
     frames: tuple[NamedFrame, ...] = Field(default=(), description="One table a named frame.")
 
@@ -245,6 +250,7 @@ class RobotDescription(Record):
         _check_names(self)
         _check_tree(self)
         _check_commands(self)
+        check_mimics(self)
         check_drive_effects(self)
         check_sources(self)
         return self
@@ -332,7 +338,7 @@ def _check_commands(robot: RobotDescription) -> None:
     for joint in robot.joints:
         if isinstance(joint, FixedJoint):
             continue
-        command = joint.command or robot.command
+        command = joint.command or robot.command if joint.mimic is None else "torque"
         if command is None:
             raise ValueError(f"joint {joint.name!r} has no command: expected voltage, current or torque")
         for key in needs.get(command, ()):

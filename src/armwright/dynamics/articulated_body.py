@@ -7,6 +7,7 @@ import numpy as np
 from armwright import scalar
 from armwright.actuators import friction_torques, transmission
 from armwright.dynamics.inverse import inertial_forces
+from armwright.errors import ModelError
 from armwright.kinematics import AxialMotion, joint_motions
 from armwright.model import BASE, Model, one_state
 from armwright.scalar import Array, Scalar
@@ -31,8 +32,14 @@ def articulated_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Arra
     Returns:
         qdd: (n,) [rad/s² | m/s²]; not finite where the mass matrix is singular.
     Raises:
-        ModelError: a wrench on an arm that branches and names no tip.
+        ModelError: a wrench on an arm that branches and names no tip, or joints that follow others, which move together
+            however far apart they are.
     """
+    if model.mimics is not None:
+        raise ModelError(
+            f"{model.name}: articulated_body is for joints that each move by themselves, and some mimic others; "
+            "expected forward_dynamics or composite_body"
+        )
     motion = joint_motions(model, q)
     axial = [AxialMotion(body, motion[i], q[i]) for i, body in model.outward()]
     share, d = articulated_shares(model, axial)

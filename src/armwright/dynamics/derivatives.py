@@ -36,7 +36,7 @@ def inverse_dynamics_derivatives(
         ModelError: a wrench on an arm that branches and names no tip.
     """
     by_q, by_qd, mass = _behind_gear_derivatives(model, q, qd, qdd, wrench)
-    if all(body.drive.efficiency is None for body in model.bodies):
+    if all(body.drive.efficiency is None for body in model.coordinates):
         return by_q, by_qd, mass
     torques = behind_gear(model, q, qd, qdd, wrench)
     e = transmission(model, qd, torques).reshape(model.n, 1)

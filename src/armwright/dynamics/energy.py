@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from armwright import scalar
 from armwright.kinematics import body_placements, joint_motions
-from armwright.model import BASE, Model, one_state
+from armwright.model import BASE, Model, on_tree, one_state
 from armwright.scalar import Array, Scalar
 from armwright.spatial import cross
 
@@ -22,6 +22,7 @@ def energy(model: Model, q: Array, qd: Array) -> tuple[Scalar, Scalar]:
 
 
 @one_state
+@on_tree()
 def kinetic_energy(model: Model, q: Array, qd: Array) -> Scalar:
     """T = ½ Σ ( m |v|² + 2 v·(ω × m c) + ω·I ω ) + ½ Σ n² J_m q̇²: from the bodies' velocities, independent of the mass matrix.
 

@@ -19,7 +19,8 @@ def forward_dynamics(model: Model, q: Array, qd: Array, tau: Array, wrench: Arra
     """Accelerations that motor torques give:  q̈ = M⁻¹ ( e tau - C q̇ - g - f + Jᵀ wrench ).  [WalkerOrin1982] [Featherstone2008]
 
     The exact inverse of `inverse_dynamics`, friction and gear loss included. By `composite_body` where bodies stand at most
-    `SHORT` joints from the base on average, by `articulated_body` where they stand farther: they agree to rounding.
+    `SHORT` joints from the base on average, by `articulated_body` where they stand farther: they agree to rounding. Where
+    joints follow others, by `composite_body`.
 
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
@@ -30,7 +31,7 @@ def forward_dynamics(model: Model, q: Array, qd: Array, tau: Array, wrench: Arra
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    far = sum(len(model.path(i)) for i in range(model.n)) > SHORT * model.n
+    far = model.mimics is None and sum(len(model.path(i)) for i in range(model.n)) > SHORT * model.n
     return (articulated_body if far else composite_body)(model, q, qd, tau, wrench)
 
 

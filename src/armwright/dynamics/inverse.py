@@ -7,7 +7,7 @@ import numpy as np
 from armwright import scalar
 from armwright.actuators import friction_torques, transmission
 from armwright.kinematics import JointMotion, joint_motions, origin_acceleration, turning
-from armwright.model import BASE, Model, one_state
+from armwright.model import BASE, Mimics, Model, on_tree, one_state
 from armwright.scalar import Array
 from armwright.spatial import acceleration_tensor, cross, inertial_moment
 
@@ -64,9 +64,16 @@ def behind_gear(
 ) -> np.ndarray:
     """Torques behind the gears:  e tau = M(q) q̈ + C(q, q̇) q̇ + g(q) + f(q̇) - Jᵀ wrench  (n,) [N m | N]."""
     torques = newton_euler(model, q, qd, qdd, wrench, nudge) + friction_torques(model, qd)
-    return torques + scalar.array([body.drive.armature * qdd[i] for i, body in model.outward()])
+    return torques + rotor_torques(model, qdd)
 
 
+@on_tree(Mimics.torques)
+def rotor_torques(model: Model, qdd: Array) -> np.ndarray:
+    """What the rotors ask for:  Nᵀ J_m N q̈  (n,) [N m | N]."""
+    return scalar.array([body.drive.armature * qdd[i] for i, body in model.outward()])
+
+
+@on_tree(Mimics.torques)
 def newton_euler(
     model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
 ) -> np.ndarray:

@@ -6,12 +6,13 @@ import numpy as np
 
 from armwright import scalar
 from armwright.kinematics import joint_motions
-from armwright.model import BASE, Model, one_state
+from armwright.model import BASE, Mimics, Model, on_tree, one_state
 from armwright.scalar import Array
 from armwright.spatial import cross, displaced_inertia
 
 
 @one_state
+@on_tree(Mimics.inertia)
 def mass_matrix(model: Model, q: Array) -> np.ndarray:
     """M(q), rotors' inertia Nᵀ J_m N included:  kinetic energy = ½ q̇ᵀ M q̇.  [WalkerOrin1982]
 

@@ -27,7 +27,8 @@ def operational_inertia(model: Model, q: Array, frame: str | None = None) -> np.
     Raises:
         ModelError: no such frame, no tip, or fewer than six joints carry the frame, so that Λ exists nowhere.
     """
-    carried = len(model.path(model.frame(frame).body))
+    path = model.path(model.frame(frame).body)
+    carried = len(path if model.mimics is None else {model.mimics.coordinate[i] for i in path})
     if carried < 6:
         raise ModelError(
             f"{model.name}: operational_inertia needs six joints behind {frame or model.tip!r}, which has {carried}"

@@ -12,11 +12,12 @@ import numpy as np
 from armwright import scalar
 from armwright.actuators.friction import joint_friction
 from armwright.dynamics.inverse import newton_euler
-from armwright.model import Body, Friction, Model, one_state
+from armwright.model import Body, Friction, Mimics, Model, on_tree, one_state
 from armwright.scalar import Array, Scalar
 
 
 @one_state
+@on_tree(Mimics.torques)
 def regressor(model: Model, q: Array, qd: Array, qdd: Array) -> np.ndarray:
     """Y of  M_links q̈ + C q̇ + g = Y(q, q̇, q̈) π,  π = `arm.inertial_parameters`.  [AtkesonAnHollerbach1986]
 
@@ -27,7 +28,7 @@ def regressor(model: Model, q: Array, qd: Array, qdd: Array) -> np.ndarray:
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
     Returns:
-        Y: (n, 10 n) [N m | N] per [kg, kg m, kg m²].
+        Y: (n, 10 N) [N m | N] per [kg, kg m, kg m²].
     """
 
     def torques(parameters: np.ndarray) -> np.ndarray:
@@ -38,6 +39,7 @@ def regressor(model: Model, q: Array, qd: Array, qdd: Array) -> np.ndarray:
 
 
 @one_state
+@on_tree(Mimics.torques)
 def regressor_drive(model: Model, qd: Array, qdd: Array) -> np.ndarray:
     """Y_d of  Nᵀ J_m N q̈ + f(q̇) = Y_d(q̇, q̈) π_d,  π_d = `arm.drive_parameters`.  [OlssonEtAl1998]
 
@@ -47,7 +49,7 @@ def regressor_drive(model: Model, qd: Array, qdd: Array) -> np.ndarray:
     Args:
         model: the arm.   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
     Returns:
-        Y_d: (n, 7 n) [N m | N] per [kg m² | kg, N m s/rad | N s/m, then N m | N].
+        Y_d: (n, 7 N) [N m | N] per [kg m² | kg, N m s/rad | N s/m, then N m | N].
     """
 
     def torques(parameters: np.ndarray) -> np.ndarray:

@@ -48,9 +48,7 @@ def stack(waiting: int, real: str) -> int:
 
 def prototype(function: CFunction, real: str) -> str:
     """The function's first line, its arrays' sizes in numbers of joints; long ones over several lines."""
-    sizes = [
-        " * ".join(_size(function.library, size) for size in argument.shape) or "1" for argument in function.arguments
-    ]
+    sizes = [" * ".join(_sizes(function, k)) or "1" for k in range(len(function.arguments))]
     line = f"void {function.name}({parameters(function.program, real, sizes)})"
     return line if len(line) <= WIDTH else line.replace("(", "(\n    ", 1).replace(", ", ",\n    ")
 
@@ -78,7 +76,7 @@ def _top(arm: Model, name: str, real: str) -> list[str]:
         "gcc -fstack-usage tells.",
         "",
         "Joints, in the order of every array over joints:",
-        *(f"  [{k}] {body.joint} ({body.kind}, {_POSITION[body.kind]})" for k, body in enumerate(arm.bodies)),
+        *(f"  [{k}] {body.joint} ({body.kind}, {_POSITION[body.kind]})" for k, body in enumerate(arm.coordinates)),
     ]
 
 
@@ -93,7 +91,7 @@ def _documented(arm: Model, function: CFunction, stack: int) -> str:
     fixed += [f"Here {option} = {value!r}." for option, value in form.options]
     if "frame" in form.signature.options and "frame" not in dict(form.options):
         fixed.append(f"Here frame = {arm.tip!r}, the arm's tip.")
-    shapes = [f"({', '.join(_size(function.library, size) for size in a.shape)})" for a in function.arguments]
+    shapes = [f"({', '.join(_sizes(function, k))})" for k in range(len(function.arguments))]
     wide, long = max(map(len, names)), max(map(len, shapes))
     rows = []
     for k, (name, shape, argument) in enumerate(zip(names, shapes, function.arguments, strict=True)):
@@ -125,9 +123,17 @@ def _macro(name: str) -> str:
     return f"{name.upper()}_JOINTS"
 
 
-def _size(name: str, size: int | str) -> str:
-    """A size of the table as C: `10n` is ten times the number of joints."""
-    if isinstance(size, int):
-        return str(size)
+def _sizes(function: CFunction, k: int) -> list[str]:
+    """The sizes of an argument as C: `2n` is twice the number of joints, those that also count joints without a q are numbers."""
+    port = (*function.program.inputs, *function.program.outputs)[k]
+    return [
+        _size(function.library, size, number)
+        for size, number in zip(function.arguments[k].shape, port.shape, strict=True)
+    ]
+
+
+def _size(name: str, size: int | str, number: int) -> str:
+    if isinstance(size, int) or not size.endswith("n"):
+        return str(number)
     times = size.removesuffix("n")
     return f"{times} * {_macro(name)}" if times else _macro(name)

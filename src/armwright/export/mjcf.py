@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from armwright.description.robot import FixedJoint, MovingJoint, PrismaticJoint, RobotDescription
-from armwright.description.solids import Box, Cylinder, Ellipsoid, Sphere
+from armwright.description.solids.shapes import Box, Cylinder, Ellipsoid, Sphere
 from armwright.export.joint_frames import JointFrame, joint_frames, place_of, tip_of
 from armwright.export.losses import Losses, of_all_formats, of_friction, plain_friction
 from armwright.export.plain_limits import plain_limits
@@ -48,7 +48,7 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
     gravity = STANDARD_GRAVITY if description.gravity_m_s2 is None else np.array(description.gravity_m_s2)
     ElementTree.SubElement(root, "option", gravity=_text(gravity))
     world = ElementTree.SubElement(root, "worldbody")
-    actuator = ElementTree.SubElement(root, "actuator")
+    actuator, equality = ElementTree.SubElement(root, "actuator"), ElementTree.SubElement(root, "equality")
     bodies, frames = {description.base: world}, joint_frames(description)
     for entry in frames:
         body = ElementTree.SubElement(
@@ -67,6 +67,14 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
     if tip is not None and "tip" not in (tip, *(frame.name for frame in description.frames)):
         link, at = place_of(description, frames, tip)
         ElementTree.SubElement(bodies[link], "site", {"name": "tip", **_pose(at)})
+    for joint in description.joints:
+        if not isinstance(joint, FixedJoint) and joint.mimic is not None:
+            told = {"joint1": joint.name, "joint2": joint.mimic.joint}
+            line = _text((joint.mimic.offset, joint.mimic.multiplier, 0.0, 0.0, 0.0))
+            ElementTree.SubElement(equality, "joint", {**told, "polycoef": line})
+            losses.add("that it follows exactly (MuJoCo's equality constraints give way)", joint.name)
+    if not len(equality):
+        root.remove(equality)
     ElementTree.indent(root)
     return f"{ElementTree.tostring(root, encoding='unicode')}\n", [
         *of_friction(description),
@@ -90,6 +98,8 @@ def _joint(body: Any, actuator: Any, joint: MovingJoint, entry: JointFrame, loss
         if value:
             told[name] = repr(value)
     ElementTree.SubElement(body, "joint", told)
+    if joint.mimic is not None:
+        return
     drive = {"name": f"{joint.name}_motor", "joint": joint.name, "gear": repr(gear)}
     if effort is not None:
         most = float(effort) / abs(gear)

@@ -10,10 +10,10 @@ from xml.etree import ElementTree
 import numpy as np
 
 from armwright.description.drive_file import ENDING
-from armwright.description.mesh import Mesh
+from armwright.description.solids.mesh import Mesh
 from armwright.description.robot import FixedJoint, PrismaticJoint, RobotDescription
-from armwright.description.solids import Box, Cylinder, Sphere
-from armwright.description.visual import Visual
+from armwright.description.solids.shapes import Box, Cylinder, Sphere
+from armwright.description.solids.visual import Visual
 from armwright.export.drive_file import drive_file
 from armwright.export.joint_frames import JointFrame, joint_frames, moved_tip, place_of, tip_of
 from armwright.export.losses import Losses, of_all_formats, of_friction, plain_friction, told
@@ -124,6 +124,9 @@ def _joint(robot: ElementTree.Element, entry: JointFrame, losses: Losses) -> Non
     viscous, dry = plain_friction(joint.friction)
     if viscous or dry:
         ElementTree.SubElement(element, "dynamics", damping=repr(viscous), friction=repr(dry))
+    if joint.mimic is not None:
+        line = {"multiplier": repr(float(joint.mimic.multiplier)), "offset": repr(float(joint.mimic.offset))}
+        ElementTree.SubElement(element, "mimic", {"joint": joint.mimic.joint, **line})
     if joint.motor is not None:
         transmission = ElementTree.SubElement(robot, "transmission", name=f"{joint.name}_transmission")
         ElementTree.SubElement(transmission, "type").text = "transmission_interface/SimpleTransmission"

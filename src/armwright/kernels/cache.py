@@ -94,7 +94,7 @@ _EMITTER = (
 
 def load(key: bytes | None) -> bytes | None:
     """The code of that key; None where there is none that can be believed."""
-    folder = _folder() if key is not None else None
+    folder = cache_folder() if key is not None else None
     if key is None or folder is None:
         return None
     path = _path(folder, key)
@@ -114,7 +114,7 @@ def load(key: bytes | None) -> bytes | None:
 
 def store(key: bytes | None, code: bytes) -> None:
     """Keeps code for next time, where that is possible."""
-    folder = _folder() if key is not None else None
+    folder = cache_folder() if key is not None else None
     if key is None or folder is None:
         return
     temporary = None
@@ -152,7 +152,7 @@ def _ours_alone(about: os.stat_result) -> bool:
     return about.st_uid == os.geteuid() and not about.st_mode & OTHERS_WRITE
 
 
-def _folder() -> Path | None:
+def cache_folder() -> Path | None:
     """Where entries are, made where it is missing; None where none can be kept."""
     named = os.environ.get(VARIABLE)
     place = _usual_folder() if named is None else Path(os.path.expanduser(named)).absolute() if named else None

@@ -53,6 +53,10 @@ class Lanes:
         """Tiles of W lanes."""
         return -(-self.count // self.width)
 
+    def own(self, values: np.ndarray) -> np.ndarray:
+        """This group's rows of values (lanes, …); the only one of those that are the same for all lanes."""
+        return values if len(values) == 1 else values[self.first : self.first + self.count]
+
     def set(self, name: str, values: np.ndarray) -> None:
         """Fills a block from (lanes, entries) or (entries,)."""
         block = self.blocks[name]

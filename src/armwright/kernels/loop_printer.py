@@ -10,17 +10,14 @@ from dataclasses import fields
 
 from armwright.kernels import philox, stages
 from armwright.kernels.llvm import Module
-from armwright.kernels.llvm_machine import LlvmMachine
+from armwright.kernels.loop_integration import ROWS, IntegrationPrinter
 from armwright.kernels.machine import Value
 from armwright.kernels.stages import (
-    CURSOR,
-    NEVER,
     NEXT,
     SINCE,
     Call,
     Delay,
     Draw,
-    Integrate,
     Record,
     Rows,
     Stage,
@@ -31,7 +28,7 @@ from armwright.kernels.tiles import store_tile
 from armwright.program import Program
 
 NUMBERS = ("tile0", "tile1", "tick0", "tick1", "last", "every", "h", "lane0", "seed")
-ROWS = ("tick", "offset", "values")  # of all lanes' schedules, one behind another
+PROGRAM = "program"  # in the text, the number of one
 
 
 def argument_names(plan: tuple[Stage, ...]) -> list[str]:
@@ -59,7 +56,7 @@ def encoded(plan: tuple[Stage, ...]) -> tuple[Program | str, ...]:
             value = getattr(stage, each.name)
             if isinstance(value, Program):
                 programs.append(value)
-                value = len(programs) - 1
+                value = {PROGRAM: len(programs) - 1}
             row[each.name] = value
         rows.append(row)
     return *programs, json.dumps(rows)
@@ -71,8 +68,8 @@ def _decoded(ingredients: tuple[Program | str, ...]) -> tuple[Stage, ...]:
     for row in json.loads(str(text)):
         kind = getattr(stages, row.pop("stage"))
         for name, value in row.items():
-            if name in ("program", "step"):
-                row[name] = programs[value]
+            if isinstance(value, dict):
+                row[name] = programs[value[PROGRAM]]
             elif isinstance(value, list):
                 row[name] = tuple(value)
         plan.append(kind(**row))
@@ -87,14 +84,8 @@ def loop_module(width: int, *ingredients: Program | str) -> Module:
     return module
 
 
-class _Printer:
+class _Printer(IntegrationPrinter):
     """Prints one loop."""
-
-    def __init__(self, module: Module, plan: tuple[Stage, ...]):
-        self.module, self.plan, self.w = module, plan, module.width
-        self.m: LlvmMachine = module.machine()
-        self.sizes = block_sizes(plan)
-        self.landed = [stage for stage in plan if isinstance(stage, Rows)]
 
     def text(self) -> str:
         """The function."""
@@ -150,10 +141,6 @@ class _Printer:
             index = m.emit(f"add i64 {first}, {entry}")
             place = m.emit(f'getelementptr double, ptr %"{stage.block}.table", i64 {index}')
             self._store(stage.block, entry, self._splat(m.emit(f"load double, ptr {place}, align 8")))
-
-    def _rows(self, stage: Rows, label: str) -> None:
-        """What is due at the beginning of the tick, so that later stages of it see the row in force."""
-        self._due(stage, label)
 
     def _draw(self, stage: Draw, label: str) -> None:
         m, w = self.m, self.w
@@ -246,186 +233,3 @@ class _Printer:
         store_tile(m, place, [self._load(block, entry) for block, entry in entries])
         self._out(f"  br label %{label}.end")
         m.begin(f"{label}.end")
-
-    def _integrate(self, stage: Integrate, label: str) -> None:
-        m = self.m
-        h = self._splat("%h")
-        not_last = m.emit("icmp slt i64 %k, %last")
-        self._out(f"  br i1 {not_last}, label %{label}.rows, label %tick.end")
-        m.begin(f"{label}.rows")
-        for number, rows in enumerate(self.landed):
-            self._due(rows, f"{label}.due{number}")
-        t = self._load(SINCE, 0)
-        edge = h
-        for rows in self.landed:
-            due, offset = self._load(f"{rows.block}.due_tick", 0), self._load(f"{rows.block}.due_offset", 0)
-            here = m.emit(f"fcmp oeq {m.real} {due}, {self._splat('%tick')}")
-            edge = m.select(m.both(here, m.lt(offset, edge)), offset, edge)
-        changes = [self._load("u_from", s - 1) for s in range(1, stage.planned)]
-        for begins in [*changes, self._load("see_at", 0)] if stage.seen else changes:
-            edge = m.select(m.both(m.lt(t, begins), m.lt(begins, edge)), begins, edge)
-        if stage.planned:
-            commands = self.sizes["u"]
-            for entry in range(commands):
-                chosen = self._load("u_plan", entry)
-                for s in range(1, stage.planned):
-                    begun = m.le(self._load("u_from", s - 1), t)
-                    chosen = m.select(begun, self._load("u_plan", s * commands + entry), chosen)
-                self._store("u", entry, chosen)
-        span = m.sub(edge, t)
-        self._store("h", 0, span if stage.substeps == 1 else m.mul(span, m.constant(1.0 / stage.substeps)))
-        before = m.block
-        self._out(f"  br label %{label}.substep")
-        m.begin(f"{label}.substep")
-        self._out(f"  %{label}.j = phi i64 [ 0, %{before} ], [ %{label}.j.next, %{label}.substep ]")
-        self._program(stage.step)
-        moving = m.lt(self._load(SINCE, 0), h)
-        frozen = self._load("frozen", 0)
-        alive = m.both(moving, m.lt(frozen, m.constant(0.0)))
-        new = [self._load(f"x{NEXT}", k) for k in range(self.sizes["x"])]
-        poison = m.constant(0.0)
-        for value in new:  # 0·x is NaN where x is not finite, and NaN stays
-            poison = m.fma(value, m.constant(0.0), poison)
-        finite = m.eq(poison, m.constant(0.0))
-        good, bad = m.both(alive, finite), m.both(alive, m.inverse(finite))
-        self._store("frozen", 0, m.select(bad, self._splat("%tick"), frozen))
-        for k, value in enumerate(new):
-            self._store("x", k, m.select(good, value, self._load("x", k)))
-        self._out(f"  %{label}.j.next = add i64 %{label}.j, 1")
-        more = m.emit(f"icmp ult i64 %{label}.j.next, {stage.substeps}")
-        self._out(f"  br i1 {more}, label %{label}.substep, label %{label}.landed")
-        m.begin(f"{label}.landed")
-        if stage.seen:
-            now = m.both(m.eq(edge, self._load("see_at", 0)), m.lt(self._load(SINCE, 0), self._splat("%h")))
-            for k in range(self.sizes["x"]):
-                self._store("x_seen", k, m.select(now, self._load("x", k), self._load("x_seen", k)))
-        self._store(SINCE, 0, edge)
-        again = self._any(m.lt(edge, self._splat("%h")))
-        self._out(f"  br i1 {again}, label %{label}.rows, label %{label}.end")
-        m.begin(f"{label}.end")
-
-    def _due(self, rows: Rows, label: str) -> None:
-        """Rows that are due now, where any lane has one in this tick."""
-        m, block = self.m, rows.block
-        due = self._any(m.emit(f"fcmp oeq {m.real} {self._load(f'{block}.due_tick', 0)}, {self._splat('%tick')}"))
-        self._out(f"  br i1 {due}, label %{label}.take, label %{label}.none")
-        m.begin(f"{label}.take")
-        name = f"advance.{rows.entries}"
-        self.module.functions[name] = _advance(name, self.w, rows.entries)
-        blocks = [f"{each}.at" for each in (SINCE, block, *(f"{block}.{part}" for part in CURSOR))]
-        pointers = [*blocks, *(f"{block}.rows.{part}" for part in ROWS)]
-        given = ", ".join(f'ptr %"{pointer}"' for pointer in pointers)
-        self._out(f'  call void @"{name}"(double %tick, {given})')
-        self._out(f"  br label %{label}.none")
-        m.begin(f"{label}.none")
-
-    # Words.
-
-    def _out(self, line: str) -> None:
-        self.m.lines.append(line)
-
-    def _program(self, program: Program) -> None:
-        """A program called on blocks."""
-        name = self.module.add_block_function(program)
-        ports = ", ".join(f'ptr %"{port.name}.at"' for port in (*program.inputs, *program.outputs))
-        self._out(f"  call void @{name}({ports})")
-
-    def _place(self, block: str, entry: int) -> Value:
-        return self.m.emit(f'getelementptr {self.m.real}, ptr %"{block}.at", i64 {entry}')
-
-    def _load(self, block: str, entry: int) -> Value:
-        return self.m.emit(f"load {self.m.real}, ptr {self._place(block, entry)}, align {8 * self.w}")
-
-    def _store(self, block: str, entry: int, value: Value) -> None:
-        self._out(f"  store {self.m.real} {value}, ptr {self._place(block, entry)}, align {8 * self.w}")
-
-    def _copied(self, to: str, source: str, entries: int) -> None:
-        size = 8 * entries * self.w
-        self._out(f'  call void @llvm.memcpy.p0.p0.i64(ptr %"{to}.at", ptr %"{source}.at", i64 {size}, i1 false)')
-
-    def _splat(self, value: Value) -> Value:
-        return self._spread(value, "double", self.m.real)
-
-    def _int_splat(self, value: Value) -> Value:
-        return self._spread(value, "i64", self.m.integer)
-
-    def _spread(self, value: Value, scalar: str, vector: str) -> Value:
-        if self.w == 1:
-            return value
-        first = self.m.emit(f"insertelement {vector} poison, {scalar} {value}, i32 0")
-        return self.m.emit(f"shufflevector {vector} {first}, {vector} poison, <{self.w} x i32> zeroinitializer")
-
-    def _int(self, number: int) -> Value:
-        return str(number) if self.w == 1 else f"splat (i64 {number})"
-
-    def _any(self, condition: Value) -> Value:
-        if self.w == 1:
-            return condition
-        self.module.declarations.add(f"declare i1 @llvm.vector.reduce.or.v{self.w}i1({self.m.mask})")
-        return self.m.emit(f"call i1 @llvm.vector.reduce.or.v{self.w}i1({self.m.mask} {condition})")
-
-
-def _advance(name: str, w: int, entries: int) -> str:
-    """For each lane of a tile: while its next row is due at (tick, since), that row's values, and on to the next row."""
-    return f"""define internal void @"{name}"(double %tick, ptr %since, ptr %values, ptr %due_tick, ptr %due_offset, ptr %cursor,
-    ptr %end, ptr %row_tick, ptr %row_offset, ptr %row_values) noinline nounwind {{
-entry:
-  br label %lane
-lane:
-  %l = phi i64 [ 0, %entry ], [ %l.next, %next ]
-  %tick.at = getelementptr double, ptr %due_tick, i64 %l
-  %offset.at = getelementptr double, ptr %due_offset, i64 %l
-  %cursor.at = getelementptr double, ptr %cursor, i64 %l
-  %end.at = getelementptr double, ptr %end, i64 %l
-  %since.at = getelementptr double, ptr %since, i64 %l
-  %now = load double, ptr %since.at, align 8
-  %last = load double, ptr %end.at, align 8
-  br label %check
-check:
-  %due = load double, ptr %tick.at, align 8
-  %offset = load double, ptr %offset.at, align 8
-  %this = fcmp oeq double %due, %tick
-  %past = fcmp ole double %offset, %now
-  %now.due = and i1 %this, %past
-  br i1 %now.due, label %take, label %next
-take:
-  %row.number = load double, ptr %cursor.at, align 8
-  %row = fptosi double %row.number to i64
-  %row.first = mul i64 %row, {entries}
-  br label %entry.copy
-entry.copy:
-  %e = phi i64 [ 0, %take ], [ %e.next, %entry.copy ]
-  %from.index = add i64 %row.first, %e
-  %from = getelementptr double, ptr %row_values, i64 %from.index
-  %value = load double, ptr %from, align 8
-  %to.first = mul i64 %e, {w}
-  %to.index = add i64 %to.first, %l
-  %to = getelementptr double, ptr %values, i64 %to.index
-  store double %value, ptr %to, align 8
-  %e.next = add i64 %e, 1
-  %e.more = icmp ult i64 %e.next, {entries}
-  br i1 %e.more, label %entry.copy, label %taken
-taken:
-  %row.following = fadd double %row.number, 1.0
-  store double %row.following, ptr %cursor.at, align 8
-  %is.more = fcmp olt double %row.following, %last
-  br i1 %is.more, label %following, label %none
-following:
-  %row.next = add i64 %row, 1
-  %f.tick.at = getelementptr double, ptr %row_tick, i64 %row.next
-  %f.offset.at = getelementptr double, ptr %row_offset, i64 %row.next
-  %f.tick = load double, ptr %f.tick.at, align 8
-  %f.offset = load double, ptr %f.offset.at, align 8
-  store double %f.tick, ptr %tick.at, align 8
-  store double %f.offset, ptr %offset.at, align 8
-  br label %check
-none:
-  store double {NEVER:e}, ptr %tick.at, align 8
-  br label %check
-next:
-  %l.next = add i64 %l, 1
-  %l.more = icmp ult i64 %l.next, {w}
-  br i1 %l.more, label %lane, label %done
-done:
-  ret void
-}}"""

@@ -15,7 +15,7 @@ from armwright.model.simplify import STEPS, aligned_frames
 from armwright.model.vary import Varied
 
 Step = Callable[[Model], Model]
-Size = int | str  # "n", "2n", …: number of joints, or a multiple of it
+Size = int | str  # "n", "2n", …: number of coordinates, or a multiple of it; "10N": of all joints that move
 
 
 @dataclass(frozen=True)
@@ -28,13 +28,13 @@ class Argument:
 
     def sized(self, model: Model) -> tuple[int, ...]:
         """The shape for one arm."""
-        return tuple(_sized(size, model.n) for size in self.shape)
+        return tuple(_sized(size, model) for size in self.shape)
 
 
-def _sized(size: Size, n: int) -> int:
+def _sized(size: Size, model: Model) -> int:
     if isinstance(size, int):
         return size
-    return int(size.removesuffix("n") or 1) * n
+    return int(size[:-1] or 1) * (model.n if size.endswith("n") else len(model.bodies))
 
 
 @dataclass(frozen=True)
@@ -126,13 +126,13 @@ SIGNATURES: dict[str, Signature] = {
         Signature(
             dynamics.regressor,
             (Q, QD, QDD),
-            (Argument("Y", ("n", "10n"), "N m | N, per kg, kg m, kg m²"),),
+            (Argument("Y", ("n", "10N"), "N m | N, per kg, kg m, kg m²"),),
             most_joints=MOST_DIFFERENTIATED,
         ),
         Signature(
             dynamics.regressor_drive,
             (QD, QDD),
-            (Argument("Y_drive", ("n", "7n"), "N m | N, per unit of arm.drive_parameters"),),
+            (Argument("Y_drive", ("n", "7N"), "N m | N, per unit of arm.drive_parameters"),),
         ),
         Signature(
             dynamics.coriolis_matrix,

@@ -18,10 +18,18 @@ lane in tick k of h seconds, with `b` the dict of its blocks:
                                    if finite(new): b["x"] = new, else frozen = k
                                    t = edge
                                    if t == b["see_at"]: b["x_seen"] = b["x"]            (where the stage has `seen`)
+    Adapt(trial):              the same, but each lane steps from t to the edge as it likes:
+                               while t < edge:
+                                   s = edge - t if 1.01 b["h_try"] >= edge - t else b["h_try"]
+                                   new, error, grow, path = trial(x, u, …, h=s)
+                                   if error <= 1: b["x"], t = new, t + s
+                                   b["h_try"] = grow s            (a step that was cut short does not shorten the next)
 
-`Integrate` lands on every change. With a plan, the command in force is chosen among several planned ones: entry s of block
+Both land on every change. With a plan, the command in force is chosen among several planned ones: entry s of block
 "u_plan" from "u_from"[s - 1] seconds on. A lane whose state leaves the finite numbers keeps its last finite one, and block
-"frozen" says in which tick it happened, -1 before.
+"frozen" says in which tick it happened, -1 before. So does one that takes more than `most` trials in one tick; block
+"stalled" is then 1. With events, a step of `Adapt` in which one happens is halved along its path `HALVINGS` times to find
+when, taken again to just behind it, and noted: "event_first" the first time [s], "event_count" how often.
 """
 
 from __future__ import annotations
@@ -39,6 +47,8 @@ CURSOR = (
     "end",
 )  # of a lane's schedule: when its next row comes, which it is, the one behind its last
 NEVER = 2.0**62  # a tick that does not come
+ADAPTING = ("h_try", "tried", "rejected", "trials", "stalled")  # of a lane that chooses its steps
+HALVINGS = 40  # of the step in which an event lies: 1e-12 of it are left
 
 
 @dataclass(frozen=True)
@@ -109,7 +119,40 @@ class Integrate:
     seen: bool = False
 
 
-Stage = Call | Table | Rows | Draw | Delay | Record | Integrate
+@dataclass(frozen=True)
+class Adapt:
+    """One tick of the plant in steps that every lane chooses for itself, in segments between changes.
+
+    Attributes:
+        trial: (x, …, h) → x_next, error, grow, path; its other inputs are blocks.   most: trials in one tick.
+        planned, seen: as in `Integrate`.
+        cross: (x_next, after, side, …) → crossed, settled: which of E functions of the state changed sides in a step that ends at
+            "after" seconds.   halve: (x, path, now, h, side, lower, upper) → lower_next, upper_next: where, in parts of the step.
+        choose: (upper, crossed) → part, hit_new: the first place, and who is there.
+        note: (hit, settled, landed, moved, after, side, event_first, event_count) → the last three, as they are next.
+    """
+
+    trial: Program
+    most: int
+    planned: int = 0
+    seen: bool = False
+    cross: Program | None = None
+    halve: Program | None = None
+    choose: Program | None = None
+    note: Program | None = None
+
+    @property
+    def step(self) -> Program:
+        """What takes the state further."""
+        return self.trial
+
+    @property
+    def watching(self) -> tuple[Program, ...]:
+        """The programs of events, if there are any."""
+        return tuple(p for p in (self.cross, self.halve, self.choose, self.note) if p is not None)
+
+
+Stage = Call | Table | Rows | Draw | Delay | Record | Integrate | Adapt
 
 
 def block_sizes(stages: tuple[Stage, ...]) -> dict[str, int]:
@@ -124,10 +167,18 @@ def block_sizes(stages: tuple[Stage, ...]) -> dict[str, int]:
             for port in (*stage.program.inputs, *stage.program.outputs):
                 add(port.name, port.size)
                 add(port.name.removesuffix(NEXT), port.size)
-        elif isinstance(stage, Integrate):
+        elif isinstance(stage, (Integrate, Adapt)):
             for port in (*stage.step.inputs, *stage.step.outputs):
                 add(port.name, port.size)
             add(SINCE, 1)
+            if isinstance(stage, Adapt):
+                for name in ADAPTING:
+                    add(name, 1)
+                for port in (port for p in stage.watching for port in (*p.inputs, *p.outputs)):
+                    add(port.name, port.size)
+                    add(port.name.removesuffix(NEXT), port.size)
+                if stage.watching:
+                    add("h_land", 1)
             if stage.planned:
                 commands = next(port.size for port in stage.step.inputs if port.name == "u")
                 add("u_plan", stage.planned * commands)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from armwright.kinematics.joint_motion import joint_motions
-from armwright.model import BASE, Model, one_state
+from armwright.model import BASE, Model, on_tree, one_state
 from armwright.scalar import Array
 from armwright.spatial import Placement
 
 
+@on_tree()
 def body_placements(model: Model, q: Array) -> dict[int, Placement]:
     """Placement of every body's frame in the base at q (n,) [rad | m]; BASE is the identity."""
     placed = {BASE: Placement.identity()}
@@ -18,6 +19,7 @@ def body_placements(model: Model, q: Array) -> dict[int, Placement]:
     return placed
 
 
+@on_tree()
 def frame_placement(model: Model, q: Array, frame: str | None = None) -> Placement:
     """Placement in the base of a named frame, by default the tip; only the joints that carry it are computed."""
     target = model.frame(frame)

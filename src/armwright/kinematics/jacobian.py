@@ -6,12 +6,13 @@ import numpy as np
 
 from armwright import scalar
 from armwright.kinematics.forward_kinematics import body_placements
-from armwright.model import Model, one_state
+from armwright.model import Mimics, Model, on_tree, one_state
 from armwright.scalar import Array
 from armwright.spatial import cross
 
 
 @one_state
+@on_tree(Mimics.columns)
 def jacobian(model: Model, q: Array, frame: str | None = None) -> np.ndarray:
     """Geometric Jacobian of the tip or of another frame:  [v; ω] = J(q) q̇.  [Whitney1972]
 

@@ -6,12 +6,13 @@ import numpy as np
 
 from armwright import scalar
 from armwright.kinematics.joint_motion import joint_motions, origin_acceleration, turning
-from armwright.model import Model, one_state
+from armwright.model import Model, on_tree, one_state
 from armwright.scalar import Array
 from armwright.spatial import acceleration_tensor
 
 
 @one_state
+@on_tree()
 def jacobian_dot_qd(model: Model, q: Array, qd: Array, frame: str | None = None) -> np.ndarray:
     """Acceleration of the tip or of another frame at q̈ = 0:  [v̇; ω̇] = J q̈ + J̇ q̇.  [LuhWalkerPaul1980]
 

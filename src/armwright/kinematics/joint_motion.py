@@ -80,7 +80,7 @@ def _congruent(r: Array, t: Array) -> np.ndarray:
 
 
 def joint_motions(model: Model, q: Array, nudge: Array | None = None) -> list[JointMotion]:
-    """All joints' motions at q (n,) [rad | m], moved on to first order by `nudge` (n,) where that is given."""
+    """All joints' motions at q (N,) [rad | m] of a tree, moved on to first order by `nudge` (N,) where that is given."""
     return [JointMotion(body, q[i], None if nudge is None else nudge[i]) for i, body in model.outward()]
 
 

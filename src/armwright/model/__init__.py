@@ -2,6 +2,7 @@
 
 from armwright.model.arguments import check_arm, one_state
 from armwright.model.build import build_model
+from armwright.model.mimics import Mimics, on_tree
 from armwright.model.model import (
     BASE,
     Body,
@@ -28,11 +29,13 @@ __all__ = [
     "Frame",
     "Friction",
     "Limits",
+    "Mimics",
     "Model",
     "Stops",
     "Supply",
     "Thermal",
     "build_model",
     "check_arm",
+    "on_tree",
     "one_state",
 ]

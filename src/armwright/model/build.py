@@ -15,6 +15,7 @@ from armwright.description.quantity import Quantity
 from armwright.description.robot import FixedJoint, Link, MovingJoint, PrismaticJoint, RevoluteJoint, RobotDescription
 from armwright.errors import DescriptionError
 from armwright.model.doubts import doubts, massless
+from armwright.model.mimics import Mimics
 from armwright.model.model import BASE, Body, Frame, Model
 from armwright.model.plausibility import check_bodies, check_drives
 from armwright.model.referred import brake_of, drive_of, elasticity_of, friction_of, limits_of, stops_of, supply_of
@@ -31,7 +32,8 @@ def build_model(robot: RobotDescription, *, on_impossible: str = "error") -> Mod
         robot: the description.
         on_impossible: what an impossible inertia does: "error" (default) or "warn".
     Returns:
-        model: fixed links merged into the bodies that carry them, joints in the order of the file.
+        model: fixed links merged into the bodies that carry them, joints in the order of the file, those that follow others
+            without an entry in q.
     Raises:
         DescriptionError: a link whose mass properties no real body can have.
     """
@@ -83,7 +85,10 @@ def assembled(robot: RobotDescription) -> Model:
         raise DescriptionError(f"{robot.name}: expected at least one joint that moves")
     gravity = scalar.array(STANDARD_GRAVITY) if robot.gravity_m_s2 is None else vector(robot.gravity_m_s2)
     tip = robot.tip if robot.tip is not None else _end_of_chain(robot)
-    return Model(robot.name, bodies, gravity, frames, tip, robot, supply=supply_of(robot.supply))
+    moves = [joint for joint in robot.joints if not isinstance(joint, FixedJoint)]
+    told = {joint.name: joint.mimic for joint in moves if joint.mimic is not None}
+    mimics = Mimics.of([body.joint for body in bodies], told)
+    return Model(robot.name, bodies, gravity, frames, tip, robot, supply=supply_of(robot.supply), mimics=mimics)
 
 
 def _parents_first(robot: RobotDescription) -> list[Any]:
@@ -149,7 +154,7 @@ def _body(
         "placement": placement,
         "link_frame": after,
         "masses": [],
-        "drive": drive_of(joint, joint.command or robot.command),
+        "drive": drive_of(joint, "torque" if joint.mimic is not None else joint.command or robot.command),
         "friction": friction_of(joint),
         "limits": limits_of(joint),
         "elasticity": elasticity_of(joint),

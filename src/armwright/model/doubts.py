@@ -58,14 +58,16 @@ def doubts(robot: RobotDescription, places: dict[str, list[np.ndarray]]) -> list
 
 
 def massless(model: Model) -> list[str]:
-    """Joints behind which nothing has mass or inertia: their acceleration has no answer."""
+    """Joints behind which nothing has mass or inertia, nor behind those that follow them: no answer to their acceleration."""
     carried = [
         float(body.mass) + float(np.trace(body.inertia)) + abs(float(body.drive.reflected)) for body in model.bodies
     ]
     for i, body in model.inward():
         if body.parent != BASE:
             carried[body.parent] += carried[i]
-    names = [body.joint for body, moved in zip(model.bodies, carried, strict=True) if moved == 0.0]
+    if model.mimics is not None:
+        carried = list(model.mimics.moved(carried))
+    names = [name for name, moved in zip(model.names, carried, strict=True) if moved == 0.0]
     return [f"joints {', '.join(names)} move no mass: forward dynamics cannot be computed"] if names else []
 
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armwright.description.mesh import Mesh
 from armwright.description.robot import Link, RobotDescription
-from armwright.description.solids import Box, Cylinder, Ellipsoid, Sphere, Tube
+from armwright.description.solids.mesh import Mesh
+from armwright.description.solids.shapes import Box, Cylinder, Ellipsoid, Sphere, Tube
 from armwright.errors import DescriptionError
 from armwright.model.doubts import about_origin, is_fit
 from armwright.spatial import parallel_axes

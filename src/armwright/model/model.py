@@ -12,6 +12,7 @@ import numpy as np
 from armwright import scalar
 from armwright.description.robot import RobotDescription, Source
 from armwright.errors import ModelError, nearest
+from armwright.model.mimics import Mimics
 from armwright.scalar import Array, Scalar
 from armwright.spatial import Frozen, Placement, displaced_inertia, parallel_axes
 
@@ -224,6 +225,7 @@ class Frame:
 class Model(Frozen):
     """A robot arm as numbers: bodies in an order in which parents come before children, gravity, named frames, tip.
 
+    Every joint that moves has its body in `bodies`. Those that follow others are told by `mimics` and have no entry in q.
     `changes` are those that `replace` made to what the description says.
     """
 
@@ -236,32 +238,43 @@ class Model(Frozen):
     warnings: tuple[str, ...] = ()
     changes: Mapping[str, Any] = field(default_factory=dict, repr=False)
     supply: Supply | None = None
+    mimics: Mimics | None = None  # None: every joint moves by itself
 
     @property
     def n(self) -> int:
-        """Number of moving joints."""
-        return len(self.bodies)
+        """Number of coordinates q: moving joints that follow no other."""
+        return len(self.coordinates)
+
+    @property
+    def coordinates(self) -> tuple[Body, ...]:
+        """The joints of q, each with its body and drive, in the order of q."""
+        return self.bodies if self.mimics is None else tuple(self.bodies[i] for i in self.mimics.drivers)
+
+    @property
+    def tree(self) -> Model:
+        """The arm with every joint moving by itself, q having all of them: what the recursions are written for."""
+        return self if self.mimics is None else dataclasses.replace(self, mimics=None)
 
     @property
     def names(self) -> list[str]:
-        """Names of the moving joints, in the order of q."""
-        return [body.joint for body in self.bodies]
+        """Names of the joints in the order of q."""
+        return [body.joint for body in self.coordinates]
 
     @property
     def inertial_parameters(self) -> Array:
-        """Mass properties of all moving links (10 n,), fixed links merged: what `regressor` multiplies.
+        """Mass properties of all moving links (10 N,), fixed links merged: what `regressor` multiplies.
 
-        For each, in the order of joints, [m, m c_x, m c_y, m c_z, Ixx, Ixy, Ixz, Iyy, Iyz, Izz]  [kg, kg m, kg m²]; the tensor is
-        about the origin of the link's frame, in its axes.
+        For each, in the order of `bodies`, [m, m c_x, m c_y, m c_z, Ixx, Ixy, Ixz, Iyy, Iyz, Izz]  [kg, kg m, kg m²];
+        the tensor is about the origin of the link's frame, in its axes.
         """
         return scalar.array([p for body in self.bodies for p in body.inertial_parameters])
 
     @property
     def drive_parameters(self) -> Array:
-        """Rotors and friction of all joints (7 n,): what `regressor_drive` multiplies; 0 where the record has none.
+        """Rotors and friction of all joints (7 N,): what `regressor_drive` multiplies; 0 where the record has none.
 
-        For each joint [n² J_m, viscous, offset, Coulomb where q̇ > 0, Coulomb where q̇ < 0, Stribeck, sigmoid amplitude],
-        joint side, in [kg m² | kg, N m s/rad | N s/m, then N m | N].
+        For each joint of `bodies` [n² J_m, viscous, offset, Coulomb where q̇ > 0, Coulomb where q̇ < 0, Stribeck, sigmoid
+        amplitude], joint side, in [kg m² | kg, N m s/rad | N s/m, then N m | N].
         """
         rows = []
         for body in self.bodies:

@@ -92,7 +92,7 @@ def _slides(model: Model) -> list[float]:
 
     Distal bodies have the smallest moments, so the offset along an axis is best left to the next joint's placement.
     """
-    slide = [0.0] * model.n
+    slide = [0.0] * len(model.bodies)
     for i, body in model.outward():
         if _varies(body):
             continue
@@ -109,11 +109,11 @@ def _slides(model: Model) -> list[float]:
 
 def _turns(model: Model, slide: list[float]) -> list[float]:
     """Angle [rad] by which each body's x axis turns about z: to the common normal with its heaviest child's axis."""
-    size = [1] * model.n
+    size = [1] * len(model.bodies)
     for i, body in model.inward():
         if body.parent != BASE:
             size[body.parent] += size[i]
-    turn = [0.0] * model.n
+    turn = [0.0] * len(model.bodies)
     for i, body in model.outward():
         children = [j for j, other in model.outward() if other.parent == i]
         if not children:

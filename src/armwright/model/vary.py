@@ -206,7 +206,7 @@ def _entry(value: Any, entry: int | None) -> float:
 def _numbers(value: Any) -> Iterator[Any]:
     """Every number of a model, in order."""
     if isinstance(value, Model):
-        for part in (value.bodies, value.gravity, *(value.frames[name] for name in sorted(value.frames))):
+        for part in (value.bodies, value.gravity, value.mimics, *(value.frames[name] for name in sorted(value.frames))):
             yield from _numbers(part)
     elif is_dataclass(value):
         for each in fields(value):

@@ -26,7 +26,7 @@ from armwright.scenarios.files import Files
 from armwright.scenarios.lanes import placed
 from armwright.scenarios.records import Kind, ScenarioTable
 from armwright.simulation.recording import joint_units
-from armwright.simulation.scenario import Scenario
+from armwright.simulation.scenario import WRENCH, Scenario
 from armwright.simulation.schedule import read_schedule
 from armwright.simulation.sensors import Sensors
 from armwright.simulation.shaping import Shaping
@@ -83,6 +83,9 @@ def _scenario(table: ScenarioTable, files: Files) -> Scenario:
         "sample_period": table.sample_period_s,
         "substeps": table.substeps,
         "integrator": table.integrator,
+        "rtol": table.rtol,
+        "atol": table.atol,
+        "most_steps": table.most_steps,
         "seed": table.seed,
         "vary": dict(table.values),
         "record": table.record.what,
@@ -90,6 +93,10 @@ def _scenario(table: ScenarioTable, files: Files) -> Scenario:
     }
     if table.record.reduce:
         given["reduce"] = table.record.reduce
+    if isinstance(table.wrench, str):
+        given["wrench"] = read_schedule(files.table(table.wrench), WRENCH, ["N"] * 3 + ["N m"] * 3)
+    elif table.wrench is not None:
+        given["wrench"] = table.wrench
     parts = {
         "sensors": table.sensors.model_dump(),
         "shaping": {name: _joints(f"shaping.{name}", value, arm) for name, value in table.shaping.model_dump().items()},

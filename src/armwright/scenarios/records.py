@@ -114,6 +114,9 @@ class ScenarioTable(Record):
     )
     substeps: int = Field(default=1, description="Integration steps in a period.")
     integrator: str = Field(default="rk3", description="rk3, rk4, semi_implicit_euler, rk45 or cvodes.")
+    rtol: float | None = Field(default=None, description="Relative tolerance of rk45 and cvodes.")
+    atol: float | None = Field(default=None, description="Absolute tolerance of rk45 and cvodes, in each state's unit.")
+    most_steps: int | None = Field(default=None, description="Of rk45 in one tick; a lane that wants more is frozen.")
     seed: int = Field(default=0, ge=0, description="Of noise, jitter and losses.")
     initial: Initial = Field(default_factory=Initial, description="Where the arm begins.")
     drive: Drive | None = Field(default=None, description="Commands over time; or a controller.")
@@ -127,6 +130,10 @@ class ScenarioTable(Record):
     sensors: SensorsTable = Field(default_factory=SensorsTable, description="What is measured.")
     shaping: ShapingTable = Field(default_factory=ShapingTable, description="What becomes of commands.")
     timing: TimingTable = Field(default_factory=TimingTable, description="When they act.")
+    wrench: tuple[float, float, float, float, float, float] | str | None = Field(
+        default=None,
+        description="Of the environment on the tip, in base axes: fx, fy, fz in N, mx, my, mz in N m; or a CSV file of them over t.",
+    )
     lanes: Lanes | None = Field(default=None, description="Many runs at once; absent: one.")
     record: RecordTable = Field(default_factory=RecordTable, description="What is kept.")
 

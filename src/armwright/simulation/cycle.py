@@ -8,28 +8,32 @@ Blocks between the stages, one lane's numbers each:
     s                  the controller's state
     u_asked, u_issued  what it commands, and what leaves after shaping
     u_queued, u        what comes out of the queue, and what is in force at the drives
+    wrench             on the tip, in force
     p, c               parameters of the robot and of the controller that vary by lane;   d: delays
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from armwright import scalar
 from armwright.errors import ArmwrightError, ScenarioError
-from armwright.kernels.stages import NEVER, NEXT, Call, Delay, Draw, Integrate, Record, Stage, Table
+from armwright.kernels.stages import NEVER, NEXT, Call, Delay, Draw, Integrate, Record, Rows, Stage, Table
 from armwright.model import Model
 from armwright.model.simplify import simplified
 from armwright.model.vary import Varied
-from armwright.program import Program, call, trace
+from armwright.program import Program, trace
 from armwright.scalar import Array
 from armwright.simulation.integrators import INTEGRATORS
 from armwright.simulation.law import Law, traced_law
-from armwright.simulation.plain_plant import Plant
+from armwright.simulation.plant import Plant
+from armwright.simulation.reducers import Reduction
 from armwright.simulation.sensors import Sensors
 from armwright.simulation.shaping import Shaping
+from armwright.simulation.stepping import Adaptivity, adaptive_stage, speed_pairs, state_parts
 from armwright.simulation.timing import Delays, lateness, planned
 
 SENSING, TIMING = 0, 1  # channels of random numbers
@@ -48,13 +52,12 @@ class Cycle:
 
     Attributes:
         before, after: stages up to the controller and behind it: one after another where it is compiled, and otherwise with the
-            controller's Python between them.   step: the plant's.
+            controller's Python between them.
         untraced: why the controller could not be compiled; None where it is.   seen: whether the plant is sampled between ticks.
     """
 
     before: tuple[Stage, ...]
     after: tuple[Stage, ...]
-    step: Program
     untraced: str | None
     seen: bool
 
@@ -74,6 +77,9 @@ class Parts:
     substeps: int
     integrator: str
     recorded: dict[str, int]  # blocks and their entries
+    reduction: Reduction
+    wrench: bool  # whether something pushes the tip
+    adaptivity: Adaptivity | None = None
     untraced: str | None = None  # why the controller runs in Python, where that is known before
 
 
@@ -89,28 +95,64 @@ def make_cycle(parts: Parts) -> Cycle:
         if isinstance(error, ScenarioError):  # it can be traced, and is wrong
             raise
         untraced = f"{type(error).__name__}: {error}"
-    step = plant_step(parts)
-    integrate = Integrate(step, parts.substeps, parts.delays.pending + 2 if parts.delays.fractional else 0, seen)
+    integrate = _integration(parts, seen)
+    after += [Rows("wrench", 6)] if parts.wrench else []
     after += [Record("run", *zip(*parts.recorded.items(), strict=True))] if parts.recorded else []
-    return Cycle(tuple(before), (*after, integrate), step, untraced, seen)
+    after += [_reducing(parts)] if parts.reduction.reducers else []
+    return Cycle(tuple(before), (*after, *integrate), untraced, seen)
+
+
+def _reducing(parts: Parts) -> Call:
+    """The stage that follows the rows with reducers, those that would be recorded."""
+
+    def plant(*p: Array) -> Plant:
+        return Plant.of(told_arm(parts, *p))
+
+    size = Plant.of(parts.arm).size
+    return Call(parts.reduction.program(plant, size, _wrench(parts) | _parameters(parts)))
+
+
+def _integration(parts: Parts, seen: bool) -> list[Stage]:
+    """The stage that moves the plant; none where CVODES does."""
+    planned = parts.delays.pending + 2 if parts.delays.fractional else 0
+    if parts.integrator in INTEGRATORS:
+        return [Integrate(plant_step(parts), parts.substeps, planned, seen)]
+    if parts.integrator == "cvodes":
+        return []
+    assert parts.adaptivity is not None
+    derivative, shapes = plant_derivative(parts)
+    return [adaptive_stage(derivative, shapes, parts.adaptivity, state_parts(Plant.of(parts.arm)), planned, seen)]
+
+
+def plant_derivative(parts: Parts) -> tuple[Callable[..., Array], dict[str, tuple[int, ...]]]:
+    """dx/dt of the arm with the lane's parameters, and the shapes of its arguments by name."""
+
+    def derivative(x: Array, u: Array, *rest: Array) -> Array:
+        wrench, p = split(parts, rest)
+        return _plant(parts, *p).derivative(x, u, *wrench)
+
+    return derivative, {"x": (Plant.of(parts.arm).size,), "u": (parts.arm.n,)} | _wrench(parts) | _parameters(parts)
+
+
+def split(parts: Parts, rest: tuple[Array, ...] | list[Array]) -> tuple[list[Array], list[Array]]:
+    """What comes behind x and u: the wrench, where there is one, and the lane's parameters, where some vary."""
+    return list(rest[: parts.wrench]), list(rest[parts.wrench :])
+
+
+def _wrench(parts: Parts) -> dict[str, tuple[int, ...]]:
+    return {"wrench": (6,)} if parts.wrench else {}
 
 
 def plant_step(parts: Parts) -> Program:
     """The plant's step with the arm's varied parameters as one more input."""
     plant = Plant.of(parts.arm)
-    rule = INTEGRATORS[parts.integrator].step
-    shapes = {"x": (plant.size,), "u": (parts.arm.n,)} | _parameters(parts)
-
-    def derivative(x: Array, u: Array, *p: Array) -> Array:
-        return _plant(parts, *p).derivative(x, u)
-
-    whole = trace("plant", derivative, shapes, ("xd",), noinline=True)
+    rule = INTEGRATORS[parts.integrator].paired(speed_pairs({part.name: part.place for part in plant.parts}))
+    _, shapes = plant_derivative(parts)
 
     def step(x: Array, u: Array, *rest: Array) -> Array:
-        *p, h = rest
-        if plant.stiff:
-            return _plant(parts, *p).step(rule, x, u, h)
-        return rule(lambda x, u: call(whole, x, u, *p), x, u, h)
+        *more, h = rest
+        wrench, p = split(parts, more)
+        return _plant(parts, *p).step(rule, x, u, h, *wrench)
 
     return trace("step", step, shapes | {"h": ()}, (f"x{NEXT}",))
 

@@ -5,7 +5,16 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from armwright.errors import Interrupted
+
+if TYPE_CHECKING:
+    import xarray
 
 PIECE = 0.05  # [s] after which native code comes back, for progress and Ctrl-C
 TILES_A_GROUP = 32
@@ -15,51 +24,111 @@ Group = Callable[[int, int], "Work"]
 Work = tuple[Callable[[int, int], None], Callable[[], None]]
 
 
-def run_groups(lanes: int, width: int, ticks: int, begin: Group, progress: Progress | None, workers: int) -> None:
+@dataclass(frozen=True, eq=False)
+class Reached:
+    """How far the lanes of a run came.
+
+    Attributes:
+        lanes: (k,) numbers of those that came to the end, or of all where they are one group.
+        ticks: that these came through.   stopped: whether Ctrl-C ended the run before all of them did.
+    """
+
+    lanes: np.ndarray
+    ticks: int
+    stopped: bool
+
+    def rows(self, every: int, recorded: int) -> slice:
+        """Which of the recorded rows are there: one is written as its tick begins, the last one in a tick of its own."""
+        return slice(min(recorded, (self.ticks - 1) // every + 1 + (self.ticks == (recorded - 1) * every)))
+
+
+def handed_out(run: xarray.Dataset, reached: Reached, ticks: int, lanes: int) -> xarray.Dataset:
+    """The run; or, where Ctrl-C ended it, an exception that holds what there is of it.
+
+    Raises:
+        Interrupted: says how far it came.
+    """
+    if not reached.stopped:
+        return run
+    told = (
+        f"{len(reached.lanes)} of {lanes} lanes"
+        if reached.ticks == ticks
+        else f"{reached.ticks} of {ticks} ticks of {'the run' if lanes == 1 else 'all lanes'}"
+    )
+    note = f"stopped by Ctrl-C after {told}"
+    run.attrs["notes"] = "\n".join(filter(None, [note, str(run.attrs.get("notes", ""))]))
+    raise Interrupted(note, run)
+
+
+def run_groups(lanes: int, width: int, ticks: int, begin: Group, progress: Progress | None, workers: int) -> Reached:
     """Takes all lanes through all ticks.
+
+    Ctrl-C ends it after the pieces that are under way; what was finished until then is told, be it lanes or, where all
+    lanes are one group, ticks.
 
     Args:
         lanes: how many.   width: of a tile.   ticks: how many.
         begin: (first lane, count) of a group → (advance, end): advance(first tick, last tick), and what to do behind the last.
         progress: called now and then with the lane-ticks done and those there are.
         workers: threads that share the groups.
+    Raises:
+        KeyboardInterrupt: Ctrl-C came before anything was finished.
     """
     tiles = -(-lanes // width)
     size = width * max(1, min(TILES_A_GROUP, -(-tiles // workers)))
     starts = list(range(0, lanes, size))
-    done, stopped = [0] * len(starts), threading.Event()
+    done, ended = [0] * len(starts), [False] * len(starts)
+    stopped, following, turn = threading.Event(), iter(range(len(starts))), threading.Lock()
 
     def go(which: int) -> None:
         first = starts[which]
         count = min(size, lanes - first)
         advance, end = begin(first, count)
         tick, piece = 0, 100
-        while tick < ticks and not stopped.is_set():
-            last, start = min(ticks, tick + piece), time.perf_counter()
-            advance(tick, last)
-            spent = time.perf_counter() - start
-            done[which] += (last - tick) * count
-            tick, piece = last, max(1, int(piece * min(4.0, PIECE / max(spent, 1e-6))))
-            if progress is not None and threading.current_thread() is threading.main_thread():
-                progress(sum(done), lanes * ticks)
-        if tick == ticks:
-            end()
+        try:
+            while tick < ticks and not stopped.is_set():
+                last, start = min(ticks, tick + piece), time.perf_counter()
+                advance(tick, last)
+                spent = time.perf_counter() - start
+                done[which] += (last - tick) * count
+                tick, piece = last, max(1, int(piece * min(4.0, PIECE / max(spent, 1e-6))))
+                if progress is not None and threading.current_thread() is threading.main_thread():
+                    progress(sum(done), lanes * ticks)
+        finally:
+            if tick == ticks or len(starts) == 1:
+                end()
+                ended[which] = tick == ticks
 
-    if workers == 1 or len(starts) == 1:
-        for which in range(len(starts)):
+    def work() -> None:
+        while not stopped.is_set():
+            with turn:
+                which = next(following, None)
+            if which is None:
+                return
             go(which)
-    else:
-        with ThreadPoolExecutor(workers) as pool:
+
+    def share() -> None:
+        with ThreadPoolExecutor(min(workers, len(starts))) as pool:
             try:
-                waiting = {pool.submit(go, which) for which in range(len(starts))}
+                waiting = {pool.submit(work) for _ in range(min(workers, len(starts)))}
                 while waiting:
-                    finished, waiting = wait(waiting, timeout=PIECE, return_when=FIRST_COMPLETED)
+                    finished, waiting = wait(waiting, timeout=PIECE, return_when=FIRST_EXCEPTION)
                     for future in finished:
                         future.result()
                     if progress is not None and waiting:
                         progress(sum(done), lanes * ticks)
             finally:  # on Ctrl-C every thread comes back after the piece it is in
                 stopped.set()
-                pool.shutdown(cancel_futures=True)
-    if progress is not None:
-        progress(lanes * ticks, lanes * ticks)
+
+    try:
+        work() if workers == 1 or len(starts) == 1 else share()
+        if progress is not None:
+            progress(lanes * ticks, lanes * ticks)
+    except KeyboardInterrupt:
+        reached = done[0] // lanes if len(starts) == 1 else ticks
+        kept = [first for first, end in zip(starts, ended, strict=True) if end or len(starts) == 1]
+        if not kept or not reached:
+            raise
+        numbers = np.concatenate([np.arange(first, min(first + size, lanes)) for first in kept])
+        return Reached(numbers, reached, True)
+    return Reached(np.arange(lanes), ticks, False)

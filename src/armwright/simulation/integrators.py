@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from armwright.scalar import Array, Scalar
+from armwright.scalar import Array, Scalar, array
+from armwright.simulation.exponential import Split, rk3_exponential, rk4_exponential
 
 Derivative = Callable[[Array, Array], Array]
+Pairs = Sequence[tuple[int, int]]  # places in x of a position and of its speed
+Growth = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -19,16 +23,27 @@ class Integrator:
     Attributes:
         step: (f, x, u, h) → x one step of h later, u held.
         order: the error of a run shrinks with this power of h.
-        amplification: coefficients of R(z), lowest first: what a step multiplies a mode of x' = λ x by, z = h λ.
+        growth: z = h λ → what a step multiplies the size of a mode of x' = λ x by; it dies away where that is below 1.
+        stages: how often a step asks for f.
+        exponential: (f, stiff, x, u, h) → x, the rule with fast linear parts integrated exactly; None: it has no such form.
+        staggered: whether `step` treats positions by themselves, and takes `pairs`.
     """
 
-    step: Callable[[Derivative, Array, Array, Scalar], Array]
+    step: Callable[..., Array]
     order: int
-    amplification: tuple[float, ...]
+    growth: Growth
+    stages: int
+    exponential: Callable[[Split, Sequence[int], Array, Array, Scalar], Array] | None = None
+    staggered: bool = False
 
-    def growth(self, z: np.ndarray) -> np.ndarray:
-        """|R(z)|: a mode dies away where it is below 1."""
-        return np.abs(np.polynomial.polynomial.polyval(z, self.amplification))
+    def paired(self, pairs: Pairs) -> Integrator:
+        """The rule for a state whose positions and speeds stand at those places."""
+        return replace(self, step=partial(self.step, pairs=tuple(pairs))) if self.staggered else self
+
+
+def polynomial(*coefficients: float) -> Growth:
+    """|R(z)| of a Runge-Kutta rule from the coefficients of R, lowest first."""
+    return lambda z: np.abs(np.polynomial.polynomial.polyval(z, coefficients))
 
 
 def rk3_step(f: Derivative, x: Array, u: Array, h: Scalar) -> Array:
@@ -45,6 +60,55 @@ def rk3_step(f: Derivative, x: Array, u: Array, h: Scalar) -> Array:
     return x + (h / 6.0) * (k1 + 4.0 * k2 + k3)
 
 
+def rk4_step(f: Derivative, x: Array, u: Array, h: Scalar) -> Array:
+    """Kutta's fourth-order rule.  x⁺ = x + h/6 (k1 + 2 k2 + 2 k3 + k4).  [Kutta1901]
+
+    Args:
+        f: (x, u) → dx/dt.   x: (nx,) state.   u: (nu,) commands, held.   h: () [s] the step.
+    Returns:
+        x⁺: (nx,) the state h later.
+    """
+    k1 = f(x, u)
+    k2 = f(x + (0.5 * h) * k1, u)
+    k3 = f(x + (0.5 * h) * k2, u)
+    k4 = f(x + h * k3, u)
+    return x + (h / 6.0) * (k1 + 2.0 * (k2 + k3) + k4)
+
+
+def semi_implicit_euler_step(f: Derivative, x: Array, u: Array, h: Scalar, pairs: Pairs | None = None) -> np.ndarray:
+    """Euler's rule with positions moved by the new speeds.  q̇⁺ = q̇ + h q̈(q, q̇),  q⁺ = q + h q̇⁺.  [HairerLubichWanner2006]
+
+    Args:
+        f: (x, u) → dx/dt.   x: (nx,) state.   u: (nu,) commands, held.   h: () [s] the step.
+        pairs: places in x of positions and their speeds; by default x = (q, q̇).
+    Returns:
+        x⁺: (nx,) the state h later; what is neither position nor speed as by Euler's own rule.
+    """
+    half = len(x) // 2
+    moved = list(x + h * f(x, u))
+    for position, speed in [(k, k + half) for k in range(half)] if pairs is None else pairs:
+        moved[position] = x[position] + h * moved[speed]
+    return array(moved)
+
+
+def staggered_growth(z: np.ndarray) -> np.ndarray:
+    """Growth of an oscillator with poles z and z̄ under the semi-implicit rule, a double pole where z is real.
+
+    From  μ² - (2 + 2 Re z - |z|²) μ + (1 + 2 Re z) = 0. A real pole beside a slower one is damped at least as well.
+    """
+    half = 1.0 + np.real(z) - 0.5 * np.abs(z) ** 2
+    root = np.sqrt((half**2 - (1.0 + 2.0 * np.real(z))).astype(complex))
+    return np.abs([half + root, half - root]).max(axis=0)
+
+
 INTEGRATORS = {
-    "rk3": Integrator(rk3_step, order=3, amplification=(1.0, 1.0, 1 / 2, 1 / 6)),
+    "rk3": Integrator(rk3_step, 3, polynomial(1.0, 1.0, 1 / 2, 1 / 6), stages=3, exponential=rk3_exponential),
+    "rk4": Integrator(rk4_step, 4, polynomial(1.0, 1.0, 1 / 2, 1 / 6, 1 / 24), stages=4, exponential=rk4_exponential),
+    "semi_implicit_euler": Integrator(semi_implicit_euler_step, 1, staggered_growth, stages=1, staggered=True),
 }
+
+TOLERANCES = {  # (rtol, atol) of rules that choose their own steps, if nothing else is said
+    "rk45": (1e-8, 1e-10),
+    "cvodes": (1e-12, 1e-13),
+}
+RULES = (*INTEGRATORS, *TOLERANCES)

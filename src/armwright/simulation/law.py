@@ -26,8 +26,10 @@ class Law:
     values: np.ndarray  # (lanes, sum of sizes)
 
     @classmethod
-    def of(cls, control: ControlLaw) -> Law:
-        """A plain function, or a frozen dataclass some of whose fields are (lanes, k) arrays."""
+    def of(cls, control: ControlLaw, arm: Model, period: float) -> Law:
+        """A plain function, or a frozen dataclass some of whose fields are (lanes, k) arrays; `fitted` where it can be."""
+        if hasattr(control, "fitted"):
+            control = control.fitted(arm, period)
         rows = {}
         if is_dataclass(control) and not isinstance(control, type):
             rows = {f.name: np.asarray(getattr(control, f.name)) for f in fields(control)}

@@ -1,7 +1,7 @@
 """A run as a picture: positions, velocities, torques and what the drives were given, against time.
 
 Colours are those of Okabe and Ito, which colour-blind people tell apart too [OkabeIto2008]; after the seventh joint the
-line changes. Of a few lanes each is drawn; of many the median and the band that holds nine out of ten.
+line changes. Of a few lanes each is drawn; of many the median and the bands that hold half and nine out of ten.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 LINES = ("-", "--", ":", "-.")
 INK, FAINT = "#222222", "#D9D9D9"
 FEW_LANES = 12  # more are drawn as median and band
-BAND = (0.05, 0.95)
+BAND, HALF = (0.05, 0.95), (0.25, 0.75)
 POINTS_OF_A_BAND = 1000  # quantiles are worked out at about as many times as the picture has columns
 TITLES = {  # quantity → of revolute, of prismatic joints
     "q": ("Joint angles", "Joint positions"),
@@ -165,10 +165,11 @@ def _draw_panel(run: xr.Dataset, panel: Panel, axis: Axes) -> None:
 def _draw_band(times: np.ndarray, own: np.ndarray, joint: int, axis: Axes, *, held: bool) -> None:
     every = max(len(times) // POINTS_OF_A_BAND, 1)
     times, own = times[::every], own[:, ::every]
-    low, middle, high = np.nanquantile(own, (BAND[0], 0.5, BAND[1]), axis=0)
-    axis.fill_between(
-        times, low, high, color=_style(joint)["color"], alpha=0.18, linewidth=0, step="post" if held else None
-    )
+    low, lower, middle, upper, high = np.nanquantile(own, (BAND[0], HALF[0], 0.5, HALF[1], BAND[1]), axis=0)
+    for bottom, top in ((low, high), (lower, upper)):
+        axis.fill_between(
+            times, bottom, top, color=_style(joint)["color"], alpha=0.16, linewidth=0, step="post" if held else None
+        )
     axis.plot(times, middle, linewidth=1.6, drawstyle="steps-post" if held else "default", **_style(joint))
 
 
@@ -200,7 +201,7 @@ def _title(run: xr.Dataset, figure: Figure) -> None:
     words = str(run.attrs.get("robot", "run"))
     lanes = run.sizes.get("lane", 1)
     if lanes > FEW_LANES:
-        words += f"   ·   {lanes} lanes: median, and the band of nine out of ten"
+        words += f"   ·   {lanes} lanes: median, half of them, nine out of ten"
     elif lanes > 1:
         words += f"   ·   {lanes} lanes"
     figure.suptitle(words, x=0.012, ha="left", fontsize=13, fontweight="bold", color=INK)

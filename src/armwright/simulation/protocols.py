@@ -36,6 +36,7 @@ class Controller(Protocol):
     """A control law with memory: `init` gives its state at the beginning, `step` what it commands and its next state.
 
     A law without memory may be a plain function (t, r, y) → u. Fields of a dataclass that are (lanes, n) arrays are a row a lane.
+    One that depends on the sample period, or checks its gains, may have `fitted(arm, period) → Controller`, asked first.
     """
 
     def init(self, arm: Model, y: Measurement) -> Array:

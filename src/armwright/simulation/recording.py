@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ENDINGS = (".nc", ".csv", ".parquet")
+DIMENSIONS = ("lane", "time", "joint", "event")  # of a run, in order; the last where events were watched
 
 UNITS = {  # of a revolute and of a prismatic joint; a command's unit is its drive's
     "q": ("rad", "m"),
@@ -49,8 +50,8 @@ LONG_NAMES = {
 def joint_units(arm: Model, quantity: str) -> list[str]:
     """The unit of a quantity for each joint: `joint_units(arm, "q")` → ["rad", "m", …]."""
     if quantity == "u":
-        return [_command_unit(body.drive.command, body.kind == "prismatic") for body in arm.bodies]
-    return [UNITS[quantity][body.kind == "prismatic"] for body in arm.bodies]
+        return [_command_unit(body.drive.command, body.kind == "prismatic") for body in arm.coordinates]
+    return [UNITS[quantity][body.kind == "prismatic"] for body in arm.coordinates]
 
 
 def _command_unit(command: str, linear: bool) -> str:
@@ -81,9 +82,6 @@ def make_dataset(
         run: coordinates time [s], joint (names), kind and command of each joint. Voltage and current are left out where
             the motors' constants are known of no joint, and NaN for joints without.
     """
-    import xarray as xr
-
-    names = list(arm.names)
     dims = ("lane", "time", "joint") if np.ndim(q) == 3 else ("time", "joint")
     given = {"q": q, "qd": qd, "qdd": qdd, "u": u, "tau": tau, "voltage": voltage, "current": current}
     known = {"voltage": _known(arm, "resistance", "torque_constant"), "current": _known(arm, "torque_constant")}
@@ -97,18 +95,30 @@ def make_dataset(
         units = joint_units(arm, name)
         about = {"units": " | ".join(dict.fromkeys(units)), "long_name": LONG_NAMES[name]}
         variables[name] = (dims, values, about)
-    coordinates = {
-        "time": ("time", np.asarray(t, dtype=float), {"units": "s", "long_name": "time"}),
-        "joint": ("joint", names, {"long_name": "joint"}),
-        "kind": ("joint", [body.kind for body in arm.bodies], {"long_name": "kind of joint"}),
-        "command": ("joint", [body.drive.command for body in arm.bodies], {"long_name": "what the drive is told"}),
+    time = ("time", np.asarray(t, dtype=float), {"units": "s", "long_name": "time"})
+    lanes = np.shape(q)[0] if len(dims) == 3 else None
+    return bare_dataset(arm, attrs or {}, lanes).assign_coords(time=time).assign(variables)
+
+
+def bare_dataset(arm: Model, attrs: Mapping[str, Any], lanes: int | None) -> xr.Dataset:
+    """A run of which nothing was recorded: coordinates joint, kind, command and, where there are lanes, lane.
+
+    Args:
+        arm: the arm that moved.   attrs: as in `make_dataset`.   lanes: how many; None: a run without a lane axis.
+    """
+    import xarray as xr
+
+    coordinates: dict[str, Any] = {
+        "joint": ("joint", list(arm.names), {"long_name": "joint"}),
+        "kind": ("joint", [body.kind for body in arm.coordinates], {"long_name": "kind of joint"}),
+        "command": ("joint", [body.drive.command for body in arm.coordinates], {"long_name": "what the drive is told"}),
     }
-    if len(dims) == 3:
-        coordinates["lane"] = ("lane", np.arange(np.shape(q)[0]), {"long_name": "lane: one simulation of many"})
+    if lanes is not None:
+        coordinates["lane"] = ("lane", np.arange(lanes), {"long_name": "lane: one simulation of many"})
     about: dict[str, Any] = {"robot": arm.name}
     if arm.description is not None and arm.description.title:
         about["title"] = arm.description.title
-    return xr.Dataset(variables, coordinates, {**about, **_storable(attrs or {})})
+    return xr.Dataset({}, coordinates, {**about, **_storable(attrs)})
 
 
 def _storable(attrs: Mapping[str, Any]) -> dict[str, Any]:
@@ -122,7 +132,7 @@ def _are_texts(value: Any) -> bool:
 
 def _known(arm: Model, *constants: str) -> np.ndarray:
     """(n,) whether the record gives all those constants of a joint's motor."""
-    return np.array([all(getattr(body.drive, name) is not None for name in constants) for body in arm.bodies])
+    return np.array([all(getattr(body.drive, name) is not None for name in constants) for body in arm.coordinates])
 
 
 def in_order(run: xr.Dataset) -> xr.Dataset:
@@ -143,9 +153,9 @@ def in_order(run: xr.Dataset) -> xr.Dataset:
             varying += [name for name, variable in run.data_vars.items() if {"time", "joint"} & set(variable.dims)]
             run = run.assign({name: run[name].variable.expand_dims(dim) for name in dict.fromkeys(varying)})
     try:
-        return run.transpose(*(dim for dim in ("lane", "time", "joint") if dim in run.dims))
+        return run.transpose(*(dim for dim in DIMENSIONS if dim in run.dims))
     except ValueError:
-        further = [str(dim) for dim in run.dims if dim not in ("lane", "time", "joint")]
+        further = [str(dim) for dim in run.dims if dim not in DIMENSIONS]
         raise RunError(f"dimension {further[0]!r}: expected those of a run, lane, time and joint") from None
 
 
@@ -160,10 +170,14 @@ def wide(run: xr.Dataset) -> dict[str, np.ndarray]:
     """The run as one table: `lane` (where there are lanes), `t [s]`, then `q_joint1 [rad]` and so on.
 
     Returns:
-        columns: header → (rows,), one row a lane and time, lanes one after the other.
+        columns: header → (rows,), one row a lane and time, lanes one after the other;
+            of a run that recorded no motion one row a lane, with what its reducers came to.
     Raises:
         RunError: no run.
     """
+    _check_dataset(run)
+    if "joint" in run.dims and not {"time", *LONG_NAMES} & {*run.dims, *run.variables}:
+        return _wide_reduced(run)
     run = in_order(run)
     lanes = run.sizes.get("lane", 1)
     times, joints = run["time"].values, [str(joint) for joint in run["joint"].values]
@@ -174,6 +188,19 @@ def wide(run: xr.Dataset) -> dict[str, np.ndarray]:
             continue
         rows = variable.values.reshape(-1, run.sizes["joint"])
         columns |= joint_columns(str(name), joints, run_units(run, str(name)), rows)
+    return columns
+
+
+def _wide_reduced(run: xr.Dataset) -> dict[str, np.ndarray]:
+    """A run that left no motion as one table: a row a lane, what each joint's reducers came to."""
+    joints = [str(joint) for joint in run["joint"].values]
+    columns = {"lane": run["lane"].values} if "lane" in run.dims else {}
+    for name, variable in run.data_vars.items():
+        if "joint" in variable.dims:
+            rows = variable.transpose(..., "joint").values.reshape(-1, len(joints))
+            columns |= joint_columns(str(name), joints, [str(variable.attrs.get("units", "-"))] * len(joints), rows)
+    if not any(name != "lane" for name in columns):
+        raise RunError("no coordinate 'time': expected a run, the dataset that simulate returns")
     return columns
 
 

@@ -111,7 +111,7 @@ def _pose(arm: Model, value: Any) -> np.ndarray:
 def reference_notes(arm: Model, rows: np.ndarray, t: np.ndarray) -> list[str]:
     """Warnings: a reference outside the joints' limits, or one that jumps."""
     n, notes = arm.n, []
-    for j, body in enumerate(arm.bodies):
+    for j, body in enumerate(arm.coordinates):
         q, (low, high) = rows[:, j], body.limits.position
         outside = (q < low - FAR) | (q > high + FAR)
         if outside.any():

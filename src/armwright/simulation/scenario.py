@@ -16,6 +16,7 @@ from armwright.model.vary import Varied
 from armwright.simulation.events import EventFunction
 from armwright.simulation.integrators import RULES
 from armwright.simulation.law import Law
+from armwright.simulation.reducers import reducer
 from armwright.simulation.schedule import Schedule
 from armwright.simulation.sensors import Sensors
 from armwright.simulation.shaping import Shaping
@@ -24,7 +25,7 @@ from armwright.simulation.timing import Timing
 
 MOST_STEPS = 2**53
 STEP = 1e-3  # [s] of an integrator that is not told another
-LANDING = 1e-9  # of a step: a schedule row this near a tick is meant to be on it
+WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")  # [N] and [N m], in base axes
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +45,8 @@ class Scenario:
         sensors, shaping, timing: what is measured and how, what becomes of commands, and when; default: exactly and at once.
         initial_command: (n,) in force before the first tick; default: what holds the arm, within its drives' limits.
         vary: numbers of the record by name, (lanes,) each, or one for all: `{"link6.mass_kg": [0.1, 0.2]}`.
+        wrench: of the environment on the tip, in base axes: (6,) [N, N m], (lanes, 6), or a Schedule with the columns `WRENCH`,
+            held from row to row and landed on; with a controller.
         seed: of noise, jitter and losses.
         document: the scenario file that it was read from, with all it named; a run keeps it, to be done again.
         q0: (n,) or (lanes, n) [rad | m], default 0.   qd0: the same [rad/s | m/s].
@@ -54,7 +57,8 @@ class Scenario:
         events: of "rk45", by name: functions (t, x) of time and state whose changes of sign are found, landed on and told,
             as `events.joint_stops` makes them.
         record_every: rows are recorded every so many steps; 0 records the first and the last state only.
-        record: "all", or "state" for q and qd alone, which many lanes over many rows may want.
+        record: "all", or "state" for q and qd alone, which many lanes over many rows may want, or "none" beside `reduce`.
+        reduce: names of `reducers.REDUCERS`, worked out for each joint in the loop: ("rms_error", "peak_voltage", …).
         target: processor level to compile for, as in `compile`.
     Raises:
         ScenarioError: what cannot be run; one line that names the field, its value and what was expected.
@@ -85,6 +89,8 @@ class Scenario:
     atol: float | None = None
     most_steps: int | None = None
     events: Mapping[str, EventFunction] = field(default_factory=dict)
+    reduce: Sequence[str] = ()
+    wrench: Any = None
     document: str | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -99,8 +105,7 @@ class Scenario:
             or self.record_every < 0
         ):
             raise ScenarioError(f"record_every = {self.record_every!r}: expected a whole number, 0 or more")
-        if self.record not in ("all", "state"):
-            raise ScenarioError(f'record = {self.record!r}: expected "all" or "state"')
+        self._check_record()
         drivers = [name for name in ("schedule", "command", "controller") if getattr(self, name) is not None]
         if len(drivers) != 1:
             raise ScenarioError(
@@ -110,7 +115,20 @@ class Scenario:
             )
         if self.controller is None and self.reference is not None:
             raise ScenarioError("a reference goes with a controller; commands over time are a schedule")
-        _ = self.schedules, self.ticks, self.lanes, self.initial_state, self.adaptivity
+        _ = self.schedules, self.wrenches, self.ticks, self.lanes, self.initial_state, self.adaptivity
+
+    def _check_record(self) -> None:
+        """Refuses to record what is not there, or nothing at all."""
+        if self.record not in ("all", "state", "none"):
+            raise ScenarioError(f'record = {self.record!r}: expected "all", "state" or "none"')
+        if isinstance(self.reduce, str):
+            raise ScenarioError(f"reduce = {self.reduce!r}: expected a list of names, such as [{self.reduce!r}]")
+        for name in self.reduce:
+            reducer(name)
+        if self.reduce and self.controller is None:
+            raise ScenarioError("reduce goes with a controller; expected one, or record = 'all' of a schedule's motion")
+        if self.record == "none" and not self.reduce:
+            raise ScenarioError("record = 'none' leaves nothing; expected reduce = ['rms_error', …] beside it")
 
     def _check_loop(self) -> None:
         """Refuses times of the loop that do not fit together."""
@@ -145,6 +163,24 @@ class Scenario:
     def adaptivity(self) -> Adaptivity | None:
         """How the integrator chooses its steps; None for rules of fixed step."""
         return Adaptivity.of(self.integrator, self.substeps, self.rtol, self.atol, self.most_steps, self.events)
+
+    @cached_property
+    def wrenches(self) -> list[Schedule]:
+        """What pushes the tip: one schedule for all lanes, or one a lane; none where nothing does."""
+        if self.wrench is None:
+            return []
+        if self.controller is None:
+            raise ScenarioError("a wrench goes with a controller; one that commands a constant is a plain function")
+        if self.integrator == "cvodes":
+            raise ScenarioError("integrator = 'cvodes' takes no wrench; expected 'rk45', or one of fixed step")
+        self.arm.frame()  # an arm without a tip has no place where it could act
+        if isinstance(self.wrench, Schedule):
+            if tuple(self.wrench.names) != WRENCH:
+                names = ", ".join(self.wrench.names)
+                raise ScenarioError(f"wrench: the schedule has {names}; expected {', '.join(WRENCH)}")
+            return [self.wrench]
+        rows = np.atleast_2d(_numbers("wrench", self.wrench, 6, ", ".join(WRENCH)))
+        return [Schedule.constant(WRENCH, row) for row in rows]
 
     @property
     def integration_step(self) -> float:
@@ -194,9 +230,9 @@ class Scenario:
         counts: dict[str, int] = {}
         if self.schedule is not None and not isinstance(self.schedule, Schedule):
             counts["schedule"] = len(self.schedules)
-        for name in ("command", "q0", "qd0"):
+        for name in ("command", "q0", "qd0", "wrench"):
             value = getattr(self, name)
-            if value is not None and np.ndim(value) == 2:
+            if value is not None and not isinstance(value, Schedule) and np.ndim(value) == 2:
                 counts[name] = len(value)
         counts |= self.timing.lanes
         counts |= {f"vary {name!r}": len(value) for name, value in self.vary.items() if self._rows(name, value)}
@@ -254,17 +290,24 @@ class Scenario:
         n = self.arm.n
         if value is None:
             return np.zeros(n)
-        try:
-            array = np.asarray(value, dtype=float)
-        except (TypeError, ValueError):
-            raise ScenarioError(f"{name} = {value!r}: expected {n} numbers") from None
-        if array.shape[-1:] != (n,) or array.ndim > 2:
-            raise ScenarioError(
-                f"{name} has shape {array.shape}, expected ({n},) or (lanes, {n}): {', '.join(self.arm.names)}"
-            )
-        if not np.isfinite(array).all():
-            raise ScenarioError(f"{name} holds {array[~np.isfinite(array)][0]}, expected finite numbers")
-        return array
+        return _numbers(name, value, n, ", ".join(self.arm.names))
+
+
+def _numbers(name: str, value: Any, n: int, told: str) -> np.ndarray:
+    """(n,) or (lanes, n) finite numbers.
+
+    Raises:
+        ScenarioError: names the field, and what its columns are.
+    """
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ScenarioError(f"{name} = {value!r}: expected {n} numbers") from None
+    if array.shape[-1:] != (n,) or array.ndim > 2:
+        raise ScenarioError(f"{name} has shape {array.shape}, expected ({n},) or (lanes, {n}): {told}")
+    if not np.isfinite(array).all():
+        raise ScenarioError(f"{name} holds {array[~np.isfinite(array)][0]}, expected finite numbers")
+    return array
 
 
 def _is_time(value: Any) -> bool:

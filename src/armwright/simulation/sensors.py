@@ -117,7 +117,7 @@ class Sensors:
             return q
         counts = np.broadcast_to(np.asarray(self.counts, dtype=float), arm.n)
         rows = []
-        for i, body in arm.outward():
+        for i, body in enumerate(arm.coordinates):
             ratio = body.drive.gear_ratio if self.side == "motor" else 1.0
             resolution = 2.0 * np.pi / (counts[i] * scalar.abs(ratio))
             rows.append(scalar.floor(q[i] / resolution + 0.5) * resolution)

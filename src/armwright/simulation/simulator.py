@@ -10,33 +10,33 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.actuators.drive import UNITS
-from armwright.dynamics import mass_matrix
-from armwright.errors import ScenarioError
+from armwright.errors import Interrupted, ScenarioError
 from armwright.kernels.batch import Kernel
 from armwright.kernels.llvm import select_target
-from armwright.kernels.loop import Loop, Schedules
+from armwright.kernels.loop import Loop
 from armwright.kernels.stages import Integrate, Record, Rows, Stage
 from armwright.model import Model
 from armwright.model.simplify import simplified
-from armwright.program import call, trace
+from armwright.model.vary import Varied
+from armwright.program import Program, trace
 from armwright.scalar import Array
-from armwright.simulation.controlled import simulate_controlled
+from armwright.simulation.controlled import compile_controlled, simulate_controlled
+from armwright.simulation.controlled_dataset import USUAL, add_output
 from armwright.simulation.cvodes import Cvodes, check_lanes
-from armwright.simulation.events import Parts
-from armwright.simulation.groups import Progress, run_groups
+from armwright.simulation.groups import Progress, Reached, handed_out, run_groups
 from armwright.simulation.integrators import INTEGRATORS
-from armwright.simulation.plant import plant_derivative, plant_outputs
+from armwright.simulation.landing import landing_rows, landing_times
+from armwright.simulation.plant import Plant
 from armwright.simulation.provenance import provenance
 from armwright.simulation.recording import make_dataset
-from armwright.simulation.scenario import LANDING, Scenario
-from armwright.simulation.stability import Stability
-from armwright.simulation.stepping import Account, Adaptivity, adaptive_stage, begin_adaptive
+from armwright.simulation.scenario import Scenario
+from armwright.simulation.stability import Stability, check_inertia
+from armwright.simulation.stepping import Account, Adaptivity, adaptive_stage, begin_adaptive, speed_pairs, state_parts
 
 if TYPE_CHECKING:
     import xarray
 
 ROUNDING = 1e-9  # of the largest command of a run: less is no clipping
-SINGULAR = 1e-13  # of the largest eigenvalue of the mass matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,45 +50,55 @@ class Simulator:
     loop: Loop
     outputs: Kernel
     stability: Stability
+    varied: Varied | None = None
+
+    @property
+    def step(self) -> Program:
+        """One step of the plant:  (x, u, h) → x_next; with "rk45" there is none."""
+        return next(stage.step for stage in self.loop.stages if isinstance(stage, Integrate))
 
 
 def compile_simulator(
-    arm: Model, integrator: str = "rk3", target: str | None = None, adaptivity: Adaptivity | None = None
+    arm: Model,
+    integrator: str = "rk3",
+    target: str | None = None,
+    adaptivity: Adaptivity | None = None,
+    varied: Varied | None = None,
 ) -> Simulator:
     """The loop and the outputs of an arm as native code.
 
     Args:
         arm: the model.   integrator: a name of `integrators.RULES`.   target: processor level, as in `compile`.
         adaptivity: how "rk45" chooses its steps, as `Scenario.adaptivity` says.
+        varied: the same arm with parameters left open, which are then a block "p" of the loop.
     Raises:
         ModelError: a drive without the constants that its command needs.
     """
-    n, chosen, plain = arm.n, select_target(target), simplified(arm)
-    state, command = {"x": (2 * n,)}, {"u": (n,)}
+    n, chosen, plant = arm.n, select_target(target), Plant.of(simplified(arm))
 
-    def derivative(x: Array, u: Array) -> np.ndarray:
-        return plant_derivative(plain, x, u)
+    def of(*p: Array) -> Plant:
+        return Plant.of(simplified(varied.model(p[0]))) if varied is not None else plant
 
-    stages: list[Stage] = [Rows("u", n), Record("states", ("x",), (2 * n,))]
+    shapes = {"x": (plant.size,), "u": (n,)} | ({} if varied is None else {"p": (len(varied.parameters),)})
+    stages: list[Stage] = [Rows("u", n), Record("states", ("x",), (plant.size,))]
     if integrator in INTEGRATORS:
-        plant = trace("plant", derivative, state | command, ("xd",), noinline=True)
-        rule = INTEGRATORS[integrator].step
-        shapes = state | command | {"h": ()}
-        stages.append(
-            Integrate(trace("step", lambda x, u, h: rule(lambda x, u: call(plant, x, u), x, u, h), shapes, ("x_next",)))
-        )
+        rule = INTEGRATORS[integrator].paired(speed_pairs({part.name: part.place for part in plant.parts}))
+        step = trace("step", lambda x, u, *r: of(*r[:-1]).step(rule, x, u, r[-1]), shapes | {"h": ()}, ("x_next",))
+        stages.append(Integrate(step))
     elif integrator == "rk45":
         assert adaptivity is not None
-        stages.append(adaptive_stage(derivative, state | command, adaptivity, _parts(n)))
-    names = ("qdd", "tau", "voltage", "current")
-    outputs = trace("outputs", lambda x, u: plant_outputs(plain, x, u), state | command, names)
+        derivative = lambda x, u, *p: of(*p).derivative(x, u)  # noqa: E731
+        stages.append(adaptive_stage(derivative, shapes, adaptivity, state_parts(plant)))
+    names = tuple(_told_outputs(plant, plant.initial(np.zeros(n), np.zeros(n)), np.zeros(n)))
+    outputs = trace("outputs", lambda x, u, *p: tuple(_told_outputs(of(*p), x, u).values()), shapes, names)
     loop = Loop(tuple(stages), chosen.doubled())
-    return Simulator(arm, integrator, target, adaptivity, loop, Kernel(outputs, chosen), Stability(arm))
+    return Simulator(arm, integrator, target, adaptivity, loop, Kernel(outputs, chosen), Stability(arm), varied)
 
 
-def _parts(n: int) -> Parts:
-    """The state's parts by name."""
-    return lambda x: {"q": x[:n], "qd": x[n:]}
+def _told_outputs(plant: Plant, x: Array, u: Array) -> dict[str, Array]:
+    """What is recorded beside the state: of an arm with motors and friction alone the usual, else all that is known."""
+    found = plant.outputs(x, u)
+    return {name: values for name, values in found.items() if name in USUAL or not plant.is_plain}
 
 
 def simulate(
@@ -113,15 +123,25 @@ def simulate(
     Raises:
         ScenarioError: a step too large for the arm's fastest time constant; names the step that would do.
         DivergenceError: a single run left the finite numbers.
+        Interrupted: Ctrl-C, a KeyboardInterrupt whose `run` holds the lanes that were finished.
     """
-    if scenario.controller is not None:
-        run = simulate_controlled(scenario, progress, threads)
-    else:
-        run = _simulate_driven(scenario, progress, threads, simulator)
+    try:
+        if scenario.controller is not None:
+            run = simulate_controlled(compile_controlled(scenario), progress, threads)
+        else:
+            run = _simulate_driven(scenario, progress, threads, simulator)
+    except Interrupted as stop:
+        _remember(stop.run, scenario)
+        raise
+    _remember(run, scenario)
+    return run
+
+
+def _remember(run: xarray.Dataset, scenario: Scenario) -> None:
+    """Lets a run know how it was made."""
     run.attrs |= {"seed": scenario.seed, "made_with": json.dumps(provenance(scenario.target))}
     if scenario.document is not None:
         run.attrs["scenario"] = scenario.document
-    return run
 
 
 def _simulate_driven(
@@ -129,8 +149,10 @@ def _simulate_driven(
 ) -> xarray.Dataset:
     """A run under commands over time."""
     arm = scenario.arm
-    _check_inertia(arm, scenario.initial_state[0, : arm.n])
-    simulator = simulator or compile_simulator(arm, scenario.integrator, scenario.target, scenario.adaptivity)
+    check_inertia(arm, scenario.initial_state[0, : arm.n])
+    simulator = simulator or compile_simulator(
+        arm, scenario.integrator, scenario.target, scenario.adaptivity, scenario.varied
+    )
     x0 = scenario.initial_state
     _check_simulator(simulator, scenario)
     if scenario.integrator in INTEGRATORS:
@@ -138,55 +160,38 @@ def _simulate_driven(
         commands = np.concatenate([schedule.commands for schedule in scenario.schedules])
         simulator.stability.check_step(scenario.integrator, rule, scenario.tick, commands)
     every = scenario.record_every or scenario.ticks
-    record = _record(scenario, simulator.loop.target.width)
+    plant = Plant.of(arm)
+    record = _record(scenario, simulator.loop.target.width, plant.size)
     account = Account.of(len(x0), len(scenario.events))
     if scenario.integrator == "cvodes":
         _solve(scenario, record, every, progress, account)
+        reached = Reached(np.arange(len(x0)), scenario.ticks, False)
     else:
-        _run(simulator.loop, scenario, record, every, progress, threads or os.cpu_count() or 1, account)
+        reached = _run(simulator.loop, scenario, record, every, progress, threads or os.cpu_count() or 1, account)
     if scenario.lanes is None:
         account.check(arm.name, scenario.tick, f"last state q = {_told(record[-1, 0, : arm.n])}")
-    return _dataset(scenario, simulator, record[:, : len(x0)].transpose(1, 0, 2), every, account)
+    states = record[reached.rows(every, len(record)), : len(x0)].transpose(1, 0, 2)
+    run = _dataset(scenario, simulator, states[reached.lanes] if reached.stopped else states, every, account, reached)
+    return handed_out(run, reached, scenario.ticks, len(x0))
 
 
 def _told(q: np.ndarray) -> str:
     return np.array2string(q, precision=4, max_line_width=10**6)
 
 
-def _schedules(scenario: Scenario) -> Schedules:
-    """Rows of all schedules; lanes of constant commands, or of one clock, share their times."""
-    seen: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
-    for schedule in scenario.schedules:
-        if schedule.times.tobytes() not in seen:
-            seen[schedule.times.tobytes()] = _rows(schedule.times, scenario.tick)
-    rows = [seen[schedule.times.tobytes()] for schedule in scenario.schedules]
-    starts = np.cumsum([0, *(len(tick) for tick, _ in rows)])
-    tick, offset = (np.concatenate([row[k] for row in rows]) for k in (0, 1))
-    values = np.ascontiguousarray(np.concatenate([schedule.commands for schedule in scenario.schedules]))
-    return Schedules(tick, offset, values, starts[:-1], starts[1:])
-
-
-def _record(scenario: Scenario, width: int) -> np.ndarray:
-    """Room for the recorded states (rows, lanes in whole tiles, 2n)."""
+def _record(scenario: Scenario, width: int, entries: int) -> np.ndarray:
+    """Room for the recorded states (rows, lanes in whole tiles, entries)."""
     lanes = scenario.lanes or 1
     every = scenario.record_every or scenario.ticks
     rows, padded = scenario.ticks // every + 1, -(-lanes // width) * width
     try:
-        return np.empty((rows, padded, 2 * scenario.arm.n))
+        return np.empty((rows, padded, entries))
     except (MemoryError, ValueError):
-        size = 8e-9 * rows * padded * 2 * scenario.arm.n
+        size = 8e-9 * rows * padded * entries
         raise ScenarioError(
             f"the run would record {rows} rows of {lanes} lanes, {size:.3g} GB, more than there is memory for; "
             f"expected a shorter one, or record_every above {scenario.record_every}"
         ) from None
-
-
-def _rows(times: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Ticks and offsets [s] behind them at which a schedule's rows come; a row next to a tick is put on it."""
-    ticks = np.rint(times / step)
-    on = np.abs(times - ticks * step) <= LANDING * step
-    ticks = np.where(on, ticks, np.floor(times / step))
-    return ticks, np.where(on, 0.0, times - ticks * step)
 
 
 def _run(
@@ -197,15 +202,20 @@ def _run(
     progress: Progress | None,
     workers: int,
     account: Account,
-) -> None:
+) -> Reached:
     """Records the states of all lanes."""
-    x0, ticks, schedules = scenario.initial_state, scenario.ticks, _schedules(scenario)
+    n, plant = scenario.arm.n, Plant.of(scenario.arm)
+    x0 = plant.initial(scenario.initial_state[:, :n], scenario.initial_state[:, n:])
+    values = scenario.parameters
+    ticks, schedules = scenario.ticks, landing_rows(scenario.schedules, scenario.tick)
 
     def begin(first: int, count: int) -> Any:
         lanes = loop.lanes(count, first)
-        lanes.set("x", x0[first : first + count])
+        lanes.set("x", x0[first : first + count] if len(x0) > 1 else x0)
+        if scenario.varied is not None:
+            lanes.set("p", values[first : first + count] if len(values) > 1 else values)
         if scenario.adaptivity is not None:
-            begin_adaptive(lanes, scenario.adaptivity, _parts(scenario.arm.n), x0[first : first + count])
+            begin_adaptive(lanes, scenario.adaptivity, state_parts(plant), x0[first : first + count])
         loop.begin_rows(lanes, "u", schedules)
         own = record[:, first : first + lanes.tiles * lanes.width]
 
@@ -222,21 +232,26 @@ def _run(
 
         return advance, lambda: account.read(lanes)
 
-    run_groups(len(x0), loop.target.width, ticks, begin, progress, workers)
+    return run_groups(len(x0), loop.target.width, ticks, begin, progress, workers)
 
 
 def _solve(scenario: Scenario, record: np.ndarray, every: int, progress: Progress | None, account: Account) -> None:
     """Records the states of all lanes as CVODES finds them, lane by lane."""
-    arm, ticks, h, x0 = scenario.arm, scenario.ticks, scenario.tick, scenario.initial_state
+    arm, ticks, h, n = scenario.arm, scenario.ticks, scenario.tick, scenario.arm.n
+    plant = Plant.of(simplified(arm))
+    x0 = plant.initial(scenario.initial_state[:, :n], scenario.initial_state[:, n:])
     check_lanes(len(x0))
+    if scenario.varied is not None:
+        raise ScenarioError(
+            'integrator = "cvodes" varies no parameters without a controller; expected "rk45", or a fixed step'
+        )
     assert scenario.adaptivity is not None
-    plain = simplified(arm)
-    shapes = {"x": (2 * arm.n,), "u": (arm.n,)}
-    solver = Cvodes(lambda x, u: plant_derivative(plain, x, u), shapes, scenario.adaptivity, stiff=False)
+    shapes = {"x": (plant.size,), "u": (n,)}
+    solver = Cvodes(plant.derivative, shapes, scenario.adaptivity, stiff=bool(plant.stiff))
     for lane, x in enumerate(x0):
         schedule = scenario.schedules[lane % len(scenario.schedules)]
         record[:, lane], reached = x, 0
-        for reached, states in solver.held(x, *_rows(schedule.times, h), schedule.commands, ticks, h):
+        for reached, states in solver.held(x, *landing_times(schedule.times, h), schedule.commands, ticks, h):
             for k, state in enumerate(states, reached - len(states) + 1):
                 if k % every == 0:
                     record[k // every :, lane] = state
@@ -259,41 +274,34 @@ def _check_simulator(simulator: Simulator, scenario: Scenario) -> None:
                 f"the simulator was compiled for {what} = {compiled}, not for the scenario's {asked}; "
                 "expected compile_simulator of the scenario's own"
             )
-
-
-def _check_inertia(arm: Model, q: np.ndarray) -> None:
-    """Refuses an arm with a joint that nothing gives inertia to.
-
-    Raises:
-        ScenarioError: names the joint.
-    """
-    values, vectors = np.linalg.eigh(mass_matrix(arm, q).astype(float))
-    if values[0] <= SINGULAR * values[-1]:
-        joint = arm.names[int(np.abs(vectors[:, 0]).argmax())]
+    compiled, asked = (each.varied.names if each.varied is not None else () for each in (simulator, scenario))
+    if compiled != asked:
         raise ScenarioError(
-            f"{arm.name}: the mass matrix is singular at the initial position: joint {joint!r} moves no inertia "
-            "(a massless link without a rotor?); expected mass or rotor_inertia_kg_m2 behind every joint"
+            f"the simulator was compiled for varying {list(compiled)}, not for the scenario's {list(asked)}; "
+            "expected compile_simulator of the scenario's own"
         )
 
 
 def _dataset(
-    scenario: Scenario, simulator: Simulator, states: np.ndarray, every: int, account: Account
+    scenario: Scenario, simulator: Simulator, states: np.ndarray, every: int, account: Account, reached: Reached
 ) -> xarray.Dataset:
-    """States (lanes, rows, 2n) with what follows from them."""
+    """States (lanes, rows, 2n) with what follows from them, of the lanes that came to the end."""
     arm, n = scenario.arm, scenario.arm.n
     k = np.arange(states.shape[1]) * every
     t = k * scenario.tick
     if all(len(schedule.times) == 1 for schedule in scenario.schedules):  # constant commands: one row serves all times
         u = np.stack([schedule.commands for schedule in scenario.schedules])
-        u = np.broadcast_to(u, (len(states), len(k), n))
     else:
         u = np.stack([_held(schedule, k, scenario.tick) for schedule in scenario.schedules])
-        u = np.broadcast_to(u, (len(states), *u.shape[1:]))
+    u = np.broadcast_to(u if len(u) == 1 else u[reached.lanes], (len(states), len(k), n))
     parts: dict[str, Any] = {}
     if scenario.record == "all":
         names = (port.name for port in simulator.outputs.program.outputs)
-        parts = dict(zip(names, simulator.outputs(states, u, threads=os.cpu_count() or 1), strict=True))
-    q, qd = states[..., :n], states[..., n:]
+        values = scenario.parameters if len(scenario.parameters) == 1 else scenario.parameters[reached.lanes]
+        given = [states, u, *([values[:, None, :]] if scenario.varied is not None else [])]
+        parts = dict(zip(names, simulator.outputs(*given, threads=os.cpu_count() or 1), strict=True))
+    plant = Plant.of(arm)
+    q, qd = plant.part(states, "q"), plant.part(states, "qd")
     attrs = {
         "integrator": scenario.integrator,
         "step_s": scenario.tick,
@@ -302,14 +310,19 @@ def _dataset(
     if scenario.lanes is None:
         q, qd, u = q[0], qd[0], u[0]
         parts = {name: value[0] for name, value in parts.items()}
-    run = make_dataset(arm, t, q, qd, u, **parts, attrs=attrs)
-    account.tell(run, scenario.tick, scenario.adaptivity, scenario.lanes is None)
+    run = make_dataset(arm, t, q, qd, u, **{name: v for name, v in parts.items() if name in USUAL}, attrs=attrs)
+    for name in parts:
+        if name not in USUAL:
+            add_output(run, arm, name, parts[name])
+    if scenario.lanes is not None and reached.stopped:
+        run = run.assign_coords(lane=("lane", reached.lanes, run["lane"].attrs))
+    account.of_lanes(reached.lanes).tell(run, scenario.tick, scenario.adaptivity, scenario.lanes is None)
     return run
 
 
 def _held(schedule: Any, ticks: np.ndarray, step: float) -> np.ndarray:
     """The schedule's commands just after those ticks."""
-    row_tick, row_offset = _rows(schedule.times, step)
+    row_tick, row_offset = landing_times(schedule.times, step)
     started = np.where(row_offset > 0, row_tick + 1, row_tick)
     return schedule.commands[np.searchsorted(started, ticks, side="right") - 1]
 
@@ -317,7 +330,7 @@ def _held(schedule: Any, ticks: np.ndarray, step: float) -> np.ndarray:
 def _notes(arm: Model, q: np.ndarray, qd: np.ndarray, u: np.ndarray, parts: dict[str, Any], t: np.ndarray) -> list[str]:
     """What a user should know about the run: limits that clipped, and limits that were passed."""
     notes = []
-    for j, body in enumerate(arm.bodies):
+    for j, body in enumerate(arm.coordinates):
         command = body.drive.command
         if parts:
             asked = u[..., j]

@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, partial
 from math import floor, log10
 
 import casadi
 import numpy as np
 
+from armwright.dynamics import mass_matrix
 from armwright.errors import ScenarioError
 from armwright.model import Body, Model
 from armwright.program import Program, interpret, trace
+from armwright.program.program import Port
 from armwright.simulation.integrators import Integrator
-from armwright.simulation.plant import plant_derivative
+from armwright.simulation.plant import Plant
 
 POSES = 16  # drawn over the joints' ranges, always the same ones
 REACH = 4.0  # no explicit rule of order 3 or 4 is stable beyond |h λ| = 4
 RAYS = np.linspace(0.0, 1.0, 2049)[1:]
 TURNING = 0.5  # h |λ| of a mode that swings or grows: a dozen steps a period, or the rule follows it nowhere
+LONGEST = 0.1  # [s] the longest step that is tried of a rule with exact parts
+FINE = 1.05  # how well its largest step is found, as a ratio
+SLACK = 1e-4  # of a mode's growth in a step: what rounding makes of modes that neither grow nor die
+TOUCH = 0.6  # of the play: just beyond the half where flanks touch
+DEEP = 1e-6  # [rad | m] into a stop
+SINGULAR = 1e-13  # of the largest eigenvalue of the mass matrix
 STILL = 1e-3  # of a smoothing speed: just beside standstill, where friction may have another slope on either side
 
 
@@ -25,44 +33,79 @@ class Stability:
     """Linearised plants of an arm at states that matter, and the step that an integrator may take with them."""
 
     def __init__(self, model: Model):
-        self.model = model
+        self.model, self.plant = model, Plant.of(model, brakes=True)
         self._largest: dict[tuple[Integrator, bytes], float] = {}
         self._rates: dict[bytes, np.ndarray] = {}
 
     @cached_property
     def _jacobian(self) -> Program:
-        """∂(dx/dt)/∂x, from the plant's own graph."""
-        n = self.model.n
-        plant = trace("plant", lambda x, u: plant_derivative(self.model, x, u), {"x": (2 * n,), "u": (n,)}, ("xd",))
-        x, u = casadi.SX.sym("x", 2 * n), casadi.SX.sym("u", n)  # type: ignore[arg-type]
-        slope = casadi.densify(casadi.jacobian(plant.graph(x, u), x))
-        graph = casadi.Function("plant_slope", [x, u], [slope.T.reshape((4 * n * n, 1))])
-        return Program("plant_slope", plant.inputs, (plant.outputs[0].__class__("slope", (2 * n, 2 * n)),), graph)
+        """∂(dx/dt)/∂x and λ of what is integrated exactly, from the plant's own graph."""
+        size, n, count = self.plant.size, self.model.n, len(self.plant.stiff)
+        names = {"x": (size,), "u": (n,)} | ({"brake": (len(self.plant.braked),)} if self.plant.brakes else {})
+        split = trace("plant", lambda x, u, *b: self.plant.split(x, u, None, *b), names, ("xd", "fast"))
+        symbols = [casadi.SX.sym(name, shape[0]) for name, shape in names.items()]  # type: ignore[arg-type]
+        xd, fast = split.graph(*symbols)
+        slope = casadi.densify(casadi.jacobian(xd, symbols[0]))
+        outputs = [slope.T.reshape((size * size, 1)), *([casadi.densify(fast)] if count else [])]
+        graph = casadi.Function("plant_slope", symbols, outputs)
+        ports = (Port("slope", (size, size)), *([Port("fast", (count,))] if count else []))
+        return Program("plant_slope", split.inputs, ports, graph)
+
+    def _linearised(self, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Slopes (m, size, size) and λ (m, k) at those of the states that have finite ones, brakes applied."""
+        brakes = [np.ones(len(self.plant.braked))] if self.plant.brakes else []
+        found = interpret(self._jacobian, self.states, command, *brakes)
+        slopes, fast = found if isinstance(found, tuple) else (found, np.zeros((len(found), 0)))
+        finite = np.isfinite(slopes).all(axis=(1, 2))
+        return slopes[finite], fast[finite]
 
     @cached_property
     def states(self) -> np.ndarray:
-        """(m, 2n) states to linearise at: poses over the joints' ranges, at speeds where friction is steep."""
+        """(m, size) states to linearise at: poses over the joints' ranges, at speeds where friction is steep."""
         n = self.model.n
-        low = np.array([max(body.limits.position[0], -np.pi) for body in self.model.bodies])
-        high = np.array([min(body.limits.position[1], np.pi) for body in self.model.bodies])
+        low = np.array([max(body.limits.position[0], -np.pi) for body in self.model.coordinates])
+        high = np.array([min(body.limits.position[1], np.pi) for body in self.model.coordinates])
         poses = low + (high - low) * np.random.default_rng(0).uniform(size=(POSES, n))
         poses[0] = np.clip(0.0, low, high)
-        speeds = np.array([_steep_speeds(body) for body in self.model.bodies]).T
-        return np.concatenate([np.hstack([poses, np.broadcast_to(speed, poses.shape)]) for speed in speeds])
+        speeds = np.array([_steep_speeds(body) for body in self.model.coordinates]).T
+        if self.plant.is_plain:
+            return np.concatenate([np.hstack([poses, np.broadcast_to(speed, poses.shape)]) for speed in speeds])
+        return np.array([x for q in _touching(self.model, poses) for speed in speeds for x in self._contacts(q, speed)])
+
+    def _contacts(self, q: np.ndarray, speed: np.ndarray) -> list[np.ndarray]:
+        """The plant's state there; where gears have play, with flanks in touch on either side as well."""
+        x = self.plant.initial(q, speed)
+        gaps = [0.0 if body.elasticity is None else body.elasticity.backlash or 0.0 for body in self.model.coordinates]
+        if not any(gaps):
+            return [x]
+        moved = np.zeros_like(x)
+        self.plant.part(moved, "motor_q")[:] = [
+            TOUCH * gaps[i] * body.drive.gear_ratio
+            for i, body in enumerate(self.model.coordinates)
+            if body.elasticity is not None
+        ]
+        return [x, x + moved, x - moved]
 
     def rates(self, command: np.ndarray) -> np.ndarray:
         """Eigenvalues [1/s] of the linearised plant at all those states: its time constants are 1/|Re λ|."""
         key = command.tobytes()
         if key not in self._rates:
-            slopes = interpret(self._jacobian, self.states, command)
-            self._rates[key] = np.ravel(np.linalg.eigvals(slopes[np.isfinite(slopes).all(axis=(1, 2))]))
+            slopes, _ = self._linearised(command)
+            if self.plant.stiff:  # what is integrated exactly has no say in this; its time constants are no limit
+                kept = np.setdiff1d(np.arange(self.plant.size), self.plant.stiff)
+                slopes = slopes[:, kept[:, None], kept]
+            self._rates[key] = np.ravel(np.linalg.eigvals(slopes))
         return self._rates[key]
 
     def largest_step(self, integrator: Integrator, command: np.ndarray) -> float:
         """The step [s] up to which modes that die away do so in the simulation, and the others are followed."""
         key = (integrator, command.tobytes())
+        if key not in self._largest and self.plant.stiff and integrator.exponential is not None:
+            self._largest[key] = self._largest_exponential(integrator, command)
         if key not in self._largest:
-            rates = self.rates(command)
+            rates = (
+                np.ravel(np.linalg.eigvals(self._linearised(command)[0])) if self.plant.stiff else self.rates(command)
+            )
             rates = rates[np.abs(rates) > 0.0]
             dying = rates[-np.real(rates) > np.abs(np.imag(rates))]
             others = rates[-np.real(rates) <= np.abs(np.imag(rates))]
@@ -75,17 +118,43 @@ class Stability:
             self._largest[key] = min(stable, followed)
         return self._largest[key]
 
+    def _largest_exponential(self, integrator: Integrator, command: np.ndarray) -> float:
+        """The same for a rule that integrates stiff parts exactly: the rule's own step of the linearised plants is tried."""
+        slopes, fast = self._linearised(command)
+        values = np.linalg.eigvals(slopes)
+        swinging = np.abs(values)[(-values.real <= np.abs(values.imag)) & (np.abs(values) > 0.0)]
+        high = min(LONGEST, TURNING / swinging.max() if swinging.size else np.inf)
+        growing = np.maximum(values.real.max(axis=1), 0.0)
+        rule = integrator.exponential
+        assert rule is not None
+
+        def holds(step: float) -> bool:
+            for slope, rate, grows in zip(slopes, fast, growing, strict=True):
+                split = partial(_linear, slope, rate[:, None])
+                moved = rule(split, self.plant.stiff, np.eye(len(slope)), command, step)
+                if np.abs(np.linalg.eigvals(moved)).max() > np.exp(grows * step) + SLACK:
+                    return False
+            return True
+
+        if holds(high):
+            return high
+        low = 1e-6 * high
+        while high > FINE * low:
+            middle = np.sqrt(low * high)
+            low, high = (middle, high) if holds(middle) else (low, middle)
+        return low
+
     def check_step(self, name: str, integrator: Integrator, step: float, commands: np.ndarray) -> None:
         """Refuses a step that is too large for the arm's fastest time constant.
 
         Args:
-            name, integrator: the rule.   step: [s].   commands: (k, n) whose load is checked too, where gears have a loss.
+            name, integrator: the rule.   step: [s].   commands: (k, n) whose load is checked too, where losses grow with it.
         Raises:
             ScenarioError: names the time constant and the step that would do.
         """
         loaded = [np.zeros(self.model.n)]
-        if any(body.drive.efficiency is not None for body in self.model.bodies):
-            most = np.abs(commands).max(axis=0)  # a gear's loss has a slope that grows with the torque through it
+        if any(_is_loaded(body) for body in self.model.coordinates):
+            most = np.abs(commands).max(axis=0)  # its slope grows with the torque through the gear
             loaded += [most, -most]
         largest, command = min(((self.largest_step(integrator, u), k) for k, u in enumerate(loaded)))
         if step <= largest:
@@ -93,9 +162,35 @@ class Stability:
         constant = 1.0 / np.abs(self.rates(loaded[command])).max()
         raise ScenarioError(
             f"{self.model.name}: step = {step:g} s is too large for the arm's fastest time constant of {constant:.3g} s "
-            f"(motors and friction slope included): {name} would blow up or lose track; "
+            f"({_included(self.plant.stiff)}): {name} would blow up or lose track; "
             f"a step of {_round_down(0.8 * largest):g} s would do"
         )
+
+
+def _linear(slope: np.ndarray, rate: np.ndarray, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A linear plant, columns of x side by side."""
+    return slope @ x, rate
+
+
+def _is_loaded(body: Body) -> bool:
+    """Whether a joint loses torque by its load: in its gear, or in friction that rises with it."""
+    return body.drive.efficiency is not None or (body.friction is not None and body.friction.load_share is not None)
+
+
+def _included(stiff: tuple[int, ...]) -> str:
+    """What the time constant is of."""
+    return (
+        "currents and bristles aside, which are integrated exactly" if stiff else "motors and friction slope included"
+    )
+
+
+def _touching(model: Model, poses: np.ndarray) -> list[np.ndarray]:
+    """The poses, and where joints have stops one in each end of them all."""
+    stopped = np.array([body.stops is not None for body in model.coordinates])
+    if not stopped.any():
+        return list(poses)
+    ends = np.array([body.limits.position for body in model.coordinates]).T
+    return [*poses, *(np.where(stopped, end + sign * DEEP, poses[0]) for end, sign in zip(ends, (-1, 1), strict=True))]
 
 
 def _steep_speeds(body: Body) -> list[float]:
@@ -126,3 +221,18 @@ def _round_down(value: float) -> float:
     """One significant digit: a step that people would choose."""
     digit = 10.0 ** floor(log10(value))
     return floor(value / digit) * digit
+
+
+def check_inertia(arm: Model, q: np.ndarray) -> None:
+    """Refuses an arm with a joint that nothing gives inertia to.
+
+    Raises:
+        ScenarioError: names the joint.
+    """
+    values, vectors = np.linalg.eigh(mass_matrix(arm, q).astype(float))
+    if values[0] <= SINGULAR * values[-1]:
+        joint = arm.names[int(np.abs(vectors[:, 0]).argmax())]
+        raise ScenarioError(
+            f"{arm.name}: the mass matrix is singular at the initial position: joint {joint!r} moves no inertia "
+            "(a massless link without a rotor?); expected mass or rotor_inertia_kg_m2 behind every joint"
+        )

@@ -81,8 +81,8 @@ class Delays:
     """A timing in ticks of one period, for the lanes of a run: whole ticks and fractions.
 
     Attributes:
-        measured, commanded: (lanes,) whole ticks.   earlier, later: (lanes,) fractions φ.
-        jitter, drift, measurement_loss, command_loss: (lanes,).
+        measured, commanded: (lanes or 1,) whole ticks.   earlier, later: (lanes or 1,) fractions φ.
+        jitter, drift, measurement_loss, command_loss: (lanes or 1,).
     """
 
     preset: str
@@ -96,16 +96,16 @@ class Delays:
     command_loss: np.ndarray
 
     @classmethod
-    def of(cls, timing: Timing, period: float, lanes: int) -> Delays:
-        """A timing at a period [s], for so many lanes."""
+    def of(cls, timing: Timing, period: float) -> Delays:
+        """A timing at a period [s]."""
 
         def each(value: Any) -> np.ndarray:
-            return np.broadcast_to(np.asarray(value, dtype=float), lanes).astype(float)
+            return np.atleast_1d(np.asarray(value, dtype=float))
 
         measured, earlier = _split(each(timing.measurement_delay) / period)
         delay = each(timing.command_delay) / period
         if timing.preset == "sync":
-            commanded, later = np.ones(lanes), delay
+            commanded, later = np.ones(1), delay
         else:
             commanded, later = _split(delay + (timing.preset == "one-tick"))
         return cls(

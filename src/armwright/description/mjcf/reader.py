@@ -16,6 +16,7 @@ import numpy as np
 import pydantic
 
 from armwright.description.mjcf.actuators import Actuation, actuations
+from armwright.description.mjcf.equalities import check_equalities, followed, mimic_record
 from armwright.description.mjcf.refused import check_offered, check_sizes
 from armwright.description.mjcf.safety import check_file
 from armwright.description.refusal import refusal
@@ -43,8 +44,8 @@ def read_mjcf(path: str | os.PathLike[str], *, smoothing: float | None = None) -
     Returns:
         description: `remarks` tell what was left out or doubtful, `notes` what was ignored.
     Raises:
-        DescriptionError: MuJoCo is not installed or refuses the file; free joints, springs, tendons, constraints and
-            whatever else would change the dynamics.
+        DescriptionError: MuJoCo is not installed or refuses the file; free joints, springs, tendons, constraints other than
+            joints that follow others, and whatever else would change the dynamics.
     """
     file = Path(path)
     if smoothing is not None and not (isinstance(smoothing, (int, float)) and 0 < smoothing < inf):
@@ -61,6 +62,7 @@ def read_mjcf(path: str | os.PathLike[str], *, smoothing: float | None = None) -
         except (ValueError, mujoco.FatalError, mujoco.UnexpectedError) as error:
             raise DescriptionError(f"{file}: MuJoCo refuses it: {' '.join(str(error).split())}") from None
     check_offered(str(file), mujoco, model)
+    check_equalities(str(file), mujoco, model)
     check_sizes(str(file), model)
     return _Reader(file, mujoco, model, smoothing, warnings).description()
 
@@ -83,7 +85,7 @@ class _Reader:
     def __init__(self, file: Path, mujoco: Any, model: Any, smoothing: float | None, warnings: list[str]):
         self.warnings = warnings
         self.file, self.mujoco, self.model, self.smoothing = file, mujoco, model, smoothing
-        self.driven = actuations(mujoco, model)
+        self.driven, self.following = actuations(mujoco, model), followed(mujoco, model)
         self.remarks: dict[str, list[str]] = defaultdict(list)
         self.taken: set[str] = set()
         self.joints: list[dict[str, Any]] = []
@@ -207,6 +209,11 @@ class _Reader:
         armature, gear = float(model.dof_armature[dof]), actuation.gear
         if armature or gear != 1.0:
             record["motor"] = {"gear_ratio": gear, "rotor_inertia_kg_m2": armature / (gear * gear)}
+        if k in self.following:
+            other = int(model.eq_obj2id[self.following[k]])
+            master = self._name(self.mujoco.mjtObj.mjOBJ_JOINT, other, "joint")
+            record["mimic"] = mimic_record(model, self.following[k], master, hinge=hinge)
+            self.remarks["follows another exactly, where MuJoCo's constraint gives way"].append(name)
         return record | ({"friction": friction} if friction else {})
 
     def _frame(self, i: int) -> dict[str, Any]:

@@ -36,7 +36,7 @@ SIZES = (
 
 
 def check_offered(place: str, mujoco: Any, model: Any) -> None:
-    """Refuses what the dynamics would lack: free and ball joints, springs, tendons, constraints, fluid, gravity compensation.
+    """Refuses what the dynamics would lack: free and ball joints, springs, tendons, fluid, gravity compensation.
 
     Args:
         place: what errors call the file.   mujoco: the package.   model: its compiled MjModel.
@@ -60,12 +60,10 @@ def check_offered(place: str, mujoco: Any, model: Any) -> None:
         if _any(model, "dof_dampingpoly", i):
             joint = name(kinds.mjOBJ_JOINT, int(model.dof_jntid[i]))
             raise DescriptionError(f"{place}: joint {joint!r} has damping of higher order, which is not offered")
-    for count, kind, told in (
-        (model.neq, kinds.mjOBJ_EQUALITY, "equality"),
-        (model.ntendon, kinds.mjOBJ_TENDON, "tendon"),
-    ):
-        if count:
-            raise DescriptionError(f"{place}: {told} {name(kind, 0)!r} couples bodies or joints, which is not offered")
+    if model.ntendon:
+        raise DescriptionError(
+            f"{place}: tendon {name(kinds.mjOBJ_TENDON, 0)!r} couples bodies or joints, which is not offered"
+        )
     for i in range(model.nbody):
         if model.body_gravcomp[i] != 0:
             raise DescriptionError(f"{place}: body {name(kinds.mjOBJ_BODY, i)!r} has gravcomp, which is not offered")

@@ -62,6 +62,8 @@ class _ModuleJoint(Record):
     def _stands_in_its_parent(self) -> Any:
         if getattr(self, "frame", None) is None:
             raise ValueError("a module's joint stands in its parent body: expected frame, not dh or modified_dh")
+        if getattr(self, "mimic", None) is not None:
+            raise ValueError("a module's joint moves by itself: expected no mimic")
         return self
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -155,11 +156,11 @@ def _friction(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]
     return record
 
 
-def held(reading: UrdfReading, joint: Element, record: dict[str, Any]) -> dict[str, Any]:
-    """A mimic joint by the caller's choice: held where it stands while its master is at 0, or independent.
+def with_mimic(reading: UrdfReading, joint: Element, record: dict[str, Any]) -> dict[str, Any]:
+    """A mimic joint by the caller's choice: following its master, independent, or held where it stands while that is at 0.
 
     Raises:
-        DescriptionError: the caller chose neither.
+        DescriptionError: it follows by a multiplier of 0.
     """
     mimic = joint.one("mimic")
     if mimic is None or record["type"] == "fixed":
@@ -181,10 +182,30 @@ def held(reading: UrdfReading, joint: Element, record: dict[str, Any]) -> dict[s
             "type": "fixed",
             "frame": {"xyz_m": at.position.tolist(), "rpy_rad": list(roll_pitch_yaw(at.rotation))},
         }
-    raise mimic.error(
-        f"joint {name!r} follows {multiplier:g} · {master} + {offset:g}, and coupled joints are not offered; "
-        'expected mimic = "independent" (a joint of its own) or "fixed" (held)'
-    )
+    if multiplier == 0.0:
+        raise mimic.error(
+            f"joint {name!r} follows {master!r} by a multiplier of 0: expected another number, "
+            'or mimic = "independent" (a joint of its own) or "fixed" (held)'
+        )
+    unit = "m" if record["type"] == "prismatic" else "rad"
+    return {**record, "mimic": {"joint": master, "multiplier": multiplier, f"offset_{unit}": offset}}
+
+
+def check_masters(joints: Sequence[Element], records: Sequence[dict[str, Any]]) -> None:
+    """Refuses joints that follow what does not move or is not there.
+
+    Raises:
+        DescriptionError: names the joint, with file and line.
+    """
+    moving = [record["name"] for record in records if record["type"] != "fixed"]
+    for joint, record in zip(joints, records, strict=True):
+        mimic = joint.one("mimic")
+        if mimic is not None and "mimic" in record and record["mimic"]["joint"] not in moving:
+            master, others = record["mimic"]["joint"], [name for name in moving if name != record["name"]]
+            raise mimic.error(
+                f"joint {record['name']!r} mimics {master!r}, which does not move or is not there; {nearest(master, others)}; "
+                'or mimic = "independent" (a joint of its own) or "fixed" (held)'
+            )
 
 
 def _moved(record: dict[str, Any], q: float) -> Placement:

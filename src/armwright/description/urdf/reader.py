@@ -16,7 +16,7 @@ from armwright.description.refusal import refusal
 from armwright.description.robot import RobotDescription
 from armwright.description.solids.mesh_path import package_folders
 from armwright.description.urdf.inertials import link_record
-from armwright.description.urdf.joints import held, joint_record
+from armwright.description.urdf.joints import check_masters, joint_record, with_mimic
 from armwright.description.urdf.reading import UrdfReading
 from armwright.description.urdf.tags import GAZEBO_PHYSICS
 from armwright.description.urdf.transmissions import reductions
@@ -24,7 +24,7 @@ from armwright.description.urdf.visuals import colours, visuals
 from armwright.description.xml_tree import Element, read_xml
 from armwright.errors import DescriptionError, nearest
 
-MIMIC = ("refuse", "independent", "fixed")
+MIMIC = ("coupled", "independent", "fixed")
 MOST_LINKS = 2000  # a tree of more is no robot, and would keep its checks busy for minutes
 UNNAMEABLE = re.compile(r"[\s.\[\]]")
 
@@ -35,7 +35,7 @@ def read_urdf(
     packages: Iterable[str | os.PathLike[str]] = (),
     drive: str | os.PathLike[str] | None = None,
     smoothing: float | None = None,
-    mimic: str = "refuse",
+    mimic: str = "coupled",
     ignore: Collection[str] = (),
 ) -> RobotDescription:
     """The description in a URDF, its base fixed; every number that carries dynamics is used or refused.
@@ -46,7 +46,8 @@ def read_urdf(
         drive: the file of the drive train; by default NAME.drive.toml beside NAME.urdf, where there is one.
         smoothing: speed [rad/s | m/s] over which Coulomb friction changes its sign, an estimate of the caller's. Without
             it (and without friction in the drive file) Coulomb friction is left out with a warning: a URDF has no such speed.
-        mimic: joints that follow others: "refuse" (default), "independent" (joints of their own), or "fixed" (held).
+        mimic: joints that follow others: "coupled" (default, as the file says), "independent" (joints of their own), or
+            "fixed" (held).
         ignore: tags to leave out that are neither read nor known to be harmless.
     Returns:
         description: `remarks` tell what was left out or doubtful, `notes` what was ignored as harmless.
@@ -90,7 +91,8 @@ def _record(reading: UrdfReading, robot: Element) -> dict[str, Any]:
         raise robot.error(f"robot {name!r}: more than {MOST_LINKS} links or joints: no robot is described so")
     root = _root(robot)
     named = colours(robot)
-    joints = [held(reading, joint, joint_record(reading, joint)) for joint in robot.all("joint")]
+    joints = [with_mimic(reading, joint, joint_record(reading, joint)) for joint in robot.all("joint")]
+    check_masters(robot.all("joint"), joints)
     links = []
     for link in robot.all("link"):
         seen = visuals(reading, link, named)
@@ -217,3 +219,5 @@ def _rename(reading: UrdfReading, record: dict[str, Any]) -> None:
         for key in ("name", "parent", "child"):
             if key in entry:
                 entry[key] = plain(entry[key])
+        if "mimic" in entry:
+            entry["mimic"]["joint"] = plain(entry["mimic"]["joint"])

@@ -19,7 +19,7 @@ class UrdfReading:
     path: Path
     packages: tuple[Path, ...] = ()
     smoothing: float | None = None
-    mimic: str = "refuse"
+    mimic: str = "coupled"
     ignore: frozenset[str] = frozenset()
     drives: DriveFile | None = None
     ignored: Counter[str] = field(default_factory=Counter)

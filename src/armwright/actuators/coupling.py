@@ -1,0 +1,53 @@
+"""Coupled motors, as in wrists: several joints turn one motor.  θ_motor = N q with N off-diagonal.
+
+Referred to each motor's own joint,  θ = B q,  B = diag(1/n) N with ones on its diagonal; torques come back by Bᵀ.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armwright import scalar
+from armwright.model import Model
+from armwright.scalar import Array, Scalar
+
+Shares = list[
+    list[tuple[int, Scalar]]
+]  # for every motor, which other joints turn it and by how much: the rows of B - 1
+
+
+def shares_of(model: Model) -> Shares:
+    """B - 1 of an arm; all rows are empty where no motor is coupled."""
+    index = {name: k for k, name in enumerate(model.names)}
+    return [
+        [(index[name], ratio / body.drive.gear_ratio) for name, ratio in body.drive.coupling]
+        for body in model.coordinates
+    ]
+
+
+def to_motors(shares: Shares, q: Array) -> Array:
+    """B q (n, …): positions or speeds of joints as those of the motors, referred to the motors' joints."""
+    if not any(shares):
+        return q
+    return scalar.array([q[i] + sum(share * q[j] for j, share in row) for i, row in enumerate(shares)])
+
+
+def to_joints(shares: Shares, torque: Array) -> np.ndarray:
+    """Bᵀ tau (n,): torques of the motors as torques on the joints [N m | N]."""
+    total = list(torque)
+    for i, row in enumerate(shares):
+        for j, share in row:
+            total[j] = total[j] + share * torque[i]
+    return scalar.array(total)
+
+
+def reflected_inertia(model: Model, shares: Shares) -> np.ndarray:
+    """Bᵀ n² J_m B (n, n) of the motors with rigid gears, in joint coordinates [kg m² | kg m | kg]."""
+    inertia = scalar.zeros(model.n, model.n)
+    for i, body in enumerate(model.coordinates):
+        if body.elasticity is None:
+            row = [(i, 1.0), *shares[i]]
+            for a, own in row:
+                for b, other in row:
+                    inertia[a, b] = inertia[a, b] + body.drive.reflected * own * other
+    return scalar.array(inertia)

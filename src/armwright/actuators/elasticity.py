@@ -1,0 +1,52 @@
+"""A gear that gives way: spring and damper between motor and link, harmonic drives too. [Spong1987] [TuttleSeering1996]"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from armwright import scalar
+from armwright.actuators.backlash import beyond_gap, pushed
+from armwright.model import Elasticity
+from armwright.scalar import Scalar
+
+
+@dataclass(frozen=True, eq=False)
+class Transmitted:
+    """What the spring between motor and link does, all of it referred to the joint."""
+
+    torque: Scalar  # on the link [N m | N]
+    slope: Scalar  # ∂δ/∂θ, by which the torque acts back on the motor [-]
+    loss: Scalar  # [W]
+    energy: Scalar  # [J] in the spring
+
+
+def transmitted(
+    elasticity: Elasticity, ratio: Scalar, motor: Scalar, motor_speed: Scalar, link: Scalar, link_speed: Scalar
+) -> Transmitted:
+    """Torque of the gear's spring:  k δ' + κ δ'³ + d δ̇,  δ = θ + A sin(2 n θ + phase) - q,  θ = θ_motor / n.
+
+    δ' is δ less the play (`backlash`). The error A acts back on the motor by ∂δ/∂θ, so that no power is lost in it.
+
+    Args:
+        elasticity: of the gear.   ratio: n.
+        motor, motor_speed: θ, θ̇ referred to the joint [rad | m, rad/s | m/s].   link, link_speed: q, q̇.
+    """
+    deflection, slope = motor - link, 1.0
+    if elasticity.error is not None:
+        amplitude, phase = elasticity.error
+        angle = 2.0 * ratio * motor + phase
+        deflection = deflection + amplitude * scalar.sin(angle)
+        slope = 1.0 + 2.0 * ratio * amplitude * scalar.cos(angle)
+    speed = slope * motor_speed - link_speed
+    pressed = deflection if elasticity.backlash is None else beyond_gap(deflection, elasticity.backlash)
+    spring, energy = elasticity.stiffness * pressed, 0.5 * elasticity.stiffness * pressed * pressed
+    if elasticity.cubic is not None:
+        square = pressed * pressed
+        spring, energy = (
+            spring + elasticity.cubic * square * pressed,
+            energy + 0.25 * elasticity.cubic * square * square,
+        )
+    torque = spring + elasticity.damping * speed
+    if elasticity.backlash is not None:
+        torque = pushed(pressed, torque)
+    return Transmitted(torque, slope, (torque - spring) * speed, energy)

@@ -1,0 +1,44 @@
+"""LuGre: friction as the bending of bristles, one more state a joint. [CanudasEtAl1995]"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from armwright import scalar
+from armwright.actuators.friction import dry_level, viscous_torque
+from armwright.model import Friction
+from armwright.scalar import Array, Scalar
+
+
+@dataclass(frozen=True, eq=False)
+class Bristle:
+    """Bristles of one joint."""
+
+    torque: Scalar  # friction, against positive motion [N m | N]
+    speed: Scalar  # ż [rad/s | m/s]
+    rate: Scalar  # ∂ż/∂z [1/s], never above 0: z is linear in itself and is integrated exactly
+
+
+def bristle_friction(
+    friction: Friction, speed: Scalar, z: Scalar, load: Scalar | None = None, warming: Scalar | None = None
+) -> Bristle:
+    """f = offset + σ0 z + σ1 ż + viscous q̇,   ż = q̇ - σ0 |q̇| / g(q̇) z,  g the dry level of `friction.dry_level`.
+
+    In steady sliding  z = g/σ0 sgn q̇  and f is the static map, without smoothing.
+
+    Args:
+        friction: referred to the joint.   speed: q̇ [rad/s | m/s].   z: mean bending [rad | m].
+        load: torque through the gear [N m | N].   warming: [K], as in `joint_friction`.
+    """
+    assert friction.bristle is not None
+    stiffness, damping = friction.bristle
+    rate = -stiffness * scalar.abs(speed) / dry_level(friction, speed, load)
+    bending = speed + rate * z
+    torque = friction.offset + stiffness * z + damping * bending + viscous_torque(friction, speed, warming)
+    return Bristle(torque, bending, rate)
+
+
+def sliding(friction: Friction, speed: Array) -> Array:
+    """z in steady sliding, g/σ0 sgn q̇ [rad | m]; 0 at rest."""
+    assert friction.bristle is not None
+    return scalar.sign(speed) * dry_level(friction, speed) / friction.bristle[0]

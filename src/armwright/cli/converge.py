@@ -1,0 +1,127 @@
+"""`armwright converge`: which integration step is small enough."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armwright.cli.arguments import Robot, vector
+from armwright.cli.simulate import SCENARIO, Numbers, driven_by, option
+from armwright.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from armwright.simulation.converge import Convergence
+
+
+def converge(
+    robot: Robot,
+    schedule: Annotated[
+        Path | None, option("--schedule", "FILE", "CSV: t in s and one column a joint, held from row to row.")
+    ] = None,
+    voltage: Annotated[Numbers, option("--voltage", "V1,V2,…", "Constant voltages in V.")] = None,
+    current: Annotated[Numbers, option("--current", "I1,I2,…", "Constant currents in A.")] = None,
+    torque: Annotated[Numbers, option("--torque", "T1,T2,…", "Constant motor torques at the joints in N m.")] = None,
+    command: Annotated[
+        Numbers, option("--command", "U1,U2,…", "Constant commands, each in its own joint's unit.")
+    ] = None,
+    duration: Annotated[
+        float | None, option("--duration", "S", "How long, in s; by default until the schedule's last row.")
+    ] = None,
+    step: Annotated[
+        float | None,
+        option("--step", "S", "The step in s around which steps are tried, from 4 times it down; by default 0.001."),
+    ] = None,
+    steps: Annotated[
+        int, typer.Option("--steps", metavar="K", help="How many steps are tried, each half of the last.")
+    ] = 8,
+    integrator: Annotated[
+        str | None, option("--integrator", "NAME", "rk3 (by default), rk4 or semi_implicit_euler.")
+    ] = None,
+    accuracy: Annotated[
+        str,
+        typer.Option("--accuracy", metavar="E1,E2,…", help="Errors to recommend for, in rad and rad/s (m and m/s)."),
+    ] = "1e-3,1e-6,1e-9",
+    q0: Annotated[
+        Numbers, option("--q0", "Q1,Q2,…", "Where it starts, in rad (or 30deg, pi/2) or m; default 0.")
+    ] = None,
+    qd0: Annotated[Numbers, option("--qd0", "W1,W2,…", "How fast it starts, in rad/s or m/s; default 0.")] = None,
+) -> None:
+    """Try integration steps against CVODES and recommend the largest that is small enough.
+
+    Commands are given as for `armwright simulate`; a file that ends in .scenario.toml says all of it instead. There a
+    controller keeps its sample period, and substeps are tried. Errors are the largest over time, joints and lanes.
+
+    \b
+    Examples:
+      armwright converge cmu-dd --voltage 8,12,8,4,2,1 --duration 1
+      armwright converge puma560 --voltage 5 --duration 0.5 --integrator rk4 --accuracy 1e-6
+      armwright converge swing.scenario.toml
+    """
+    import armwright as aw
+    from armwright.cli.progress import progress
+    from armwright.simulation.recording import joint_units
+
+    constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
+    if robot.endswith(SCENARIO):
+        given = {**constants, "schedule": schedule, "duration": duration, "step": step, "q0": q0, "qd0": qd0}
+        for name, value in given.items():
+            if value is not None:
+                raise ScenarioError(f"{robot}: --{name}, but a scenario file says all of it; expected one or the other")
+        scenario = aw.read_scenario(robot)
+        if integrator is not None:
+            scenario = replace(scenario, integrator=integrator, rtol=None, atol=None, most_steps=None)
+    else:
+        arm = aw.load(robot)
+        scenario = aw.Scenario(
+            arm,
+            duration=duration,
+            step=step,
+            integrator=integrator or "rk3",
+            **driven_by(arm, schedule, constants),
+            q0=None if q0 is None else vector("--q0", q0, arm.names, joint_units(arm, "q")),
+            qd0=None if qd0 is None else vector("--qd0", qd0, arm.names, joint_units(arm, "qd")),
+        )
+    with progress(f"trying steps for {scenario.arm.name}"):
+        start = time.perf_counter()
+        found = aw.converge(scenario, steps=steps, accuracies=_accuracies(accuracy))
+        spent = time.perf_counter() - start
+    _show(found, spent)
+
+
+def _accuracies(text: str) -> list[float]:
+    """Numbers with commas between.
+
+    Raises:
+        ScenarioError: something that is no number.
+    """
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise ScenarioError(f"--accuracy {text}: expected numbers with commas between, such as 1e-3,1e-6") from None
+
+
+def _show(found: Convergence, spent: float) -> None:
+    from armwright.cli.tables import console_for_tables, number, table
+
+    console = console_for_tables()
+    title = f"{found.name}: {found.integrator} (order {found.order}) against CVODES, in {spent:.1f} s"
+    heads = ["step [ms]", "error in q [rad | m]", "error in qd [rad/s | m/s]", "order seen", "evaluations a second"]
+    rows = [
+        [
+            f"{1e3 * trial.step:.4g}",
+            "too large" if trial.refused else f"{trial.error_q:.1e}",
+            "" if trial.refused else f"{trial.error_qd:.1e}",
+            number(round(trial.order, 2)),
+            f"{trial.evaluations:,.0f}",
+        ]
+        for trial in found.trials
+    ]
+    console.print(table(title, heads, rows))
+    for accuracy, trial in found.recommended.items():
+        advice = "no step that was tried" if trial is None else f"a step of {1e3 * trial.step:.4g} ms"
+        more = f" ({trial.substeps} substeps)" if trial is not None and trial.substeps > 1 else ""
+        console.print(f"for an accuracy of {accuracy:g}: {advice}{more}")

@@ -1,0 +1,7 @@
+"""Control laws of arms: small frozen records of gains that are traced into the simulation's loop."""
+
+from armwright.control.cascade import Cascade
+from armwright.control.computed_torque import ComputedTorque
+from armwright.control.joint_pid import JointPID
+
+__all__ = ["Cascade", "ComputedTorque", "JointPID"]

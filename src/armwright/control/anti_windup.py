@@ -1,0 +1,84 @@
+"""A proportional-integral stage with limits, whose integrator does not wind up.  [AstromHagglund2006]
+
+u = clip(kp e + I + more, ±limit); then the integrator goes on by one of
+
+    none              I⁺ = I + ki e T
+    clamping          the same, but not while the output is cut off and the error would drive it further
+    back-calculation  I⁺ = I + ki e T + (T / Tt) (what was realised - what was asked)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armwright import scalar
+from armwright.scalar import Array
+
+RULES = ("none", "clamping", "back-calculation")
+ROUNDING = 1e-6  # of a command: a drive that realised it but for this did realise it
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """What a stage gives: its output (n,), where it is cut off (n,) as -1, 0 or 1, and the integrator's next value (n,)."""
+
+    output: Array
+    cut: Array
+    integral: Array
+
+
+def shortfall(applied: Array, asked: Array, slack: Array) -> Array:
+    """(n,) by how much less or more a drive did than it was asked; 0 within `slack` and rounding."""
+    missing = applied - asked
+    least = scalar.maximum(slack, ROUNDING * scalar.abs(asked))
+    return scalar.where(scalar.less(least, scalar.abs(missing)), missing, 0.0 * missing)
+
+
+def within(values: Array, limit: Array) -> Array:
+    """The values (n,) within ±limit (n,); where that is infinite, as they are."""
+    rows = zip(values, limit, strict=True)
+    return scalar.array([v if not scalar.is_symbolic(m) and np.isinf(m) else scalar.clip(v, -m, m) for v, m in rows])
+
+
+def limited_stage(
+    error: Array,
+    integral: Array,
+    kp: Array,
+    ki: Array,
+    limit: Array,
+    period: float,
+    rule: str,
+    tracking_time: float | None,
+    *,
+    more: Array | float = 0.0,
+    missing: Array | float = 0.0,
+    ahead: Array | float = 0.0,
+) -> Stage:
+    """One tick of a stage.
+
+    Args:
+        error: (n,).   integral: (n,), in units of the output.   kp, ki, limit: (n,).
+        period: [s] since its last tick.   rule: one of `RULES`.   tracking_time: [s] Tt of back-calculation.
+        more: (n,) what else is put out, such as a feed-forward.
+        missing: (n,) by how much the output was not realised the last time, as `shortfall` tells.
+        ahead: (n,) where a stage behind this one is cut off, -1, 0 or 1: its limit is this one's too.
+    """
+    asked = kp * error + integral + more
+    output = within(asked, limit)
+    lost = (output - asked) + missing
+    cut = scalar.sign(-1.0 * lost)
+    held = scalar.where(scalar.equal(cut, 0.0), ahead + 0.0 * cut, cut)
+    step = ki * error * period
+    if rule == "none":
+        following = integral + step
+    else:
+        outward = scalar.less(0.0, held * error)
+        if rule == "clamping":
+            following = integral + scalar.where(outward, 0.0 * step, step)
+        else:
+            assert tracking_time is not None
+            blocked = scalar.less(0.0, ahead * error)
+            following = integral + scalar.where(blocked, 0.0 * step, step) + (period / tracking_time) * lost
+    return Stage(scalar.array(output), scalar.array(held), scalar.array(following))

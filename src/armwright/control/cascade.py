@@ -1,0 +1,158 @@
+"""Cascade control as servo drives do it: position, speed and current loops inside each other, each at its own rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.control.anti_windup import RULES, Stage, limited_stage, shortfall, within
+from armwright.control.commands import command_signs
+from armwright.control.gains import check_choice, check_whole, per_joint, positive_limit
+from armwright.control.joint_pid import check_tracking
+from armwright.errors import ScenarioError
+from armwright.model import Model
+from armwright.scalar import Array, Scalar
+from armwright.simulation.protocols import Measurement, Reference
+
+GAINS = ("position_kp", "speed_feedforward", "speed_kp", "speed_ki", "current_kp", "current_ki", "slack")
+LIMITS = ("speed_limit", "effort_limit", "voltage_limit")
+RATES = ("position", "speed")
+
+
+@dataclass(frozen=True, eq=False)
+class Cascade:
+    """Position P, speed PI and, where the drives take voltages, current PI; every stage cuts off its own output.
+
+        ω = kp (q_r - q) + kv q̇_r      every `position_every`-th tick, held in between
+        i = PI(ω - q̇)                  every `speed_every`-th tick; in V, A, N m or N, the command where no current loop is
+        u = PI(i - measured current)   every tick, in V
+
+    Gains are one number, one for each joint, or a row a lane, and above 0 whatever a gear's sense. A stage's integrator
+    waits, too, while the stage behind it is cut off.
+
+    Args:
+        position_kp: [1/s].   speed_feedforward: kv, 1 for all of the reference's speed.
+        speed_kp: [U s/rad | U s/m] with U the unit of the speed stage's output.   speed_ki: [U/rad | U/m].
+        current_kp: [V/A].   current_ki: [V/(A s)].   Absent: no current loop.
+        speed_limit: [rad/s | m/s].   effort_limit: [U] of the speed stage.   voltage_limit: [V]; absent: none.
+        position_every, speed_every: ticks from one of the loop's own to the next.   position_phase, speed_phase: its first tick.
+        anti_windup: "none", "clamping" or "back-calculation".   tracking_time: [s] of the latter.
+        delay_ticks: whole ticks that commands take to the drives.   slack: [U] by which a drive may miss a command.
+    Raises:
+        ScenarioError: names the field, its value and what was expected.
+    """
+
+    position_kp: Any
+    speed_kp: Any
+    speed_ki: Any = 0.0
+    current_kp: Any = None
+    current_ki: Any = 0.0
+    speed_feedforward: Any = 0.0
+    speed_limit: Any = None
+    effort_limit: Any = None
+    voltage_limit: Any = None
+    position_every: int = 1
+    speed_every: int = 1
+    position_phase: int = 0
+    speed_phase: int = 0
+    anti_windup: str = "clamping"
+    tracking_time: float | None = None
+    delay_ticks: int = 0
+    slack: Any = 0.0
+    signs: Any = None  # (n,) of the drives, which the loop fits
+    period: float | None = None  # [s] of the loop, which fits the law to it
+
+    def __post_init__(self) -> None:
+        check_choice("Cascade", "anti_windup", self.anti_windup, RULES)
+        check_tracking("Cascade", self.anti_windup, self.tracking_time)
+        check_whole("Cascade", "delay_ticks", self.delay_ticks, 0, "a whole number of ticks, 0 or more")
+        for loop in RATES:
+            every, phase = getattr(self, f"{loop}_every"), getattr(self, f"{loop}_phase")
+            check_whole("Cascade", f"{loop}_every", every, 1, "a whole number of ticks, 1 or more")
+            check_whole("Cascade", f"{loop}_phase", phase, 0, f"a tick from 0 to {loop}_every - 1")
+            if phase >= every:
+                raise ScenarioError(
+                    f"Cascade: {loop}_phase = {phase}: expected a tick from 0 to {loop}_every - 1 = {every - 1}"
+                )
+        if self.current_kp is None and self.voltage_limit is not None:
+            raise ScenarioError("Cascade: voltage_limit goes with a current loop; expected current_kp beside it")
+
+    def fitted(self, arm: Model, period: float) -> Cascade:
+        """The law for an arm and a sample period [s]: gains one a joint.
+
+        Args:
+            arm: the model.   period: [s].
+        Raises:
+            ScenarioError: a gain of the wrong length, or one below 0; names it and the joints. A current loop over a drive that
+                takes no voltage, or whose current is not known.
+        """
+        if self.current_kp is not None:
+            for body in arm.coordinates:
+                if body.drive.command != "voltage" or body.drive.torque_constant is None:
+                    raise ScenarioError(
+                        f"Cascade: joint {body.joint!r} of {arm.name} is driven by {body.drive.command}; expected voltage "
+                        "drives with a torque constant under a current loop"
+                    )
+        given = {name: getattr(self, name) for name in GAINS if getattr(self, name) is not None}
+        gains = {name: per_joint(arm, "Cascade", name, value) for name, value in given.items()}
+        limits: dict[str, Any] = {name: positive_limit(arm, "Cascade", name, getattr(self, name)) for name in LIMITS}
+        if self.current_kp is None:
+            limits["voltage_limit"] = None
+        return replace(self, **gains, **limits, signs=command_signs(arm), period=period)
+
+    def init(self, arm: Model, y: Measurement) -> Array:
+        """Integrators at 0, no speed asked for, and the commands that were in force."""
+        n = arm.n
+        held = y.applied if self.current_kp is None else y.current
+        parts = [scalar.zeros(n), scalar.zeros(n), self.signs * held, scalar.zeros(n), scalar.zeros(n)]
+        return scalar.array(np.concatenate([*parts, *[y.applied] * (1 + self.delay_ticks)]))
+
+    def step(self, t: Scalar, r: Reference, y: Measurement, s: Array) -> tuple[Array, Array]:
+        """One tick: commands (n,) and the next state."""
+        assert self.period is not None
+        n, signs = len(r.q), self.signs
+        speed, integral, effort, inner, cut = (s[k * n : (k + 1) * n] for k in range(5))
+        asked = s[5 * n :]
+        missing = signs * shortfall(y.applied, asked[:n], self.slack)
+        wanted = self.position_kp * (r.q - y.q) + self.speed_feedforward * r.qd
+        wanted = within(wanted, self.speed_limit)
+        speed = _held(self._due(t, "position"), wanted, speed)
+        last = self.current_kp is None
+        stage = self._stage(
+            speed - y.qd, integral, self.speed_kp, self.speed_ki, self.effort_limit, self.period * self.speed_every,
+            missing if last else 0.0, 0.0 if last else cut,
+        )  # fmt: skip
+        due = self._due(t, "speed")
+        effort, integral = _held(due, stage.output, effort), _held(due, stage.integral, integral)
+        u = effort
+        if not last:
+            final = self._stage(
+                effort - signs * y.current, inner, self.current_kp, self.current_ki, self.voltage_limit, self.period,
+                missing, 0.0,
+            )  # fmt: skip
+            u, inner, cut = final.output, final.integral, final.cut
+        u = scalar.array(signs * u)
+        return u, scalar.array(np.concatenate([speed, integral, effort, inner, cut, asked[n:], u]))
+
+    def _stage(
+        self, error: Array, integral: Array, kp: Array, ki: Array, limit: Array, period: float, missing: Any, ahead: Any
+    ) -> Stage:
+        return limited_stage(
+            error, integral, kp, ki, limit, period, self.anti_windup, self.tracking_time, missing=missing, ahead=ahead
+        )
+
+    def _due(self, t: Scalar, loop: str) -> Scalar:
+        """Whether a loop has its turn in the tick of time t."""
+        every, phase = getattr(self, f"{loop}_every"), getattr(self, f"{loop}_phase")
+        if every == 1:
+            return 1.0
+        tick = scalar.round(t / self.period)
+        return scalar.equal(scalar.fmod(tick - phase, float(every)), 0.0)
+
+
+def _held(due: Scalar, new: Array, old: Array) -> Array:
+    """The new values where it is their turn, else the old ones."""
+    return scalar.array(np.array([scalar.where(due, a, b) for a, b in zip(new, old, strict=True)], dtype=object))

@@ -1,0 +1,30 @@
+"""From torques to commands: each in its joint's own unit, with the sense of its motor."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armwright.actuators import demanded_drive, told_command
+from armwright.model import Model
+from armwright.scalar import Array
+
+
+def torque_commands(model: Model, qd: Array, tau: Array) -> np.ndarray:
+    """Commands (n,) that give motor torques: eq. (11) for voltages, tau / (n Kt) for currents, whatever the limits.
+
+    Args:
+        model: the arm.   qd: (n,) [rad/s | m/s].   tau: (n,) [N m | N].
+    Returns:
+        u: (n,) [V | A | N m | N], each in its joint's own unit.
+    """
+    return told_command(model, demanded_drive(model, qd, tau))
+
+
+def command_signs(model: Model) -> np.ndarray:
+    """(n,) -1 where a voltage or current above 0 moves the joint backward, through a gear of negative ratio; else 1."""
+    return np.array(
+        [
+            -1.0 if body.drive.command != "torque" and float(body.drive.gear_ratio) < 0.0 else 1.0
+            for body in model.coordinates
+        ]
+    )

@@ -1,0 +1,68 @@
+"""Computed torque: the model's inverse dynamics makes the arm a set of double integrators.  [LuhWalkerPaul1980b]"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.control.commands import torque_commands
+from armwright.control.gains import per_joint
+from armwright.dynamics import inverse_dynamics
+from armwright.errors import ScenarioError
+from armwright.model import Model
+from armwright.model.simplify import simplified
+from armwright.scalar import Array, Scalar
+from armwright.simulation.protocols import Measurement, Reference
+
+
+@dataclass(frozen=True, eq=False)
+class ComputedTorque:
+    """tau = ID(q, q̇, q̈_r + kd (q̇_r - q̇) + kp (q_r - q) + ki ∫ (q_r - q) dt), as commands in each joint's own unit, eq. (11).
+
+    With an exact model every joint's error dies away as  ë + kd ė + kp e = 0.
+
+    Args:
+        kp: [1/s²].   kd: [1/s].   ki: [1/s³].
+        model: the arm that is reckoned with, which may differ from the simulated one; absent: that, as its record has it.
+    Raises:
+        ScenarioError: names the field, its value and what was expected.
+    """
+
+    kp: Any
+    kd: Any
+    ki: Any = 0.0
+    model: Model | None = None
+    period: float | None = None  # [s] of the loop, which fits the law to it
+
+    def fitted(self, arm: Model, period: float) -> ComputedTorque:
+        """The law for an arm and a sample period [s]: gains one a joint.
+
+        Args:
+            arm: the model.   period: [s].
+        Raises:
+            ScenarioError: a gain of the wrong length, or one below 0; names it and the joints. A model of other joints.
+        """
+        model = self.model or arm
+        if model.n != arm.n:
+            raise ScenarioError(
+                f"ComputedTorque: the model has {model.n} joints; expected the {arm.n} of {arm.name}: {', '.join(arm.names)}"
+            )
+        gains = {name: per_joint(arm, "ComputedTorque", name, getattr(self, name)) for name in ("kp", "kd", "ki")}
+        return replace(self, **gains, model=model, period=period)
+
+    def init(self, arm: Model, y: Measurement) -> Array:
+        """The integral of the error at 0."""
+        return scalar.zeros(arm.n)
+
+    def step(self, t: Scalar, r: Reference, y: Measurement, s: Array) -> tuple[Array, Array]:
+        """One tick: commands (n,) and the next state."""
+        assert self.model is not None
+        assert self.period is not None
+        error = r.q - y.q
+        qdd = r.qdd + self.kd * (r.qd - y.qd) + self.kp * error + self.ki * s
+        tau = inverse_dynamics(simplified(self.model), y.q, y.qd, scalar.array(qdd))
+        u = torque_commands(self.model, y.qd, tau)
+        return scalar.array(u), scalar.array(np.asarray(s + self.period * error, dtype=object))

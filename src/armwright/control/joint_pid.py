@@ -1,0 +1,128 @@
+"""PD, PI and PID control of every joint by itself.  [AstromHagglund2006]"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.control.anti_windup import RULES, limited_stage, shortfall
+from armwright.control.commands import command_signs, torque_commands
+from armwright.control.gains import check_choice, check_time, check_whole, per_joint, positive_limit
+from armwright.dynamics import gravity_torques
+from armwright.errors import ScenarioError
+from armwright.model import Model
+from armwright.model.simplify import simplified
+from armwright.scalar import Array, Scalar
+from armwright.simulation.protocols import Measurement, Reference
+
+GAINS = ("kp", "ki", "kd", "speed_feedforward", "acceleration_feedforward", "slack")
+
+
+@dataclass(frozen=True, eq=False)
+class JointPID:
+    """u = kp e + ki ∫ e dt + kd d + kv q̇_r + ka q̈_r + gravity, each in its joint's command unit U = V, A, N m or N.
+
+    Gains are one number, one for each joint, or a row a lane. They are above 0 whatever a gear's sense: a voltage or current
+    through a negative ratio is turned round.
+
+    Args:
+        kp: [U/rad | U/m].   ki: [U/(rad s) | U/(m s)].   kd: [U s/rad | U s/m].
+        derivative: "error": d = q̇_r - q̇, or "measurement": d = -q̇. A reference that jumps has no speed, and gives no kick.
+        cutoff_hz: of a low-pass filter; q̇ is then the filtered difference of measured positions, else the measured speed.
+        speed_feedforward: kv [U s/rad | U s/m].   acceleration_feedforward: ka [U s²/rad | U s²/m].
+        gravity: whether the command that holds the arm at its measured position is added, by `model`.
+        limit: [U] the most that is commanded, either way; absent: no limit of its own.
+        anti_windup: "none", "clamping" or "back-calculation", by the limit and by what the drives really did.
+        tracking_time: [s] in which back-calculation takes the integrator back.
+        delay_ticks: whole ticks that commands take to the drives, which what they did is compared with.
+        slack: [U] by how much a drive may miss a command and still do it, such as half of a converter's resolution.
+        model: the arm that gravity is reckoned with; absent: the simulated one as its record has it.
+    Raises:
+        ScenarioError: names the field, its value and what was expected.
+    """
+
+    kp: Any
+    ki: Any = 0.0
+    kd: Any = 0.0
+    derivative: str = "error"
+    cutoff_hz: float | None = None
+    speed_feedforward: Any = 0.0
+    acceleration_feedforward: Any = 0.0
+    gravity: bool = False
+    limit: Any = None
+    anti_windup: str = "none"
+    tracking_time: float | None = None
+    delay_ticks: int = 0
+    slack: Any = 0.0
+    model: Model | None = None
+    period: float | None = None  # [s] of the loop, which fits the law to it
+
+    def __post_init__(self) -> None:
+        check_choice("JointPID", "derivative", self.derivative, ("error", "measurement"))
+        check_choice("JointPID", "anti_windup", self.anti_windup, RULES)
+        check_whole("JointPID", "delay_ticks", self.delay_ticks, 0, "a whole number of ticks, 0 or more")
+        if self.cutoff_hz is not None:
+            check_time("JointPID", "cutoff_hz", self.cutoff_hz)
+        check_tracking("JointPID", self.anti_windup, self.tracking_time)
+
+    def fitted(self, arm: Model, period: float) -> JointPID:
+        """The law for an arm and a sample period [s]: gains one a joint.
+
+        Args:
+            arm: the model.   period: [s].
+        Raises:
+            ScenarioError: a gain of the wrong length, or one below 0; names it and the joints.
+        """
+        gains = {name: per_joint(arm, "JointPID", name, getattr(self, name)) for name in GAINS}
+        limit = positive_limit(arm, "JointPID", "limit", self.limit)
+        return replace(self, **gains, limit=limit, model=self.model or arm, period=period)
+
+    def init(self, arm: Model, y: Measurement) -> Array:
+        """The integrator at 0; the commands before the first tick as those that were in force."""
+        parts = [scalar.zeros(arm.n), *[y.applied] * (1 + self.delay_ticks)]
+        if self.cutoff_hz is not None:
+            parts += [y.q, y.qd]
+        return scalar.array(np.concatenate(parts))
+
+    def step(self, t: Scalar, r: Reference, y: Measurement, s: Array) -> tuple[Array, Array]:
+        """One tick: commands (n,) and the next state."""
+        assert self.model is not None
+        assert self.period is not None
+        n, h, signs = len(r.q), self.period, command_signs(self.model)
+        integral, asked, rest = s[:n], s[n : (2 + self.delay_ticks) * n], s[(2 + self.delay_ticks) * n :]
+        speed = y.qd
+        if self.cutoff_hz is not None:
+            keep = float(np.exp(-2.0 * np.pi * self.cutoff_hz * h))
+            speed = keep * rest[n:] + (1.0 - keep) * (y.q - rest[:n]) / h
+            rest = np.concatenate([y.q, speed])
+        slope = (r.qd - speed) if self.derivative == "error" else -1.0 * speed
+        more = self.kd * slope + self.speed_feedforward * r.qd + self.acceleration_feedforward * r.qdd
+        if self.gravity:
+            weight = gravity_torques(simplified(self.model), y.q)
+            more = more + signs * torque_commands(self.model, scalar.zeros(n), weight)
+        missing = signs * shortfall(y.applied, asked[:n], self.slack)
+        stage = limited_stage(
+            r.q - y.q, integral, self.kp, self.ki, self.limit, h, self.anti_windup, self.tracking_time,
+            more=more, missing=missing,
+        )  # fmt: skip
+        u = scalar.array(signs * stage.output)
+        return u, scalar.array(np.concatenate([stage.integral, asked[n:], u, rest]))
+
+
+def check_tracking(law: str, rule: str, tracking_time: float | None) -> None:
+    """Refuses a tracking time without back-calculation, and the other way round.
+
+    Raises:
+        ScenarioError: says which of the two is missing.
+    """
+    if (rule == "back-calculation") != (tracking_time is not None):
+        raise ScenarioError(
+            f"{law}: tracking_time goes with anti_windup = 'back-calculation', not {rule!r}"
+            if tracking_time is not None
+            else f"{law}: back-calculation needs tracking_time: expected a time in s"
+        )
+    if tracking_time is not None:
+        check_time(law, "tracking_time", tracking_time)

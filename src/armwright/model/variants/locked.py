@@ -1,0 +1,122 @@
+"""An arm some of whose joints are held."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Mapping
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from armwright.description.quantity import Quantity
+from armwright.description.robot import (
+    FixedDH,
+    FixedJoint,
+    Joint,
+    JointFrame,
+    MovingJoint,
+    PrismaticJoint,
+    RobotDescription,
+)
+from armwright.errors import DescriptionError
+from armwright.model.variants.made import check_name, chosen, made, replaced
+from armwright.spatial import roll_pitch_yaw, rotation_rpy, rotation_to_axis, rotation_z
+
+
+def with_locked(robot: RobotDescription, positions: Mapping[str, Any]) -> RobotDescription:
+    """The description with joints held: fixed joints of the same names, so that q has the others only.
+
+    The dynamics are those of the full arm with q_k constant: rows and columns of held joints leave M(q), C(q, q̇) q̇ and g(q).
+    A held joint's motor, friction, limits, spring, stops and brake go with it, and its share in the motors of others; joints
+    that mimic it are held where it puts them.
+
+    Args:
+        robot: the description.   positions: by the names of joints, where each is held [rad | m].
+    Raises:
+        DescriptionError: no such joint, one that does not move or that mimics another, a position that is no finite number,
+            all joints held, or a joint whose motor another joint turns as well.
+    """
+    moving = [joint.name for joint in robot.joints if not isinstance(joint, FixedJoint)]
+    masters = {
+        joint.name: joint.mimic
+        for joint in robot.joints
+        if not isinstance(joint, FixedJoint) and joint.mimic is not None
+    }
+    for name, position in positions.items():
+        place = f"with_locked({{{name!r}: {position!r}}})"
+        check_name(robot, place, name, moving)
+        number = isinstance(position, (int, float, np.integer, np.floating)) and not isinstance(position, bool)
+        if not number or not isfinite(position):
+            raise DescriptionError(f"{robot.name}: {place}: expected a finite number [rad | m]")
+        if name in masters:
+            raise DescriptionError(
+                f"{robot.name}: {place}: the joint mimics {masters[name].joint!r}; expected that one held, which holds both"
+            )
+    everyone = _with_followers(positions, masters)
+    if moving and all(name in everyone for name in moving):
+        raise DescriptionError(f"{robot.name}: with_locked: all joints are held; expected one that moves")
+    return replaced(robot, "with_locked", joints=tuple(_held(robot, joint, everyone) for joint in robot.joints))
+
+
+def _with_followers(positions: Mapping[str, Any], masters: Mapping[str, Any]) -> dict[str, float]:
+    """The positions, and those of the joints that mimic what is held."""
+    found = {name: float(position) for name, position in positions.items()}
+    for _ in masters:  # as long as the longest chain can be
+        for name, mimic in masters.items():
+            if mimic.joint in found:
+                found[name] = float(mimic.multiplier) * found[mimic.joint] + float(mimic.offset)
+    return found
+
+
+def _held(robot: RobotDescription, joint: Joint, positions: Mapping[str, float]) -> Joint:
+    """The joint, fixed where it is one of those that are held, and otherwise no longer turned by them."""
+    if isinstance(joint, FixedJoint) or joint.name not in positions:
+        return uncoupled(joint, positions)
+    q = positions[joint.name]
+    others = [] if joint.motor is None else [c.joint for c in joint.motor.coupling if c.joint not in positions]
+    if others:
+        raise DescriptionError(
+            f"{robot.name}: with_locked: the motor of joint {joint.name!r} is turned by {others[0]!r} as well; "
+            f"expected {others[0]!r} held too, or none of the two"
+        )
+    place = f"with_locked({joint.name!r})"
+    names = {key: getattr(joint, key) for key in ("source", "name", "parent", "child")}
+    way = next(way for way in ("frame", "dh", "modified_dh") if getattr(joint, way) is not None)
+    placed = _moved_frame(joint, q) if way == "frame" else _moved_row(getattr(joint, way), q, place)
+    return made(FixedJoint, place, type="fixed", **names, **{way: placed})
+
+
+def _moved_row(row: Any, q: float, place: str) -> FixedDH:
+    """A Denavit-Hartenberg row at q: θ = q + offset, or r = q + offset."""
+    turns = hasattr(row, "offset_rad")
+    theta = _moved(row.offset_rad, q) if turns else row.theta_rad
+    r = row.r_m if turns else _moved(row.offset_m, q)
+    return made(FixedDH, place, source=row.source, alpha_rad=row.alpha_rad, a_m=row.a_m, theta_rad=theta, r_m=r)
+
+
+def _moved(offset: Quantity, q: float) -> Quantity:
+    """The offset's own digits and source where the joint is held at 0."""
+    return offset if q == 0.0 else chosen(float(offset) + q)
+
+
+def _moved_frame(joint: MovingJoint, q: float) -> JointFrame:
+    """The frame turned about the joint's axis, or moved along it."""
+    frame, turn = joint.frame, rotation_to_axis(np.array(joint.axis))
+    assert frame is not None
+    if q == 0.0:
+        return frame
+    rotation = rotation_rpy(*np.array(frame.rpy_rad))
+    if isinstance(joint, PrismaticJoint):
+        moved = np.array(frame.xyz_m) + rotation @ turn[:, 2] * q
+        return made(JointFrame, joint.name, source=frame.source, rpy_rad=frame.rpy_rad, xyz_m=chosen(*moved))
+    angles = roll_pitch_yaw(rotation @ turn @ rotation_z(q) @ turn.T)
+    return made(JointFrame, joint.name, source=frame.source, xyz_m=frame.xyz_m, rpy_rad=chosen(*angles))
+
+
+def uncoupled(joint: Joint, names: Container[str]) -> Joint:
+    """The joint, its motor no longer turned by the joints of those names."""
+    motor = None if isinstance(joint, FixedJoint) else joint.motor
+    if motor is None or not any(coupling.joint in names for coupling in motor.coupling):
+        return joint
+    left = tuple(coupling for coupling in motor.coupling if coupling.joint not in names)
+    return joint.replace(motor=motor.replace(coupling=left))

@@ -1,0 +1,71 @@
+"""An arm with something in its hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armwright.description.robot import FixedJoint, Inertia, JointFrame, Link, RobotDescription
+from armwright.errors import DescriptionError
+from armwright.model.variants.made import CHOSEN, check_name, made, replaced, tip_of
+
+
+def with_payload(
+    robot: RobotDescription,
+    mass: Any,
+    com: Any,
+    inertia: Any,
+    frame: str | None = None,
+    *,
+    name: str = "payload",
+    source: str = CHOSEN,
+) -> RobotDescription:
+    """The description with one more link, fixed to a frame; what it was before stays its tip.
+
+    Args:
+        robot: the description.
+        mass: () [kg].   com: (3,) [m] centre of mass, in the frame.
+        inertia: (3, 3) [kg m²] about the centre of mass, in the frame's axes, or the three principal moments along them.
+        frame: name of a frame or link; by default the tip.
+        name: of the new link, whose numbers are NAME.mass_kg and so on.   source: where its numbers come from.
+    Raises:
+        DescriptionError: a number that is none, a name that is taken, no such frame, or no tip.
+    """
+    place = f"with_payload(name={name!r})"
+    tip = tip_of(robot)
+    ends = [*(frame.name for frame in robot.frames), *(link.name for link in robot.links), robot.base]
+    if frame is None and tip is None:
+        raise DescriptionError(
+            f"{robot.name}: {place}: the arm names no tip; expected frame = one of {', '.join(ends)}"
+        )
+    at = frame if frame is not None else tip
+    assert at is not None
+    check_name(robot, place, at, ends)
+    if name in ends or name in {joint.name for joint in robot.joints}:
+        raise DescriptionError(f"{robot.name}: {place}: there is a {name!r} already; expected another name")
+    tensor = _tensor(place, inertia)
+    entries = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
+    moments = made(Inertia, place, **{entry: float(tensor[i, j]) for entry, (i, j) in entries.items()})
+    link = made(Link, place, name=name, mass_kg=mass, com_m=com, inertia_kg_m2=moments, source=source)
+    placed = next((frame for frame in robot.frames if frame.name == at), None)
+    if placed is None:
+        where = made(JointFrame, place, xyz_m=(0.0, 0.0, 0.0), rpy_rad=(0.0, 0.0, 0.0), source=CHOSEN)
+    else:
+        where = made(JointFrame, place, **{key: getattr(placed, key) for key in ("source", "xyz_m", "rpy_rad")})
+    carrier = at if placed is None else placed.link
+    mount = made(FixedJoint, place, name=f"{name}_mount", type="fixed", parent=carrier, child=name, frame=where)
+    return replaced(robot, place, joints=(*robot.joints, mount), links=(*robot.links, link), tip=tip)
+
+
+def _tensor(place: str, inertia: Any) -> np.ndarray:
+    """(3, 3), symmetric."""
+    try:
+        tensor = np.array(inertia, dtype=float)
+    except (TypeError, ValueError):  # rows of unequal length, or no numbers
+        tensor = np.zeros(0)
+    tensor = np.diag(tensor) if tensor.shape == (3,) else tensor
+    if tensor.shape != (3, 3) or not np.isfinite(tensor).all() or not np.allclose(tensor, tensor.T, rtol=1e-9, atol=0):
+        told = "expected a symmetric (3, 3) tensor or three moments [kg m²]; zeros for a point mass"
+        raise DescriptionError(f"{place}: inertia = {inertia!r:.80}: {told}")
+    return 0.5 * (tensor + tensor.T)

@@ -1,0 +1,149 @@
+"""A part of an arm, from one frame to another, as an arm of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armwright.description.robot import FixedJoint, JointFrame, Link, NamedFrame, RobotDescription
+from armwright.errors import DescriptionError
+from armwright.model.build import STANDARD_GRAVITY, assembled
+from armwright.model.model import BASE, Model
+from armwright.model.variants.locked import uncoupled
+from armwright.model.variants.made import CHOSEN, check_name, chosen, made, replaced
+from armwright.spatial import Frozen, Placement, roll_pitch_yaw, rotation_rpy, rotation_z
+
+
+@dataclass(frozen=True, eq=False)
+class Subchain(Frozen):
+    """A part of a description, and where it stood.
+
+    Attributes:
+        robot: the part, its base the frame that was asked for.
+        base: placement of that frame in the base of the whole, the joints before it at 0.
+    """
+
+    robot: RobotDescription
+    base: Placement
+
+
+def subchain(robot: RobotDescription, base: str, tip: str) -> Subchain:
+    """The joints and links from one frame or link to another; the first becomes the base, the second the tip.
+
+    Links fixed to the way stay, as they move with it. What hangs on the way by a joint that moves is left out, and `remarks`
+    say so: hold it with `with_locked` first to keep its mass. Gravity is turned into the new base's axes as it is with the
+    joints before the base at 0; hold them elsewhere with `with_locked`.
+
+    Args:
+        robot: the description.   base: a frame, link or the base.   tip: a frame or link that moves with respect to it.
+    Raises:
+        DescriptionError: no such frame, no moving joint between the two, or one that mimics a joint which is not.
+    """
+    place = f"subchain({base!r}, {tip!r})"
+    frames = {frame.name: frame for frame in robot.frames}
+    ends = [robot.base, *(link.name for link in robot.links), *frames]
+    for end in (base, tip):
+        check_name(robot, place, end, ends)
+    start, end = (frames[name].link if name in frames else name for name in (base, tip))
+    kept = _rigid_with(robot, _way(robot, place, start, end))
+    joints = [joint for joint in robot.joints if joint.parent in kept and joint.child in kept]
+    left = [joint for joint in robot.joints if joint.parent in kept and joint.child not in kept]
+    names = {joint.name for joint in robot.joints} - {joint.name for joint in joints}
+    links = [link for link in robot.links if link.name in kept and link.name != start]
+    if base in frames:
+        joints.insert(0, _standing(place, frames[base]))
+        links.insert(0, _carrier(robot, place, start))
+    for joint in joints:
+        mimic = getattr(joint, "mimic", None)
+        if mimic is not None and mimic.joint in names:
+            raise DescriptionError(
+                f"{robot.name}: {place}: joint {joint.name!r} mimics {mimic.joint!r}, which does not move between the two; "
+                f"expected {mimic.joint!r} held first, with with_locked"
+            )
+    at = _at_zero(assembled(robot), base)
+    part = replaced(
+        robot,
+        place,
+        base=base,
+        joints=tuple(uncoupled(joint, names) for joint in joints),
+        links=tuple(links),
+        frames=tuple(frame for frame in robot.frames if frame.link in kept and frame.name != base),
+        tip=tip,
+        gravity_m_s2=_gravity(robot, at),
+        remarks=(*robot.remarks, *_told(robot, left, place)),
+    )
+    return Subchain(part, at)
+
+
+def _way(robot: RobotDescription, place: str, start: str, end: str) -> set[str]:
+    """The links from one to the other."""
+    mover = {joint.child: joint for joint in robot.joints}
+    way, moves = {start, end}, False
+    while end != start:
+        if end not in mover:
+            raise DescriptionError(f"{robot.name}: {place}: expected a tip that hangs on the base")
+        moves |= not isinstance(mover[end], FixedJoint)
+        end = mover[end].parent
+        way.add(end)
+    if not moves:
+        raise DescriptionError(f"{robot.name}: {place}: no joint moves between the two; expected one")
+    return way
+
+
+def _rigid_with(robot: RobotDescription, way: set[str]) -> set[str]:
+    """The links on the way and those that are fixed to them."""
+    kept, more = way, way
+    while more:
+        more = {j.child for j in robot.joints if isinstance(j, FixedJoint) and j.parent in kept} - kept
+        kept = kept | more
+    return kept
+
+
+def _standing(place: str, base: NamedFrame) -> FixedJoint:
+    """From a frame that has become the base to the link that carries it."""
+    back = Placement(rotation_rpy(*np.array(base.rpy_rad)), np.array(base.xyz_m)).inverse()
+    pose = {"xyz_m": chosen(*back.position), "rpy_rad": chosen(*roll_pitch_yaw(back.rotation))}
+    frame = made(JointFrame, place, source=base.source, **pose)
+    name = f"{base.name}_to_{base.link}"
+    return made(FixedJoint, place, name=name, type="fixed", parent=base.name, child=base.link, frame=frame)
+
+
+def _carrier(robot: RobotDescription, place: str, start: str) -> Link:
+    """The link that carries a frame; the old base has no mass that anybody knows, and needs none."""
+    if start != robot.base:
+        return robot.link(start)
+    zero = dict.fromkeys(("xx", "xy", "xz", "yy", "yz", "zz"), 0.0)
+    return made(Link, place, name=start, source=CHOSEN, mass_kg=0.0, com_m=(0.0, 0.0, 0.0), inertia_kg_m2=zero)
+
+
+def _at_zero(model: Model, name: str) -> Placement:
+    """Placement of a frame in the base, q at 0."""
+    placed, at = model.frames[name].placement, model.frames[name].body
+    while at != BASE:
+        body, q = model.bodies[at], 0.0 if model.mimics is None else float(model.mimics.offset[at])
+        turns = body.kind == "revolute"
+        turn, slide = rotation_z(q if turns else 0.0), np.array([0.0, 0.0, 0.0 if turns else q])
+        placed, at = body.placement @ Placement(turn, slide) @ placed, body.parent
+    return placed
+
+
+def _gravity(robot: RobotDescription, base: Placement) -> Any:
+    """In the axes of the new base; as the description has it where these are the old ones."""
+    if (base.rotation == np.eye(3)).all():
+        return robot.gravity_m_s2
+    gravity = STANDARD_GRAVITY if robot.gravity_m_s2 is None else np.array(robot.gravity_m_s2)
+    return chosen(*(base.rotation.T @ gravity))
+
+
+def _told(robot: RobotDescription, left: list[Any], place: str) -> list[str]:
+    """What hung on the way and moved."""
+    behind = {joint.child for joint in left}
+    for _ in robot.joints:
+        behind |= {joint.child for joint in robot.joints if joint.parent in behind}
+    if not left:
+        return []
+    mass = sum(float(link.mass_kg) for link in robot.links if link.name in behind)
+    names = ", ".join(joint.name for joint in left)
+    return [f"{place} left out what hangs behind {names}: {len(behind)} links of {mass:.4g} kg"]

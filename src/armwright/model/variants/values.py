@@ -1,0 +1,75 @@
+"""An arm with other numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from armwright.description.paths import quantities, reading_at
+from armwright.description.quantity import Quantity, Record
+from armwright.description.robot import RobotDescription
+from armwright.errors import DescriptionError, nearest
+from armwright.model.variants.made import CHOSEN, replaced
+
+
+def with_values(robot: RobotDescription, values: Mapping[str, Any], source: str = CHOSEN) -> RobotDescription:
+    """The description with other values of some of its numbers, checked as if a file had them.
+
+    Args:
+        robot: the description.
+        values: by dotted path, such as {"link6.mass_kg": 2.0, "link6.com_m": [0, 0, 0.1], "link1.com_m[2]": 0.2}.
+        source: where the new values come from, a key of the description's sources or a kind such as "measurement".
+    Raises:
+        DescriptionError: no number at a path, or a value that cannot stand there.
+    """
+    known = {path: quantity for path, quantity, _ in quantities(robot)}
+    told: dict[str, Quantity] = {}
+    for name, value in values.items():
+        place = f"{robot.name}: with_values({{{name!r}: {value!r:.60}}})"
+        path, entry = _split(name, known)
+        if path not in known:
+            raise DescriptionError(f"{place}: no number at {path!r}; {nearest(path, known)}")
+        whole = value
+        if entry is not None:
+            old = told.get(path, known[path]).value
+            if not isinstance(old, tuple) or entry >= len(old):
+                raise DescriptionError(f"{place}: {path} has no entry {entry}")
+            whole = (*old[:entry], value, *old[entry + 1 :])
+        try:
+            read = reading_at(robot, path)(whole.tolist() if isinstance(whole, np.ndarray) else whole)
+        except ValueError as error:
+            raise DescriptionError(f"{place}: {error}") from None
+        told[path] = Quantity(**{"source": source, **(read if isinstance(read, dict) else dict(read))})
+    fields = {name: _with(getattr(robot, name), told, name) for name in ("gravity_m_s2", "supply")}
+    lists = {
+        name: tuple(_with(item, told, item.name) for item in getattr(robot, name))
+        for name in ("joints", "links", "frames")
+    }
+    return replaced(robot, "with_values", **fields, **lists)
+
+
+def _split(name: str, known: Mapping[str, Any]) -> tuple[str, int | None]:
+    """`link6.com_m[2]` is entry 2 of the numbers at `link6.com_m`."""
+    path, bracket, rest = name.rpartition("[")
+    if name not in known and bracket and rest.endswith("]") and rest[:-1].isdigit():
+        return path, int(rest[:-1])
+    return name, None
+
+
+def _with(value: Any, told: Mapping[str, Quantity], path: str) -> Any:
+    """A record or list with other quantities, checked from the inside out."""
+    if isinstance(value, Quantity):
+        return told.get(path, value)
+    if isinstance(value, tuple):
+        return tuple(_with(item, told, f"{path}[{k}]") for k, item in enumerate(value))
+    if not isinstance(value, Record) or not any(name.startswith(f"{path}.") for name in told):
+        return value
+    fields = {name: getattr(value, name) for name in type(value).model_fields}
+    new = {name: _with(item, told, f"{path}.{name}") for name, item in fields.items()}
+    changed = {name: item for name, item in new.items() if item is not fields[name]}
+    try:
+        return value.replace(**changed) if changed else value
+    except DescriptionError as error:
+        raise DescriptionError(f"with_values: {path}: {str(error).removeprefix('replace: ')}") from None

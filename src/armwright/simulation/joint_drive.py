@@ -1,0 +1,216 @@
+"""One joint of the plant: from its command and its states to what reaches the links, what changes and where power goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.actuators.brake import holding
+from armwright.actuators.cogging import cogging_energy, cogging_torque
+from armwright.actuators.drive import limited_joint
+from armwright.actuators.elasticity import transmitted
+from armwright.actuators.friction import joint_friction
+from armwright.actuators.gear import joint_transmission
+from armwright.actuators.lugre import bristle_friction, sliding
+from armwright.actuators.motor import check_command
+from armwright.actuators.stops import stopped
+from armwright.actuators.thermal import warmed, warming_rates
+from armwright.actuators.winding import Winding, driven_winding
+from armwright.model import Body, Model
+from armwright.scalar import Array, Scalar
+
+
+@dataclass(frozen=True, eq=False)
+class JointStates:
+    """What a joint's drive has of the state, None where it has it not."""
+
+    current: Scalar | None = None  # [A]
+    bristle: Scalar | None = None  # [rad | m]
+    brake: Scalar | None = None  # [rad | m]
+    winding_temperature: Scalar | None = None  # [°C]
+    housing_temperature: Scalar | None = None  # [°C]
+
+
+@dataclass(frozen=True, eq=False)
+class JointMotion:
+    """How one joint and its motor stand and move; motors as θ_motor / n, referred to their joint."""
+
+    q: Scalar  # of the joint [rad | m]
+    qd: Scalar  # [rad/s | m/s]
+    motor: Scalar
+    motor_speed: Scalar
+    link: Scalar  # where the motor would be behind a rigid gear: q, but for coupled motors
+    link_speed: Scalar
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenJoint:
+    """What a joint's drive does."""
+
+    tau: Scalar  # n Kt i [N m | N]
+    voltage: Scalar  # [V]
+    current: Scalar  # [A]
+    power: Scalar  # into the drive [W]
+    heat: Scalar | None  # in the winding [W]; None where its resistance is not known
+    gear: Scalar  # from the gear to the links, and to all joints that turn the motor [N m | N]
+    direct: Scalar  # to the joint itself: its friction, brake and stops [N m | N]
+    friction: Scalar  # of the joint itself [N m | N]
+    loss: Scalar  # in gear, friction, dampers, brake [W]
+    acceleration: Scalar | None  # of the motor behind an elastic gear [rad/s²]
+    change: dict[str, Scalar]  # d/dt of `JointStates`
+    rates: dict[str, Scalar]  # [1/s] their parts that are linear in themselves
+
+
+def driven_joint(
+    model: Model,
+    body: Body,
+    states: JointStates,
+    at: JointMotion,
+    u: Scalar,
+    volts: Scalar | None,
+    applied: Scalar | None,
+) -> DrivenJoint:
+    """All that one joint's drive does in a state.
+
+    Args:
+        model, body: the arm and the joint.   states: of its drive.   at: where it is.   u: its command.
+        volts: of the bus [V]; None: the supply never sags.   applied: 1 where its brake is applied; None: it has none.
+    """
+    change: dict[str, Scalar] = {}
+    rates: dict[str, Scalar] = {}
+    winding, heat = _winding(model, body, states, at.motor_speed, u, volts)
+    if winding.change is not None:
+        change["current"], rates["current"] = winding.change, winding.rate
+    torque = winding.torque
+    if body.drive.cogging is not None:
+        ratio = body.drive.gear_ratio
+        torque = torque + ratio * cogging_torque(body.drive.cogging, ratio * at.motor)
+    driven = joint_transmission(body.drive, at.motor_speed, torque) * torque
+    loss = 0.0 if body.drive.efficiency is None else (torque - driven) * at.motor_speed
+    warming = _warming(body, states, heat, change)
+    spring = None
+    if body.elasticity is not None:
+        spring = transmitted(body.elasticity, body.drive.gear_ratio, at.motor, at.motor_speed, at.link, at.link_speed)
+        loss = loss + spring.loss
+    before, behind, rubbed = _friction(
+        body, states, at, driven if spring is None else spring.torque, warming, change, rates
+    )
+    own, loss = behind, loss + rubbed
+    if applied is not None:
+        assert body.brake is not None
+        speed = at.motor_speed if body.brake.on_motor else at.qd
+        held = holding(body.brake, speed, states.brake, applied)
+        change["brake"], rates["brake"], loss = held.speed, held.rate, loss + held.torque * speed
+        if body.brake.on_motor:
+            before = before + held.torque
+        else:
+            behind = behind + held.torque
+    direct = -behind
+    if body.stops is not None:
+        stop = stopped(body.stops, *body.limits.position, at.q, at.qd)
+        direct, loss = direct + stop.torque, loss + stop.loss
+    acceleration, gear = None, driven - before
+    if spring is not None:
+        gear = spring.torque
+        referred = (driven - before - spring.slope * spring.torque) / body.drive.reflected
+        acceleration = body.drive.gear_ratio * referred
+    return DrivenJoint(
+        winding.torque, winding.voltage, winding.current, winding.power, heat, gear, direct, own, loss, acceleration,
+        change, rates,
+    )  # fmt: skip
+
+
+def _winding(
+    model: Model, body: Body, states: JointStates, speed: Scalar, u: Scalar, volts: Scalar | None
+) -> tuple[Winding, Scalar | None]:
+    """What the command makes of the motor, and the heat of its winding."""
+    check_command(model, body)
+    drive, supply = body.drive, body.limits.voltage
+    if volts is not None:
+        supply = scalar.minimum(supply, volts) if scalar.is_symbolic(supply) or supply < np.inf else volts
+    known = drive.torque_constant is not None and drive.resistance is not None
+    if known and (drive.thermal is not None or drive.coasts or drive.inductance is not None or volts is not None):
+        now = drive
+        if states.winding_temperature is not None:
+            now = warmed(drive, states.winding_temperature, states.housing_temperature)
+        winding = driven_winding(body, now, speed, u, supply, states.current)
+        return winding, winding.heat
+    torque, voltage, current = limited_joint(model, body, speed, u)
+    if known:
+        heat = drive.resistance * current * current
+        return Winding(torque, voltage, current, heat, voltage * current), heat
+    return Winding(torque, voltage, current, 0.0, torque * speed), None
+
+
+def _warming(body: Body, states: JointStates, heat: Scalar | None, change: dict[str, Scalar]) -> Scalar | None:
+    """Puts down how the motor's temperatures change; by how much it is warmer than its reference [K]."""
+    thermal, winding, housing = body.drive.thermal, states.winding_temperature, states.housing_temperature
+    if thermal is None:
+        return None
+    assert winding is not None
+    change["winding_temperature"], rate = warming_rates(thermal, heat, winding, housing)
+    if housing is not None:
+        change["housing_temperature"] = rate
+    return (winding if housing is None else housing) - thermal.reference
+
+
+def _friction(
+    body: Body, states: JointStates, at: JointMotion, load: Scalar, warming: Scalar | None,
+    change: dict[str, Scalar], rates: dict[str, Scalar],
+) -> tuple[Scalar, Scalar, Scalar]:  # fmt: skip
+    """Friction torque before the gear's spring and behind it [N m | N], and its power [W]."""
+    friction = body.friction
+    if friction is None:
+        return 0.0, 0.0, 0.0
+    speed = at.motor_speed if friction.on_motor else at.qd
+    if friction.bristle is None:
+        torque = joint_friction(friction, speed, load, warming)
+    else:
+        bent = bristle_friction(friction, speed, states.bristle, load, warming)
+        torque, change["bristle"], rates["bristle"] = bent.torque, bent.speed, bent.rate
+    return (torque, 0.0, torque * speed) if friction.on_motor else (0.0, torque, torque * speed)
+
+
+def stored(body: Body, states: JointStates, at: JointMotion) -> Scalar:
+    """Energy [J] in the joint's drive: the rotor's motion, field, springs of gear and stops, magnets."""
+    drive = body.drive
+    total = 0.5 * drive.reflected * at.motor_speed * at.motor_speed
+    if states.current is not None:
+        assert drive.inductance is not None
+        total = total + 0.5 * drive.inductance * states.current * states.current
+    if drive.cogging is not None:
+        total = total + cogging_energy(drive.cogging, drive.gear_ratio * at.motor)
+    if body.elasticity is not None:
+        spring = transmitted(body.elasticity, drive.gear_ratio, at.motor, at.motor_speed, at.link, at.link_speed)
+        total = total + spring.energy
+    if body.stops is not None:
+        total = total + stopped(body.stops, *body.limits.position, at.q, at.qd).energy
+    return total
+
+
+def at_rest(model: Model, q: Array, qd: Array, motor: Array, motor_speed: Array) -> dict[str, Any]:
+    """For every part of a plant's state the values to begin with, one a joint; all arguments (n, …), `motor` as θ_motor / n."""
+    ratios = [body.drive.gear_ratio for body in model.coordinates]
+
+    def bent(i: int, body: Body) -> Array:
+        if body.friction is None or body.friction.bristle is None:
+            return 0.0
+        return sliding(body.friction, motor_speed[i] if body.friction.on_motor else qd[i])
+
+    ambient = [0.0 if body.drive.thermal is None else body.drive.thermal.ambient for body in model.coordinates]
+    nothing = [0.0] * model.n
+    return {
+        "q": q,
+        "qd": qd,
+        "motor_q": [n * value for n, value in zip(ratios, motor, strict=True)],
+        "motor_qd": [n * value for n, value in zip(ratios, motor_speed, strict=True)],
+        "current": nothing,
+        "bristle": [bent(i, body) for i, body in enumerate(model.coordinates)],
+        "brake": nothing,
+        "winding_temperature": ambient,
+        "housing_temperature": ambient,
+        "bus_voltage": [0.0 if model.supply is None else model.supply.voltage],
+    }

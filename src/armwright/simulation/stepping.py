@@ -1,0 +1,227 @@
+"""The stage that moves a plant in steps which each lane chooses for itself, and what its lanes begin and end with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armwright.errors import DivergenceError, ScenarioError
+from armwright.kernels.loop import Lanes
+from armwright.kernels.stages import NEXT, Adapt
+from armwright.program import call, interpret, trace
+from armwright.scalar import Array
+from armwright.simulation.dormand_prince import trial_step
+from armwright.simulation.events import EventFunction, Parts, event_programs, event_values
+from armwright.simulation.integrators import TOLERANCES, Pairs
+
+if TYPE_CHECKING:
+    import xarray
+
+MOST_STEPS = 1000  # trials in one tick, if nothing else is said
+
+
+@dataclass(frozen=True)
+class Adaptivity:
+    """How a rule chooses its steps.
+
+    Attributes:
+        rtol, atol: each entry of the state may be wrong by atol + rtol |x| in a step, in its own unit.
+        most: trials in one tick, a lane that needs more is frozen; 0: of CVODES, which takes what it needs.
+        events: by name, what to land on.
+    """
+
+    rtol: float
+    atol: float
+    most: int
+    events: tuple[tuple[str, EventFunction], ...] = ()
+
+    @classmethod
+    def of(
+        cls, integrator: str, substeps: int, rtol: Any, atol: Any, most_steps: Any, events: Mapping[str, EventFunction]
+    ) -> Adaptivity | None:
+        """What a scenario says about it; None where the integrator's step is fixed.
+
+        Raises:
+            ScenarioError: names the field, its value and what was expected.
+        """
+        chooses, lands = integrator in TOLERANCES, integrator == "rk45"
+        for name, value in (("rtol", rtol), ("atol", atol)):
+            if value is not None and not chooses:
+                raise ScenarioError(f"{name} goes with integrator = 'rk45' or 'cvodes', not {integrator!r}")
+            if value is not None and not (_is_number(value) and 0.0 < value < 1.0):
+                raise ScenarioError(f"{name} = {value!r}: expected a tolerance above 0 and below 1")
+        if most_steps is not None and not lands:
+            raise ScenarioError(f"most_steps goes with integrator = 'rk45', not {integrator!r}")
+        if most_steps is not None and not (
+            isinstance(most_steps, Integral) and _is_number(most_steps) and int(most_steps) > 0
+        ):
+            raise ScenarioError(f"most_steps = {most_steps!r}: expected a whole number, 1 or more")
+        if not isinstance(events, Mapping) or not all(callable(each) for each in events.values()):
+            raise ScenarioError(f"events = {events!r}: expected functions (t, x) by name")
+        if events and not lands:
+            raise ScenarioError(f"events go with integrator = 'rk45', not {integrator!r}")
+        if chooses and substeps != 1:
+            raise ScenarioError(f"substeps = {substeps!r}: {integrator} chooses its own; expected 1")
+        if not chooses:
+            return None
+        relative, absolute = TOLERANCES[integrator]
+        return cls(
+            relative if rtol is None else float(rtol),
+            absolute if atol is None else float(atol),
+            0 if not lands else MOST_STEPS if most_steps is None else int(most_steps),
+            tuple(events.items()),
+        )
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def speed_pairs(parts: Mapping[str, slice]) -> Pairs:
+    """Places of positions and their speeds in a state: of parts whose names differ by a d, as "q" and "qd"."""
+    return [
+        (position, speed)
+        for name, place in parts.items()
+        if f"{name}d" in parts
+        for position, speed in zip(
+            range(place.start, place.stop), range(parts[f"{name}d"].start, parts[f"{name}d"].stop), strict=True
+        )
+    ]
+
+
+def state_parts(plant: Any) -> Parts:
+    """The parts of a plant's state by name."""
+    places = {part.name: part.place for part in plant.parts}
+    return lambda x: {name: x[place] for name, place in places.items()}
+
+
+def adaptive_stage(
+    derivative: Callable[..., Array],
+    shapes: Mapping[str, tuple[int, ...]],
+    adaptivity: Adaptivity,
+    parts: Parts,
+    planned: int = 0,
+    seen: bool = False,
+) -> Adapt:
+    """One tick of a plant by Dormand and Prince's rule.
+
+    Args:
+        derivative: (x, u, …) → dx/dt.   shapes: of its arguments by name, "x" and "u" first.
+        adaptivity: tolerances and events.   parts: x → its parts by name, for events.   planned, seen: as in `Integrate`.
+    """
+    whole = trace("plant", derivative, shapes, ("xd",), noinline=True)
+    watched = dict(adaptivity.events)
+
+    def trial(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
+        *more, h = rest
+        new, error, grow, path = trial_step(
+            lambda x, u: call(whole, x, u, *more), x, u, h, adaptivity.rtol, adaptivity.atol
+        )
+        return (new, error, grow, path) if watched else (new, error, grow)
+
+    names = (f"x{NEXT}", "error", "grow", *(("path",) if watched else ()))
+    program = trace("trial", trial, {**shapes, "h": ()}, names)
+    watching = event_programs(watched, parts, shapes["x"][0]) if watched else {}
+    return Adapt(program, adaptivity.most, planned, seen, **watching)
+
+
+def begin_adaptive(lanes: Lanes, adaptivity: Adaptivity, parts: Parts, x0: np.ndarray) -> None:
+    """Fills the blocks that `adaptive_stage` adds, for lanes that begin in x0 (lanes, nx) at t = 0."""
+    if adaptivity.events:
+        watched = dict(adaptivity.events)
+        g = trace("sides", lambda x: event_values(watched, parts, 0.0, x), {"x": x0.shape[1:]}, ("g",))
+        lanes.set("side", np.sign(np.asarray(interpret(g, x0)).reshape(len(x0), -1)))
+        lanes.set("event_first", np.full(len(watched), np.nan))
+
+
+@dataclass(frozen=True, eq=False)
+class Account:
+    """What the lanes of a run tell at its end: (lanes, …) each.
+
+    Attributes:
+        frozen: tick in which a lane stopped, -1: none.   stalled: whether for want of steps.   trials: steps tried.
+        first, count: (lanes, E) of events: the first time [s], NaN: none, and how often.
+    """
+
+    frozen: np.ndarray
+    stalled: np.ndarray
+    trials: np.ndarray
+    first: np.ndarray
+    count: np.ndarray
+
+    @classmethod
+    def of(cls, lanes: int, events: int) -> Account:
+        """Of nothing that happened."""
+        return cls(
+            np.full(lanes, -1.0),
+            np.zeros(lanes, dtype=bool),
+            np.zeros(lanes),
+            np.full((lanes, events), np.nan),
+            np.zeros((lanes, events), dtype=int),
+        )
+
+    def read(self, lanes: Lanes) -> None:
+        """Takes over what a group of lanes tells."""
+        group = slice(lanes.first, lanes.first + lanes.count)
+        for name, values in (("frozen", self.frozen), ("stalled", self.stalled), ("trials", self.trials)):
+            if name in lanes.blocks:
+                values[group] = lanes.get(name)[:, 0]
+        if "event_first" in lanes.blocks:
+            self.first[group] = lanes.get("event_first")
+            self.count[group] = lanes.get("event_count")
+
+    def of_lanes(self, lanes: np.ndarray) -> Account:
+        """What some of the lanes tell."""
+        every = (self.frozen, self.stalled, self.trials, self.first, self.count)
+        return self if len(lanes) == len(self.frozen) else Account(*(values[lanes] for values in every))
+
+    def check(self, name: str, tick: float, told: str = "") -> None:
+        """Refuses to hand out a single run that stopped.
+
+        Raises:
+            DivergenceError: says when and why.
+        """
+        if self.frozen[0] < 0:
+            return
+        when = f"t = {self.frozen[0] * tick:g} s"
+        more = f"; {told}" if told else ""
+        if self.stalled[0]:
+            raise DivergenceError(
+                f"{name}: the integrator ran out of steps in the tick at {when}{more}; "
+                "expected looser tolerances, more most_steps, or integrator = 'cvodes'"
+            )
+        raise DivergenceError(f"{name}: the simulation left the finite numbers at {when}{more}")
+
+    def tell(self, run: xarray.Dataset, tick: float, adaptivity: Adaptivity | None, single: bool) -> None:
+        """Adds to a run: when lanes left the finite numbers or stalled, steps tried, events."""
+
+        def put(name: str, dims: tuple[str, ...], values: np.ndarray, unit: str, about: str) -> None:
+            attrs: dict[str, Any] = {"units": unit, "long_name": about}
+            run[name] = (dims, values[0], attrs) if single else (("lane", *dims), values, attrs)
+
+        stopped = np.where(self.frozen < 0, np.nan, self.frozen * tick)
+        if not single:
+            diverged = np.where(self.stalled, np.nan, stopped)
+            put("diverged_at", (), diverged, "s", "time at which the lane left the finite numbers")
+        if adaptivity is None:
+            return
+        run.attrs |= {"rtol": adaptivity.rtol, "atol": adaptivity.atol}
+        if not adaptivity.most:
+            return
+        if not single:
+            put(
+                "stalled_at",
+                (),
+                np.where(self.stalled, stopped, np.nan),
+                "s",
+                "time at which the lane ran out of steps",
+            )
+        put("steps_tried", (), self.trials, "1", "steps that the integrator tried")
+        if adaptivity.events:
+            run.coords["event"] = ("event", [name for name, _ in adaptivity.events])
+            put("event_time", ("event",), self.first, "s", "first time of the event")
+            put("event_count", ("event",), self.count, "1", "how often the event happened")

@@ -1,0 +1,44 @@
+"""A motion to and fro."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.scalar import Array, Scalar
+from armwright.trajectory.poses import check_alike, check_number, pose
+
+
+@dataclass(frozen=True, eq=False)
+class Sine:
+    """q(t) = centre + amplitude sin(2π f t + phase).
+
+    Args:
+        centre, amplitude: (n,) [rad | m].   frequency_hz: f.   phase: [rad].
+    Raises:
+        ScenarioError: names the field, its value and what was expected.
+    """
+
+    centre: Any
+    amplitude: Any
+    frequency_hz: float
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_alike("Sine", centre=self.centre, amplitude=self.amplitude)
+        check_number("Sine", "frequency_hz", self.frequency_hz, above=0.0)
+        check_number("Sine", "phase", self.phase)
+
+    def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:
+        """q (n,) [rad | m], q̇ and q̈ at t [s]."""
+        centre, amplitude = pose("Sine", "centre", self.centre), pose("Sine", "amplitude", self.amplitude)
+        w = 2.0 * np.pi * self.frequency_hz
+        s, c = scalar.sin(w * t + self.phase), scalar.cos(w * t + self.phase)
+        return (
+            scalar.array(centre + s * amplitude),
+            scalar.array(w * c * amplitude),
+            scalar.array(-w * w * s * amplitude),
+        )

@@ -1,0 +1,40 @@
+"""A jump from one pose to another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.scalar import Array, Scalar
+from armwright.trajectory.poses import check_alike, check_number, pose
+
+ROUNDING = 1e-12  # of a time: a tick this near the jump is on it
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """q(t) = start before `time`, goal from then on; speed and acceleration 0.
+
+    Args:
+        start, goal: (n,) [rad | m].   time: [s].
+    Raises:
+        ScenarioError: names the field, its value and what was expected.
+    """
+
+    start: Any
+    goal: Any
+    time: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_alike("Step", start=self.start, goal=self.goal)
+        check_number("Step", "time", self.time)
+
+    def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:
+        """q (n,) [rad | m], q̇ and q̈ at t [s]."""
+        start, goal = pose("Step", "start", self.start), pose("Step", "goal", self.goal)
+        jumped = scalar.less_equal(self.time, t * (1.0 + ROUNDING))
+        still = np.zeros(len(start))
+        return scalar.array([scalar.where(jumped, b, a) for a, b in zip(start, goal, strict=True)]), still, still

@@ -1,0 +1,67 @@
+"""`armwright converge`: a table of steps and what is recommended; what cannot be tried is refused in one line."""
+
+from __future__ import annotations
+
+import pytest
+from typer.testing import CliRunner
+
+from armwright.cli.app import app
+
+SCENARIO = """
+robot = "two-link"
+duration_s = 0.04
+sample_period_s = 2e-3
+[drive]
+command = [90.0, 20.0]
+[initial]
+q = 0.4
+"""
+
+
+def asked(*arguments: str):
+    return CliRunner().invoke(app, ["converge", *arguments])
+
+
+def test_steps_and_recommendations_are_shown():
+    result = asked("two-link", "--command", "90,20", "--duration", "0.04", "--steps", "3", "--accuracy", "0.1,1e-30")
+    assert result.exit_code == 0
+    assert "two-link: rk3 (order 3) against CVODES" in result.output
+    assert "for an accuracy of 0.1: a step of 4 ms" in result.output
+    assert "for an accuracy of 1e-30: no step that was tried" in result.output
+
+
+def test_a_scenario_file_says_all_of_it(tmp_path):
+    path = tmp_path / "push.scenario.toml"
+    path.write_text(SCENARIO.replace("sample_period_s", 'integrator = "rk45"\nrtol = 1e-4\nsample_period_s'))
+    result = asked(str(path), "--steps", "3", "--integrator", "rk4", "--accuracy", "1e-3")
+    assert result.exit_code == 0, result.stderr
+    assert "two-link: rk4 (order 4) against CVODES" in result.output
+    assert "for an accuracy of 0.001: a step of" in result.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["two-link", "--duration", "1"], "no command given; expected one of --schedule FILE and --torque"),
+        (
+            ["two-link", "--torque", "0", "--duration", "1", "--accuracy", "1e-3,x"],
+            "--accuracy 1e-3,x: expected numbers",
+        ),
+        (["two-link", "--torque", "0", "--duration", "1", "--integrator", "rk45"], "'rk45' chooses its own steps"),
+        (["two-link", "--torque", "0", "--duration", "1", "--steps", "0"], "steps = 0: expected a whole number"),
+        (["x.scenario.toml", "--duration", "1"], "--duration, but a scenario file says all of it"),
+    ],
+)
+def test_what_cannot_be_tried_is_refused_in_one_line(arguments, said):
+    result = asked(*arguments)
+    assert result.exit_code == 2
+    assert said in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_simulate_takes_an_integrator():
+    """The end of a run by steps that lanes choose is the one that CVODES finds, to the digits that are shown."""
+    asked = ["simulate", "two-link", "--torque", "90,20", "--duration", "0.1", "--step", "0.05", "--integrator"]
+    ends = [CliRunner().invoke(app, [*asked, name]).output.partition("at the end")[2] for name in ("rk45", "cvodes")]
+    assert "shoulder" in ends[0]
+    assert ends[0] == ends[1]

@@ -1,0 +1,57 @@
+"""`armwright graphic`: a run as an arm that moves."""
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from cli.test_commands import run
+from pictures.gltf_rules import Gltf
+from pictures.playing import pose_of
+from simulation.runs import invented
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A run, and one of several lanes, in the folder that commands run in."""
+    monkeypatch.chdir(tmp_path)
+    arm = aw.load("two-link")
+    aw.save(invented(arm), "run.nc")
+    aw.save(invented(arm, lanes=3), "batch.nc")
+    return tmp_path
+
+
+def test_glb_is_what_the_function_writes(folder):
+    assert run("graphic", "run.nc", "--robot", "two-link", "-o", "run.glb").stdout == "wrote run.glb\n"
+    arm, recorded = aw.load("two-link"), aw.load_run("run.nc")
+    aw.write_graphic(recorded, arm, "same.glb")
+    assert (folder / "run.glb").read_bytes() == (folder / "same.glb").read_bytes()
+    gltf = Gltf((folder / "run.glb").read_bytes())
+    hand = pose_of(gltf, "run", f"tip {arm.tip}", 2.0)
+    expected = aw.forward_kinematics(arm, recorded["q"].values[-1])[:3, 3]
+    assert np.abs(hand[[0, 2, 1], 3] * [1, -1, 1] - expected).max() < 1e-5
+
+
+def test_a_lane_as_a_page(folder):
+    run("graphic", "batch.nc", "--robot", "two-link", "--lane", "2", "-o", "lane.html")
+    text = (folder / "lane.html").read_text(encoding="utf-8")
+    assert text.startswith("<!DOCTYPE html>")
+    assert "lane 2" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("run.nc", "--robot", "panda", "-o", "x.glb"), "the run of two-link has joints shoulder, elbow; expected"),
+        (("batch.nc", "--robot", "two-link", "-o", "x.glb"), "the run has 3 lanes; expected lane = one of 0, 1, 2"),
+        (("run.nc", "--robot", "two-link", "-o", "x.gif"), "x.gif: the ending '.gif' is not offered; expected .glb or .html"),
+        (("gone.nc", "--robot", "two-link", "-o", "x.glb"), "gone.nc: no such file"),
+        (("run.nc", "--robot", "two-lnk", "-o", "x.glb"), "did you mean two-link?"),
+        (("run.nc", "--robot", "two-link"), "Missing option '--output'"),
+        (("run.nc", "-o", "x.glb"), "Missing option '--robot'"),
+    ],
+)
+def test_refused(folder, arguments, words):
+    told = run("graphic", *arguments, code=2)
+    assert words in told.stderr
+    assert told.stderr.count("\n") == 1
+    assert sorted(entry.name for entry in folder.iterdir()) == ["batch.nc", "run.nc"]

@@ -1,0 +1,144 @@
+"""Effects of drives in a robot file: read, written again, and refused with joint and key where they do not go together."""
+
+from __future__ import annotations
+
+import tomllib
+
+import pytest
+
+import armwright as aw
+from armwright.description.database import parse
+from armwright.description.writer import to_toml
+from armwright.errors import DescriptionError, ModelError
+from armwright.model import build_model
+
+MOTOR = {
+    "gear_ratio": 50.0,
+    "rotor_inertia_kg_m2": 2e-4,
+    "torque_constant_n_m_per_a": 0.06,
+    "resistance_ohm": 1.2,
+}
+COULOMB = {"coulomb_positive_n_m": 2.0, "coulomb_negative_n_m": 2.0, "smoothing_rad_per_s": 0.05}
+SPRING = {"stiffness_n_m_per_rad": 4e3, "damping_n_m_s_per_rad": 6.0}
+SUPPLY = {"voltage_v": 48.0, "source_resistance_ohm": 0.4, "capacitance_f": 5e-3}
+THERMAL = {
+    "ambient_c": 25.0,
+    "reference_c": 20.0,
+    "winding_capacity_j_per_k": 8.0,
+    "winding_resistance_k_per_w": 1.5,
+}
+BRAKE = {**SPRING, "holding_torque_n_m": 30.0, "release_time_s": 0.02}
+
+
+def record(robot=None, **joint):
+    frame = {"frame": {"xyz_m": [0, 0, 0], "rpy_rad": [0, 0, 0]}, "axis": [0, 1, 0]}
+    own = {"name": "hinge", "type": "revolute", "parent": "base", "child": "rod", "command": "voltage", "motor": MOTOR}
+    tensor = {"xx": 0.1, "xy": 0, "xz": 0, "yy": 0.1, "yz": 0, "zz": 0.1}
+    link = {"name": "rod", "mass_kg": 1.0, "com_m": [0.3, 0, 0], "inertia_kg_m2": tensor}
+    return {
+        "name": "one",
+        "source": "definition",
+        "joints": [{**own, **frame, **joint}],
+        "links": [link],
+        **(robot or {}),
+    }
+
+
+def test_everything_at_once_is_read_and_written():
+    lugre = {"law": "lugre", "bristle_stiffness_n_m_per_rad": 2e3, "bristle_damping_n_m_s_per_rad": 5.0}
+    given = record(
+        {"supply": {**SUPPLY, "chopper_voltage_v": 52.0, "chopper_band_v": 2.0, "chopper_resistance_ohm": 5.0}},
+        motor={
+            **MOTOR,
+            "inductance_h": 1e-3,
+            "thermal": THERMAL,
+            "cogging": {"amplitude_n_m": 0.01, "periods": 7, "phase_rad": 0.3},
+        },
+        friction={**COULOMB, **lugre, "viscous_n_m_s_per_rad": 0.8, "viscous_fall_k": 30.0, "load_share": 0.1},
+        elasticity={**SPRING, "backlash_rad": 1e-3, "error_rad": 1e-4, "error_phase_rad": 0.0},
+        stops=SPRING,
+        limits={"position_rad": [-1, 1]},
+        brake={**BRAKE, "side": "motor"},
+    )
+    description = parse(given, "one")
+    assert parse(tomllib.loads(to_toml(description)), "one") == description
+    (body,) = build_model(description).bodies
+    assert body.friction is not None
+    assert body.elasticity is not None
+    assert body.brake is not None
+    assert body.friction.bristle == (2e3, 5.0)
+    assert body.elasticity.error == (1e-4, 0.0)
+    assert (body.brake.holding, body.brake.stiffness) == (30.0 * 50.0, pytest.approx(4e3 * 2500.0))
+    assert description.provenance("hinge.motor.thermal.ambient_c").kind == "definition"
+
+
+REFUSED = [
+    ({"stops": SPRING}, "stops need limits.position_rad"),
+    ({"elasticity": SPRING, "motor": {**MOTOR, "rotor_inertia_kg_m2": 0}}, "needs motor.rotor_inertia_kg_m2 above 0"),
+    (
+        {"elasticity": {**SPRING, "backlash_rad": 0.1, "cubic_n_m_per_rad3": 1.0}},
+        "not both: a stiffening gear has no play",
+    ),
+    ({"elasticity": {**SPRING, "error_rad": 0.1}}, "expected error_rad and error_phase_rad together"),
+    ({"elasticity": {**SPRING, "backlsh_rad": 0.1}}, "unknown key; did you mean backlash_rad"),
+    ({"friction": {**COULOMB, "law": "lugre"}}, 'law = "lugre" needs bristle_stiffness_n_m_per_rad'),
+    ({"friction": {**COULOMB, "bristle_damping_n_m_s_per_rad": 1.0}}, 'needs law = "lugre"'),
+    ({"friction": {"viscous_n_m_s_per_rad": 1.0, "load_share": 0.1}}, "load_share needs coulomb_positive_n_m"),
+    ({"friction": {"viscous_n_m_s_per_rad": 1.0, "viscous_fall_k": 9.0}}, "viscous_fall_k needs motor.thermal"),
+    ({"friction": {**COULOMB, "viscous_fall_k": 9.0}}, "viscous_fall_k needs viscous friction"),
+    ({"motor": {**MOTOR, "current_loop_hz": 100.0}}, "current_loop_hz needs inductance_h"),
+    ({"motor": {**MOTOR, "inductance_h": 1e-3, "current_loop_hz": 100.0}}, 'goes with command = "current" or "torque"'),
+    ({"motor": {**MOTOR, "pwm": "coast"}}, "needs limits.voltage_v or"),
+    ({"motor": {**MOTOR, "pwm": "coast"}, "command": "current"}, 'goes with command = "voltage"'),
+    ({"motor": {**MOTOR, "pwm": "coast", "inductance_h": 1e-3}}, "goes without inductance_h"),
+    ({"motor": {**MOTOR, "coupling": [{"joint": "hing", "ratio": 1}]}}, "did you mean hinge"),
+    ({"motor": {**MOTOR, "coupling": [{"joint": "hinge", "ratio": 1}]}}, "names the joint itself"),
+    ({"motor": {**MOTOR, "thermal": {**THERMAL, "housing_capacity_j_per_k": 1}}}, "needs housing_resistance_k_per_w"),
+    (
+        {"motor": {**MOTOR, "resistance_ohm": None, "thermal": THERMAL}, "command": "current"},
+        "thermal needs resistance_ohm",
+    ),
+    ({"brake": {**BRAKE, "side": "motor"}, "motor": None, "command": "torque"}, 'brake.side = "motor" needs'),
+]
+
+
+@pytest.mark.parametrize(("joint", "message"), REFUSED)
+def test_refusals(joint, message):
+    with pytest.raises(DescriptionError, match=message.replace("[", r"\[")) as raised:
+        parse(record(**joint), "one")
+    assert "hinge" in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_refusals_of_the_supply():
+    chopper = {**SUPPLY, "chopper_voltage_v": 40.0, "chopper_band_v": 2.0, "chopper_resistance_ohm": 5.0}
+    for supply, message in (
+        (chopper, "expected more than voltage_v"),
+        ({**SUPPLY, "chopper_band_v": 2.0}, "chopper_band_v needs chopper_voltage_v and chopper_resistance_ohm"),
+    ):
+        with pytest.raises(DescriptionError, match=message):
+            parse(record({"supply": supply}), "one")
+
+
+def test_a_bus_needs_direct_current_constants():
+    with pytest.raises(DescriptionError, match="basis = 'dc', not 'line_rms'"):
+        parse(record({"supply": SUPPLY}, motor={**MOTOR, "basis": "line_rms"}), "one")
+
+
+def test_kernels_refuse_coupled_motors():
+    """Their inertia lies between joints, and their speed is not a joint's."""
+    data = record()
+    first, link = data["joints"][0], data["links"][0]
+    second = {**first, "name": "second", "parent": "rod", "child": "tip"}
+    second["motor"] = {**MOTOR, "coupling": [{"joint": "hinge", "ratio": 10.0}]}
+    arm = build_model(parse({**data, "joints": [first, second], "links": [link, {**link, "name": "tip"}]}, "two"))
+    for function, arguments in (
+        (aw.mass_matrix, ([0, 0],)),
+        (aw.inverse_dynamics, ([0, 0], [0, 0], [0, 0])),
+        (aw.forward_dynamics, ([0, 0], [0, 0], [0, 0])),
+        (aw.motor_voltage, ([0, 0], [0, 0])),
+        (aw.forward_arm, ([0, 0], [0, 0], [0, 0])),
+    ):
+        with pytest.raises(ModelError, match="coupled motor"):
+            function(arm, *arguments)
+    assert len(aw.gravity_torques(arm, [0, 0])) == 2

@@ -1,0 +1,24 @@
+"""The example of the page on drives is a robot, with every state that the page speaks of."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+import armwright as aw
+from armwright.simulation.plant import Plant
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "drives.md"
+
+
+def test_the_example_is_a_robot_that_moves(tmp_path):
+    (text,) = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    (tmp_path / "pendulum.toml").write_text(text, encoding="utf-8")
+    plant = Plant.of(aw.load(tmp_path / "pendulum.toml"), brakes=True)
+    assert [part.name for part in plant.parts] == [
+        *("q", "qd", "motor_q", "motor_qd", "current", "bristle", "brake"),
+        *("winding_temperature", "housing_temperature", "bus_voltage"),
+    ]
+    assert np.isfinite(plant.derivative(plant.initial([0.1], [0.2]), np.array([12.0]))).all()

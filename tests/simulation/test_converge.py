@@ -1,0 +1,78 @@
+"""Steps tried against CVODES: the order that is seen, what is recommended, what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import ScenarioError
+from armwright.simulation.integrators import INTEGRATORS
+from physics.arms import arm
+
+START = {"q0": [0.4, 0.4], "qd0": [0.5, 0.5]}
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_the_order_of_the_rule_is_seen(name):
+    scenario = aw.Scenario(arm("two-link"), duration=0.064, step=4e-3, command=[90.0, 20.0], integrator=name, **START)
+    found = aw.converge(scenario, steps=4, accuracies=[1e-1, 1e-20])
+    assert [trial.step for trial in found.trials] == pytest.approx([16e-3, 8e-3, 4e-3, 2e-3])
+    assert abs(found.trials[-1].order - INTEGRATORS[name].order) < 0.3
+    assert [trial.evaluations for trial in found.trials] == pytest.approx(
+        [INTEGRATORS[name].stages / trial.step for trial in found.trials]
+    )
+    best = found.recommended[1e-1]
+    assert best is not None
+    assert best.error <= 1e-1
+    assert found.recommended[1e-20] is None
+
+
+def test_errors_are_those_of_the_runs():
+    scenario = aw.Scenario(arm("two-link"), duration=0.04, step=2e-3, command=[90.0, 20.0], **START)
+    trial = aw.converge(scenario, steps=3).trials[2]
+    assert trial.step == pytest.approx(2e-3)
+    run = aw.simulate(scenario)
+    exact = aw.simulate(aw.Scenario(arm("two-link"), duration=0.04, step=2e-3, command=[90.0, 20.0],
+                                    integrator="cvodes", **START))  # fmt: skip
+    rows = slice(None, None, 4)  # the times that the largest step has too
+    assert trial.error_qd == pytest.approx(np.abs(run.qd - exact.qd).values[rows].max(), rel=1e-4)
+
+
+def test_a_controller_keeps_its_period_and_substeps_are_tried():
+    scenario = aw.Scenario(
+        arm("two-link"), controller=lambda t, r, y: 100.0 * (r.q - y.q) - 10.0 * y.qd, reference=[0.5, 0.1],
+        sample_period=8e-3, duration=0.16, **START,
+    )  # fmt: skip
+    found = aw.converge(scenario, steps=4, accuracies=[1e-7])
+    assert [trial.substeps for trial in found.trials] == [1, 2, 4, 8]
+    assert abs(found.trials[-1].order - 3) < 0.3
+    best = found.recommended[1e-7]
+    assert best is not None
+    assert best.error <= 1e-7
+    larger = [trial for trial in found.trials if trial.step > best.step]
+    assert not larger or larger[-1].error > 1e-7
+
+
+def test_a_step_that_cannot_run_is_told():
+    scenario = aw.Scenario(
+        arm("cmu-dd"), duration=0.32, step=0.02, command=np.zeros(6), integrator="semi_implicit_euler"
+    )
+    first = aw.converge(scenario, steps=1).trials[0]
+    assert first.refused is not None
+    assert "too large for the arm's fastest time constant" in first.refused
+    assert first.error == np.inf
+
+
+@pytest.mark.parametrize(
+    ("fields", "more", "said"),
+    [
+        ({"integrator": "rk45"}, {}, "chooses its own steps; expected one of rk3, rk4"),
+        ({}, {"steps": 0}, "steps = 0: expected a whole number, 1 or more"),
+        ({}, {"accuracies": [-1.0]}, "accuracies: -1.0: expected numbers above 0"),
+    ],
+)
+def test_what_cannot_be_tried_is_refused(fields, more, said):
+    scenario = aw.Scenario(arm("two-link"), duration=0.1, command=[0.0, 0.0], **fields)
+    with pytest.raises(ScenarioError, match=said):
+        aw.converge(scenario, **more)

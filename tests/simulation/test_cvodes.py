@@ -1,0 +1,123 @@
+"""CVODES as the accurate reference: against SciPy, landing on every change, with the loop that all integrators share."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import armwright as aw
+from armwright.errors import DivergenceError, ScenarioError
+from armwright.simulation.plant import plant_derivative
+from armwright.simulation.timing import Timing
+from physics.arms import arm
+from simulation.test_simulator import motor_alone
+
+PERIOD = 4e-3
+START = {"q0": [0.4, 0.4], "qd0": [0.5, 0.5]}
+
+
+def scipy_states(model, x, changes, times):
+    """States at times under commands that change: (from, u) pairs in order."""
+    rows, edges = [], [*(t for t, _ in changes), np.inf]
+    for (begin, u), end in zip(changes, edges[1:], strict=True):
+        inside = [t for t in times if begin < t <= end]
+        last = min(end, times[-1])
+        solved = solve_ivp(
+            lambda t, x, u=u: plant_derivative(model, x, u), (begin, last), x, "DOP853", rtol=1e-13, atol=1e-14,
+            t_eval=[*inside, *([last] if last not in inside else [])],
+        )  # fmt: skip
+        rows += list(solved.y.T[: len(inside)])
+        x = solved.y[:, -1]
+        if end >= times[-1]:
+            return np.array(rows)
+    raise AssertionError
+
+
+def test_a_schedule_that_changes_between_ticks_is_solved_as_scipy_does():
+    model = arm("two-link")
+    commands = np.array([[90.0, 20.0], [10.0, -5.0], [60.0, 0.0], [0.0, 10.0]])
+    times = np.array([0.0, 0.0113, 0.0116, 0.05])
+    run = aw.simulate(
+        aw.Scenario(model, schedule=aw.Schedule(times, commands, tuple(model.names)), duration=0.1, step=2e-3,
+                    integrator="cvodes", **START)
+    )  # fmt: skip
+    changes = list(zip(times.tolist(), commands, strict=True))
+    exact = scipy_states(model, np.ravel([START["q0"], START["qd0"]]), changes, run.time.values[1:])
+    found = np.hstack([run.q.values, run.qd.values])[1:]
+    np.testing.assert_allclose(found, exact, rtol=1e-10, atol=1e-10)
+    assert (run.attrs["rtol"], run.attrs["atol"]) == (1e-12, 1e-13)
+    assert "steps_tried" not in run
+
+
+def pd(t, r, y):
+    """Torques that follow the reference."""
+    return 200.0 * (r.q - y.q) + 20.0 * (r.qd - y.qd)
+
+
+TIMINGS = {
+    "ideal": Timing(),
+    "one-tick": Timing("one-tick"),
+    "between ticks": Timing("one-tick", measurement_delay=0.75 * PERIOD, command_delay=1.25 * PERIOD),
+    "late and lossy": Timing(jitter=0.6 * PERIOD, command_loss=0.2, measurement_loss=0.2),
+}
+
+
+@pytest.mark.parametrize("timing", TIMINGS.values(), ids=TIMINGS)
+def test_a_controlled_arm_is_what_small_steps_come_to(timing):
+    """Same sensors, draws and changes: only the integration differs, and rk4's error is known to vanish."""
+    common = {"controller": pd, "reference": [0.6, 0.2], "sample_period": PERIOD, "duration": 20 * PERIOD}
+    common |= {"timing": timing, "seed": 3, **START, "vary": {"forearm.mass_kg": [8.0, 10.0, 15.0]}}
+    model = arm("two-link")
+    exact = aw.simulate(aw.Scenario(model, integrator="cvodes", **common))
+    stepped = aw.simulate(aw.Scenario(model, integrator="rk4", substeps=16, **common))
+    adaptive = aw.simulate(aw.Scenario(model, integrator="rk45", rtol=1e-12, atol=1e-12, **common))
+    for name, gain in {"q": 1, "qd": 1, "q_measured": 1, "u": 200, "u_issued": 200}.items():
+        for run in (stepped, adaptive):
+            np.testing.assert_allclose(run[name].values, exact[name].values, rtol=1e-9, atol=1e-9 * gain)
+
+
+def test_a_controller_in_python_runs_with_it():
+    def table(t, r, y):
+        return np.where(np.asarray(y.q, dtype=float) < 0.5, 1.0, -1.0)
+
+    common = {"controller": table, "sample_period": PERIOD, "duration": 10 * PERIOD, **START}
+    exact = aw.simulate(aw.Scenario(arm("two-link"), integrator="cvodes", **common))
+    stepped = aw.simulate(aw.Scenario(arm("two-link"), integrator="rk4", substeps=8, **common))
+    assert exact.attrs["controller"].startswith("called in Python")
+    np.testing.assert_allclose(exact.q.values, stepped.q.values, atol=1e-10)
+
+
+def test_lanes_are_those_of_single_runs():
+    commands = np.array([[90.0, 20.0], [0.0, 0.0]])
+    common = {"duration": 0.05, "step": 5e-3, "integrator": "cvodes", **START}
+    both = aw.simulate(aw.Scenario(arm("two-link"), command=commands, **common))
+    for lane in range(2):
+        one = aw.simulate(aw.Scenario(arm("two-link"), command=commands[lane], **common))
+        np.testing.assert_array_equal(both.q.values[lane], one.q.values)
+
+
+def test_fewer_rows_are_the_same_rows():
+    common = {"duration": 0.06, "step": 5e-3, "integrator": "cvodes", "command": [90.0, 20.0], **START}
+    full = aw.simulate(aw.Scenario(arm("two-link"), **common))
+    third = aw.simulate(aw.Scenario(arm("two-link"), **common, record_every=3))
+    ends = aw.simulate(aw.Scenario(arm("two-link"), **common, record_every=0))
+    np.testing.assert_array_equal(third.q.values, full.q.values[::3])
+    np.testing.assert_array_equal(ends.q.values, full.q.values[[0, -1]])
+
+
+def test_too_many_lanes_are_refused():
+    with pytest.raises(ScenarioError, match="1001 lanes; expected at most 1000, or integrator = 'rk45'"):
+        aw.simulate(aw.Scenario(arm("two-link"), duration=0.1, command=np.zeros((1001, 2)), integrator="cvodes"))
+
+
+def test_a_lane_that_has_no_solution_is_marked_and_the_others_go_on(capfd):
+    common = {"duration": 0.01, "integrator": "cvodes"}
+    run = aw.simulate(
+        aw.Scenario(motor_alone(), command=[[1.0], [1.0]], q0=[[1e308], [0.0]], qd0=[[1e308], [0.0]], **common)
+    )
+    assert run.diverged_at.values[0] == 0.0
+    assert np.isnan(run.diverged_at.values[1])
+    with pytest.raises(DivergenceError, match="left the finite numbers at t = 0 s"):
+        aw.simulate(aw.Scenario(motor_alone(), command=[1.0], q0=[1e308], qd0=[1e308], **common))
+    assert capfd.readouterr().err == ""

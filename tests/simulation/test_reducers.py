@@ -1,0 +1,163 @@
+"""Reducers equal the same numbers worked out from a recorded run; a hundred thousand lanes stay small."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import RunError, ScenarioError
+from armwright.simulation.reducers import REDUCERS
+from physics.arms import arm
+
+PERIOD = 2e-3
+ALL = [name for name in REDUCERS if name != "peak_temperature"]
+
+
+def scenario(**fields):
+    goal = np.array([0.5, 0.0, -0.2, 0.1, 0.2, 0.3])
+    q0 = np.random.default_rng(0).uniform(-0.2, 0.2, (19, 6))
+    law = aw.JointPID(kp=[400.0, 900, 300, 150, 30, 20], kd=[40.0, 60, 30, 8, 2, 1], gravity=True)
+    common = {"q0": q0, "reference": goal, "sample_period": PERIOD, "duration": 1.0, "controller": law}
+    return aw.Scenario(arm("cmu-dd"), **(common | fields))
+
+
+def recorded(run, band):
+    """What the reducers should come to, from the rows of a run (lane, row, joint)."""
+    q, r = run.q.values, run.q_reference.values
+    error, final, first = q - r, r[:, -1], q[:, 0]
+    step = np.abs(final - first)
+    applied, u = run.voltage.values, run.u.values
+    clipped = np.abs(applied - u) > 1e-9 * np.maximum(np.abs(applied), np.abs(u))
+    rows = np.arange(q.shape[1])[None, :, None]
+    outside = np.abs(q - final[:, None]) > band * step[:, None]
+    last = np.where(outside, rows, -1).max(axis=1)
+    return {
+        "rms_error": np.sqrt(np.mean(error**2, axis=1)),
+        "peak_error": np.abs(error).max(axis=1),
+        "peak_voltage": np.abs(run.voltage.values).max(axis=1),
+        "peak_current": np.abs(run.current.values).max(axis=1),
+        "peak_torque": np.abs(run.tau.values).max(axis=1),
+        "energy": PERIOD * (run.voltage.values * run.current.values)[:, :-1].sum(axis=1),
+        "saturation": clipped.mean(axis=1),
+        "settling_time": np.where(last < q.shape[1] - 1, (last + 1.0) * PERIOD, np.nan),
+        "overshoot": ((q - final[:, None]) * np.sign(final - first)[:, None]).max(axis=1).clip(0.0) / step,
+    }
+
+
+@pytest.mark.parametrize("band", [0.02, 0.1])
+def test_they_are_what_the_recorded_run_says(band):
+    settling = f"settling_time:band={band}" if band != 0.02 else "settling_time"
+    names = [settling if name == "settling_time" else name for name in ALL]
+    run = aw.simulate(scenario(reduce=names))
+    expected = recorded(run, band)
+    for name in names:
+        found = run[name].values
+        np.testing.assert_allclose(found, expected[name.partition(":")[0]], rtol=1e-12, atol=1e-12, err_msg=name)
+        assert run[name].dims == ("lane", "joint")
+    assert np.isfinite(run[settling].values).any()
+    assert (run.saturation.values > 0).any()
+    assert (run.overshoot.values > 0).any()
+
+
+def test_without_a_record_they_are_the_same():
+    whole = aw.simulate(scenario(reduce=ALL))
+    alone = aw.simulate(scenario(reduce=ALL, record="none"))
+    assert "time" not in alone.coords
+    assert set(alone.data_vars) == {*ALL, "diverged_at"}
+    for name in ALL:
+        np.testing.assert_array_equal(alone[name].values, whole[name].values)
+    single = aw.simulate(scenario(reduce=ALL, record="none", q0=scenario().q0[3]))
+    np.testing.assert_allclose(single.rms_error.values, whole.rms_error.values[3], rtol=1e-12)
+    assert single.rms_error.dims == ("joint",)
+    assert single.rms_error.attrs["units"] == "rad"
+
+
+def test_without_a_record_they_go_into_files(tmp_path):
+    from armwright.simulation.plot import plot
+
+    run = aw.simulate(scenario(reduce=["rms_error", "peak_voltage"], record="none", duration=0.1))
+    aw.save(run, tmp_path / "run.nc")
+    assert aw.load_run(tmp_path / "run.nc").rms_error.equals(run.rms_error)
+    aw.save(run, tmp_path / "run.csv")
+    header, *rows = (tmp_path / "run.csv").read_text().splitlines()
+    assert header.startswith("lane,rms_error_joint1 [rad],")
+    assert len(rows) == 19
+    with pytest.raises(RunError, match="no coordinate 'time'"):
+        plot(run, tmp_path / "run.png")
+
+
+def test_where_the_controller_runs_in_python_they_are_the_same():
+    def law(t, r, y):
+        return np.asarray(100.0 * (r.q - y.q) - 10.0 * y.qd, dtype=float)
+
+    traced = aw.simulate(
+        scenario(controller=lambda t, r, y: 100.0 * (r.q - y.q) - 10.0 * y.qd, reduce=ALL, duration=0.1)
+    )
+    called = aw.simulate(scenario(controller=law, reduce=ALL, record="none", duration=0.1))
+    assert called.attrs["controller"].startswith("called in Python")
+    for name in ALL:
+        np.testing.assert_allclose(called[name].values, traced[name].values, rtol=1e-9, atol=1e-12, err_msg=name)
+
+
+def test_a_lane_that_diverges_is_followed_until_then():
+    gains = np.array([[20.0], [2e8]])
+    law = aw.ComputedTorque(kp=gains, kd=gains)
+    run = aw.simulate(
+        aw.Scenario(
+            arm("two-link"), controller=law, reference=[0.5, 0.5], sample_period=1e-2, duration=2.0,
+            reduce=["rms_error", "peak_error", "settling_time"],
+        )
+    )  # fmt: skip
+    assert np.isnan(run.diverged_at.values[0])
+    assert np.isfinite(run.diverged_at.values[1])
+    rows = round(float(run.diverged_at.values[1]) / 1e-2) + 1
+    error = run.q.values[1, :rows] - 0.5
+    np.testing.assert_allclose(run.rms_error.values[1], np.sqrt(np.mean(error**2, axis=0)), rtol=1e-12)
+    assert np.isnan(run.settling_time.values[1]).all()
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"reduce": ["rms_eror"]}, "reduce: 'rms_eror': unknown; did you mean rms_error?"),
+        ({"reduce": "rms_error"}, "expected a list of names"),
+        ({"reduce": ["settling_time:band=2"]}, "expected a band between 0 and 1"),
+        ({"reduce": ["overshoot:band=0.1"]}, "unknown"),
+        ({"record": "none"}, "record = 'none' leaves nothing; expected reduce"),
+        ({"reduce": ["rms_error"], "controller": None, "reference": None, "command": np.zeros(6)}, "goes with a controller"),
+        ({"reduce": ["peak_temperature"]}, "tells no joint's winding temperature"),
+    ],
+)  # fmt: skip
+def test_reducers_that_do_not_fit_are_refused(fields, said):
+    with pytest.raises(ScenarioError, match=said):
+        aw.simulate(scenario(**fields))
+
+
+MANY = """
+import resource, sys
+import numpy as np
+import armwright as aw
+lanes = int(sys.argv[1])
+arm = aw.load("two-link")
+gains = np.linspace(50.0, 150.0, lanes)[:, None]
+law = aw.JointPID(kp=gains, kd=20.0, gravity=True)
+run = aw.simulate(aw.Scenario(arm, controller=law, reference=[0.3, 0.2], sample_period=2e-3, duration=0.02,
+                              timing=aw.Timing("one-tick"), record="none", reduce=["rms_error", "overshoot"]))
+assert run.rms_error.shape == (lanes, 2) and np.isfinite(run.rms_error.values).all()
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+def test_a_hundred_thousand_lanes_need_little_memory():
+    """Beside what a thousand need, no more than some arrays of a few numbers a lane."""
+    pytest.importorskip("resource")
+    few, many = (
+        int(subprocess.run([sys.executable, "-c", MANY, str(n)], check=True, capture_output=True, text=True).stdout)
+        for n in (1_000, 100_000)
+    )
+    unit = 1 if sys.platform == "darwin" else 1024
+    assert (many - few) * unit < 500 * 100_000  # bytes; one row of two joints alone would be 112 a lane

@@ -1,0 +1,77 @@
+"""A wrench on the tip: statics, the equation of motion, and rows that are landed on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright import scalar
+from armwright.errors import ScenarioError
+from armwright.simulation.scenario import WRENCH
+from physics.arms import arm
+
+PERIOD = 1e-3
+FORCE = np.array([3.0, -5.0, 0.0, 0.0, 0.0, 1.5])
+
+
+def zero(t, r, y):
+    return 0.0 * y.q
+
+
+def scenario(**fields):
+    common = {"sample_period": PERIOD, "duration": 0.2, "q0": [0.3, -0.5], "initial_command": np.zeros(2)}
+    return aw.Scenario(arm("two-link"), **({"controller": zero, "wrench": FORCE} | common | fields))
+
+
+def test_the_arm_accelerates_as_the_equation_of_motion_says():
+    model, run = arm("two-link"), aw.simulate(scenario())
+    for k in (0, 50, 200):
+        q, qd = run.q.values[k], run.qd.values[k]
+        expected = aw.forward_dynamics(model, q, qd, np.zeros(2), FORCE)
+        np.testing.assert_allclose(run.qdd.values[k], expected, rtol=1e-9)
+    slope = (run.qd.values[60] - run.qd.values[40]) / (20 * PERIOD)
+    np.testing.assert_allclose(slope, run.qdd.values[50], rtol=5e-3)
+
+
+def test_what_holds_the_wrench_keeps_the_arm_still():
+    model, q0 = arm("two-link"), np.array([0.3, -0.5])
+    holds = aw.gravity_torques(model, q0) - aw.jacobian(model, q0).T @ FORCE
+    run = aw.simulate(scenario(controller=lambda t, r, y: scalar.array(holds)))
+    np.testing.assert_allclose(run.q.values, np.broadcast_to(q0, run.q.shape), atol=1e-9)
+
+
+def test_rows_are_landed_on_inside_a_tick():
+    rows = aw.Schedule(np.array([0.0, 0.0503, 0.12]), np.array([np.zeros(6), FORCE, -FORCE]), WRENCH)
+    coarse = aw.simulate(scenario(wrench=rows, substeps=4))
+    fine = aw.simulate(scenario(wrench=rows, sample_period=1e-4, record_every=10))
+    np.testing.assert_allclose(coarse.q.values, fine.q.values, atol=1e-9)
+    np.testing.assert_allclose(coarse.qd.values, fine.qd.values, atol=1e-8)
+
+
+def test_lanes_and_python_and_reducers():
+    rows = np.stack([FORCE, 0.0 * FORCE, 2.0 * FORCE])
+    many = aw.simulate(scenario(wrench=rows, reduce=["peak_error"]))
+    called = aw.simulate(
+        scenario(wrench=rows, controller=lambda t, r, y: np.zeros(np.shape(np.asarray(y.q, dtype=float))))
+    )
+    assert called.attrs["controller"].startswith("called in Python")
+    np.testing.assert_allclose(called.q.values, many.q.values, atol=1e-12)
+    for lane in range(3):
+        one = aw.simulate(scenario(wrench=rows[lane], vary={"forearm.mass_kg": 4.0}))
+        np.testing.assert_allclose(many.q.values[lane], one.q.values, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"wrench": np.zeros(3)}, r"wrench has shape \(3,\), expected \(6,\) or \(lanes, 6\): fx, fy"),
+        ({"wrench": aw.Schedule(np.zeros(1), np.zeros((1, 2)), ("a", "b"))}, "the schedule has a, b; expected fx, fy"),
+        ({"integrator": "cvodes"}, "'cvodes' takes no wrench"),
+        ({"controller": None, "command": np.zeros(2), "initial_command": None}, "a wrench goes with a controller"),
+        ({"wrench": np.zeros((3, 6)), "q0": np.zeros((2, 2))}, "lanes do not fit together"),
+    ],
+)
+def test_wrenches_that_do_not_fit_are_refused(fields, said):
+    with pytest.raises(ScenarioError, match=said):
+        scenario(**fields)
