@@ -6,6 +6,7 @@ import ctypes
 import functools
 import itertools
 import math
+import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -150,6 +151,9 @@ class Kernel:
             results = [_empty(shape, self.dtype) for shape in shapes]
             return results, results
         wanted = list(out) if isinstance(out, tuple) else [out]
+        if len(wanted) != len(shapes):
+            names = ", ".join(port.name for port in self.program.outputs)
+            raise ShapeError(f"{self.program.name}: {len(wanted)} arrays in out, expected {len(shapes)}: {names}")
         for array, port, shape in zip(wanted, self.program.outputs, shapes, strict=True):
             if (
                 not isinstance(array, np.ndarray)
@@ -158,9 +162,11 @@ class Kernel:
                 or not array.flags.writeable
             ):
                 found = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
+                found += " and read-only" if isinstance(array, np.ndarray) and not array.flags.writeable else ""
                 raise ShapeError(
                     f"{self.program.name}: out for {port.name} is {found}, expected writeable {self.dtype} {shape}"
                 )
+        refuse_shared(self.program, wanted)
         usable = [a.flags.carray and not any(np.may_share_memory(a, block) for block in inputs) for a in wanted]
         return [a if fits else np.empty(a.shape, self.dtype) for a, fits in zip(wanted, usable, strict=True)], wanted
 
@@ -218,9 +224,27 @@ def _address(array: np.ndarray) -> int:
         return array.ctypes.data
 
 
+def refuse_shared(program: Program, outputs: list[np.ndarray]) -> None:
+    """Refuses outputs that share memory with each other.
+
+    Raises:
+        ShapeError: names the two.
+    """
+    for (i, a), (j, b) in itertools.combinations(enumerate(outputs), 2):
+        if np.may_share_memory(a, b) and np.shares_memory(a, b):
+            names = [program.outputs[k].name for k in (i, j)]
+            raise ShapeError(
+                f"{program.name}: out for {names[0]} and {names[1]} share memory; expected separate arrays"
+            )
+
+
 @functools.cache
 def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="armwright")
+
+
+if hasattr(os, "register_at_fork"):  # a forked child has none of its parent's threads
+    os.register_at_fork(after_in_child=_pool.cache_clear)
 
 
 def as_numbers(value: Any, place: str, name: str, dtype: np.dtype = DOUBLE.dtype) -> np.ndarray:

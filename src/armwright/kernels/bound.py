@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ShapeError
-from armwright.kernels.batch import Kernel
+from armwright.kernels.batch import Kernel, refuse_shared
 
 
 class Bound:
@@ -36,6 +36,14 @@ class Bound:
             for ports in (program.inputs, program.outputs)
         )
         arrays = [*self.inputs.values(), *self.outputs.values()]
+        refuse_shared(program, list(self.outputs.values()))
+        for name, output in self.outputs.items():
+            for other, source in self.inputs.items():
+                same = (
+                    output.ctypes.data == source.ctypes.data and output.nbytes == source.nbytes
+                )  # row for row: read first
+                if np.may_share_memory(output, source) and not same:
+                    raise ShapeError(f"{program.name}: {name} lies partly over {other}; expected separate arrays")
         count = int(np.prod(lead, dtype=np.int64))
         self._table = ctypes.addressof(
             table := (ctypes.c_int64 * (1 + len(arrays)))(count, *(a.ctypes.data for a in arrays))

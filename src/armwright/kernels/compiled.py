@@ -82,8 +82,7 @@ class CompiledArm:
             ShapeError: no kernel has that name.
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip, or has too many joints for it.
         """
-        if name not in SIGNATURES:
-            raise ShapeError(f"no kernel {name!r}; {nearest(str(name), SIGNATURES)}")
+        self._check_form(name, optional, options)
         key = (name, *optional, *sorted(options.items()))
         if key not in self._kernels:
             from armwright.kernels.batch import Kernel
@@ -93,6 +92,23 @@ class CompiledArm:
             self._kernels[key] = Kernel(program, self.target, check, self.format)
         return self._kernels[key]
 
+    @staticmethod
+    def _check_form(name: str, optional: tuple[str, ...], options: dict[str, Any]) -> None:
+        """Refuses a kernel, an optional input or an option that the table does not have."""
+        if not isinstance(name, str) or name not in SIGNATURES:
+            raise ShapeError(f"no kernel {name!r}; {nearest(str(name), SIGNATURES)}")
+        signature = SIGNATURES[name]
+        for what, given, known in (
+            ("optional input", optional, [argument.name for argument in signature.optional]),
+            ("option", options, list(signature.options)),
+        ):
+            for each in given:
+                if each not in known:
+                    raise ShapeError(f"{name}: no {what} {each!r}; {nearest(str(each), known)}")
+        for each, value in options.items():
+            if not isinstance(value, str):
+                raise ShapeError(f"{name}: {each} = {value!r}: expected a name")
+
     def bind(self, name: str, *optional: str, lead: tuple[int, ...] = (), options: Any = None, **arrays: Any) -> Any:
         """A kernel with its arrays fixed: a call of it costs little more than the computing, for control loops.
 
@@ -101,6 +117,7 @@ class CompiledArm:
             lead: leading axes of the arrays; () for one state.
             options: keyword arguments of the kernel, such as {"frame": "tool"}.
             arrays: by name, of `dyn.dtype` and contiguous, to use as inputs and outputs; the others are allocated.
+                Parameters that vary begin at the record's values.
         Returns:
             bound: `bound.inputs["q"][:] = q; tau = bound()`.
         Raises:
@@ -108,7 +125,15 @@ class CompiledArm:
         """
         from armwright.kernels.bound import Bound
 
-        return Bound(self.kernel(name, *optional, **(options or {})), tuple(lead), arrays)
+        wrong = not isinstance(lead, (tuple, list)) or not all(
+            isinstance(k, (int, np.integer)) and k >= 0 for k in lead
+        )
+        if wrong:
+            raise ShapeError(f"{name}: lead = {lead!r}: expected leading axes such as () or (100,)")
+        bound = Bound(self.kernel(name, *optional, **(options or {})), tuple(lead), arrays)
+        if self.varied is not None and PARAMETERS not in arrays:
+            bound.inputs[PARAMETERS][...] = self.varied.nominal
+        return bound
 
     def casadi(self, name: str, *optional: str, **options: Any) -> Any:
         """The kernel's traced function for CasADi, for optimal control: symbols in, symbols out, differentiable.
@@ -122,8 +147,7 @@ class CompiledArm:
             ShapeError: no kernel has that name.
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip, or has too many joints for it.
         """
-        if name not in SIGNATURES:
-            raise ShapeError(f"no kernel {name!r}; {nearest(str(name), SIGNATURES)}")
+        self._check_form(name, optional, options)
         return trace_kernel(self.arm, SIGNATURES[name], optional, varied=self.varied, **options).casadi()
 
 

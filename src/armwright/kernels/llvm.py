@@ -15,13 +15,14 @@ from armwright.errors import ModelError, nearest
 from armwright.kernels.format import DOUBLE, FORMATS, Format
 from armwright.kernels.llvm_machine import LlvmMachine, register_libm
 from armwright.kernels.machine import Value
-from armwright.kernels.tiles import load_tile, store_tile
+from armwright.kernels.tiles import load_tile, store_tile, store_tile_loop
 from armwright.kernels.walk import walk, walk_instructions
-from armwright.program import Program
+from armwright.program import Instruction, Program
 from armwright.program.cut import WHOLE, Piece, cut
 from armwright.program.fuse import optimised
 
 WIDTHS = {"x86-64-v4": 8, "x86-64-v3": 4, "x86-64-v2": 2, "x86-64": 2}  # doubles in a vector register
+WIDE = 256  # columns of an output that are stored in a loop rather than a line
 NEEDS = {"x86-64-v4": "avx512f", "x86-64-v3": "avx2", "x86-64-v2": "sse4.2", "x86-64": "sse2"}
 
 
@@ -60,7 +61,7 @@ def select_target(name: str | None = None, format: Format = DOUBLE) -> Target:
             features["prefer-256-bit"] = False  # or LLVM leaves half of every register empty
         return Target(binding.get_host_cpu_name(), binding.FeatureMap(features).flatten(), width).lanes_of(format)
     if name not in WIDTHS:
-        raise ModelError(f"target = {name!r}: unknown; {nearest(name, WIDTHS)}")
+        raise ModelError(f"target = {name!r}: unknown; {nearest(str(name), WIDTHS)}")
     if not features.get(NEEDS[name]):
         raise ModelError(f"target = {name!r}: this processor ({binding.get_host_cpu_name()}) has no {NEEDS[name]}")
     return Target(name, "-prefer-256-bit", WIDTHS[name]).lanes_of(format)
@@ -122,9 +123,17 @@ class Module:
         tile = f"{program.name}.tile"
         m = self.machine()
         inputs = [load_tile(m, f"%in{k}", port.size) for k, port in enumerate(program.inputs)]
-        outputs = self._computed(m, program, inputs)
-        for k, values in enumerate(outputs):
-            store_tile(m, f"%out{k}", values)
+        instructions = optimised(program.instructions)
+        if len(instructions) <= WHOLE:
+            for k, values in enumerate(walk(m, program, inputs, self.caller(m))):
+                store_tile(m, f"%out{k}", values)
+        else:
+            blocks = self._in_pieces(m, program, instructions, inputs)
+            for k, (block, port) in enumerate(zip(blocks, program.outputs, strict=True)):
+                if port.size <= WIDE or self.width == 1:
+                    store_tile(m, f"%out{k}", [_load_block(m, block, entry) for entry in range(port.size)])
+                else:
+                    m.lines.append(f"  call void @{self._store_function(port.size)}(ptr %out{k}, ptr {block})")
         self._define(tile, program, m)
         name = f"{program.name}.batch"
         self.functions[name] = _batch_loop(name, tile, program, self.width, self.format)
@@ -139,6 +148,16 @@ class Module:
         instructions = optimised(program.instructions)
         if len(instructions) <= WHOLE:
             return walk(m, program, inputs, self.caller(m))
+        blocks = self._in_pieces(m, program, instructions, inputs)
+        return [
+            [_load_block(m, pointer, entry) for entry in range(port.size)]
+            for pointer, port in zip(blocks, program.outputs, strict=True)
+        ]
+
+    def _in_pieces(
+        self, m: LlvmMachine, program: Program, instructions: list[Instruction], inputs: list[list[Value]]
+    ) -> list[str]:
+        """Calls of the pieces of a long program; comes back with the blocks in which its outputs wait."""
         ports = [[_alloca(m, port.size) for port in side] for side in (program.inputs, program.outputs)]
         for pointer, values in zip(ports[0], inputs, strict=True):
             for entry, value in enumerate(values):
@@ -150,10 +169,17 @@ class Module:
             if name not in self.functions:
                 self._add_piece(name, program, piece)
             m.lines.append(f"  call void @{name}({given})")
-        return [
-            [_load_block(m, pointer, entry) for entry in range(port.size)]
-            for pointer, port in zip(ports[1], program.outputs, strict=True)
-        ]
+        return ports[1]
+
+    def _store_function(self, columns: int) -> str:
+        """`void name(out, block)`: W rows of many columns from a block, in a loop."""
+        name = f"store.{columns}"
+        if name not in self.functions:
+            m = self.machine()
+            store_tile_loop(m, columns)
+            head = f"define internal void @{name}(ptr noalias %out, ptr noalias readonly %block) noinline nounwind {{\nentry:"
+            self.functions[name] = "\n".join([head, *m.lines, "  ret void", "}"])
+        return name
 
     def _add_piece(self, name: str, program: Program, piece: Piece) -> None:
         """`void name(in0, …, out0, …, work)` over blocks: one piece, what crosses its ends waiting in `work`."""
@@ -314,7 +340,7 @@ def _whole(name: str, batch: str, program: Program, w: int) -> str:
 
 
 def _apart(program: Program, format: Format) -> str:
-    """`i32 name(count, in0, …, out0, …)`: the whole function and 1, or nothing and 0 where an output lies over an input."""
+    """`i32 name(count, in0, …, out0, …)`: the whole function and 1; nothing and 0 where an output lies over another array."""
     sizes = {f"in{k}": port.size for k, port in enumerate(program.inputs)}
     sizes |= {f"out{k}": port.size for k, port in enumerate(program.outputs)}
     given = ", ".join(["i64 %count", *(f"ptr %{port}" for port in sizes)])
@@ -327,14 +353,14 @@ def _apart(program: Program, format: Format) -> str:
         text.append(f"  %{port}.end = add i64 %{port}.first, %{port}.bytes")
     last = "false"
     for k in range(len(program.outputs)):
-        for j in range(len(program.inputs)):
+        for other in [*(f"in{j}" for j in range(len(program.inputs))), *(f"out{j}" for j in range(k))]:
             text += [
-                f"  %before{k}.{j} = icmp ult i64 %out{k}.first, %in{j}.end",
-                f"  %behind{k}.{j} = icmp ult i64 %in{j}.first, %out{k}.end",
-                f"  %over{k}.{j} = and i1 %before{k}.{j}, %behind{k}.{j}",
-                f"  %any{k}.{j} = or i1 {last}, %over{k}.{j}",
+                f"  %before{k}.{other} = icmp ult i64 %out{k}.first, %{other}.end",
+                f"  %behind{k}.{other} = icmp ult i64 %{other}.first, %out{k}.end",
+                f"  %over{k}.{other} = and i1 %before{k}.{other}, %behind{k}.{other}",
+                f"  %any{k}.{other} = or i1 {last}, %over{k}.{other}",
             ]
-            last = f"%any{k}.{j}"
+            last = f"%any{k}.{other}"
     text += [f"  br i1 {last}, label %over, label %run", "over:", "  ret i32 0", "run:"]
     return "\n".join([*text, f"  call void @{program.name}.whole({given})", "  ret i32 1", "}"])
 

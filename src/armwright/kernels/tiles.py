@@ -53,6 +53,34 @@ def store_tile(m: LlvmMachine, pointer: str, values: list[Value]) -> None:
                 m.lines.append(f"  store <{c} x {m.format.real}> {narrow}, ptr {place}, align {m.format.bytes}")
 
 
+def store_tile_loop(m: LlvmMachine, columns: int) -> None:
+    """`store_tile` as a loop, for tiles of many columns that wait in a block: from `%block` to `%out`, in the machine's function.
+
+    A straight line of thousands of shuffles takes compilers minutes.
+    """
+    w, c = m.width, 4 if m.width >= 4 else 2
+    chunks = -(-columns // c)
+    m.lines.append("  br label %chunk")
+    m.begin("chunk")
+    m.lines.append("  %k = phi i64 [ 0, %entry ], [ %k.next, %chunk ]")
+    even = m.emit(f"mul i64 %k, {c}")
+    over = m.emit(f"icmp ugt i64 {even}, {columns - c}")
+    start = m.emit(f"select i1 {over}, i64 {columns - c}, i64 {even}")
+    values = []
+    for column in range(c):
+        place = m.emit(f"getelementptr {m.real}, ptr %block, i64 {m.emit(f'add i64 {start}, {column}')}")
+        values.append(m.emit(f"load {m.real}, ptr {place}, align {m.format.bytes * w}"))
+    for row, vector in enumerate(_transposed(m, values)):
+        for part, r in enumerate(range(row, w, c)):
+            narrow = _part(m, vector, part, c)
+            place = m.emit(f"getelementptr {m.format.real}, ptr %out, i64 {m.emit(f'add i64 {start}, {r * columns}')}")
+            m.lines.append(f"  store <{c} x {m.format.real}> {narrow}, ptr {place}, align {m.format.bytes}")
+    m.lines.append("  %k.next = add i64 %k, 1")
+    more = m.emit(f"icmp ult i64 %k.next, {chunks}")
+    m.lines.append(f"  br i1 {more}, label %chunk, label %stored")
+    m.begin("stored")
+
+
 def _chunks(columns: int, m: LlvmMachine) -> Iterator[tuple[int, int]]:
     """Starts and sizes of chunks that cover the columns; the last overlaps the one before where the number is odd."""
     start, most = 0, min(columns, m.width, CHUNK // m.format.bytes)

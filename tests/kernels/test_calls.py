@@ -1,0 +1,111 @@
+"""Calls that would give wrong numbers in silence are refused, and processes that fork can compute."""
+
+from __future__ import annotations
+
+import multiprocessing
+import sys
+import warnings
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import ModelError, ShapeError
+from physics.arms import arm
+
+Q = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 6))
+
+
+@pytest.fixture(scope="module")
+def dyn():
+    return aw.compile(arm("puma560"))
+
+
+def test_outputs_that_share_memory_are_refused(dyn):
+    a, b, c = np.empty((3, 50, 6, 6))
+    expected = dyn.inverse_dynamics_derivatives(Q, Q, Q)
+    room = np.empty(50 * 36 * 2)
+    overlapping = room[: 50 * 36].reshape(50, 6, 6), room[36 : 36 + 50 * 36].reshape(50, 6, 6)
+    for out in ((a, a, b), (a, b, a), (*overlapping, b)):
+        for _ in range(2):  # with a plan and without
+            with pytest.raises(ShapeError, match="share memory"):
+                dyn.inverse_dynamics_derivatives(Q, Q, Q, out=out)
+            dyn.inverse_dynamics_derivatives(Q, Q, Q)
+    dyn.inverse_dynamics_derivatives(Q, Q, Q, out=(a, b, c))
+    np.testing.assert_array_equal([a, b, c], expected)
+    woven = np.empty((50, 6, 6, 3))
+    dyn.inverse_dynamics_derivatives(Q, Q, Q, out=tuple(woven[..., k] for k in range(3)))  # side by side, not shared
+    np.testing.assert_array_equal(np.moveaxis(woven, -1, 0), expected)
+
+
+def test_as_many_outputs_as_there_are(dyn):
+    with pytest.raises(ShapeError, match="2 arrays in out, expected 3: dtau_dq, dtau_dqd, M"):
+        dyn.inverse_dynamics_derivatives(Q, Q, Q, out=(np.empty((50, 6, 6)), np.empty((50, 6, 6))))
+
+
+def test_bound_arrays_that_lie_partly_over_each_other_are_refused(dyn):
+    room = np.zeros(40 * 36)
+    with pytest.raises(ShapeError, match="M lies partly over q"):
+        dyn.bind("mass_matrix", lead=(40,), q=room[:240].reshape(40, 6), M=room.reshape(40, 6, 6))
+    rows = Q.copy()
+    bound = dyn.bind("gravity_torques", lead=(50,), q=rows, g=rows)
+    np.testing.assert_array_equal(bound(), dyn.gravity_torques(Q))
+    both = np.empty((50, 6, 6))
+    with pytest.raises(ShapeError, match="share memory"):
+        dyn.bind("inverse_dynamics_derivatives", lead=(50,), dtau_dq=both, M=both)
+
+
+def test_bound_parameters_begin_at_the_records_values():
+    varied = aw.compile(arm("puma560"), vary=["link2.mass_kg"])
+    bound = varied.bind("gravity_torques", lead=(3,))
+    bound.inputs["q"][...] = 0.3
+    np.testing.assert_allclose(bound(), aw.compile(arm("puma560")).gravity_torques(np.full((3, 6), 0.3)), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda dyn: dyn.bind("inverse_dynamics", "wrnch"),
+        lambda dyn: dyn.kernel("inverse_dynamics", "foo"),
+        lambda dyn: dyn.casadi("inverse_dynamics", "foo"),
+        lambda dyn: dyn.bind("mass_matrix", "wrench"),
+        lambda dyn: dyn.bind("jacobian", options={"fram": "link3"}),
+        lambda dyn: dyn.casadi("jacobian", fram="link3"),
+        lambda dyn: dyn.jacobian(Q, frame=["a"]),
+        lambda dyn: dyn.bind("inverse_dynamics", lead=5),
+        lambda dyn: dyn.bind("inverse_dynamics", lead=(-1,)),
+        lambda dyn: dyn.bind("inverse_dynamics", lead="a"),
+        lambda dyn: dyn.kernel(["a"]),
+    ],
+)
+def test_words_that_the_table_does_not_have_are_refused(dyn, call):
+    with pytest.raises(ShapeError, match=r"no (optional input|option|kernel)|expected a name|lead ="):
+        call(dyn)
+
+
+def test_a_target_that_is_no_name():
+    with pytest.raises(ModelError, match="target = 3"):
+        aw.compile(arm("puma560"), target=3)
+
+
+def _child(queue):
+    dyn = aw.compile(arm("puma560"))
+    dyn.threads = 2
+    big = np.tile(Q, (1000, 1))
+    queue.put(float(dyn.gravity_torques(big)[0, 1]))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux")
+def test_a_forked_child_has_threads_of_its_own(dyn):
+    dyn.threads = 2
+    big = np.tile(Q, (1000, 1))
+    expected = float(dyn.gravity_torques(big)[0, 1])
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+    child = context.Process(target=_child, args=(queue,))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # newer Pythons warn of forking with threads
+        child.start()
+    assert queue.get(timeout=60) == expected
+    child.join(60)
+    assert child.exitcode == 0
