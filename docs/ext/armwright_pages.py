@@ -8,9 +8,10 @@ import re
 from collections.abc import Iterable, Sequence
 
 import armwright_record
+import armwright_session
 import armwright_tables
 
-GENERATORS = {**armwright_tables.GENERATORS, **armwright_record.GENERATORS}
+GENERATORS = {**armwright_tables.GENERATORS, **armwright_record.GENERATORS, **armwright_session.GENERATORS}
 MARK = re.compile(r"<!-- generated: ([\w-]+)(?: ([\w-]+))? -->")
 KEY = re.compile(r"\[([A-Z][A-Za-z]+(?:\d{4})?)\]")  # a citation: [WalkerOrin1982]
 SECTION = re.compile(r"^(Args|Attributes|Returns|Raises):$")

@@ -9,7 +9,7 @@ import armwright as aw
 from armwright.errors import ModelError
 from armwright.kinematics import forward_kinematics, jacobian, jacobian_dot_qd
 from armwright.model import build_model
-from physics.arms import NAMES, arm, description, random_state
+from physics.arms import NAMES, all_positions, arm, description, projection, random_state
 from physics.differences import differences
 from reference.random_trees import random_description
 
@@ -34,7 +34,7 @@ def test_acceleration_is_pinocchios(which):
     told = description(which) if isinstance(which, str) else random_description(which)
     model = build_model(told)
     q, qd, _ = random_state(model, 1)
-    theirs = Pinocchio(told, model.names).jacobian_dot_qd(q, qd)
+    theirs = Pinocchio(told, model.tree.names).jacobian_dot_qd(all_positions(model, q), projection(model) @ qd)
     np.testing.assert_allclose(
         jacobian_dot_qd(model, q, qd), theirs, rtol=0, atol=1e-10 * max(1.0, np.abs(theirs).max())
     )

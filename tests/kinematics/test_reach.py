@@ -7,11 +7,11 @@ from armwright.errors import ModelError
 from armwright.kinematics import forward_kinematics
 from armwright.kinematics.reach import reach
 from armwright.model import Limits
-from physics.arms import NAMES, arm
+from physics.arms import NAMES, OWN, arm
 from simulation.runs import mixed_arm
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name != "workshop"])
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in OWN])
 def test_no_pose_is_further_out(name):
     model = arm(name)
     poses = np.random.default_rng(3).uniform(-np.pi, np.pi, size=(200, model.n))

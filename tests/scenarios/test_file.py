@@ -166,3 +166,15 @@ def test_any_file_is_a_scenario_or_refused(tmp_path, data):
         scenario(tmp_path, "\n".join(lines))
     except ArmwrightError as error:
         assert "\n" not in str(error)
+
+
+@pytest.mark.parametrize("wrench", ['"push.csv"', "[3, 0, -5, 0, 0, 1]"])
+def test_a_wrench_is_six_numbers_or_a_table(tmp_path, wrench):
+    (tmp_path / "push.csv").write_text("t,fx,fy,fz,mx,my,mz\n0,3,0,-5,0,0,1\n")
+    text = (
+        f'robot = "two-link"\nduration_s = 0.1\nsample_period_s = 1e-3\nwrench = {wrench}\n'
+        '[controller]\nkind = "computed_torque"\nkp = 100\nkd = 20\n'
+    )
+    (tmp_path / "push.scenario.toml").write_text(text)
+    scenario = aw.read_scenario(tmp_path / "push.scenario.toml")
+    np.testing.assert_array_equal(scenario.wrenches[0].commands, [[3.0, 0, -5, 0, 0, 1]])

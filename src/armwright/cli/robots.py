@@ -18,6 +18,6 @@ def robots() -> None:
     for name in aw.builtin_names():
         arm = aw.load(name)
         title = (arm.description.title if arm.description else None) or ""
-        drives = dict.fromkeys(body.drive.command for body in arm.bodies)
+        drives = dict.fromkeys(body.drive.command for body in arm.coordinates)
         table.add_row(Text(name, style="bold"), Text(str(arm.n)), Text(", ".join(drives)), Text(title))
     console_for_tables().print(table)

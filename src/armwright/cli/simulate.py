@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armwright.cli.arguments import Robot, vector
-from armwright.errors import ScenarioError
+from armwright.errors import Interrupted, ScenarioError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,36 +22,40 @@ SCENARIO = ".scenario.toml"
 Numbers = str | None
 
 
-def _option(names: str, metavar: str, text: str) -> Any:
+def option(names: str, metavar: str, text: str) -> Any:
+    """An option without a default that would be worth showing."""
     return typer.Option(*names.split(), metavar=metavar, help=text, show_default=False)
 
 
 def simulate(
     robot: Robot,
     schedule: Annotated[
-        Path | None, _option("--schedule", "FILE", "CSV: t in s and one column a joint, held from row to row.")
+        Path | None, option("--schedule", "FILE", "CSV: t in s and one column a joint, held from row to row.")
     ] = None,
-    voltage: Annotated[Numbers, _option("--voltage", "V1,V2,…", "Constant voltages in V.")] = None,
-    current: Annotated[Numbers, _option("--current", "I1,I2,…", "Constant currents in A.")] = None,
-    torque: Annotated[Numbers, _option("--torque", "T1,T2,…", "Constant motor torques at the joints in N m.")] = None,
+    voltage: Annotated[Numbers, option("--voltage", "V1,V2,…", "Constant voltages in V.")] = None,
+    current: Annotated[Numbers, option("--current", "I1,I2,…", "Constant currents in A.")] = None,
+    torque: Annotated[Numbers, option("--torque", "T1,T2,…", "Constant motor torques at the joints in N m.")] = None,
     command: Annotated[
-        Numbers, _option("--command", "U1,U2,…", "Constant commands, each in its own joint's unit.")
+        Numbers, option("--command", "U1,U2,…", "Constant commands, each in its own joint's unit.")
     ] = None,
     duration: Annotated[
-        float | None, _option("--duration", "S", "How long, in s; by default until the schedule's last row.")
+        float | None, option("--duration", "S", "How long, in s; by default until the schedule's last row.")
     ] = None,
     step: Annotated[float, typer.Option("--step", metavar="S", help="Step of the integrator in s.")] = 1e-3,
-    q0: Annotated[
-        Numbers, _option("--q0", "Q1,Q2,…", "Where it starts, in rad (or 30deg, pi/2) or m; default 0.")
+    integrator: Annotated[
+        str | None, option("--integrator", "NAME", "rk3 (by default), rk4, semi_implicit_euler, rk45 or cvodes.")
     ] = None,
-    qd0: Annotated[Numbers, _option("--qd0", "W1,W2,…", "How fast it starts, in rad/s or m/s; default 0.")] = None,
+    q0: Annotated[
+        Numbers, option("--q0", "Q1,Q2,…", "Where it starts, in rad (or 30deg, pi/2) or m; default 0.")
+    ] = None,
+    qd0: Annotated[Numbers, option("--qd0", "W1,W2,…", "How fast it starts, in rad/s or m/s; default 0.")] = None,
     record_every: Annotated[
         int, typer.Option("--record-every", metavar="K", help="Record every K-th step; 0: only start and end.")
     ] = 1,
     output: Annotated[
-        Path | None, _option("--output -o", "FILE", "Where the run goes: .nc (NetCDF), .csv or .parquet.")
+        Path | None, option("--output -o", "FILE", "Where the run goes: .nc (NetCDF), .csv or .parquet.")
     ] = None,
-    plot: Annotated[Path | None, _option("--plot", "FILE", "Where its picture goes: .png, .svg or .pdf.")] = None,
+    plot: Annotated[Path | None, option("--plot", "FILE", "Where its picture goes: .png, .svg or .pdf.")] = None,
 ) -> None:
     """Move an arm: drive commands in, motion out; or run a scenario file.
 
@@ -78,7 +82,8 @@ def simulate(
         check_picture(plot)
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
-        given = {**constants, "schedule": schedule, "duration": duration, "q0": q0, "qd0": qd0}
+        given = {**constants, "schedule": schedule, "duration": duration, "integrator": integrator}
+        given |= {"q0": q0, "qd0": qd0}
         for name, value in given.items():
             if value is not None:
                 raise ScenarioError(f"{robot}: --{name}, but a scenario file says all of it; expected one or the other")
@@ -89,7 +94,8 @@ def simulate(
         arm,
         duration=duration,
         step=step,
-        **_commands(arm, schedule, constants),
+        integrator=integrator or "rk3",
+        **driven_by(arm, schedule, constants),
         q0=None if q0 is None else vector("--q0", q0, arm.names, joint_units(arm, "q")),
         qd0=None if qd0 is None else vector("--qd0", qd0, arm.names, joint_units(arm, "qd")),
         record_every=record_every,
@@ -101,18 +107,24 @@ def _run(scenario: Scenario, output: Path | None, plot: Path | None) -> None:
     import armwright as aw
     from armwright.cli.progress import progress
 
-    with progress(f"simulating {scenario.arm.name}") as tell:
+    stopped = False
+    with progress(f"simulating {scenario.arm.name}", "steps") as tell:
         start = time.perf_counter()
-        run = aw.simulate(scenario, progress=tell)
+        try:
+            run = aw.simulate(scenario, progress=tell)
+        except Interrupted as stop:  # what was finished is worth keeping
+            run, stopped = stop.run, True
         spent = time.perf_counter() - start
         if output is not None:
             aw.save(run, output)
         if plot is not None:
             aw.plot(run, plot)
     _show(scenario, run, spent, [path for path in (output, plot) if path is not None])
+    if stopped:
+        raise typer.Exit(130)
 
 
-def _commands(arm: Model, schedule: Path | None, constants: dict[str, str | None]) -> dict[str, Any]:
+def driven_by(arm: Model, schedule: Path | None, constants: dict[str, str | None]) -> dict[str, Any]:
     """The one way in which the arm is driven, as `Scenario` takes it.
 
     Raises:
@@ -125,7 +137,7 @@ def _commands(arm: Model, schedule: Path | None, constants: dict[str, str | None
     given = [f"--{name}" for name, text in constants.items() if text is not None] + ["--schedule"] * (
         schedule is not None
     )
-    kinds = list(dict.fromkeys(body.drive.command for body in arm.bodies))
+    kinds = list(dict.fromkeys(body.drive.command for body in arm.coordinates))
     own = f"--{kinds[0]}" if len(kinds) == 1 else "--command"
     if len(given) != 1:
         what = " and ".join(given) if given else "no command"
@@ -133,7 +145,7 @@ def _commands(arm: Model, schedule: Path | None, constants: dict[str, str | None
     if schedule is not None:
         return {"schedule": aw.read_schedule(schedule, arm.names, units)}
     name, text = next((name, text) for name, text in constants.items() if text is not None)
-    for body in arm.bodies:
+    for body in arm.coordinates:
         if name not in ("command", body.drive.command):
             raise ScenarioError(
                 f"{arm.name}: --{name}, but joint {body.joint!r} is driven by {body.drive.command}; expected {own}"
@@ -148,9 +160,10 @@ def _show(scenario: Scenario, run: xr.Dataset, spent: float, written: list[Path]
 
     console = Console(highlight=False, markup=False, soft_wrap=True)
     step, what = scenario.tick, "steps" if scenario.controller is None else "periods"
-    lanes = "" if scenario.lanes is None else f" in {scenario.lanes} lanes"
+    lanes = "" if scenario.lanes is None else f" in {run.sizes['lane']} lanes"
+    end = float(run["time"][-1]) if "time" in run.coords else scenario.ticks * step
     console.print(
-        f"{scenario.arm.name}: {scenario.ticks * step:g} s in {scenario.ticks} {what} of {step * 1e3:g} ms{lanes}, "
+        f"{scenario.arm.name}: {end:g} s in {round(end / step)} {what} of {step * 1e3:g} ms{lanes}, "
         f"compiled and run in {spent:.2f} s"
     )
     for path in written:

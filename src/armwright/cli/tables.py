@@ -57,6 +57,8 @@ def end_state(run: xr.Dataset) -> Group | None:
     """Where every joint is at the end of a run, and what its motor does there."""
     from armwright.simulation.recording import run_units
 
+    if "time" not in run.coords:
+        return _reduced(run)
     last = run.isel(time=-1)
     shown = [name for name in ("q", "qd", "tau", "voltage", "current") if name in run]
     units = {name: list(dict.fromkeys(run_units(run, name))) for name in shown}
@@ -65,3 +67,14 @@ def end_state(run: xr.Dataset) -> Group | None:
         [str(joint), *(number(last[name].values[k]) for name in shown)] for k, joint in enumerate(run["joint"].values)
     ]
     return table(f"at the end, t = {float(last['time']):g} s", heads, rows)
+
+
+def _reduced(run: xr.Dataset) -> Group | None:
+    """What the reducers of a run without a record came to: of every joint, the mean of the lanes."""
+    means = run.mean(dim="lane") if "lane" in run.dims else run
+    shown = [str(name) for name, variable in means.data_vars.items() if variable.dims == ("joint",)]
+    heads = ["joint", *(f"{name} [{run[name].attrs.get('units', '-')}]" for name in shown)]
+    rows = [
+        [str(joint), *(number(means[name].values[k]) for name in shown)] for k, joint in enumerate(run["joint"].values)
+    ]
+    return table(f"mean of {run.sizes['lane']} lanes" if "lane" in run.dims else "of the whole run", heads, rows)

@@ -1,4 +1,4 @@
-"""Computed torque: the model's inverse dynamics makes the arm a set of double integrators.  [LuhWalkerPaul1980b]"""
+"""Computed torque: the model's inverse dynamics makes the arm a set of double integrators.  [SicilianoEtAl2009]"""
 
 from __future__ import annotations
 

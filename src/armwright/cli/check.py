@@ -1,0 +1,58 @@
+"""`armwright check`: whether a record can be that of a real arm."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from armwright.cli.arguments import Robot
+from armwright.cli.tables import console_for_tables, table
+
+FOUND = 1  # the exit code where something was found
+
+
+def check(
+    robot: Robot,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 on warnings too, not only on errors.")] = False,
+) -> None:
+    """Make every physical check of a robot file, those that open its meshes included.
+
+    Errors are what no real arm can be: mass properties that are impossible. Warnings look like a mistake, and name it.
+    Exit code: 0 nothing found, 1 errors (with --strict: or warnings), 2 a file that cannot be read at all.
+
+    \b
+    Examples:
+      armwright check my-arm.toml
+      armwright check my-arm.urdf --strict
+    """
+    import armwright as aw
+    from armwright.record.check import CHECKS
+
+    report = aw.check(robot)
+    console = console_for_tables()
+    rows = []
+    for name, told in CHECKS.items():
+        found = [finding.level for finding in report.findings if finding.check == name]
+        rows.append([name, told, _counted(found)])
+    console.print(table(f"{report.name}: {report.links} links, {report.joints} joints that move", HEADS, rows, HEADS))
+    for level, style in (("error", "red"), ("warning", "yellow")):
+        for finding in report.findings:
+            if finding.level == level:
+                console.print(f"\n{level}: {finding.text}", style=style, soft_wrap=True)
+    errors, warnings = len(report.errors), len(report.warnings)
+    console.print(f"\n{_plural(errors, 'error')}, {_plural(warnings, 'warning')}")
+    if errors or (strict and warnings):
+        raise typer.Exit(FOUND)
+
+
+HEADS = ("check", "what it looks at", "found")
+
+
+def _counted(levels: list[str]) -> str:
+    counts = {level: levels.count(level) for level in ("error", "warning")}
+    return ", ".join(_plural(count, level) for level, count in counts.items() if count) or "nothing"
+
+
+def _plural(count: int, word: str) -> str:
+    return f"{count} {word}{'' if count == 1 else 's'}"

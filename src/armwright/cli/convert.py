@@ -1,0 +1,44 @@
+"""`armwright convert`: a robot file in another format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+
+def _file(metavar: str, told: str) -> Any:
+    return typer.Argument(metavar=metavar, help=told, show_default=False)
+
+
+def convert(
+    source: Annotated[str, _file("IN", "A robot's TOML, URDF or MJCF file, or the name of a built-in arm.")],
+    target: Annotated[Path, _file("OUT", "The file to write: .toml, .urdf, .xml or .mjcf; replaced where it exists.")],
+    smoothing: Annotated[
+        float | None,
+        typer.Option(
+            "--smoothing",
+            metavar="V",
+            help="For URDF and MJCF: speed over which Coulomb friction changes its sign; without it, it is left out.",
+        ),
+    ] = None,
+) -> None:
+    """Write a robot file in the format of OUT's ending, and list what that format cannot hold.
+
+    A URDF gets its drive train in NAME.drive.toml beside it. From TOML to TOML it is the canonical form: the same arm, and
+    the same bytes every time. A built-in arm converted to TOML is a file of yours to change.
+
+    \b
+    Examples:
+      armwright convert panda my-panda.toml
+      armwright convert my-arm.urdf my-arm.toml --smoothing 0.01
+      armwright convert my-arm.toml my-arm.xml
+    """
+    import armwright as aw
+
+    done = aw.convert(source, target, **({} if smoothing is None else {"smoothing": smoothing}))
+    for path in done.written:
+        typer.echo(f"wrote {path}")
+    for told in done.lost:
+        typer.echo(f"lost: {told}")

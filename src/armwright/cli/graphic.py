@@ -1,0 +1,48 @@
+"""`armwright graphic`: a run as an arm that moves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def graphic(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Run saved as .nc.", show_default=False)],
+    robot: Annotated[
+        str,
+        typer.Option(
+            "--robot", metavar="ROBOT", show_default=False,
+            help="The arm that moved: name of a built-in one, or path of its TOML, URDF or MJCF file.",
+        ),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", metavar="FILE", show_default=False,
+            help="Where to: .html (a page that plays it) or .glb (animated glTF 2.0).",
+        ),
+    ],
+    lane: Annotated[
+        int | None,
+        typer.Option("--lane", metavar="K", help="Which lane of a run that has several.", show_default=False),
+    ] = None,
+) -> None:  # fmt: skip
+    """Write a run as an arm that moves in real time: a page that plays it, or an animated glTF file.
+
+    The page needs no network: time slider, speed, camera, the reference of a controlled run as a ghost, curves below.
+
+    \b
+    Examples:
+      armwright graphic run.nc --robot cmu-dd -o run.html
+      armwright graphic run.nc --robot cmu-dd -o run.glb
+      armwright graphic batch.nc --robot my-arm.toml --lane 3 -o lane3.html
+    """
+    import armwright as aw
+    from armwright.pictures.graphic import check_graphic
+
+    check_graphic(output)
+    loaded = aw.load_run(run)
+    aw.write_graphic(loaded, aw.load(robot), output, lane=lane)
+    typer.echo(f"wrote {output}")

@@ -1,0 +1,92 @@
+"""`armwright plot`: runs as a picture, as a page to explore, or in the terminal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armwright.errors import RunError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def plot(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN…", help="Runs saved as .nc.", show_default=False)],
+    joints: Annotated[
+        str | None, typer.Option("--joints", metavar="NAME,…", help="Joints to draw; default all.", show_default=False)
+    ] = None,
+    quantities: Annotated[
+        str | None,
+        typer.Option(
+            "--quantities", metavar="NAME,…", show_default=False,
+            help="What to draw, such as q,qd,tau; by default positions, velocities, torques and what the drives were given.",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", show_default=False,
+            help="Where to: .html (zoom, read off values), .png, .svg or .pdf; without it, the terminal.",
+        ),
+    ] = None,
+) -> None:  # fmt: skip
+    """Draw runs: in the terminal, as a picture, or as a page to zoom into that needs no network.
+
+    Runs of the same joints are compared, each with a line style of its own.
+
+    \b
+    Examples:
+      armwright plot run.nc
+      armwright plot run.nc -o run.html
+      armwright plot before.nc after.nc --joints joint2,joint3 --quantities q,tau -o compared.html
+    """
+    import armwright as aw
+    from armwright.cli.tables import console_for_tables
+    from armwright.output import check_destination
+    from armwright.pictures.plot_runs import ENDINGS
+    from armwright.pictures.terminal import show_runs
+
+    if output is not None:
+        check_destination(output, ENDINGS)
+    named = _called(runs)
+    chosen = {"joints": _names("--joints", joints), "quantities": _names("--quantities", quantities)}
+    if output is None:
+        show_runs(named, console_for_tables(), **chosen)
+    else:
+        aw.plot_runs(named, output, **chosen)
+        typer.echo(f"wrote {output}")
+
+
+def _called(paths: list[Path]) -> dict[str, xr.Dataset]:
+    """Each run by its file's name; where two are alike, by its path.
+
+    Raises:
+        RunError: a file that is no run, or is named twice.
+    """
+    import armwright as aw
+
+    alike = len({path.name for path in paths}) < len(paths)
+    runs: dict[str, xr.Dataset] = {}
+    for path in paths:
+        name = str(path) if alike else path.name
+        if name in runs:
+            raise RunError(f"{path}: named twice; expected different runs")
+        runs[name] = aw.load_run(path)
+    return runs
+
+
+def _names(option: str, text: str | None) -> list[str] | None:
+    """`"q,tau"` as a list.
+
+    Raises:
+        RunError: nothing between two commas.
+    """
+    if text is None:
+        return None
+    names = [name.strip() for name in text.split(",")]
+    if not all(names):
+        raise RunError(f"{option} {text}: an empty name; expected names with commas between")
+    return names

@@ -1,0 +1,65 @@
+"""`armwright sim`: the interactive arm."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armwright.errors import SessionError
+
+PIPE = "standard input"
+
+
+def sim(
+    robot: Annotated[
+        str, typer.Argument(metavar="[ROBOT]", help="Name of a built-in arm, or path of a robot's file.")
+    ] = "cmu-dd",
+    script: Annotated[
+        Path | None,
+        typer.Option(
+            "--script", metavar="FILE", help="Do the lines of a file, in place of asking.", show_default=False
+        ),
+    ] = None,
+    echo: Annotated[bool, typer.Option("--echo", help="Show each line of a script before what it does.")] = False,
+) -> None:
+    """A session with an arm: set its vectors, ask the Inverse and the Forward Arm, simulate, plot, print.
+
+    At a terminal it asks, with completion, help and a tour. Lines that come through a pipe, or with --script, are a script:
+    it ends at the first line that fails, with exit code 2.
+
+    \b
+    Examples:
+      armwright sim
+      armwright sim panda
+      armwright sim < my.sim
+      echo "theta[2] = 30 deg\\ninverse-arm" | armwright sim two-link
+    """
+    from armwright.session import Session
+    from armwright.session.files import read_script
+    from armwright.session.screen import Screen
+
+    screen = Screen()
+    session = Session(robot)
+    session.tell = screen
+    if script is not None:
+        session.run_lines(read_script("sim", str(script)), str(script), screen, echo=echo)
+    elif not sys.stdin.isatty():
+        session.run_lines(_piped(), PIPE, screen, echo=echo)
+    else:
+        from armwright.session.terminal import interact
+
+        interact(session, screen)
+
+
+def _piped() -> Iterator[str]:
+    """Lines from standard input as they come; what was shown before is sent off first, for a program that waits for it."""
+    while line := sys.stdin.buffer.readline():
+        try:
+            yield line.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            raise SessionError(f"{PIPE}: {line[:40]!r} is not UTF-8; expected a script, one line a command") from None
+        sys.stdout.flush()

@@ -1,0 +1,146 @@
+"""An arm that moves, as glTF: a node a body, a channel a joint, time in seconds.  [Khronos2021]
+
+    scene ─ NAME (turned so that z is up) ─ base ─┬─ meshes that do not move
+                                                  └─ joint1 ─┬─ its body's mesh
+                                                             └─ joint2 ─ … ─ tip, an empty node
+
+A body's frame has its joint's axis as z, so a turning joint's node only turns and a sliding one's only slides: rotation is
+R Rz(q + offset), translation p + R z q, with R and p of the body's placement in its parent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from armwright.model import BASE, Body, Model
+from armwright.pictures.glb import Arrays, container
+from armwright.pictures.keyframes import keyframes
+from armwright.pictures.scene import Shape, body_shapes
+from armwright.spatial import rotation_quaternion
+
+TOLERANCE = 5e-6  # [m] at the tip, of what interpolation may add to the motion between keyframes
+Z_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]  # glTF's y is up, the arm's z
+
+
+def animated_arm(arm: Model, t: np.ndarray, motions: Mapping[str, np.ndarray]) -> bytes:
+    """A binary glTF file in which the arm moves as `motions` say; it stands as the first of them begins.
+
+    Args:
+        arm: the arm.   t: (k,) [s] strictly increasing; the animation's time starts at 0.
+        motions: name of an animation → (k, n) [rad | m] joint positions.
+    Returns:
+        glb: the file's bytes.
+    Raises:
+        RunError: a visual's mesh that is missing or cannot be read.
+    """
+    arrays = Arrays()
+    materials: list[dict[str, Any]] = []
+    meshes: list[dict[str, Any]] = []
+    if arm.mimics is not None:
+        motions = {name: arm.mimics.positions(q.T).T for name, q in motions.items()}
+    begin = next(iter(motions.values()))[0]
+    nodes: list[dict[str, Any]] = [
+        {"name": arm.name, "rotation": Z_UP, "children": [1]},
+        {"name": "base", "children": []},
+    ]
+    for body, q in zip(arm.bodies, begin, strict=True):
+        turn, slide = _rotation(body, np.array([q]))[0], _translation(body, np.array([q]))[0]
+        nodes.append({"name": body.joint, "rotation": turn.tolist(), "translation": slide.tolist()})
+    for k, body in enumerate(arm.bodies):
+        nodes[_node(body.parent)].setdefault("children", []).append(_node(k))
+    for body, shapes in body_shapes(arm).items():
+        nodes[_node(body)]["mesh"] = len(meshes)
+        name = "base" if body == BASE else arm.bodies[body].link
+        meshes.append({"name": name, "primitives": [_primitive(shape, arrays, materials) for shape in shapes]})
+    _add_tip(arm, nodes)
+    if not nodes[1]["children"]:
+        del nodes[1]["children"]
+    document: dict[str, Any] = {
+        "asset": {"version": "2.0", "generator": "Armwright"},
+        "scene": 0,
+        "scenes": [{"name": arm.name, "nodes": [0]}],
+        "nodes": nodes,
+        "meshes": meshes,
+        "materials": materials,
+        "animations": [_animation(arm, name, t - t[0], q, arrays) for name, q in motions.items()],
+    }
+    return container(document, arrays)
+
+
+def _node(body: int) -> int:
+    """Where a body's node stands in the list: the base is 1, joints follow in the order of q."""
+    return body + 2 if body != BASE else 1
+
+
+def _add_tip(arm: Model, nodes: list[dict[str, Any]]) -> None:
+    if arm.tip is None:
+        return
+    tip = arm.frame()
+    turn, position = _xyzw(rotation_quaternion(tip.placement.rotation)), np.asarray(tip.placement.position, dtype=float)
+    nodes[_node(tip.body)].setdefault("children", []).append(len(nodes))
+    nodes.append({"name": f"tip {arm.tip}", "rotation": turn.tolist(), "translation": position.tolist()})
+
+
+def _primitive(shape: Shape, arrays: Arrays, materials: list[dict[str, Any]]) -> dict[str, Any]:
+    colour = [*(linear(v) for v in shape.colour), 1.0]
+    surface = {"baseColorFactor": colour, "metallicFactor": 0.1, "roughnessFactor": 0.55}
+    material = {"pbrMetallicRoughness": surface, "doubleSided": True}
+    if material not in materials:
+        materials.append(material)
+    return {
+        "attributes": {
+            "POSITION": arrays.vertices(shape.positions, bounds=True),
+            "NORMAL": arrays.vertices(shape.normals),
+        },
+        "indices": arrays.triangles(shape.triangles),
+        "material": materials.index(material),
+    }
+
+
+def linear(value: float) -> float:
+    """A colour's share as light: the sRGB curve undone, which is what glTF wants.  [IEC1999]"""
+    return round(value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4, 6)
+
+
+def _animation(arm: Model, name: str, t: np.ndarray, q: np.ndarray, arrays: Arrays) -> dict[str, Any]:
+    channels, samplers = [], []
+    reach = max(
+        sum(float(np.linalg.norm(np.asarray(body.placement.position, dtype=float))) for body in arm.bodies), 0.1
+    )
+    if arm.tip is not None:
+        reach += float(np.linalg.norm(np.asarray(arm.frame().placement.position, dtype=float)))
+    reach += sum(float(np.ptp(q[:, k])) for k, body in enumerate(arm.bodies) if body.kind == "prismatic")
+    for k, body in enumerate(arm.bodies):
+        turns = body.kind == "revolute"
+        times, positions = keyframes(t, q[:, k], TOLERANCE / (len(arm.bodies) * (reach if turns else 1.0)), turns)
+        values = _rotation(body, positions) if turns else _translation(body, positions)
+        sampler = {
+            "input": arrays.samples(times, bounds=True),
+            "output": arrays.samples(values),
+            "interpolation": "LINEAR",  # of rotations: along the great circle
+        }
+        path = "rotation" if turns else "translation"
+        channels.append({"sampler": len(samplers), "target": {"node": _node(k), "path": path}})
+        samplers.append(sampler)
+    return {"name": name, "channels": channels, "samplers": samplers}
+
+
+def _rotation(body: Body, q: np.ndarray) -> np.ndarray:
+    """(k, 4) quaternions x, y, z, w of R Rz(q + offset), which turn steadily with q: no jumps of sign."""
+    w, x, y, z = rotation_quaternion(body.placement.rotation)
+    half = 0.5 * (q + float(body.offset)) if body.kind == "revolute" else np.zeros_like(q)
+    c, s = np.cos(half), np.sin(half)
+    return np.column_stack([x * c + y * s, y * c - x * s, z * c + w * s, w * c - z * s])
+
+
+def _translation(body: Body, q: np.ndarray) -> np.ndarray:
+    """(k, 3) [m] origins of the body's frame in its parent's."""
+    slide = np.asarray(body.placement.rotation, dtype=float)[:, 2] if body.kind == "prismatic" else np.zeros(3)
+    return np.asarray(body.placement.position, dtype=float) + slide * q[:, None]
+
+
+def _xyzw(quaternion: np.ndarray) -> np.ndarray:
+    return np.roll(quaternion, -1)

@@ -1,0 +1,133 @@
+"""The graphic file of a run: the arm as it moved, in real time.
+
+| ending | what is written                                                        | read by                                   |
+|--------|------------------------------------------------------------------------|-------------------------------------------|
+| .glb   | glTF 2.0: the arm's bodies and the motion of its joints                | Blender, three.js, 3-D viewers of systems |
+| .html  | a page that plays it, with the reference as a ghost and curves below   | any browser of 2023 or later, offline     |
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armwright.errors import RunError
+from armwright.model import Model
+from armwright.output import check_destination, whole_file
+from armwright.pictures.animated import animated_arm
+from armwright.pictures.curves import plot_data
+from armwright.pictures.page import embedded, packed, page
+from armwright.simulation.recording import in_order
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+ENDINGS = (".glb", ".html")
+SCRIPTS = ("unpack.js", "charts.js", "gltf.js", "stage.js", "player.js")
+
+
+def write_graphic(run: xr.Dataset, arm: Model, path: str | os.PathLike[str], *, lane: int | None = None) -> None:
+    """Writes the arm as it moved through a run, as animated glTF or as a page that plays it; whole or not at all.
+
+    Bodies look like the visuals of the arm's links; an arm without any is drawn as a figure of its joints. Between
+    keyframes the tip is within 10 µm of the motion that the run's rows describe. In the file the arm is called by its name,
+    joints' nodes by theirs, the tip's node "tip NAME"; a run of a controlled arm has a second animation, "reference".
+
+    Args:
+        run: what `simulate` returned, with q (k, n) [rad | m].   arm: the arm that moved.
+        path: the file, ending in .glb or .html.
+        lane: which of the run's lanes; needed where there are several.
+    Raises:
+        RunError: no run, a run of another arm, several lanes and none chosen, rows that are no finite numbers, a mesh
+            that is missing or cannot be read.
+        OutputError: an unknown ending, a folder that is missing, no permission, a full disk.
+    """
+    path = check_destination(path, ENDINGS)
+    run = _one_lane(in_order(run), lane)
+    t, motions = _motions(run, arm)
+    glb = animated_arm(arm, t, motions)
+    html = path.suffix.lower() == ".html"
+    content = _player(run, arm, t, glb, lane).encode("utf-8") if html else glb
+    with whole_file(path, ENDINGS) as temporary:
+        temporary.write_bytes(content)
+
+
+def check_graphic(path: str | os.PathLike[str]) -> Path:
+    """The path, if a graphic file can be written there; to be asked before a long simulation.
+
+    Raises:
+        OutputError: as `write_graphic`.
+    """
+    return check_destination(path, ENDINGS)
+
+
+def _one_lane(run: xr.Dataset, lane: int | None) -> xr.Dataset:
+    if "lane" not in run.dims:
+        if lane is not None:
+            raise RunError(f"lane = {lane!r}: this run has no lanes; expected none to be chosen")
+        return run
+    lanes = [int(k) for k in run["lane"].values] if "lane" in run.coords else list(range(run.sizes["lane"]))
+    if lane is None and len(lanes) != 1:
+        raise RunError(f"the run has {len(lanes)} lanes; expected lane = one of {_span(lanes)}")
+    if lane is not None and (isinstance(lane, bool) or lane not in lanes):
+        raise RunError(f"lane = {lane!r}: no such lane; expected one of {_span(lanes)}")
+    return run.isel(lane=0 if lane is None else lanes.index(lane))
+
+
+def _span(lanes: list[int]) -> str:
+    if len(lanes) > 4 and lanes == list(range(lanes[0], lanes[0] + len(lanes))):
+        return f"{lanes[0]} … {lanes[-1]}"
+    return ", ".join(map(str, lanes[:20])) + (", …" if len(lanes) > 20 else "")
+
+
+def _motions(run: xr.Dataset, arm: Model) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Times (k,) and the joints' positions (k, n) of the run, and of its reference where it has one."""
+    joints = [str(joint) for joint in run["joint"].values]
+    if joints != arm.names:
+        raise RunError(
+            f"the run of {run.attrs.get('robot', 'an arm')} has joints {', '.join(joints)}; "
+            f"expected those of {arm.name}: {', '.join(arm.names)}"
+        )
+    kinds = [str(kind) for kind in run["kind"].values]
+    for body, kind in zip(arm.coordinates, kinds, strict=True):
+        if kind != body.kind:
+            raise RunError(f"joint {body.joint!r} is {kind} in the run; expected {body.kind}, as it is in {arm.name}")
+    if "q" not in run:
+        raise RunError("the run has no joint positions q; expected all of what simulate returns")
+    t, q = np.asarray(run["time"].values, dtype=float), np.asarray(run["q"].values, dtype=float)
+    if not len(t):
+        raise RunError("the run has no rows; expected at least one")
+    _check_finite(t, q, joints)
+    if not (np.diff(t) > 0).all():
+        k = int(np.argmin(np.diff(t) > 0))
+        raise RunError(f"time goes from {t[k]:g} s to {t[k + 1]:g} s; expected increasing times")
+    motions = {"run": q}
+    if "q_reference" in run and np.isfinite(run["q_reference"].values).all():
+        motions["reference"] = np.asarray(run["q_reference"].values, dtype=float)
+    return t, motions
+
+
+def _check_finite(t: np.ndarray, q: np.ndarray, joints: list[str]) -> None:
+    if not np.isfinite(t).all():
+        raise RunError(
+            f"time is {t[~np.isfinite(t)][0]} in row {int(np.argmin(np.isfinite(t)))}; expected finite times"
+        )
+    if not np.isfinite(q).all():
+        row, joint = np.argwhere(~np.isfinite(q))[0]
+        raise RunError(
+            f"q of {joints[joint]!r} is {q[row, joint]} from t = {t[row]:g} s on: the simulation left the finite numbers; "
+            f"expected a run, or the part of it before"
+        )
+
+
+def _player(run: xr.Dataset, arm: Model, t: np.ndarray, glb: bytes, lane: int | None) -> str:
+    plot, numbers = plot_data({"run": run})
+    about: dict[str, Any] = {**plot, "start": float(t[0]), "duration": float(t[-1] - t[0])}
+    title = "" if arm.description is None or not arm.description.title else arm.description.title
+    subtitle = " · ".join(filter(None, (title, "" if lane is None else f"lane {lane}")))
+    words = {"title": f"{arm.name} in motion", "heading": arm.name, "subtitle": subtitle}
+    data = {"plot": embedded(about), "numbers": numbers, "arm": packed(glb)}
+    return page("player.html", SCRIPTS, ("page.css", "player.css"), words, **data)

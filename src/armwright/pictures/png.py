@@ -1,0 +1,77 @@
+"""A still as a PNG: the shaded picture, base axes, a scale."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armwright.pictures.render import Camera, camera, render
+from armwright.pictures.still import Still
+
+AZIMUTH, ELEVATION = -0.95, 0.33  # [rad] where the camera stands
+LONGER, SHORTER = 900, 560  # pixels of the picture's sides, at most and at least
+MARGIN, FOOT = 0.05, 0.12  # of the picture on three sides, and below for axes and scale
+AXES = (("x", "#c23b3b"), ("y", "#3b8f3b"), ("z", "#3b5bc2"))
+INK = "#555555"
+
+
+def write_png(still: Still, path: Path, longer: int = LONGER) -> None:
+    """Draws the arm on the ground, its longer side of so many pixels."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    surfaces = still.surfaces()
+    points = surfaces.corners.reshape(-1, 3)
+    low, high = points.min(axis=0), points.max(axis=0)
+    floor = min(float(low[2]), 0.0)
+    square = spacing(float(np.linalg.norm(high - low)))
+    view = _view(points, longer)
+    image = render(surfaces, view, floor, square)
+    figure = Figure(figsize=(view.width / 100, view.height / 100), dpi=100)
+    FigureCanvasAgg(figure)
+    axes: Any = figure.add_axes((0, 0, 1, 1))
+    axes.imshow(image, interpolation="nearest", aspect="auto", extent=(0, view.width, view.height, 0))
+    axes.set_axis_off()
+    _triad(axes, view)
+    _scale(axes, view, points, square)
+    figure.savefig(path, format="png", metadata={"Software": None})
+
+
+def spacing(size: float) -> float:
+    """The spacing of the grid [m]: 1, 2 or 5 times a power of ten, about an eighth of the size."""
+    aim = max(size / 8, 1e-6)
+    power = 10.0 ** np.floor(np.log10(aim))
+    return float(power * max(step for step in (1, 2, 5) if step * power <= aim * 1.0000001))
+
+
+def _view(points: np.ndarray, longer: int) -> Camera:
+    """A picture as wide and as high as the arm, within bounds."""
+    shorter = round(longer * SHORTER / LONGER)
+    square = camera(points, AZIMUTH, ELEVATION, longer, longer)
+    width, height = np.ptp(square.project(points)[:, :2], axis=0)
+    aspect = float(width / max(height, 1e-9)) ** 0.6
+    sides = (longer, round(longer / aspect)) if aspect > 1 else (round(longer * aspect), longer)
+    width, height = (max(side, shorter) for side in sides)
+    inner = camera(points, AZIMUTH, ELEVATION, round(width * (1 - 2 * MARGIN)), round(height * (1 - MARGIN - FOOT)))
+    return Camera(inner.rotation, inner.eye, inner.focal, width, height, 0.5 * height * (FOOT - MARGIN))
+
+
+def _triad(axes: Any, view: Camera) -> None:
+    """Base axes in the lower left corner, as the camera sees their directions."""
+    length = 0.05 * max(view.width, view.height)
+    x, y = 1.4 * length, view.height - 0.9 * length
+    for (name, colour), direction in sorted(zip(AXES, view.rotation.T, strict=True), key=lambda each: -each[1][2]):
+        dx, dy = length * direction[:2]
+        axes.plot([x, x + dx], [y, y + dy], color=colour, linewidth=2.2, solid_capstyle="round")
+        axes.text(x + 1.32 * dx, y + 1.32 * dy, name, color=colour, fontsize=10, ha="center", va="center")
+
+
+def _scale(axes: Any, view: Camera, points: np.ndarray, square: float) -> None:
+    """A bar as long as a square of the grid, at the arm's distance."""
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    length = view.focal * square / float((middle - view.eye) @ view.rotation[2])
+    x, y = view.width - 0.05 * view.height, view.height - 0.03 * view.height
+    axes.plot([x - length, x], [y, y], color=INK, linewidth=2.2, solid_capstyle="butt")
+    axes.text(x, y - 0.012 * view.height, f"{square:g} m, as the grid", color=INK, fontsize=9, ha="right", va="bottom")

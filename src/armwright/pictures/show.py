@@ -1,0 +1,53 @@
+"""A picture of an arm, drawn without a GPU and without a display."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from armwright.model import Model
+from armwright.output import check_destination, whole_file
+from armwright.pictures.still import still
+
+ENDINGS = (".png", ".html", ".glb")
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What `show` did.
+
+    Attributes:
+        path: the picture.   notes: what could not be drawn as the record has it.
+    """
+
+    path: Path
+    notes: tuple[str, ...]
+
+
+def show(arm: Model, path: str | os.PathLike[str], q: Any = None) -> Shown:
+    """Draws an arm in one pose: its sections and meshes, or its joints as drums on a stick where it has neither.
+
+    Args:
+        arm: the arm.
+        path: of the picture: .png, .html (a page that can be turned, with all it needs inside) or .glb (a scene for other
+            programs, a node for each body); one that is there is replaced.
+        q: (n,) [rad | m] the pose; by default 0.
+    Returns:
+        shown: where the picture is, and notes.
+    Raises:
+        ShapeError: q is no pose of the arm.   OutputError: the picture cannot be written.
+    """
+    path = check_destination(path, ENDINGS)
+    pose = still(arm, q)
+    with whole_file(path, ENDINGS) as temporary:
+        if path.suffix.lower() == ".png":
+            from armwright.pictures.png import write_png
+
+            write_png(pose, temporary)
+        else:
+            from armwright.pictures.scene_file import write_glb, write_html
+
+            (write_glb if path.suffix.lower() == ".glb" else write_html)(pose, temporary)
+    return Shown(path, pose.notes)

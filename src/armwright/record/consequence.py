@@ -1,0 +1,88 @@
+"""What a difference between two records does: mass, gravity torques and inertias of the joints that both have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armwright.dynamics import gravity_torques, mass_matrix
+from armwright.model import Model
+
+POSES = 32  # beside q = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Consequence:
+    """What two arms do differently; arrays have one entry for each joint that both have.
+
+    Attributes:
+        mass: of all links [kg], of each arm.   joints: the names of the joints.   poses: (k, joints) [rad | m].
+        gravity: (2, k, joints) [N m | N] gravity torques of each arm.
+        inertia: (2, k, joints) [kg m² | kg] diagonal of the mass matrix of each arm, rotors included.
+    """
+
+    mass: tuple[float, float]
+    joints: tuple[str, ...]
+    poses: np.ndarray
+    gravity: np.ndarray
+    inertia: np.ndarray
+
+    @property
+    def gravity_change(self) -> np.ndarray:
+        """(joints,) [N m | N]: of the second less the first, where that is largest."""
+        return _largest(self.gravity[1] - self.gravity[0])
+
+    @property
+    def inertia_change(self) -> np.ndarray:
+        """(joints,) [-]: of the second over the first, less 1, where that is largest; nan where the first has none."""
+        one, other = self.inertia
+        return _largest(np.divide(other, one, out=np.full_like(one, np.nan), where=one > 0) - 1)
+
+
+def consequence(a: Model, b: Model) -> Consequence | None:
+    """Gravity torques and inertias of two arms at q = 0 and at 32 poses within the limits of the first.
+
+    Joints go by their names; one that only one arm has stays at 0. None without a joint in common.
+    """
+    names = tuple(name for name in a.names if name in b.names)
+    if not names:
+        return None
+    poses = sample_poses(a, names)
+    gravity, inertia = (np.empty((2, *poses.shape)) for _ in range(2))
+    for k, arm in enumerate((a, b)):
+        places = [arm.names.index(name) for name in names]
+        for pose, g, i in zip(poses, gravity[k], inertia[k], strict=True):
+            q = np.zeros(arm.n)
+            q[places] = pose
+            g[:] = gravity_torques(arm, q)[places]
+            i[:] = np.diag(mass_matrix(arm, q))[places]
+    return Consequence((_mass(a), _mass(b)), names, poses, gravity, inertia)
+
+
+def sample_poses(arm: Model, names: tuple[str, ...]) -> np.ndarray:
+    """q = 0, then points of a Halton sequence within the limits: (k, joints) [rad | m]. [Halton1960]
+
+    A joint without limits turns half a turn either way; a slide without limits stays at 0.
+    """
+    from scipy.stats import qmc
+
+    bodies = {body.joint: body for body in arm.bodies}
+    ranges = []
+    for name in names:
+        low, high = bodies[name].limits.position
+        unbounded = (-np.pi, np.pi) if bodies[name].kind == "revolute" else (0.0, 0.0)
+        ranges.append((low, high) if -np.inf < low <= high < np.inf else unbounded)
+    low, high = np.array(ranges).T
+    points = qmc.Halton(len(names), scramble=False).random(POSES + 1)[1:]  # the first of them is a corner
+    return np.vstack([np.zeros(len(names)), low + points * (high - low)])
+
+
+def _mass(arm: Model) -> float:
+    assert arm.description is not None
+    return arm.description.total_mass
+
+
+def _largest(values: np.ndarray) -> np.ndarray:
+    """Of each column (k, n) the entry of largest magnitude, with its sign; nan where one is."""
+    return np.take_along_axis(values, np.abs(values).argmax(axis=0)[None], axis=0)[0]

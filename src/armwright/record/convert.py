@@ -1,0 +1,63 @@
+"""A robot file in another format, or in the canonical form of its own."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from armwright.description import RobotDescription, read_description
+from armwright.description.drive_file import ENDING
+from armwright.description.writer import write_toml
+from armwright.export.mjcf import write_mjcf
+from armwright.export.urdf import write_urdf
+from armwright.output import check_destination
+
+ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """What `convert` did.
+
+    Attributes:
+        written: the files.   lost: what did not come through, one sentence each; none from TOML to TOML.
+    """
+
+    written: tuple[Path, ...]
+    lost: tuple[str, ...]
+
+
+def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], **reading: Any) -> Conversion:
+    """Writes a robot file in the format of the target's ending: .toml, .urdf (with its drive file beside it), .xml or .mjcf.
+
+    TOML to TOML gives the canonical form: equal descriptions are equal bytes, and a file in that form stays as it is.
+
+    Args:
+        source: a built-in name, or a path.   target: the file to write; one that is there is replaced.
+        reading: what a URDF or an MJCF leaves open, as for `load`.
+    Returns:
+        conversion: the files written, and what was lost.
+    Raises:
+        DescriptionError: a source that cannot be believed.   OutputError: a target that cannot be written.
+    """
+    path = check_destination(target, ENDINGS)
+    robot = read_description(source, **reading)
+    told = () if Path(source).suffix == ".toml" else robot.remarks
+    ending = path.suffix.lower()
+    if ending == ".toml":
+        robot, left = _settled(robot, Path(source), path)
+        return Conversion((write_toml(robot, path),), (*told, *left))
+    if ending == ".urdf":
+        lost = write_urdf(robot, path)
+        return Conversion((path, path.with_name(path.stem + ENDING)), (*told, *lost))
+    return Conversion((path,), (*told, *write_mjcf(robot, path)))
+
+
+def _settled(robot: RobotDescription, source: Path, target: Path) -> tuple[RobotDescription, list[str]]:
+    """The description as it goes into another folder, from where the file that it was built from is not found by its path."""
+    origin = robot.built_from
+    if origin is None or (source.is_file() and source.resolve().parent == target.resolve().parent):
+        return robot, []
+    return robot.replace(built_from=None), [f"that it was built from {origin.file}, which stands in another folder"]

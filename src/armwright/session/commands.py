@@ -1,0 +1,189 @@
+"""The table of commands, from which parsing, prompts, help, completion, tests and docs are made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from armwright.session import arms, dynamics, files, help_pages, past, printing, python_prompt, saved, simulation, tour
+from armwright.session.arguments import YES_NO, Argument
+from armwright.session.listing import Shown
+from armwright.session.variables import same
+
+if TYPE_CHECKING:
+    from armwright.session.session import Session
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command of the session.
+
+    Attributes:
+        name, summary: as `help` has them.   run: does it; (session, values by argument) → what it has to say.
+        arguments: what it takes, in the order of its prompts.   pairs: whether it takes further name=value.
+        equation, source: what it computes, and where that stands.
+        example: a line that works.   report: whether the report's `sim` has it.
+        recorded: whether it is a line of a script, that undo takes back and record keeps.
+    """
+
+    name: str
+    summary: str
+    run: Callable[[Session, dict[str, Any]], list[Shown]]
+    arguments: tuple[Argument, ...] = ()
+    equation: str = ""
+    source: str = ""
+    example: str = ""
+    report: bool = False
+    recorded: bool = True
+    pairs: bool = False
+
+
+FRAME = Argument("frame", "frame", "name of a frame of the arm; by default its tip", default="")
+PICTURES = ".png, .svg or .pdf"
+
+TABLE = (
+    Command(
+        "inverse-arm",
+        "Inverse Arm: theta, omega, alpha → torque and voltage; of many sets where a table is named",
+        dynamics.inverse_arm,
+        (Argument("file", "file", "CSV with columns q_JOINT, qd_JOINT, qdd_JOINT, one set a row", default=""),),
+        "τ = M(θ) θ̈ + C(θ, θ̇) θ̇ + g(θ) + friction;  V = R τ / (n Kt) + n Ke θ̇",
+        "CMU report, eqs (1)-(11); recursive Newton-Euler [LuhWalkerPaul1980]",
+        "inverse-arm", True,
+    ),
+    Command(
+        "forward-arm",
+        "Forward Arm: theta, omega, voltage → alpha; nothing is integrated",
+        dynamics.forward_arm, (),
+        "M(θ) θ̈ = τ − C(θ, θ̇) θ̇ − g(θ) − friction;  τ = n Kt (V − n Ke θ̇) / R",
+        "CMU report, eqs (12)-(26); composite rigid bodies [WalkerOrin1982]",
+        "forward-arm", True,
+    ),
+    Command(
+        "simulate",
+        "move the arm: from theta and omega, or on from where the last simulation ended",
+        simulation.simulate,
+        (
+            Argument("start", "choice", "a new simulation, or on with the last one", ("new", "continue"),
+                     "Start a new simulation, or continue the last one?"),
+            Argument("zero", "choice", "theta and omega set to zero first", YES_NO, "Zero theta and omega first?", "no",
+                     lambda given: given["start"] == "new"),
+            Argument("schedule", "file", "CSV: t and one column a joint, put out by DACOut; none: constant",
+                     prompt="Name of the voltage schedule file (Enter: the voltage stays as it is)", default=""),
+            Argument("steps", "count", "number of time steps; with a schedule by default until its last row",
+                     prompt="For how many time steps? (with a schedule Enter: until its last row)", default="",
+                     needed=lambda given: given["schedule"] is None),
+            Argument("every", "count", "rows are kept every so many steps; by default every one, with a controller every sample",
+                     default=""),
+        ),
+        "θ̈ = F(θ, θ̇, V), integrated by Kutta's third-order rule with a step of TimeStep",
+        "CMU report, Integration; [Kutta1901]",
+        "simulate new zero=yes steps=1000", True,
+    ),
+    Command(
+        "plot-simulation", "draw the simulation into a file, or on the screen", simulation.plot_simulation,
+        (Argument("file", "file", f"picture to write, {PICTURES}; without it on the screen",
+                  prompt=f"Name of the picture, {PICTURES} (Enter: on the screen)", default=""),),
+        example="plot-simulation run.png", report=True,
+    ),
+    Command(
+        "print-simulation", "print the simulation on the screen, or into the open output file", printing.print_simulation,
+        (
+            Argument("start", "time", "first time [s]", prompt="Start [s] (Enter: the first row)", default=""),
+            Argument("finish", "time", "last time [s]", prompt="Finish [s] (Enter: the last row)", default=""),
+            Argument("step", "time", "time from row to row [s]; by default about 25 rows on the screen, all in a file",
+                     prompt="Step [s] (Enter: about 25 rows on the screen, all in a file)", default=""),
+            Argument("what", "text", f"of {', '.join(printing.QUANTITIES)}; by default {', '.join(printing.USUAL)}", default=""),
+        ),
+        example="print-simulation 0 1 0.1 what=theta,voltage", report=True,
+    ),
+    Command(
+        "write-graphic-file", "write the simulation for a display that shows the arm move", simulation.write_graphic_file,
+        (Argument("file", "file", "file to write, .glb or .html", prompt="Name of the graphic file (.glb or .html)"),),
+        example="write-graphic-file run.html", report=True,
+    ),
+    Command(
+        "save-simulation", "save the simulation with everything in it: .nc, .csv or .parquet", simulation.save_run,
+        (Argument("file", "file", "file to write", prompt="Name of the file (.nc, .csv or .parquet)"),),
+        example="save-simulation run.nc",
+    ),
+    Command(
+        "open-output-file", "send what is printed to a file: aligned text, or CSV where its name ends in .csv",
+        files.open_output_file,
+        (Argument("file", "file", "file to write; replaced where it exists", prompt="Name of the output file"),),
+        example="open-output-file run.csv", report=True,
+    ),
+    Command("close-output-file", "send what is printed to the screen again", files.close_output_file, report=True,
+            example="close-output-file"),
+    Command(
+        "database-read", "load another arm; its vectors begin at zero", arms.database_read,
+        (Argument("robot", "robot", "built-in name, or path of a robot's file", prompt="Name of the arm, or its file"),),
+        example="database-read two-link", report=True,
+    ),
+    Command(
+        "controller", "what DACOut's reference input is wired to; sampled every DACSampTimePeriod", arms.controller,
+        (
+            Argument("kind", "text", "a control law, or none; without it what there is", default=""),
+            Argument("scale", "text", "position that one volt of DACOut asks for, such as \"10 deg\"", default=""),
+        ),
+        "u = controller(θ_ref, θ, θ̇) every DACSampTimePeriod, θ_ref = scale · DACOut",
+        "armwright.control; design of sampled loops [AstromHagglund2006]",
+        "controller joint-pid kp=900 kd=60 scale=\"10 deg\"", pairs=True,
+    ),
+    Command(
+        "payload", "put something into the hand, or take it out", arms.payload,
+        (
+            Argument("mass", "text", "mass [kg], or none", prompt="Mass [kg], or none"),
+            Argument("com", "text", "centre of mass [m] in the frame's axes", prompt="Centre of mass [m] in the frame's axes",
+                     default="0 0 0", wanted=lambda given: given["mass"] != arms.NONE),
+            Argument("inertia", "text", "principal moments about it [kg m²]", prompt="Principal moments about it [kg m²]",
+                     default="0 0 0", wanted=lambda given: given["mass"] != arms.NONE),
+            Argument("frame", "frame", "frame that carries it; by default the tip", default="",
+                     wanted=lambda given: given["mass"] != arms.NONE),
+        ),
+        "one more rigid body, added by parallel axes", "[Symon1971]", "payload 2 com=\"0 0 0.05\"",
+    ),
+    Command("energy", "kinetic and potential energy, and their sum", dynamics.energy, (),
+            "T = ½ θ̇ᵀ M(θ) θ̇,  U = − Σ m gᵀ c", "[Featherstone2008]", "energy"),
+    Command("pose", "where the hand is: position and orientation in the base", dynamics.pose, (FRAME,),
+            "T = A₁ A₂ … A_N", "[DenavitHartenberg1955]", "pose"),
+    Command("jacobian", "speeds of the hand for a unit of each joint's speed", dynamics.jacobian, (FRAME,),
+            "[v; ω] = J(θ) θ̇", "[Whitney1972]", "jacobian"),
+    Command("show", "all variables", past.show, recorded=False, example="show"),
+    Command("undo", "take the last changes back; files stay as they are", past.undo,
+            (Argument("steps", "count", "how many", default=""),), recorded=False, example="undo"),
+    Command("history", "all that was done, as a script", past.history, recorded=False, example="history"),
+    Command(
+        "save", "save the whole state: variables, arm, payload, controller and simulation", saved.save,
+        (Argument("file", "file", "file to write, .nc", prompt="Name of the file (.nc)"),), example="save here.nc",
+    ),
+    Command(
+        "restore", "go back to a state that was saved", saved.restore,
+        (Argument("file", "file", "file that save wrote", prompt="Name of the file (.nc)"),), recorded=False,
+        example="restore here.nc",
+    ),
+    Command(
+        "run-script", "do the lines of a file, up to the first that fails", files.run_script,
+        (Argument("file", "file", "the script", prompt="Name of the script"),), recorded=False, example="run-script my.sim",
+    ),
+    Command(
+        "record", "keep all that is done, from the beginning, as a script that replays to the same numbers", files.record,
+        (Argument("file", "file", "script to write, or off", prompt="Name of the script to write, or off"),), recorded=False,
+        example="record my.sim",
+    ),
+    Command(
+        "python", "a Python prompt with the same names, or one line of it", python_prompt.python,
+        (Argument("code", "rest", "a statement; without it a prompt", default=""),), recorded=False,
+        example="python theta = np.linspace(0, 1, arm.n)",
+    ),
+    Command(
+        "help", "all commands and variables, or everything about one", help_pages.help_page,
+        (Argument("topic", "text", "a command or variable", default=""),), recorded=False, example="help simulate",
+    ),
+    Command("tour", "a first lesson in robot dynamics, in a session of its own", tour.tour, recorded=False, example="tour"),
+    Command("quit", "leave", past.leave, recorded=False, example="quit"),
+)  # fmt: skip
+
+COMMANDS = {same(command.name): command for command in TABLE}
+COMMANDS |= {"exit": COMMANDS["quit"]}

@@ -1,0 +1,142 @@
+"""What a session knows at one moment: frozen, so that undo, save and record are a matter of keeping it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import armwright as aw
+from armwright.model import Model
+from armwright.simulation.scenario import STEP
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from armwright.kernels.compiled import CompiledArm
+    from armwright.session.listing import Output
+
+
+@dataclass(frozen=True)
+class Payload:
+    """What the hand holds: mass [kg], centre of mass [m] and principal moments about it [kg m²], in a frame's axes."""
+
+    mass: float
+    com: tuple[float, float, float]
+    inertia: tuple[float, float, float]
+    frame: str | None = None
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """What DACOut's reference input is wired to.
+
+    Attributes:
+        kind: name of a control law, such as joint-pid.   settings: its gains, as they were typed.
+        scale: (n,) [rad/V | m/V] what one volt asks for.
+    """
+
+    kind: str
+    settings: Mapping[str, str]
+    scale: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedArm:
+    """The arm as its file has it, with the session's gravity and payload."""
+
+    robot: str
+    base: Model
+    gravity: float | None = None  # [m/s²] along z of the base; None: the file's
+    payload: Payload | None = None
+
+    @cached_property
+    def arm(self) -> Model:
+        """The arm that everything is computed with."""
+        arm = self.base
+        if self.payload is not None:
+            arm = arm.with_payload(self.payload.mass, self.payload.com, self.payload.inertia, self.payload.frame)
+        if self.gravity is not None:
+            x, y, _ = (float(g) for g in self.base.gravity)
+            arm = arm.replace(gravity=[x, y, self.gravity])
+        return arm
+
+    @cached_property
+    def dyn(self) -> CompiledArm:
+        """Its kernels, compiled when first used."""
+        return aw.compile(self.arm)
+
+    @cached_property
+    def digest(self) -> str:
+        """A digest of the numbers of the arm's file, by which a saved session knows it again."""
+        base = self.base
+        numbers = [np.asarray(base.inertial_parameters, float), np.asarray(base.gravity, float)]
+        q = np.linspace(0.1, 0.7, base.n)
+        numbers.append(np.asarray(aw.inverse_dynamics(base, q, q, q), float))
+        drives = repr([(body.joint, body.drive, body.limits) for body in base.bodies])
+        return hashlib.sha256(b"".join(part.tobytes() for part in numbers) + drives.encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Everything a session remembers.
+
+    Attributes:
+        loaded: the arm.   q, qd, qdd: (n,) theta, omega, alpha.
+        u: (n,) what the drives are told, each in its own unit: the voltage of a voltage drive. Torque, voltage and current
+            follow from it.
+        dac: (n,) [V] DACOut where a controller listens to it.
+        dac_period: [s] DACSampTimePeriod.   step: [s] TimeStep of the integration.
+        wiring: the controller, if there is one.   run: the simulation, if there was one.   output: the open output file.
+        lines: what was typed so far, as a script that leads here.
+    """
+
+    loaded: LoadedArm
+    q: np.ndarray
+    qd: np.ndarray
+    qdd: np.ndarray
+    u: np.ndarray
+    dac: np.ndarray
+    dac_period: float = STEP
+    step: float = STEP
+    wiring: Wiring | None = None
+    run: xr.Dataset | None = None
+    output: Output | None = None
+    lines: tuple[str, ...] = field(default=())
+
+    @property
+    def arm(self) -> Model:
+        """The arm with the session's gravity and payload."""
+        return self.loaded.arm
+
+    def replace(self, **changes: Any) -> State:
+        """The state with other values; arrays are copied and frozen."""
+        return replace(self, **{name: _frozen(value) for name, value in changes.items()})
+
+
+def _frozen(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        value = np.array(value, dtype=float)
+        value.flags.writeable = False
+    return value
+
+
+def load_arm(robot: str, folder: Path | None = None) -> LoadedArm:
+    """An arm by its name or path.
+
+    Raises:
+        ArmwrightError: no such robot, or a file that cannot be believed.
+    """
+    place = str(folder / robot) if folder is not None and (folder / robot).is_file() else robot
+    return LoadedArm(robot, aw.load(place))
+
+
+def rest(loaded: LoadedArm) -> State:
+    """The state in which a session with that arm begins: everything at zero."""
+    zero = _frozen(np.zeros(loaded.base.n))
+    return State(loaded, zero, zero, zero, zero, zero)

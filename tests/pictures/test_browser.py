@@ -1,0 +1,177 @@
+"""Pages in a real browser, without a network: the arm is there and moves, curves answer to the reader's hand."""
+
+import time
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from pictures.browser import Browser, needs_browser
+from pictures.docs_picture import PICTURE, taken
+from simulation.runs import invented
+
+pytestmark = needs_browser
+CANVAS = ".panel canvas"
+LEFT, RIGHT = 58, 10  # [px] of a panel's canvas beside its curves
+
+
+@pytest.fixture(scope="module")
+def run():
+    arm = aw.load("cmu-dd")
+    return aw.simulate(aw.Scenario(arm, command=[8, 12, 8, 4, 2, 1], duration=2.0, step=2e-3))
+
+
+@pytest.fixture(scope="module")
+def player(run, tmp_path_factory):
+    path = tmp_path_factory.mktemp("player") / "run.html"
+    aw.write_graphic(run.assign(q_reference=0.7 * run["q"]), aw.load("cmu-dd"), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def curves(run, tmp_path_factory):
+    path = tmp_path_factory.mktemp("curves") / "run.html"
+    aw.plot_runs({"run": run}, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    browser = Browser(tmp_path_factory.mktemp("browser"))
+    yield browser
+    browser.close()
+
+
+def scene(browser):
+    """The part of the player's picture that the arm is in."""
+    box = browser.value(
+        "(() => { const b = document.getElementById('stage').getBoundingClientRect();"
+        " return [b.left, b.top, b.right, b.bottom]; })()"
+    )
+    left, top, right, bottom = (round(v) for v in box)
+    return browser.picture()[top:bottom, left:right]
+
+
+@pytest.mark.parametrize("size", [(700, 620), (360, 640)])
+def test_the_arm_is_seen_and_moves(browser, player, size):
+    pictures = []
+    for t in ("0.5", "0.5", "1.8"):
+        browser.open(player, f"#t={t}&pause&light", size)
+        pictures.append(scene(browser))
+        assert browser.faults() == []
+    first, again, later = pictures
+    assert np.abs(first - again).mean() < 0.1  # a pause is one
+    assert (np.abs(first - later).max(axis=2) > 30).mean() > 0.005
+    grey = (np.ptp(first, axis=2) < 24) & (first.max(axis=2) > 40) & (first.max(axis=2) < 190)
+    ghost = (first[..., 0] - first[..., 2]) > 60  # the reference is orange
+    assert grey.mean() > 0.01
+    assert ghost.mean() > 0.002
+    browser.value("document.getElementById('ghost').click()")
+    browser.settle()
+    ghost = (later[..., 0] - later[..., 2]) > 60
+    assert ((scene(browser)[..., 0] - scene(browser)[..., 2]) > 60).sum() < 0.7 * ghost.sum()
+
+
+def test_the_player_plays_and_is_told_where_to_go(browser, player):
+    browser.open(player, "#t=0.5&pause")
+    now = lambda: float(browser.text("#now").split()[0])  # noqa: E731
+    assert now() == 0.5
+    begin = time.monotonic()
+    browser.value("document.getElementById('speed').value = '0.5'; document.getElementById('speed').onchange()")
+    browser.value("document.getElementById('play').click()")
+    time.sleep(1.0)
+    browser.value("document.getElementById('play').click()")
+    played, spent = now() - 0.5, time.monotonic() - begin
+    assert 0.1 < played <= 0.5 * spent + 0.05
+    time.sleep(0.2)
+    assert now() - 0.5 == played
+    browser.value(
+        "const slider = document.getElementById('time'); slider.value = 0.8; slider.dispatchEvent(new Event('input'))"
+    )
+    assert now() == pytest.approx(1.6, abs=1e-3)
+    wide = browser.value(f"document.querySelector('{CANVAS}').clientWidth") - LEFT - RIGHT
+    browser.value(f"document.querySelector('{CANVAS}').scrollIntoView({{block: 'center'}})")
+    browser.mouse(CANVAS, LEFT + wide / 2, 80, "mouseMoved", "mousePressed", "mouseReleased")
+    assert now() == pytest.approx(1.0, abs=0.01)
+    assert browser.faults() == []
+
+
+def test_the_camera_goes_around(browser, player):
+    browser.open(player, "#t=0.5&pause&light")
+    before = scene(browser)
+    browser.mouse("#stage", 200, 150, "mouseMoved", "mousePressed")
+    browser.mouse("#stage", 320, 190, "mouseDragged")
+    browser.mouse("#stage", 320, 190, "mouseReleased")
+    turned = scene(browser)
+    assert (np.abs(turned - before).max(axis=2) > 30).mean() > 0.01
+    browser.mouse("#stage", 200, 150, "mouseWheel", deltaX=0, deltaY=-300)
+    nearer = scene(browser)
+    assert (np.abs(nearer - turned).max(axis=2) > 30).mean() > 0.01
+    for view in ("front", "side", "top", "home"):
+        browser.value(f"document.getElementById('view').value = '{view}'; document.getElementById('view').onchange()")
+        browser.settle()
+    assert np.abs(scene(browser) - before).mean() < 0.1
+    assert browser.faults() == []
+
+
+def test_curves_zoom_and_tell_values(run, browser, curves):
+    browser.open(curves, "#light", (1000, 900))
+    wide = browser.value(f"document.querySelector('{CANVAS}').clientWidth") - LEFT - RIGHT
+    all_times = "[...document.querySelectorAll('.legend button')].at(-1)"
+    assert browser.value(f"{all_times}.disabled")
+    browser.mouse(CANVAS, LEFT + wide / 2, 60, "mouseMoved")
+    head, *rows = [line.replace("−", "-").split() for line in browser.text(".panel .tip").splitlines() if line.strip()]
+    assert head == ["t", "=", "1", "s", "[rad]"]
+    values = {row[0]: float(row[1]) for row in rows}
+    expected = run["q"].sel(time=1.0, method="nearest")
+    assert list(values) == [f"joint{k}" for k in range(1, 7)]
+    assert values == pytest.approx({name: float(expected.sel(joint=name)) for name in values}, rel=1e-4)
+    browser.value("document.querySelector('.legend button').click()")
+    browser.mouse(CANVAS, LEFT + wide / 2 + 1, 60, "mouseMoved")
+    assert "joint1" not in browser.text(".panel .tip")
+    assert "joint2" in browser.text(".panel .tip")
+    browser.mouse(CANVAS, LEFT + wide / 4, 60, "mouseMoved", "mousePressed")
+    browser.mouse(CANVAS, LEFT + wide / 2, 60, "mouseDragged")
+    browser.mouse(CANVAS, LEFT + wide / 2, 60, "mouseReleased")
+    assert not browser.value(f"{all_times}.disabled")
+    browser.mouse(CANVAS, LEFT + wide, 60, "mouseMoved")  # what was in the middle is the end now
+    assert float(browser.text(".panel .tip th").split()[2]) == pytest.approx(1.0, abs=0.005)
+    browser.mouse(CANVAS, LEFT + wide / 2, 60, "mouseWheel", deltaX=0, deltaY=2000)
+    browser.mouse(CANVAS, LEFT, 60, "mouseMoved")
+    assert float(browser.text(".panel .tip th").split()[2]) < 0.5
+    browser.value(f"{all_times}.click()")
+    browser.settle()
+    assert browser.value(f"{all_times}.disabled")
+    assert browser.faults() == []
+
+
+def test_pages_are_drawn_light_dark_and_narrow(browser, curves):
+    blue = [0x00, 0x72, 0xB2]  # the first joint's curve
+    for fragment, size in (("#light", (900, 900)), ("#dark", (900, 900)), ("#light", (360, 740))):
+        browser.open(curves, fragment, size)
+        picture = browser.picture()
+        assert (picture.mean() < 60) == (fragment == "#dark")
+        assert (np.abs(picture - blue).max(axis=2) < 30).sum() > 300
+        assert browser.value("document.documentElement.scrollWidth") <= size[0]
+        assert browser.faults() == []
+
+
+def test_all_samples_count_where_many_share_a_pixel(browser, tmp_path):
+    arm = aw.load("two-link")
+    run = invented(arm, rows=150_001)
+    run["q"].values[:, 0] = 0.0
+    run["q"].values[77_777, 0] = 1.0  # one sample of many in its column
+    aw.plot_runs({"run": run}, tmp_path / "spike.html", joints=[arm.names[0]], quantities=["q"])
+    browser.open(tmp_path / "spike.html", "#light", (800, 420))
+    blue = np.abs(browser.picture() - [0x00, 0x72, 0xB2]).max(axis=2) < 60
+    assert blue[140:290].any(axis=1).mean() > 0.9  # up and down again
+
+
+def test_the_picture_in_the_docs_is_what_its_commands_make(browser, tmp_path):
+    from PIL import Image
+
+    shown = np.asarray(Image.open(PICTURE).convert("RGB")).astype(int)
+    made = taken(browser, tmp_path)
+    assert shown.shape == made.shape
+    assert np.abs(shown - made).mean() < 6  # other fonts and other graphics differ by less, another picture by more
+    assert PICTURE.stat().st_size < 80_000

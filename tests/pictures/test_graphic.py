@@ -1,0 +1,123 @@
+"""The graphic file of a run: which run, which arm, which lane; and one line where it cannot be."""
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import OutputError, RunError
+from pictures.gltf_rules import Gltf
+from pictures.playing import pose_of
+from pictures.reading import Page
+from pictures.test_animated import TO_Z_UP
+from simulation.runs import MIXED, invented, mixed_arm
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    return mixed_arm(tmp_path_factory.mktemp("robot"))
+
+
+def hand(path, animation="run", t=2.0):
+    return TO_Z_UP @ pose_of(Gltf(path.read_bytes()), animation, "tip hand", t)
+
+
+def test_simulated_run_ends_where_kinematics_says(tmp_path):
+    arm = aw.load("cmu-dd")
+    run = aw.simulate(aw.Scenario(arm, command=[8, 12, 8, 4, 2, 1], duration=0.5))
+    aw.write_graphic(run, arm, tmp_path / "run.glb")
+    gltf = Gltf((tmp_path / "run.glb").read_bytes())
+    assert len(gltf.animation("run")["channels"]) == 6
+    last = TO_Z_UP @ pose_of(gltf, "run", "tip hand", 0.5)
+    assert np.abs(last - aw.forward_kinematics(arm, run["q"].values[-1])).max() < 1e-5
+
+
+def test_page_plays_the_same_file(arm, tmp_path):
+    run = invented(arm)
+    run = run.assign(q_reference=run["q"] * 0.5)
+    aw.write_graphic(run, arm, tmp_path / "run.html")
+    aw.write_graphic(run, arm, tmp_path / "run.glb")
+    page = Page(tmp_path / "run.html")
+    assert page.unpacked("arm") == (tmp_path / "run.glb").read_bytes()
+    assert page.fetched() == []
+    assert (page.plot["start"], page.plot["duration"]) == (0.0, 2.0)
+    expected = aw.forward_kinematics(arm, 0.5 * run["q"].values[-1])
+    assert np.abs(hand(tmp_path / "run.glb", "reference") - expected).max() < 1e-5
+
+
+def test_a_lane_of_many(arm, tmp_path):
+    run = invented(arm, lanes=5)
+    run["q"].values[2] = np.nan
+    aw.write_graphic(run, arm, tmp_path / "lane.glb", lane=3)
+    expected = aw.forward_kinematics(arm, run["q"].values[3, -1])
+    assert np.abs(hand(tmp_path / "lane.glb") - expected).max() < 1e-5
+    with pytest.raises(RunError, match="the run has 5 lanes; expected lane = one of 0 … 4"):
+        aw.write_graphic(run, arm, tmp_path / "x.glb")
+    with pytest.raises(RunError, match="lane = 7: no such lane; expected one of 0 … 4"):
+        aw.write_graphic(run, arm, tmp_path / "x.glb", lane=7)
+    with pytest.raises(RunError, match="q of 'turn' is nan from t = 0 s on"):
+        aw.write_graphic(run, arm, tmp_path / "x.glb", lane=2)
+    with pytest.raises(RunError, match="lane = 0: this run has no lanes"):
+        aw.write_graphic(invented(arm), arm, tmp_path / "x.glb", lane=0)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["lane.glb"]
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("run.gltf", "run.gltf: the ending '.gltf' is not offered; expected .glb or .html"),
+        ("run", "run: has no ending; expected .glb or .html"),
+        ("no/run.glb", "there is no folder"),
+    ],
+)
+def test_paths_that_cannot_be_written(arm, tmp_path, path, words):
+    with pytest.raises(OutputError) as told:
+        aw.write_graphic(invented(arm), arm, tmp_path / path)
+    assert words in str(told.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_runs_that_are_none_of_this_arm(arm, tmp_path):
+    run = invented(arm)
+    other = aw.load("two-link")
+    for bad, words in (
+        (invented(other), "expected those of lathe: turn, slide, hinge"),
+        (run.isel(joint=[0, 1]), "has joints turn, slide; expected those of lathe"),
+        (
+            run.assign_coords(kind=("joint", ["revolute"] * 3)),
+            "joint 'slide' is revolute in the run; expected prismatic",
+        ),
+        (run.drop_vars("q"), "no joint positions q"),
+        (run.isel(time=slice(0, 0)), "no rows"),
+        (run.isel(time=[3, 2]), "time goes from 0.15 s to 0.1 s; expected increasing times"),
+        (run.where(run["time"] < 1), "q of 'turn' is nan from t = 1 s on: the simulation left the finite numbers"),
+        (run.to_dataframe(), "a DataFrame is no run"),
+    ):
+        with pytest.raises(RunError) as told:
+            aw.write_graphic(bad, arm, tmp_path / "run.glb")
+        assert words in str(told.value)
+        assert "\n" not in str(told.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_mesh_that_has_gone(tmp_path):
+    visual = """
+    [[links.visuals]]
+    name = "cover"
+    solid = { shape = "mesh", file = "gone.stl", scale = 0.001 }
+    xyz_m = [0.0, 0.0, 0.0]
+    rpy_rad = [0.0, 0.0, 0.0]
+    """
+    (tmp_path / "lathe.toml").write_text(MIXED + visual, encoding="utf-8")
+    arm = aw.load(tmp_path / "lathe.toml")
+    with pytest.raises(RunError) as told:
+        aw.write_graphic(invented(arm), arm, tmp_path / "run.glb")
+    assert str(told.value).startswith("lathe: link 'hand', visual 'cover': ")
+    assert "gone.stl: cannot be read" in str(told.value)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["lathe.toml"]
+
+
+def test_a_part_of_a_run_starts_at_0(arm, tmp_path):
+    run = invented(arm)
+    aw.write_graphic(run.sel(time=slice(1.0, None)), arm, tmp_path / "run.glb")
+    expected = aw.forward_kinematics(arm, run["q"].values[20])
+    assert np.abs(hand(tmp_path / "run.glb", t=0.0) - expected).max() < 1e-5

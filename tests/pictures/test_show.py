@@ -1,0 +1,127 @@
+"""Pictures of arms: PNG, page and scene file."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+
+import numpy as np
+import pytest
+import trimesh
+
+import armwright as aw
+from armwright.description.database import parse
+from armwright.errors import ModelError, OutputError, ShapeError
+from armwright.kinematics import body_placements
+from armwright.model import build_model
+from armwright.pictures.png import spacing, write_png
+from armwright.pictures.scene_file import Y_UP
+from armwright.pictures.still import still
+from physics.arms import NAMES, arm, random_state, workshop
+
+
+def pixels(path) -> np.ndarray:
+    from matplotlib.image import imread
+
+    return imread(path)[..., :3]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_png_shows_the_arm(name, tmp_path):
+    write_png(still(arm(name)), tmp_path / "arm.png", longer=240)
+    image = pixels(tmp_path / "arm.png")
+    assert max(image.shape) == 240
+    assert 0.02 < (image.min(axis=-1) < 0.6).mean() < 0.9  # something stands on the paper, and does not hide it
+    assert image[:3].min() > 0.5  # nothing runs out of the picture at the top
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_scene_has_a_node_for_each_link_where_it_stands(name, tmp_path):
+    model = arm(name)
+    q = random_state(model, 1)[0]
+    shown = aw.show(model, tmp_path / "arm.glb", q)
+    assert shown.notes == ()
+    scene = trimesh.load_scene(tmp_path / "arm.glb")
+    for k, placed in body_placements(model, q).items():
+        link = model.bodies[k].link if k >= 0 else "base"
+        np.testing.assert_allclose(scene.graph[link][0], Y_UP @ placed.matrix(), atol=1e-6)
+    box = still(model, q).surfaces().corners.reshape(-1, 3) @ Y_UP[:3, :3].T
+    np.testing.assert_allclose(scene.bounds, [box.min(axis=0), box.max(axis=0)], atol=1e-5)
+
+
+def test_a_page_needs_nothing_else(tmp_path):
+    path = aw.show(arm("two-link"), tmp_path / "arm.html").path
+    page = path.read_text(encoding="utf-8")
+    assert "<title>two-link</title>" in page
+    assert "SPDX-License-Identifier: MIT" in page
+    for loads in ('src="http', "src='http", 'href="http', "import("):
+        assert loads not in page
+    start = page.index('base64_data="') + len('base64_data="')
+    import base64
+
+    glb = base64.b64decode(page[start : page.index('"', start)])
+    assert len(trimesh.load_scene(io.BytesIO(glb), file_type="glb").geometry) > 2
+
+
+def test_names_cannot_break_out_of_a_page(tmp_path):
+    data = workshop()
+    data["name"] = "</script><b>arm"
+    page = aw.show(build_model(parse(data, "x")), tmp_path / "arm.html").path.read_text(encoding="utf-8")
+    assert "</script><b>" not in page
+
+
+def test_holes_are_seen_through(tmp_path):
+    """A plate with a bore, seen from above, shows the ground in its middle."""
+    data = workshop()
+    plate = {"shape": "box", "size_m": [1.0, 1.0, 0.1]}
+    bore = {"shape": "cylinder", "radius_m": 0.3, "length_m": 0.1}
+    place = {"xyz_m": [0.0, 0.0, 0.0], "rpy_rad": [0.0, 0.0, 0.0]}
+    data["links"][0]["visuals"] = [{"solid": plate, **place}, {"solid": bore, "hole": True, **place}]
+    solid = still(build_model(parse(data, "x"))).surfaces()
+    bored = solid.corners.reshape(-1, 3)
+    middle = np.unique(bored.round(9), axis=0)
+    away = np.linalg.norm(middle - 0.5 * (middle.min(axis=0) + middle.max(axis=0)), axis=1)
+    assert away.min() > 0.29
+
+
+def test_a_bushing_in_the_bore_of_another_part_stays():
+    from armwright.pictures.holes import holes_of
+
+    data = workshop()
+    place = {"xyz_m": [0.0, 0.0, 0.0], "rpy_rad": [0.0, 0.0, 0.0]}
+    rod = {"shape": "cylinder", "radius_m": 0.1, "length_m": 0.1}
+    data["links"][0]["visuals"] = [
+        {"name": "10 block", "solid": {"shape": "box", "size_m": [1.0, 1.0, 0.1]}, **place},
+        {"name": "10 bore", "solid": rod, "hole": True, **place},
+        {"name": "20 bushing", "solid": rod, **place},
+        {"solid": rod, **place},
+    ]
+    link = parse(data, "x").links[0]
+    assert [len(holes_of(link, visual)) for visual in link.visuals if not visual.hole] == [1, 0, 0]
+
+
+def test_without_a_mesh_that_can_be_read_it_is_a_figure(tmp_path):
+    data = workshop()
+    mesh = {"shape": "mesh", "file": "gone.stl", "scale": 1.0}
+    data["links"][0]["visuals"] = [{"solid": mesh, "xyz_m": [0, 0, 0], "rpy_rad": [0, 0, 0]}]
+    shown = aw.show(build_model(parse(data, "x", folder=tmp_path)), tmp_path / "arm.glb")
+    assert "gone.stl" in shown.notes[0]
+    assert "figure of its joints" in shown.notes[0]
+    bare = dataclasses.replace(arm("workshop"), description=None)
+    assert len(still(bare).shapes) == len(still(arm("workshop")).shapes)
+
+
+@pytest.mark.parametrize(("size", "grid"), [(0.8, 0.1), (1.6, 0.2), (4.0, 0.5), (0.15, 0.01), (16.0, 2.0)])
+def test_the_grid_is_round(size, grid):
+    assert spacing(size) == pytest.approx(grid)
+
+
+def test_refused(tmp_path):
+    with pytest.raises(OutputError, match=r"expected \.png, \.html or \.glb"):
+        aw.show(arm("panda"), tmp_path / "arm.bmp")
+    for wrong in ([0.0], np.full(7, np.nan)):
+        with pytest.raises(ShapeError, match="expected 7 finite numbers"):
+            aw.show(arm("panda"), tmp_path / "arm.png", wrong)
+    with pytest.raises(ModelError, match="expected an arm"):
+        aw.show("panda", tmp_path / "arm.png")  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())

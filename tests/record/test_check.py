@@ -1,0 +1,66 @@
+"""The physical checks of a record as one list."""
+
+from __future__ import annotations
+
+import pytest
+
+import armwright as aw
+from armwright.description.database import parse
+from armwright.description.writer import write_toml
+from armwright.errors import DescriptionError
+from physics.arms import workshop
+
+
+@pytest.mark.parametrize("name", ["cmu-dd", "lwa4p", "panda", "two-link"])
+def test_built_in_arms_are_without_fault(name):
+    report = aw.check(name)
+    assert report.findings == ()
+    assert report.joints == aw.load(name).n
+
+
+def test_accepted_faults_are_warnings():
+    report = aw.check("puma560")
+    assert not report.errors
+    assert [finding.check for finding in report.warnings] == ["mass properties"] * 2
+
+
+def test_every_check_finds_what_it_looks_for(tmp_path):
+    data = workshop()
+    data["links"][0]["inertia_kg_m2"]["xx"] = 5.0  # beyond yy + zz
+    data["links"][1]["mass_kg"] = 4000.0
+    data["joints"][4]["motor"]["gear_efficiency"] = 0.3
+    data["joints"][4]["friction"] = {"viscous_n_m_s_per_rad": 1.0, "smoothing_rad_per_s": 0.1}
+    box = {"shape": "box", "size_m": [1e-3, 1e-3, 1e-3]}
+    data["links"][4]["visuals"] = [{"solid": box, "xyz_m": [0, 0, 0], "rpy_rad": [0, 0, 0]}]
+    data["remarks"] = ["a mesh is not on the search path"]
+    path = write_toml(parse(data, "workshop"), tmp_path / "workshop.toml")
+    report = aw.check(path)
+    assert [(finding.check, "link1" in finding.text) for finding in report.errors] == [("mass properties", True)]
+    found = {finding.check: finding.text for finding in report.warnings}
+    assert set(found) == {"reading", "drives", "plausibility", "shapes"}
+    assert "self-locking" in found["drives"]
+    assert "link2" in found["plausibility"]
+    assert "link5" in found["shapes"]
+    assert report.findings[0].level == "error"
+    assert aw.check(parse(data, "workshop")).errors == report.errors
+
+
+def test_parts_that_have_changed(tmp_path):
+    from shutil import copy
+
+    import armwright.robots as robots
+
+    for name in ("cmu-dd.parts.toml", "cmu-dd.toml"):
+        copy(f"{next(iter(robots.__path__))}/{name}", tmp_path / name)
+    assert aw.check(tmp_path / "cmu-dd.toml").findings == ()
+    with (tmp_path / "cmu-dd.parts.toml").open("a") as file:
+        file.write("# another drawing\n")
+    (finding,) = aw.check(tmp_path / "cmu-dd.toml").warnings
+    assert finding.check == "age"
+
+
+def test_a_file_that_is_no_record(tmp_path):
+    path = tmp_path / "arm.toml"
+    path.write_text("name = 3", encoding="utf-8")
+    with pytest.raises(DescriptionError, match=r"arm\.toml"):
+        aw.check(path)

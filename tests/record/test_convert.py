@@ -1,0 +1,68 @@
+"""Robot files in other formats and back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import DescriptionError, OutputError
+from physics.arms import random_state
+
+
+@pytest.mark.parametrize("name", ["cmu-dd", "lwa4p", "panda", "puma560", "two-link"])
+def test_toml_is_byte_stable(name, tmp_path):
+    first = aw.convert(name, tmp_path / "first.toml")
+    assert all("built from" in told for told in first.lost)
+    text = (tmp_path / "first.toml").read_bytes()
+    done = aw.convert(tmp_path / "first.toml", tmp_path / "second.toml")
+    assert done.lost == ()
+    assert (tmp_path / "second.toml").read_bytes() == text
+    aw.convert(tmp_path / "first.toml", tmp_path / "first.toml")
+    assert (tmp_path / "first.toml").read_bytes() == text
+
+
+@pytest.mark.parametrize("name", ["cmu-dd", "lwa4p", "panda", "two-link"])
+def test_through_urdf_and_back_the_dynamics_stay(name, tmp_path):
+    there = aw.convert(name, tmp_path / "arm.urdf")
+    assert [path.name for path in there.written] == ["arm.urdf", "arm.drive.toml"]
+    assert any("sources of" in told for told in there.lost)
+    back = aw.convert(tmp_path / "arm.urdf", tmp_path / "arm.toml")
+    assert back.written == (tmp_path / "arm.toml",)
+    arm, again = aw.load(name), aw.load(tmp_path / "arm.toml")
+    q, qd, qdd = random_state(arm, 1)
+    torques = aw.inverse_dynamics(arm, q, qd, qdd)
+    np.testing.assert_allclose(aw.inverse_dynamics(again, q, qd, qdd), torques, rtol=1e-9, atol=1e-9)
+
+
+def test_to_mjcf_and_back(tmp_path):
+    pytest.importorskip("mujoco")
+    there = aw.convert("panda", tmp_path / "panda.xml")
+    assert any("sigmoid" in told for told in there.lost)
+    aw.convert(tmp_path / "panda.xml", tmp_path / "panda.toml")
+    arm, again = aw.load("panda").replace(friction=None), aw.load(tmp_path / "panda.toml")
+    q, qd, qdd = random_state(arm, 1)
+    torques = aw.inverse_dynamics(arm, q, qd, qdd)
+    np.testing.assert_allclose(aw.inverse_dynamics(again, q, qd, qdd), torques, rtol=1e-9, atol=1e-9)
+
+
+def test_what_was_left_out_on_reading_is_told(tmp_path):
+    aw.convert("two-link", tmp_path / "arm.urdf")
+    text = (tmp_path / "arm.urdf").read_text(encoding="utf-8")
+    with_mesh = text.replace(
+        '<link name="upper_arm">',
+        '<link name="upper_arm"><visual><geometry><mesh filename="gone.stl"/></geometry></visual>',
+    )
+    assert with_mesh != text
+    (tmp_path / "arm.urdf").write_text(with_mesh, encoding="utf-8")
+    assert any("not on the search path" in told for told in aw.convert(tmp_path / "arm.urdf", tmp_path / "a.toml").lost)
+
+
+def test_refused(tmp_path):
+    with pytest.raises(OutputError, match=r"expected \.toml, \.urdf, \.xml or \.mjcf"):
+        aw.convert("panda", tmp_path / "panda.stl")
+    with pytest.raises(DescriptionError, match="did you mean panda"):
+        aw.convert("pand", tmp_path / "panda.toml")
+    with pytest.raises(DescriptionError, match="no option of reading it"):
+        aw.convert("panda", tmp_path / "panda.toml", smoothing=0.1)
+    assert not list(tmp_path.iterdir())
