@@ -30,5 +30,5 @@ for lane, name in enumerate(delays):
     print(f"{name:9}  tracking error {error:5.2f} mrad, voltages at rest swing by {shaking:5.1f} V")
 aw.plot_runs(
     {name: run.isel(lane=lane) for lane, name in enumerate(delays) if lane != 1},
-    folder / "delay.png", joints=["joint2", "joint3"], quantities=["q", "voltage"],
+    folder / "delay.png", joints=["joint3"], quantities=["q", "voltage"],
 )  # fmt: skip

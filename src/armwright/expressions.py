@@ -110,5 +110,6 @@ def _value(node: ast.expr, text: str, values: Mapping[str, Scalar]) -> Scalar:
         return -inner if isinstance(node.op, ast.USub) else inner
     if isinstance(node, ast.BinOp):
         return OPERATORS[type(node.op)](_value(node.left, text, values), _value(node.right, text, values))
-    assert isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+    assert isinstance(node, ast.Call)
+    assert isinstance(node.func, ast.Name)
     return FUNCTIONS[node.func.id][1](*(_value(argument, text, values) for argument in node.args))

@@ -56,6 +56,35 @@ def test_a_built_in_arm_is_made_and_simulated_without_an_edit() -> None:
     assert "0.01 s in 10 steps" in run("simulate", "arm.toml", "--current", "0", "--duration", "0.01")
 
 
+def test_an_arm_older_than_its_modules_says_so(folder: Path) -> None:
+    """The assembly and its library, from whatever folder the arm is written to; what is not there says nothing."""
+    (folder / "out").mkdir()
+    arm = folder / "out" / "arm.toml"
+    run("assemble", "arm.assembly.toml", "-o", str(arm))
+    before = aw.load(arm).warnings
+    for name in ("toy.modules.toml", "arm.assembly.toml"):
+        text = (folder / name).read_text()
+        (folder / name).write_text(f"{text}\n# changed\n")
+        (told,) = set(aw.load(arm).warnings) - set(before)
+        assert f"older than ../{name}" in told or f"older than {name}" in told
+        (told,) = (finding.text for finding in aw.check(arm).warnings if finding.check == "age")
+        (folder / name).write_text(text)
+        assert aw.load(arm).warnings == before
+        (folder / name).rename(folder / "away")
+        assert aw.load(arm).warnings == before
+        (folder / "away").rename(folder / name)
+
+
+def test_an_arm_of_built_in_modules_knows_them(folder: Path) -> None:
+    run("assemble", "lwa4p", "-o", "arm.toml")
+    origin = aw.load("arm.toml").description.built_from
+    assert (origin.file, list(origin.libraries)) == ("armwright:lwa4p.assembly.toml", ["armwright:improv.modules.toml"])
+    assert origin.changed(folder) == []
+    text = (folder / "arm.toml").read_text()
+    (folder / "arm.toml").write_text(text.replace(origin.libraries["armwright:improv.modules.toml"], "0" * 64))
+    assert any("older than armwright:improv.modules.toml" in told for told in aw.load("arm.toml").warnings)
+
+
 def test_a_file_beside_its_library(folder: Path) -> None:
     shown = run("assemble", "arm.assembly.toml")
     assert "arm: 1 joints" in shown

@@ -17,6 +17,7 @@ def folder(tmp_path, monkeypatch):
     arm = aw.load("two-link")
     aw.save(invented(arm), "run.nc")
     aw.save(invented(arm, lanes=3), "batch.nc")
+    aw.save(invented(arm.replace(name="mine")), "unnamed.nc")
     return tmp_path
 
 
@@ -31,6 +32,12 @@ def test_glb_is_what_the_function_writes(folder):
     assert np.abs(hand[[0, 2, 1], 3] * [1, -1, 1] - expected).max() < 1e-5
 
 
+def test_a_built_in_arm_need_not_be_named(folder):
+    run("graphic", "run.nc", "-o", "one.glb")
+    run("graphic", "run.nc", "--robot", "two-link", "-o", "two.glb")
+    assert (folder / "one.glb").read_bytes() == (folder / "two.glb").read_bytes()
+
+
 def test_a_lane_as_a_page(folder):
     run("graphic", "batch.nc", "--robot", "two-link", "--lane", "2", "-o", "lane.html")
     text = (folder / "lane.html").read_text(encoding="utf-8")
@@ -43,15 +50,18 @@ def test_a_lane_as_a_page(folder):
     [
         (("run.nc", "--robot", "panda", "-o", "x.glb"), "the run of two-link has joints shoulder, elbow; expected"),
         (("batch.nc", "--robot", "two-link", "-o", "x.glb"), "the run has 3 lanes; expected lane = one of 0, 1, 2"),
-        (("run.nc", "--robot", "two-link", "-o", "x.gif"), "x.gif: the ending '.gif' is not offered; expected .glb or .html"),
+        (
+            ("run.nc", "--robot", "two-link", "-o", "x.gif"),
+            "x.gif: the ending '.gif' is not offered; expected .glb or .html",
+        ),
         (("gone.nc", "--robot", "two-link", "-o", "x.glb"), "gone.nc: no such file"),
         (("run.nc", "--robot", "two-lnk", "-o", "x.glb"), "did you mean two-link?"),
         (("run.nc", "--robot", "two-link"), "Missing option '--output'"),
-        (("run.nc", "-o", "x.glb"), "Missing option '--robot'"),
+        (("unnamed.nc", "-o", "x.glb"), "which is not built in; expected --robot FILE"),
     ],
 )
 def test_refused(folder, arguments, words):
     told = run("graphic", *arguments, code=2)
     assert words in told.stderr
     assert told.stderr.count("\n") == 1
-    assert sorted(entry.name for entry in folder.iterdir()) == ["batch.nc", "run.nc"]
+    assert sorted(entry.name for entry in folder.iterdir()) == ["batch.nc", "run.nc", "unnamed.nc"]

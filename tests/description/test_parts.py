@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomlkit
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -272,8 +273,55 @@ def test_nothing_half_written(tmp_path):
 def test_file_is_named_where_a_part_cannot_be(tmp_path):
     path = tmp_path / "a.parts.toml"
     path.write_bytes(CMU.read_bytes().replace(b"hole = true", b"hole = true\ndensity_kg_per_m3 = 1e6"))
-    with pytest.raises(DescriptionError, match=r"a\.parts\.toml: link 'link1' part .*holes take away"):
+    with pytest.raises(DescriptionError, match=r"a\.parts\.toml: link 'link1' part .*takes out 1e\+06 kg/m³"):
         build_parts(path)
+
+
+@pytest.mark.parametrize(
+    ("file", "message"),
+    [
+        ("nope.stl", "mesh 'nope.stl': no such file"),
+        ("nope.step", "mesh 'nope.step': no such file"),
+        ("folder", "mesh 'folder': a folder"),
+        ("arm.step", "no kind of mesh that is read"),
+    ],
+)
+def test_meshes_that_are_not_there(file, message, tmp_path):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "arm.step").write_text("ISO-10303-21;")
+    path = tmp_path / "a.parts.toml"
+    solid = {"shape": "mesh", "file": file, "scale": 1}
+    path.write_text(tomlkit.dumps(document(part(section(solid=solid)))), encoding="utf-8")
+    with pytest.raises(DescriptionError, match=rf"a\.parts\.toml: .*{message}") as refused:
+        build_parts(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_units_that_look_like_others(tmp_path):
+    """Densities in g/cm³ and g/m³, a mesh in millimetres; foam, tungsten and a large mesh pass."""
+    trimesh.creation.box([120, 120, 120]).export(tmp_path / "hand.stl")
+
+    def told(**changes):
+        return built(part(section(**changes)), folder=tmp_path).warnings
+
+    assert "a density of 2.7 kg/m³: g/cm³ for kg/m³? expected 2700" in told(density_kg_per_m3=2.7)[0]
+    assert "g/m³ for kg/m³" in told(density_kg_per_m3=2.7e6)[0]
+    assert "a mesh of 120 m: millimetres" in told(solid={"shape": "mesh", "file": "hand.stl", "scale": 1})[0]
+    assert told(density_kg_per_m3=25.0) == told(density_kg_per_m3=19300.0) == ()
+    assert told(solid={"shape": "mesh", "file": "hand.stl", "scale": 0.001}) == ()
+
+
+def test_deviations_of_scales_come_through():
+    """Weighed parts: the link's mass has the square root of the sum of squares; the other parts count as exact."""
+    weighed = {"value": 16.0, "std": 0.03}
+    link = built(
+        part(section(), weighed_mass_kg=weighed),
+        part(section(xyz_m=[0.5, 0.0, 0.0]), name="2", weighed_mass_kg={**weighed, "std": 0.04}),
+        part(section(xyz_m=[1.0, 0.0, 0.0]), name="3"),
+    ).description.links[0]
+    assert link.mass_kg.std == pytest.approx(0.05, rel=1e-12)
+    assert built(part(section())).description.links[0].mass_kg.std is None
+    assert built(part(section(), weighed_mass_kg=16.0)).description.links[0].mass_kg.std is None
 
 
 @settings(max_examples=250)

@@ -185,6 +185,43 @@ def test_meshes_that_bound_nothing(kind, message, tmp_path):
         Mesh(shape="mesh", file=str(path), scale=1).moments()
 
 
+def nested(*sizes: float, turned: tuple[int, ...] = (), at: float = 0.0) -> trimesh.Trimesh:
+    """Boxes in each other, some of them with their faces inward, the smaller ones moved along x."""
+    boxes = []
+    for k, size in enumerate(sizes):
+        box = trimesh.creation.box([size] * 3).apply_translation([at if k else 0.0, 0.0, 0.0])
+        if k in turned:
+            box.invert()
+        boxes.append(box)
+    return trimesh.util.concatenate(boxes)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "volume"),
+    [
+        (nested(3, 2, turned=(1,)), 27 - 8),
+        (nested(3, 2, 1, turned=(1,)), 27 - 8 + 1),
+        (nested(3, 2, 1, turned=(0, 2)), 27 - 8 + 1),
+        (nested(3, 2, at=5.0), 27 + 8),
+        (nested(3, 1, turned=(1,), at=0.5), 27 - 1),
+        (nested(3, 2), "lies in another: its inside counts 2 times"),
+        (nested(3, 1, at=0.5), "lies in another: its inside counts 2 times"),
+        (nested(3, 2, turned=(0, 1)), "lies in another: its inside counts 2 times"),
+        (nested(3, 2, 1, turned=(1, 2)), "points inward and lies in nothing"),
+        (nested(3, 2, turned=(1,), at=5.0), "points inward and lies in nothing"),
+    ],
+)
+def test_shells_of_one_mesh(mesh, volume, tmp_path):
+    """Cavities, material in cavities and bodies apart add up; nothing counts twice."""
+    mesh.export(tmp_path / "a.ply")
+    read = Mesh(shape="mesh", file=str(tmp_path / "a.ply"), scale=1)
+    if isinstance(volume, str):
+        with pytest.raises(DescriptionError, match=volume):
+            read.moments()
+    else:
+        assert read.moments().amount == pytest.approx(volume, rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [

@@ -98,6 +98,16 @@ def test_holes_are_exact(at, radius, share):
     same(moments(part(cone, tip)), moments(part(frustum)), size=5.0)
 
 
+def test_holes_in_one_of_several_materials():
+    """Steel and copper side by side: the hole takes out what it names."""
+    beside = section("b", material="copper", xyz_m=[0.0, 0.0, 0.2])
+    hole = section("hole", hole=True, solid={"shape": "box", "size_m": [0.01, 0.1, 0.1]})
+    whole = moments(part(section(), beside)).amount
+    for material, density in (("steel", 7850.0), ("copper", 8960.0)):
+        left = moments(part(section(), beside, {**hole, "material": material})).amount
+        assert whole - left == pytest.approx(1e-4 * density, rel=2e-3)
+
+
 def test_patterns():
     """Copies in a row and about an axis are the sections that one would write one by one."""
     row = section("row", count=3, pattern={"type": "linear", "step_m": [0.0, 0.5, 0.0]})
@@ -173,7 +183,11 @@ def test_pendulums_are_believed(through, axes, share):
     ("parts", "message"),
     [
         ([part(section(), section("hole", hole=True))], "its holes take away more than there is"),
-        ([part(section(), section("hole", hole=True, density_kg_per_m3=1e5))], "its holes take away more than there is"),
+        ([part(section(), section("hole", hole=True, density_kg_per_m3=1e5))], "of which no section of the part is"),
+        ([part(section(material="copper"), section("hole", hole=True))], "takes out steel, .* what it is in, copper"),
+        ([part(section(material="steel"), section("b", material="copper"), section("hole", hole=True, count=1))],
+         "does not say which of the part's materials it takes out; .* steel or copper"),
+        ([part(section("hole", hole=True))], "the part has nothing to take it out of"),
         ([part(section(), pendulums=[{"axis": [0, 0, 1], "through_m": [1, 0, 0], "inertia_kg_m2": 1}])], "have .* already"),
         ([part(section(), pendulums=[{"axis": [0, 0, k], "through_m": [0, 0, 0], "inertia_kg_m2": 1} for k in (1, 2)])],
          "the same axes"),

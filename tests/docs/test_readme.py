@@ -7,7 +7,6 @@ import shlex
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from docs.pages import ROOT, blocks, comparable, page, python, sessions, shell, write_files
 
@@ -33,11 +32,12 @@ def test_the_readme_s_python_prints_what_it_shows(tmp_path: Path) -> None:
     np.testing.assert_allclose(ours, shown, atol=1e-3)
 
 
-@pytest.mark.parametrize("command", README_COMMANDS)
-def test_the_readme_s_commands_run(command: str, tmp_path: Path) -> None:
+def test_the_readme_s_commands_run(tmp_path: Path) -> None:
+    """One after the other in one folder, as a reader types them."""
     (tmp_path / "examples").symlink_to(ROOT / "examples")
-    done = shell(command, tmp_path)
-    assert done.returncode == 0, done.stderr
+    for command in README_COMMANDS:
+        done = shell(command, tmp_path)
+        assert done.returncode == 0, f"{command}: {done.stderr}"
 
 
 def test_the_picture_s_command_is_the_demo_s() -> None:

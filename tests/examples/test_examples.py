@@ -15,6 +15,12 @@ SAYS = {  # lines that must come out, and files that must be there
     "03": (["bit for bit: True"], []),
     "04": (["<arm scara: 4 joints", "rod.mass_kg: estimate"], ["own_robot.png"]),
     "05": (["1000 lanes of 1500 steps"], ["lanes.png"]),
+    "07": (["8 ms late"], ["delay.png"]),
+    "08": (
+        ["3 V, plain             overshoot 39%, not within 5 % yet", "3 V, clamping          overshoot  3%"],
+        ["windup.png"],
+    ),
+    "09": (["the winding reached 107 °C"], ["hot_motor.png"]),
 }
 
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import re
+import tomllib
+from importlib import resources
 
 import numpy as np
 import pytest
 
 import armwright as aw
 from armwright.description import builtin_names
+from armwright.description.database import parse
 from armwright.model import build_model
 from armwright.model.hull_doubts import hull_doubts
+from armwright.model.unit_doubts import unit_doubts
 from armwright.spatial import parallel_axes
 from description.urdf_files import AXIS, joint, link, one_joint, robot, written
 
@@ -46,6 +50,9 @@ def test_good_arms_raise_no_alarm(tmp_path):
         (1.5, (0.1, 0, 0), 1e6 * np.array(ROD), "a tensor in kg mm²"),
         (1.5, (0.1, 0, 0), 1e3 * np.array(ROD), "a tensor in g m²"),
         (1500.0, (0.1, 0, 0), 1e3 * np.array(ROD), "grams for kilograms"),
+        (1.5e7, (0.1, 0, 0), 1e10 * np.array(ROD), "millimetres for metres"),
+        (0.0, (0.1, 0, 0), (0.01, 0.01, 0.01), "a mass that was forgotten"),
+        (2.0, (0.1, 0, 0), (0, 0, 0), "that of a point: one that was forgotten"),
         (1.5, (100.0, 0, 0), ROD, "millimetres for metres"),
         (1.219, (0, 0, 0), (0.111172755531, 0.111172755531, 0.21942), "wrist 1 and 2 of the old UR5"),
         (0.1879, (0, 0, 0), (0.0171364731454, 0.0171364731454, 0.033822), "wrist 3 of the old UR5"),
@@ -57,6 +64,48 @@ def test_known_mistakes_are_named(tmp_path, mass, com, tensor, named):
     told = [t for t in warnings(tmp_path, inertial(mass, com, tensor)) if t.startswith("link upper")]
     assert len(told) == 1
     assert re.search(named, told[0])
+
+
+def two_link(**joints):
+    """The built-in two-link arm with the first joint's tables changed, as a document."""
+    data = tomllib.loads((resources.files("armwright.robots") / "two-link.toml").read_text(encoding="utf-8"))
+    if "dh" in joints:
+        del data["joints"][0]["frame"], data["joints"][0]["axis"]
+    data["joints"][0].update(joints)
+    return data
+
+
+def test_point_masses_of_our_own_files_are_meant():
+    data = two_link()
+    for key in data["links"][0]["inertia_kg_m2"]:
+        data["links"][0]["inertia_kg_m2"][key] = 0.0
+    assert build_model(parse(data, "arm.toml")).warnings == ()
+    data["links"][1]["mass_kg"] = 0.0
+    (told,) = build_model(parse(data, "arm.toml")).warnings
+    assert "a mass that was forgotten" in told
+
+
+def test_units_of_joints():
+    """Degrees and millimetres are named; four turns, rails and what stands for no limit are not."""
+    row = {"alpha_rad": 0.0, "r_m": 0.0, "a_m": 0.3, "offset_rad": 0.0}
+    for changed, told in (
+        ({"dh": {**row, "alpha_rad": 90.0}}, "alpha_rad = 90, more than two turns: degrees for radians"),
+        ({"dh": {**row, "offset_rad": -90.0}}, "offset_rad = -90"),
+        ({"dh": {**row, "a_m": 300.0}}, "a_m = 300, 300 m away: millimetres for metres"),
+        ({"limits": {"position_rad": [-131, 131]}}, r"position_rad = \[-131, 131\]: degrees for radians"),
+        ({"limits": {"position_rad": [-18.85, 18.85]}}, None),
+        ({"limits": {"position_rad": [-1e4, 1e4]}}, None),
+        ({"dh": {**row, "alpha_rad": -2 * np.pi}}, None),
+    ):
+        found = unit_doubts(parse(two_link(**changed), "arm.toml"))
+        assert len(found) == (told is not None), changed
+        assert told is None or re.search(told, found[0])
+
+
+def test_a_joint_far_from_a_base_without_mass(tmp_path):
+    path = written(tmp_path, one_joint().replace('xyz="0.2 0 0"', 'xyz="0 0 400"'))
+    (told,) = aw.load(path).warnings
+    assert told == "joint j1: xyz_m = [0, 0, 400], 400 m away: millimetres for metres?"
 
 
 def test_improv_l5_breaks_the_triangle_inequality(tmp_path):
@@ -132,6 +181,7 @@ def test_fits_are_not_doubted(tmp_path):
         (0.001001, (1.1e-6, 1.1e-6, 1.1e-6), "kg/m³"),
         (1.5, (1.6e-2, 1.6e-2, 1.6e-2), "times that of its shape"),
         (1.5, (1.6e-9, 1.6e-9, 1.6e-9), "millimetres for metres"),
+        (1.5, (0.0, 0.0, 0.0), "it looks like a body"),
     ],
 )
 def test_against_the_hull(tmp_path, mass, tensor, named):

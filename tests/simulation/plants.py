@@ -124,7 +124,10 @@ def exact(plant: Plant, x0: Any, u: Any, duration: float, **options: Any) -> np.
 
 
 def with_energies(plant: Plant, x0: Any, u: Any, h: float, count: int) -> tuple[np.ndarray, dict[str, float]]:
-    """The last state, and the energies [J] that went each way, integrated as further states by the same stages."""
+    """The last state, and the energies [J] that went each way, integrated as further states by the same stages.
+
+    u: (n,), or (count, n) that changes.
+    """
     names = ("electrical", "heat", "friction", "mechanical")
 
     def split(y: Any, u: Any) -> tuple[Any, Any]:
@@ -141,7 +144,8 @@ def with_energies(plant: Plant, x0: Any, u: Any, h: float, count: int) -> tuple[
 
     program = trace("step", step, {"y": (plant.size + 4,), "u": (plant.model.n,)}, ("next",))
     y0 = np.concatenate([np.asarray(x0, dtype=float), np.zeros(4)])
-    held = np.asarray(u, dtype=float).reshape(-1, 1).repeat(count, axis=1)
+    given = np.asarray(u, dtype=float)
+    held = given.T if given.ndim == 2 else given.reshape(-1, 1).repeat(count, axis=1)
     last = np.asarray(program.graph.mapaccum("run", count)(y0, held))[:, -1]
     return last[: plant.size], dict(zip(names, last[plant.size :], strict=True))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -88,6 +89,21 @@ def test_without_a_record_they_go_into_files(tmp_path):
     assert len(rows) == 19
     with pytest.raises(RunError, match="no coordinate 'time'"):
         plot(run, tmp_path / "run.png")
+
+
+def test_the_highest_temperature_is_that_of_the_record():
+    model = aw.load(Path(__file__).parents[2] / "examples" / "hot-lift.toml")
+    law = aw.JointPID(kp=[[80.0], [120.0]], kd=8.0, gravity=True)
+    run = aw.simulate(
+        aw.Scenario(
+            model, controller=law, reference=aw.Sine([0.0], [0.6], 2.0), sample_period=PERIOD, duration=2.0,
+            reduce=["peak_temperature", "energy"],
+        )
+    )  # fmt: skip
+    np.testing.assert_array_equal(run.peak_temperature.values, run.winding_temperature.values.max(axis=1))
+    power = run.electrical_power.values
+    np.testing.assert_allclose(run.energy.values, PERIOD * power[:, :-1].sum(axis=1), rtol=1e-12)
+    assert (run.peak_temperature.values > 25.5).all()
 
 
 def test_where_the_controller_runs_in_python_they_are_the_same():

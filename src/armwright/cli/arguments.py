@@ -17,7 +17,11 @@ if TYPE_CHECKING:
 
 Robot = Annotated[
     str,
-    typer.Argument(metavar="ROBOT", help="Name of a built-in arm, or path of a robot's TOML, URDF or MJCF file.", show_default=False),
+    typer.Argument(
+        metavar="ROBOT",
+        help="Name of a built-in arm, or path of a robot's TOML, URDF or MJCF file.",
+        show_default=False,
+    ),
 ]
 Table = Annotated[Path, typer.Argument(metavar="IN.csv", help="CSV file, one set of data a row.", show_default=False)]
 Out = Annotated[

@@ -88,7 +88,7 @@ def _one(name: str, output: Path | None, unused: dict[str, Any]) -> None:
     stray = [option for option, value in unused.items() if value is not None]
     if stray:
         raise ScenarioError(f"assemble: {stray[0]} goes with --all, not with a file")
-    record = aw.assemble(name)
+    record = aw.assemble(name, folder=None if output is None else output.parent)
     arm = build_model(record)
     if output is not None:
         write_toml(record, output)

@@ -10,13 +10,6 @@ import typer
 
 def graphic(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Run saved as .nc.", show_default=False)],
-    robot: Annotated[
-        str,
-        typer.Option(
-            "--robot", metavar="ROBOT", show_default=False,
-            help="The arm that moved: name of a built-in one, or path of its TOML, URDF or MJCF file.",
-        ),
-    ],
     output: Annotated[
         Path,
         typer.Option(
@@ -24,6 +17,13 @@ def graphic(
             help="Where to: .html (a page that plays it) or .glb (animated glTF 2.0).",
         ),
     ],
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot", metavar="ROBOT", show_default=False,
+            help="The arm that moved: a built-in one, or path of its file; by default the built-in one that the run names.",
+        ),
+    ] = None,
     lane: Annotated[
         int | None,
         typer.Option("--lane", metavar="K", help="Which lane of a run that has several.", show_default=False),
@@ -35,14 +35,21 @@ def graphic(
 
     \b
     Examples:
-      armwright graphic run.nc --robot cmu-dd -o run.html
-      armwright graphic run.nc --robot cmu-dd -o run.glb
+      armwright graphic run.nc -o run.html
+      armwright graphic run.nc -o run.glb
       armwright graphic batch.nc --robot my-arm.toml --lane 3 -o lane3.html
     """
     import armwright as aw
+    from armwright.errors import RunError
     from armwright.pictures.graphic import check_graphic
 
     check_graphic(output)
     loaded = aw.load_run(run)
+    if robot is None:
+        robot = str(loaded.attrs.get("robot", ""))
+        if robot not in aw.builtin_names():
+            raise RunError(
+                f"{run}: is of {robot or 'an arm without a name'}, which is not built in; expected --robot FILE"
+            )
     aw.write_graphic(loaded, aw.load(robot), output, lane=lane)
     typer.echo(f"wrote {output}")

@@ -16,7 +16,7 @@ PIPE = "standard input"
 
 def sim(
     robot: Annotated[
-        str, typer.Argument(metavar="[ROBOT]", help="Name of a built-in arm, or path of a robot's file.")
+        str, typer.Argument(metavar="ROBOT", help="Name of a built-in arm, or path of a robot's file.")
     ] = "cmu-dd",
     script: Annotated[
         Path | None,
@@ -36,7 +36,7 @@ def sim(
       armwright sim
       armwright sim panda
       armwright sim < my.sim
-      echo "theta[2] = 30 deg\\ninverse-arm" | armwright sim two-link
+      printf 'theta[2] = 30 deg\\ninverse-arm\\n' | armwright sim two-link
     """
     from armwright.session import Session
     from armwright.session.files import read_script

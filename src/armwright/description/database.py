@@ -15,6 +15,7 @@ from armwright.description.refusal import refusal
 from armwright.description.robot import RobotDescription
 from armwright.errors import DescriptionError, nearest
 
+BOM = b"\xef\xbb\xbf"  # what some editors put before UTF-8
 XML_ENDINGS = (".urdf", ".xml", ".mjcf", ".xacro")
 
 
@@ -90,7 +91,10 @@ def read_document(path: Path) -> dict[str, Any]:
     """
     try:
         with open(path, "rb") as file:
-            return tomllib.load(file)
+            content = file.read()
+        if content.startswith(BOM):
+            raise DescriptionError(f"{path}: not TOML: begins with a byte order mark (BOM); expected UTF-8 without")
+        return tomllib.loads(content.decode("utf-8"))
     except FileNotFoundError:
         raise DescriptionError(f"{path}: no such file") from None
     except IsADirectoryError:

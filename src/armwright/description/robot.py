@@ -275,7 +275,7 @@ class RobotDescription(Record):
         """
         known = {where: source for where, _, source in quantities(self)}
         if path not in known:
-            raise DescriptionError(f"{self.name}: no number at {path!r}; {nearest(path, known)}")
+            raise DescriptionError(f"{self.name}: no number at {path!r}; {nearest(str(path), known)}")
         return self.source_of(known[path] or "")
 
     def source_of(self, key: str) -> Source:

@@ -10,8 +10,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from armwright.description.drive_file import ENDING
-from armwright.description.solids.mesh import Mesh
 from armwright.description.robot import FixedJoint, PrismaticJoint, RobotDescription
+from armwright.description.solids.mesh import Mesh
 from armwright.description.solids.shapes import Box, Cylinder, Sphere
 from armwright.description.solids.visual import Visual
 from armwright.export.drive_file import drive_file

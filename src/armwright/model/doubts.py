@@ -14,10 +14,11 @@ from armwright.description.placeholders import known_placeholders
 from armwright.description.robot import FixedJoint, Link, PrismaticJoint, RobotDescription
 from armwright.model.model import BASE, Model
 from armwright.model.plausibility import is_possible
+from armwright.model.unit_doubts import LONGEST, unit_doubts
 from armwright.spatial import parallel_axes, pseudo_inertia
 
 HEAVIEST = 1000.0  # [kg] of one link
-LONGEST = 10.0  # [m] between two joints of one link, or to its centre of mass
+WIDE = 1.0  # [m] of gyration: what is heavier than that and wider is too large, as a mesh in mm is, not in grams
 LIGHTEST = 1e-3  # [kg]; below are markers and sensors, whose tensors nobody has measured
 SIZES, BEYOND = 3.0, 0.1  # a radius of gyration of 3 lengths of the link and 0.1 m [m] is beyond it
 PARALLEL_AXES = 1e-3  # how well a product of inertia must equal -m c_j c_k to be just that
@@ -37,24 +38,34 @@ class _Body:
 
 
 def doubts(robot: RobotDescription, places: dict[str, list[np.ndarray]]) -> list[str]:
-    """Sentences about masses, tensors and limits that look like a mistake, and name it.
+    """Sentences about masses, tensors, limits and units that look like a mistake, and name it.
 
     Args:
         robot: the description.
         places: for every link that moves, where it bears joints, (3,) [m] each in the link's frame.
     """
     found: dict[str, list[str]] = defaultdict(list)
+    long = []
     for link in robot.links:
-        if link.name not in places or not float(link.mass_kg) > 0:
+        if not float(link.mass_kg) > 0:
+            meant = link.accept_impossible is not None or is_fit(robot, link)
+            if not meant and np.any(link.inertia_kg_m2.matrix()):
+                found["a tensor of inertia and no mass: a mass that was forgotten?"].append(link.name)
+            continue
+        if link.name not in places:
             continue
         mass, com = float(link.mass_kg), np.array(link.com_m)
         points = [*places[link.name], com]
         size = max(float(np.linalg.norm(a - b)) for a in points for b in points)
         body = _Body(link, mass, com, link.inertia_kg_m2.matrix(), size)
+        if size > LONGEST:
+            long.append(link.name)
+        if mass > LIGHTEST and not body.tensor.any() and is_import(robot, link):
+            found["a tensor of inertia of 0, that of a point: one that was forgotten?"].append(link.name)
         for told in _of_body(body, is_fit=is_fit(robot, link)):
             found[told].append(link.name)
     sentences = [f"{'links' if len(names) > 1 else 'link'} {', '.join(names)}: {told}" for told, names in found.items()]
-    return [*sentences, *_of_efforts(robot)]
+    return [*sentences, *unit_doubts(robot, long), *_of_efforts(robot)]
 
 
 def massless(model: Model) -> list[str]:
@@ -75,7 +86,8 @@ def _of_body(body: _Body, *, is_fit: bool) -> list[str]:
     fillers, _ = known_placeholders()
     told = [f"these are {f.name}: {f.told}" for f in fillers if f.matches(body.mass, body.tensor)]
     if body.mass > HEAVIEST:
-        told.append(f"a mass of {body.mass:.4g} kg: grams for kilograms?")
+        wide = _gyration(body.mass, body.tensor) > WIDE
+        told.append(f"a mass of {body.mass:.4g} kg: {'millimetres for metres' if wide else 'grams for kilograms'}?")
     if body.size > LONGEST:
         told.append(f"{body.size:.4g} m across its joints and centre of mass: millimetres for metres?")
     if not is_fit and body.mass > LIGHTEST and not told:
@@ -134,9 +146,19 @@ def _gyration(mass: float, tensor: np.ndarray | None) -> float:
 
 def is_fit(robot: RobotDescription, link: Link) -> bool:
     """Whether the tensor was identified: such numbers need only move the arm right, not be a body's own."""
+    return "fit" in _kinds(robot, link)
+
+
+def is_import(robot: RobotDescription, link: Link) -> bool:
+    """Whether the tensor came out of another program's file; a point mass in a file of ours is meant."""
+    return "import" in _kinds(robot, link)
+
+
+def _kinds(robot: RobotDescription, link: Link) -> set[str]:
+    """The kinds of evidence of a link's moments of inertia."""
     entries = (getattr(link.inertia_kg_m2, entry).source for entry in ("xx", "yy", "zz"))
     keys = {entry or link.inertia_kg_m2.source or link.source or robot.source for entry in entries}
-    return any(robot.source_of(key).kind == "fit" for key in keys if key)
+    return {robot.source_of(key).kind for key in keys if key}
 
 
 def _of_efforts(robot: RobotDescription) -> list[str]:

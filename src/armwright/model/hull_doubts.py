@@ -79,7 +79,9 @@ def _of_link(link: Link, hull: trimesh.Trimesh, *, is_fit: bool) -> list[str]:
         )
     elif ratio > LARGER:
         told.append(f"its tensor is {ratio:.3g} times that of its shape: {_units(ratio)}")
-    elif 0 < ratio < SMALLER:
+    elif ratio == 0:
+        told.append("its tensor is 0, that of a point, and it looks like a body: one that was forgotten?")
+    elif ratio < SMALLER:
         told.append(f"its tensor is {ratio:.3g} times that of its shape: {_units(1 / ratio)}")
     return told
 

@@ -36,8 +36,9 @@ class Values(Record):
         ways = [name for name in ("values", "normal", "uniform", "lognormal") if getattr(self, name) is not None]
         ways += ["start"] if line else []
         if len(ways) != 1:
+            told = " and ".join(ways) or "none"
             raise ValueError(
-                f"expected one of values, start with stop and count, normal, uniform, lognormal, not {' and '.join(ways) or 'none'}"
+                f"expected one of values, start with stop and count, normal, uniform, lognormal, not {told}"
             )
         for name in ("normal", "lognormal"):
             given = getattr(self, name)
@@ -54,8 +55,7 @@ class Values(Record):
         """The values, where they are stated."""
         if self.values is not None:
             return np.array(self.values)
-        assert self.start is not None and self.stop is not None and self.count is not None
-        return np.linspace(self.start, self.stop, self.count)
+        return np.linspace(self.start or 0.0, self.stop or 0.0, self.count or 1)
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
         """So many values from the distribution."""

@@ -132,7 +132,7 @@ class ScenarioTable(Record):
     timing: TimingTable = Field(default_factory=TimingTable, description="When they act.")
     wrench: tuple[float, float, float, float, float, float] | str | None = Field(
         default=None,
-        description="Of the environment on the tip, in base axes: fx, fy, fz in N, mx, my, mz in N m; or a CSV file of them over t.",
+        description="On the tip, in base axes: fx, fy, fz in N, mx, my, mz in N m; or a CSV file of them over t.",
     )
     lanes: Lanes | None = Field(default=None, description="Many runs at once; absent: one.")
     record: RecordTable = Field(default_factory=RecordTable, description="What is kept.")

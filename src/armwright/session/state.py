@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -126,14 +125,13 @@ def _frozen(value: Any) -> Any:
     return value
 
 
-def load_arm(robot: str, folder: Path | None = None) -> LoadedArm:
+def load_arm(robot: str) -> LoadedArm:
     """An arm by its name or path.
 
     Raises:
         ArmwrightError: no such robot, or a file that cannot be believed.
     """
-    place = str(folder / robot) if folder is not None and (folder / robot).is_file() else robot
-    return LoadedArm(robot, aw.load(place))
+    return LoadedArm(robot, aw.load(robot))
 
 
 def rest(loaded: LoadedArm) -> State:

@@ -14,7 +14,7 @@ import numpy as np
 import pydantic
 
 from armwright.description.inertia_point import frame_origin_sign, impossible
-from armwright.description.modules.assembly import Assembly, read_assembly
+from armwright.description.modules.assembly import Assembly, origin, read_assembly
 from armwright.description.modules.library import Connector, ModuleBody, ModuleLibrary, placement
 from armwright.description.modules.mount import Ground, mount
 from armwright.description.modules.narrowed import narrowed
@@ -41,7 +41,9 @@ class Draft:
 
 
 def assemble(
-    assembly: Assembly | str | os.PathLike[str], libraries: Iterable[ModuleLibrary] | None = None
+    assembly: Assembly | str | os.PathLike[str],
+    libraries: Iterable[ModuleLibrary] | None = None,
+    folder: str | os.PathLike[str] | None = None,
 ) -> RobotDescription:
     """The arm that modules make: every body a link, connections as fixed joints, free connectors as named frames.
 
@@ -49,6 +51,7 @@ def assemble(
         assembly: which modules stand on which connectors: the name of a built-in assembly, the path of an
             *.assembly.toml, or an `Assembly`.
         libraries: where the modules of an `Assembly` are looked up; a file names its own.
+        folder: where the arm's file will stand; None: beside the assembly's. From there `built_from` names the files.
     Returns:
         robot: joints in the order of the modules, named MODULE_JOINT; links MODULE_BODY, or MODULE where it has one body.
             The tip is the assembly's, or the only connector that is left free. Sources name the modules.
@@ -57,17 +60,20 @@ def assemble(
             closed chain, two roots, a body that cannot be.
     """
     place = assembly.name if isinstance(assembly, Assembly) else os.fspath(assembly)
+    built_from = None
     if not isinstance(assembly, Assembly):
+        built_from = origin(assembly, folder) if libraries is None else None
         assembly, named = read_assembly(assembly)
         libraries = named if libraries is None else libraries
     elif libraries is None:
         raise DescriptionError(f"{assembly.name}: expected the libraries that its modules are from")
     try:
-        return _assembled(assembly, list(libraries))
+        robot = _assembled(assembly, list(libraries))
     except DescriptionError as error:
         raise DescriptionError(f"{place}: {error}") from None
     except pydantic.ValidationError as error:  # places beyond the largest float
         raise DescriptionError(f"{place}: {refusal(error, {}, RobotDescription)}") from None
+    return robot if built_from is None else robot.model_copy(update={"built_from": built_from})
 
 
 def _assembled(assembly: Assembly, libraries: list[ModuleLibrary]) -> RobotDescription:

@@ -13,6 +13,7 @@ from pydantic import Field
 from armwright.description.database import read_document
 from armwright.description.drive import Command
 from armwright.description.modules.library import ModuleLibrary
+from armwright.description.parts.built_from import BuiltFrom, assembled_from
 from armwright.description.quantity import Number, Record, Source, Vector3
 from armwright.description.refusal import refusal
 from armwright.description.robot import Name, check_sources
@@ -107,12 +108,34 @@ def read_assembly(name_or_path: str | os.PathLike[str]) -> tuple[Assembly, list[
         DescriptionError: no such file, or one that cannot be believed.
     """
     assembly = _read(name_or_path, Assembly, ASSEMBLY, "assembly")
-    beside = Path(name_or_path).parent
-    libraries = []
-    for name in assembly.libraries:
-        builtin = name in library_names() and not name.endswith(".toml")
-        libraries.append(read_modules(name if builtin or Path(name).is_absolute() else beside / name))
-    return assembly, libraries
+    return assembly, [read_modules(place) for place in _library_places(assembly, Path(name_or_path).parent)]
+
+
+def origin(name_or_path: str | os.PathLike[str], folder: str | os.PathLike[str] | None = None) -> BuiltFrom:
+    """The files of an assembly and its libraries as they are now.
+
+    Args:
+        name_or_path: as `read_assembly` takes it.   folder: where the arm's file will stand; None: beside the assembly's.
+    Raises:
+        DescriptionError: as `read_assembly`.
+    """
+    assembly, beside = _read(name_or_path, Assembly, ASSEMBLY, "assembly"), Path(name_or_path).parent
+    files = [_file(library, MODULES) for library in _library_places(assembly, beside)]
+    return assembled_from(_file(name_or_path, ASSEMBLY), files, None if folder is None else Path(folder))
+
+
+def _library_places(assembly: Assembly, beside: Path) -> list[str | Path]:
+    """Names of built-in libraries, and paths of the others."""
+    return [
+        name if name in library_names() or Path(name).is_absolute() else beside / name for name in assembly.libraries
+    ]
+
+
+def _file(name_or_path: str | os.PathLike[str], ending: str) -> str | Path:
+    """The file's name where it comes with Armwright, its path elsewhere."""
+    path, name = Path(name_or_path), os.fspath(name_or_path).removesuffix(ending)
+    builtin = name in _builtin(ending) and not (path.suffix == ".toml" and path.exists())
+    return f"{name}{ending}" if builtin else path
 
 
 def _builtin(ending: str) -> list[str]:
@@ -125,9 +148,9 @@ def _read(name_or_path: str | os.PathLike[str], record: type[Read], ending: str,
     if not isinstance(text, str) or not text:
         raise DescriptionError(f"{name_or_path!r}: expected the name of a built-in {what}, or the path of a TOML file")
     path, names = Path(text), _builtin(ending)
-    name = text.removesuffix(ending)
-    if name in names and not (path.suffix == ".toml" and path.exists()):
-        with resources.as_file(resources.files("armwright.robots") / "modules" / f"{name}{ending}") as builtin:
+    file = _file(text, ending)
+    if isinstance(file, str):
+        with resources.as_file(resources.files("armwright.robots") / "modules" / file) as builtin:
             return _parsed(builtin, record)
     if path.suffix == ".toml" or path.exists():
         return _parsed(path, record)

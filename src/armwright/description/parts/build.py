@@ -12,6 +12,7 @@ import numpy as np
 import pydantic
 
 from armwright.description.parts.built_from import BuiltFrom, built_from
+from armwright.description.parts.doubtful import doubtful_sections
 from armwright.description.parts.file import read_parts
 from armwright.description.parts.materials import common_materials
 from armwright.description.parts.overlap import overlaps
@@ -74,7 +75,7 @@ def arm_of_parts(database: PartsDatabase, origin: BuiltFrom) -> PartsBuild:
         DescriptionError: a part that cannot be weighed, or an arm that does not hang together.
     """
     links = weigh(database)
-    warnings = tuple(warning for link in links for warning in overlaps(link))
+    warnings = tuple(warning for link in links for warning in (*doubtful_sections(link), *overlaps(link)))
     sources = dict(database.sources)
     records = []
     for link in links:
@@ -110,12 +111,21 @@ def _link(link: WeighedLink, source: str) -> Link:
     fields: dict[str, Any] = {
         "source": source,
         "name": link.link.name,
-        "mass_kg": float(_rounded(np.array(moments.amount))),
+        "mass_kg": _mass(link),
         "com_m": com.tolist(),
         "inertia_kg_m2": entries,
         "visuals": _visuals(link),
     }
     return Link(**fields)
+
+
+def _mass(link: WeighedLink) -> Any:
+    """The sum of the parts; its variance is that of the weighed ones, all others counting as exact."""
+    mass = float(_rounded(np.array(link.moments.amount)))
+    weighed = [part.part.weighed_mass_kg for part in link.parts]
+    deviations = [float(np.max(mass.std)) for mass in weighed if mass is not None and mass.std is not None]
+    std = float(_rounded(np.array(np.linalg.norm(deviations)))) if deviations else 0.0
+    return {"value": mass, "std": std} if std else mass
 
 
 def _rounded(values: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 
 from armwright.description.solids.mesh import Mesh
 from armwright.description.solids.shapes import Box, Cone, Cylinder, Ellipsoid, Prism, SemiCylinder, Sphere, Tube
+from armwright.description.solids.shells import winding_numbers
 
 
 @singledispatch
@@ -132,21 +133,8 @@ def _(solid: Ellipsoid) -> np.ndarray:
 
 @inside.register
 def _(solid: Mesh, points: np.ndarray) -> np.ndarray:
-    """The surface's solid angle, seen from the point, is 4π inside and 0 outside. [VanOosterom1983]"""
-    corners = np.asarray(solid.surface().triangles)
-    angle = np.zeros(len(points))
-    for k, point in enumerate(points):
-        a, b, c = np.moveaxis(corners - point, 1, 0)
-        la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
-        over = np.einsum("ij,ij->i", a, np.cross(b, c))
-        under = (
-            la * lb * lc
-            + np.einsum("ij,ij->i", a, b) * lc
-            + np.einsum("ij,ij->i", a, c) * lb
-            + np.einsum("ij,ij->i", b, c) * la
-        )
-        angle[k] = 2 * np.arctan2(over, under).sum()
-    return np.abs(angle) > 2 * np.pi
+    """Where the surface goes round the point."""
+    return np.abs(winding_numbers(np.asarray(solid.surface().triangles), points)) > 0.5
 
 
 @bounds.register

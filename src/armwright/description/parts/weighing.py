@@ -73,7 +73,8 @@ def weigh(database: PartsDatabase) -> tuple[WeighedLink, ...]:
     Returns:
         links: in the order of the file.
     Raises:
-        DescriptionError: a solid of no volume, an open mesh, holes that take more than there is, impossible measurements.
+        DescriptionError: a solid of no volume, an open mesh, holes that take more than there is or what is not there, impossible
+            measurements.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused
         return tuple(_weigh_link(database, link) for link in database.links)
@@ -91,6 +92,7 @@ def _weigh_link(database: PartsDatabase, link: PartsLink) -> WeighedLink:
 def _weigh_part(database: PartsDatabase, link: PartsLink, part: Part, placement: Placement) -> WeighedPart:
     place = f"link {link.name!r} part {part.name!r}"
     sections = tuple(_weigh_section(database, part, section, place) for section in part.sections)
+    _check_holes(part, sections, place)
     computed = total(section.moments for section in sections)
     if sections:
         _check(computed, place, "its holes take away more than there is")
@@ -98,6 +100,24 @@ def _weigh_part(database: PartsDatabase, link: PartsLink, part: Part, placement:
     if overrides:
         _check(moments, place, "no body can be as it was measured")
     return WeighedPart(part, placement, sections, computed, moments, tuple(overrides))
+
+
+def _check_holes(part: Part, sections: tuple[WeighedSection, ...], place: str) -> None:
+    """Refuses holes in what their part is not made of, and those that do not say in which of several materials they are."""
+    made_of = {section.density: section.substance for section in sections if not section.section.hole}
+    for hole in (section for section in sections if section.section.hole):
+        named = hole.section.material is not None or hole.section.density_kg_per_m3 is not None
+        if hole.density in made_of and (named or len(made_of) == 1):
+            continue
+        told = f"{place} hole {hole.section.name!r}"
+        if not made_of:
+            raise DescriptionError(f"{told}: the part has nothing to take it out of")
+        known = " or ".join(made_of.values())
+        if hole.density not in made_of:
+            told += f" takes out {hole.substance}, of which no section of the part is"
+        else:
+            told += " does not say which of the part's materials it takes out"
+        raise DescriptionError(f"{told}; expected material = ... or density_kg_per_m3 = ... of what it is in, {known}")
 
 
 def _weigh_section(database: PartsDatabase, part: Part, section: Section, place: str) -> WeighedSection:

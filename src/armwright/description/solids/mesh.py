@@ -18,6 +18,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 from armwright.description.quantity import Scale3
 from armwright.description.solids.moments import Moments
 from armwright.description.solids.self_intersection import crossing_faces
+from armwright.description.solids.shells import misplaced_shell
 from armwright.description.solids.solid import SolidRecord
 from armwright.errors import DescriptionError
 
@@ -81,7 +82,8 @@ class Mesh(SolidRecord):
         """Sums over the tetrahedra between the origin and each triangle.
 
         Raises:
-            DescriptionError: an open mesh, one whose faces cross or disagree on the outside, or one of no volume.
+            DescriptionError: an open mesh, one whose faces cross or disagree on the outside, one with a shell in another
+            that counts twice, or one of no volume.
         """
         surface = self.surface()
         if not len(surface.faces) or not surface.is_watertight:
@@ -92,6 +94,17 @@ class Mesh(SolidRecord):
         if crossing is not None:
             one, two = (surface.triangles[face].mean(axis=0).round(6).tolist() for face in crossing)
             raise DescriptionError(f"{self.file}: faces cross near {one} and {two} m; expected a surface that does not")
+        misplaced = misplaced_shell(np.asarray(surface.triangles), np.asarray(surface.face_adjacency))
+        if misplaced is not None:
+            place, number = misplaced[0].round(6).tolist(), misplaced[1]
+            told = (
+                "points inward and lies in nothing"
+                if number < 0
+                else f"lies in another: its inside counts {number} times"
+            )
+            raise DescriptionError(
+                f"{self.file}: the shell about {place} m {told}; expected solids apart, and cavities whose faces point inward"
+            )
         a, b, c = np.moveaxis(np.asarray(surface.triangles) - surface.vertices.mean(axis=0), 1, 0)
         volume = float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
         if not abs(volume) > FLAT * float(np.ptp(surface.vertices, axis=0).max()) ** 3:

@@ -18,7 +18,7 @@ from armwright.description.solids.mesh_path import package_folders
 from armwright.description.urdf.inertials import link_record
 from armwright.description.urdf.joints import check_masters, joint_record, with_mimic
 from armwright.description.urdf.reading import UrdfReading
-from armwright.description.urdf.tags import GAZEBO_PHYSICS
+from armwright.description.urdf.tags import GAZEBO_ELEMENTS, GAZEBO_PHYSICS, READ
 from armwright.description.urdf.transmissions import reductions
 from armwright.description.urdf.visuals import colours, visuals
 from armwright.description.xml_tree import Element, read_xml
@@ -62,9 +62,12 @@ def read_urdf(
     robot = read_xml(file)
     beside = find_drive_file(file, drive)
     drives = None if beside is None else read_drive_file(beside)
+    if isinstance(ignore, str):
+        raise DescriptionError(f"ignore = {ignore!r}: expected a list of tags, [{ignore!r}]")
     reading = UrdfReading(file, package_folders(file, packages), smoothing, mimic, frozenset(ignore), drives)
     record = _record(reading, robot)
     ratios = reductions(reading, robot)
+    reading.check_ignore()
     if beside is not None and drives is not None:
         add_drives(beside, drives, record, ratios)
     for joint in record["joints"]:
@@ -83,6 +86,7 @@ def _record(reading: UrdfReading, robot: Element) -> dict[str, Any]:
     if robot.tag != "robot":
         raise robot.error(f"<{robot.tag}>: expected a URDF, whose first element is <robot>")
     reading.check_children(robot)
+    _check_expanded(reading, robot)
     _check_gazebo(reading, robot)
     name = robot.word("name")
     if not robot.all("link"):
@@ -153,6 +157,8 @@ def _root(robot: Element) -> str:
                 f"link {child!r} is the child of two joints, {movers[child]!r} and {name!r}: closed chains are not offered"
             )
         movers[child], parents[child] = name, joint.needed("parent").word("link")
+    _check_plain(links)
+    _check_plain(joints)
     roots = [name for name in links if name not in movers]
     if not roots:
         raise robot.error("every link is a joint's child: expected a tree with one link that stands")
@@ -176,6 +182,32 @@ def _check_reached(links: dict[str, Element], parents: dict[str, str], root: str
         reached.update(path)
 
 
+def _check_expanded(reading: UrdfReading, element: Element) -> None:
+    """Refuses expressions that xacro was to replace, in all that is read."""
+    for name, value in element.attributes.items():
+        if "${" in value or "$(" in value:
+            raise element.error(
+                f"<{element.tag} {name}={value[:60]!r}>: an expression of xacro, a program that writes URDF; "
+                f"run it first: xacro {reading.path.name} > robot.urdf"
+            )
+    for child in element.children:
+        if child.tag in READ.get(element.tag, (child.tag,)) and child.tag != "gazebo":
+            _check_expanded(reading, child)
+
+
+def _check_plain(elements: dict[str, Element]) -> None:
+    """Refuses names that would be one, once they are without spaces, dots and brackets."""
+    first: dict[str, str] = {}
+    for name, element in elements.items():
+        plain = UNNAMEABLE.sub("_", name)
+        if plain in first:
+            raise element.error(
+                f"{element.tag} {name!r} and {first[plain]!r} (line {elements[first[plain]].line}) would both be called "
+                f"{plain!r}, as names hold no spaces, dots and brackets: expected names that stay different"
+            )
+        first[plain] = name
+
+
 def _add(known: dict[str, Element], element: Element, name: str) -> None:
     if name in known:
         raise element.error(f"a second {element.tag} {name!r}, the first is in line {known[name].line}: expected one")
@@ -187,7 +219,7 @@ def _check_gazebo(reading: UrdfReading, robot: Element) -> None:
     for gazebo in robot.all("gazebo"):
         reading.ignored["gazebo"] += 1
         for child in gazebo.children:
-            if child.text.strip().lower() not in GAZEBO_PHYSICS.get(child.tag, (child.text.strip().lower(),)):
+            if child.tag in GAZEBO_ELEMENTS or child.text.strip().lower() not in GAZEBO_PHYSICS.get(child.tag, (child.text.strip().lower(),)):
                 about = gazebo.attributes.get("reference", "robot")
                 reading.remark(f"<gazebo> <{child.tag}> is Gazebo's own and not used", "element", about)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from armwright.description.drive_file import DriveFile, JointDrive
 from armwright.description.urdf.tags import HARMLESS, READ
 from armwright.description.xml_tree import Element
-from armwright.errors import nearest
+from armwright.errors import DescriptionError, nearest
 
 
 @dataclass
@@ -25,6 +25,7 @@ class UrdfReading:
     ignored: Counter[str] = field(default_factory=Counter)
     remarks: dict[tuple[str, str], list[str]] = field(default_factory=dict)
     renamed: dict[str, str] = field(default_factory=dict)
+    dropped: set[str] = field(default_factory=set)  # of `ignore`, what was found
 
     @property
     def source(self) -> str:
@@ -55,11 +56,14 @@ class UrdfReading:
             DescriptionError: a tag that is neither read nor known to be harmless.
         """
         read = READ.get(element.tag, ())
+        if element.text.strip():
+            told = f"text between its elements is not read: {element.text.strip()[:40]!r}"
+            self.remark(told, element.tag, element.attributes.get("name", ""))
         for child in element.children:
             if child.tag in read:
                 continue
             if child.tag in HARMLESS.get(element.tag, ()) or child.tag in self.ignore:
-                self.ignored[child.tag if element.tag == "robot" else f"{element.tag}/{child.tag}"] += 1
+                self.leave_out(child.tag, child.tag if element.tag == "robot" else f"{element.tag}/{child.tag}")
             elif child.tag.startswith("xacro:"):
                 raise child.error(
                     f"<{child.tag}>: this is a xacro file, a program that writes URDF; "
@@ -71,6 +75,22 @@ class UrdfReading:
                     f"<{child.tag}> in <{element.tag}> is unknown, and could carry physics; {known} "
                     f"(ignore = [{child.tag!r}] leaves it out)"
                 )
+
+    def leave_out(self, tag: str, place: str) -> None:
+        """Counts a tag as ignored."""
+        self.ignored[place] += 1
+        self.dropped.add(tag)
+
+    def check_ignore(self) -> None:
+        """Refuses words of `ignore` that left nothing out.
+
+        Raises:
+            DescriptionError: names the first of them.
+        """
+        for tag in sorted(self.ignore - self.dropped):
+            read = any(tag in tags for tags in READ.values())
+            why = "it is read, and cannot be left out" if read else "there is no such tag that would be refused"
+            raise DescriptionError(f"{self.path}: ignore = [{tag!r}]: {why}")
 
     def told(self) -> tuple[str, ...]:
         """All remarks, one sentence each."""

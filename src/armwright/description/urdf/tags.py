@@ -24,11 +24,26 @@ HARMLESS: dict[str, tuple[str, ...]] = {
     "visual": ("verbose", "texture", "name"),
 }
 
+TRANSMISSION_HARMLESS = (
+    *("type", "hardwareInterface", "hardware_interface", "robotNamespace", "role", "plugin", "param", "verbose"),
+    *("command_interface", "state_interface", "simulated_actuated_joint", "pulsesPerRevolution", "offset"),
+)
+
+TRANSMISSION_PHYSICS = (  # of other programs; where it counts, the drive file says it
+    *("motorInertia", "motor_inertia", "rotorInertia", "rotor_inertia", "motorScale", "motor_scale"),
+    *("motorTorqueConstant", "motor_torque_constant", "torque_constant", "efficiency", "damping", "friction"),
+    *("leftActuator", "rightActuator", "rollJoint", "flexJoint", "gap_joint", "passive_joint", "screw_joint"),  # PR2's
+    *("compensator", "use_simulated_gripper_joint", "thread_pitch"),
+)
+
+GAZEBO_ELEMENTS = ("inertial", "joint", "link", "model")  # bodies and joints that only Gazebo has
+
 GAZEBO_PHYSICS = {  # what would change the dynamics in Gazebo, and the values that do not
     "turnGravityOff": ("0", "false", ""),
     "gravity": ("1", "true", ""),
     "springStiffness": ("0", "0.0", ""),
     "springReference": ("0", "0.0", ""),
+    "dampingFactor": ("0", "0.0", ""),
 }
 
 DYNAMICS_ELSEWHERE = ("D", "K", "mu_coulomb", "mu_viscous")  # vendors' own simulation; contradict damping and friction

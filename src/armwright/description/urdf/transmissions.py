@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from armwright.description.urdf.reading import UrdfReading
+from armwright.description.urdf.tags import TRANSMISSION_HARMLESS, TRANSMISSION_PHYSICS
 from armwright.description.xml_tree import NUMBER, Element
+from armwright.errors import nearest
 
 TAGS = ("mechanicalReduction", "mechanical_reduction")
 
@@ -12,20 +14,30 @@ def reductions(reading: UrdfReading, robot: Element) -> dict[str, float]:
     """Motor radians per joint radian (or metre), by joint; transmissions of several joints are remarked and left out.
 
     Raises:
-        DescriptionError: a reduction that is no number other than 0, or two transmissions for a joint that disagree.
+        DescriptionError: a reduction that is no number other than 0, two transmissions for a joint that disagree, or a tag
+            that nobody would read.
     """
     found: dict[str, float] = {}
+    known = {joint.attributes.get("name") for joint in robot.all("joint")}
     for transmission in robot.all("transmission"):
+        name = transmission.attributes.get("name", "")
         joints = [joint.attributes.get("name", "") for joint in transmission.all("joint")]
+        ends = [*transmission.all("actuator"), *transmission.all("joint")]
+        _check(reading, transmission, name, read=("joint", "actuator"))
+        for end in ends:
+            _check(reading, end, name)
         places = (
             *transmission.all("actuator"),
             transmission,
             *transmission.all("joint"),
         )  # the first that says it holds
         ratios = [ratio for place in places for ratio in _ratios(place)]
+        strangers = [joint for joint in joints if joint not in known]
+        if strangers:
+            reading.remark(f"its joint {strangers[0]!r} does not exist, and it is not used", "transmission", name)
+            continue
         if len(joints) != 1 or len(transmission.all("actuator")) > 1:
             if any(abs(ratio) != 1.0 for ratio in ratios):
-                name = transmission.attributes.get("name", "")
                 reading.remark("couples several joints or motors, and is not used", "transmission", name)
             reading.ignored["transmission of several joints"] += 1
             continue
@@ -35,6 +47,23 @@ def reductions(reading: UrdfReading, robot: Element) -> dict[str, float]:
             raise transmission.error(told)
         found[joints[0]] = ratio
     return found
+
+
+def _check(reading: UrdfReading, element: Element, name: str, read: tuple[str, ...] = ()) -> None:
+    """Remarks the physics of other programs, and refuses what nobody would read."""
+    for child in element.children:
+        if child.tag in (*read, *TAGS, *TRANSMISSION_HARMLESS):
+            continue
+        if child.tag in TRANSMISSION_PHYSICS:
+            reading.remark(f"<{child.tag}> is not used: give what it says in the drive file", "transmission", name)
+        elif child.tag in reading.ignore:
+            reading.leave_out(child.tag, f"transmission/{child.tag}")
+        else:
+            nearby = nearest(child.tag, [*read, *TAGS, *TRANSMISSION_HARMLESS, *TRANSMISSION_PHYSICS])
+            raise child.error(
+                f"<{child.tag}> in <{element.tag}> of transmission {name!r} is unknown, and could carry physics; {nearby} "
+                f"(ignore = [{child.tag!r}] leaves it out)"
+            )
 
 
 def _ratios(element: Element) -> list[float]:
