@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from functools import partial
 from typing import Any
 
@@ -11,6 +12,9 @@ from records import Record, Task, record
 from timing import Check, Contestant, Entry, race, relative_error
 
 import armwright as aw
+from armwright.description.database import parse
+from armwright.description.writer import to_toml
+from armwright.model import build_model
 from armwright.simulation.controlled import compile_controlled, simulate_controlled
 
 ROBOT = "puma560"
@@ -26,6 +30,57 @@ EFFECTS: dict[str, dict[str, Any]] = {  # what a tick may have beside the contro
     "PID, noise": {"sensors": aw.Sensors(position_noise=1e-5)},
     "PID, substeps 4": {"substeps": 4},
 }
+BRISTLES = {  # of an ordinary motor, in its own angle
+    "law": "lugre",
+    "side": "motor",
+    "viscous_n_m_s_per_rad": 1e-3,
+    "smoothing_rad_per_s": 2.0,
+    "coulomb_positive_n_m": 0.1,
+    "coulomb_negative_n_m": 0.1,
+    "stribeck_torque_n_m": 0.15,
+    "stribeck_speed_rad_per_s": 5.0,
+    "bristle_stiffness_n_m_per_rad": 2.0,
+    "bristle_damping_n_m_s_per_rad": 5e-3,
+}
+WARMTH = {
+    "ambient_c": 25.0,
+    "reference_c": 25.0,
+    "winding_capacity_j_per_k": 50.0,
+    "winding_resistance_k_per_w": 1.0,
+    "resistance_rise_per_k": 0.0039,
+    "constant_fall_per_k": 0.0011,
+}
+SPRING_HZ, SPRING_DAMPING = (
+    10.0,
+    0.1,
+)  # of each link on its elastic gear, the others still: what 1 ms follows on a light wrist
+
+
+def drives(arm: aw.Model) -> dict[str, dict[str, list[Any]]]:
+    """What all drives of the arm may have beside their motors: tables of their joints, one a joint."""
+    n, turn = arm.n, 2.0 * np.pi * SPRING_HZ
+    links = np.diag(aw.mass_matrix(arm.replace(rotors=None), np.zeros(n)))
+    springs = [
+        {"stiffness_n_m_per_rad": turn**2 * link, "damping_n_m_s_per_rad": 2.0 * SPRING_DAMPING * turn * link}
+        for link in links.tolist()
+    ]
+    return {
+        "PID, inductance": {"motor": [{"inductance_h": 2e-3}] * n},
+        "PID, LuGre friction": {"friction": [BRISTLES] * n},
+        "PID, elastic gears": {"elasticity": springs},
+        "PID, temperature": {"motor": [{"thermal": WARMTH}] * n},
+    }
+
+
+def driven(arm: aw.Model, tables: dict[str, list[Any]]) -> aw.Model:
+    """The arm without its friction, and with these tables in its joints."""
+    assert arm.description is not None
+    record = tomllib.loads(to_toml(arm.description))
+    for k, joint in enumerate(record["joints"]):
+        joint.pop("friction", None)
+        for name, rows in tables.items():
+            joint[name] = joint.get(name, {}) | rows[k]
+    return build_model(parse(record, arm.name))
 
 
 def size(quick: bool) -> tuple[int, float, int]:
@@ -49,7 +104,7 @@ def control_records(quick: bool, repetitions: int) -> list[Record]:
     common = {"reference": aw.Sine(np.zeros(6), AMPLITUDE, 1.0), "sample_period": STEP, "duration": duration}
 
     def scenario(effect: dict[str, Any], record: str, **more: Any) -> aw.Scenario:
-        return aw.Scenario(arm, controller=control, record=record, **(common | effect | more))
+        return aw.Scenario(**({"arm": arm, "controller": control, "record": record} | common | effect | more))
 
     told = aw.simulate(scenario({}, "all", record_every=1))
     commands = np.ascontiguousarray(told["u"].values[:count, :-1])
@@ -59,7 +114,7 @@ def control_records(quick: bool, repetitions: int) -> list[Record]:
         return Check(relative_error(states, ends, 1) if np.isfinite(states).all() else float("nan"), tolerance)
 
     def ours(effect: str) -> Contestant:
-        made = compile_controlled(scenario(EFFECTS[effect], "state", record_every=0))
+        made = compile_controlled(scenario(effects[effect], "state", record_every=0))
 
         def checked(run: Any) -> Check:
             states = np.concatenate([run["q"].values[:count, -1], run["qd"].values[:count, -1]], axis=-1)
@@ -75,8 +130,9 @@ def control_records(quick: bool, repetitions: int) -> list[Record]:
         return Contestant(f"MuJoCo {integrator}", run, count * steps, lambda states: check(states[:, -1], tolerance))
 
     peers = {integrator: peer(integrator) for integrator in EXPECTED}
+    effects = EFFECTS | {name: {"arm": driven(arm, tables)} for name, tables in drives(arm).items()}
     entries = []
-    for effect in EFFECTS:
+    for effect in effects:
         wanted = EXPECTED if effect == "PID" and not quick else {}
         labels = {"arm": ROBOT, "joints": arm.n, "work": effect, "form": "this processor", "lanes": lanes}
         entries.append(Entry(labels, {"ours": ours(effect), **peers}, dict.fromkeys(peers, "ours"), wanted))
@@ -88,9 +144,9 @@ def notes(quick: bool) -> dict[str, list[str]]:
     return {
         "control": [
             f"{ROBOT} with its motors, without friction: {lanes:,} lanes of {duration:g} s, RK3 and controller at {1e3 * STEP:g} "
-            f"ms, gains a row a lane; ours is a whole compiled run, threads=1; {MuJoCoArm.name} runs {count} lanes by rollout, one "
-            "thread, with the commands that our controller gave: no controller of its own",
-            "error: our final states against MuJoCo's under the same commands; where delays or sensors make another motion, that "
-            "it is finite",
+            f"ms, gains a row a lane; ours is a whole compiled run, threads=1; {MuJoCoArm.name} runs {count} lanes by rollout, "
+            "one thread, with the commands that our controller gave: no controller of its own, and no effect",
+            "error: our final states against MuJoCo's under the same commands; where delays, sensors or drives make another "
+            "motion, that it is finite; inductance, friction, gears and temperature are those of all six joints",
         ]
     }

@@ -23,6 +23,7 @@ FLAGS = (
     *("--headless", "--no-sandbox", "--enable-unsafe-swiftshader", "--use-angle=swiftshader", "--hide-scrollbars"),
     *("--disable-dev-shm-usage", "--no-first-run", "--disable-background-networking", "--remote-debugging-pipe"),
 )
+CURVES = "!!document.querySelector('.legend [aria-pressed]')"
 PATIENCE = 60.0  # [s] for anything; pages are drawn in software here, on a machine that may be busy
 
 
@@ -76,8 +77,8 @@ class Browser:
                 return answer["result"]
             self.events.append(answer)
 
-    def open(self, page: Path, fragment: str = "", size: tuple[int, int] = (900, 900)) -> None:
-        """Opens a page from a file and waits until its curves stand."""
+    def open(self, page: Path, fragment: str = "", size: tuple[int, int] = (900, 900), stands: str = CURVES) -> None:
+        """Opens a page from a file and waits until its curves stand, or another expression is true."""
         if self.session:
             self.call("Target.closeTarget", targetId=self.target)
         self.target = self.call("Target.createTarget", url="about:blank")["targetId"]
@@ -89,8 +90,7 @@ class Browser:
         self.call("Emulation.setDeviceMetricsOverride", **metrics)
         self.call("Page.navigate", url=page.resolve().as_uri() + fragment)
         end = time.monotonic() + PATIENCE
-        ready = "document.readyState == 'complete' && !!document.querySelector('.legend [aria-pressed]')"
-        while not self.value(ready):
+        while not self.value(f"document.readyState == 'complete' && ({stands})"):
             assert time.monotonic() < end, f"the page does not stand: {self.faults()}"
             time.sleep(0.05)
         self.settle()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.linalg import expm
 
 import armwright as aw
 from armwright import scalar
+from armwright.model import Model
 from simulation.plants import MOTOR, pendulum
 
 N, KT, R, L = 50.0, 0.06, 1.2, 2e-3  # of MOTOR, and its winding
@@ -39,28 +41,30 @@ DRIVES: dict[
 }
 
 
-def after(a: np.ndarray, b: np.ndarray, x: np.ndarray, u: float, time: float) -> np.ndarray:
-    """x(time) of  ẋ = A x + b u,  u held."""
-    n = len(x)
+@cache
+def transition(name: str, time: float) -> np.ndarray:
+    """exp of (A, b; 0, 0) time: takes (x, u) to what they are a while [s] later, u held."""
+    _, a, b = DRIVES[name]
+    n = len(b)
     whole = np.zeros((n + 1, n + 1))
-    whole[:n, :n], whole[:n, n] = a, b * u
-    return (expm(whole * time) @ np.append(x, 1.0))[:n]
+    whole[:n, :n], whole[:n, n] = a, b
+    return expm(whole * time)
 
 
-def at(a: np.ndarray, b: np.ndarray, changes: list[tuple[float, float]], time: float) -> np.ndarray:
+def at(name: str, changes: list[tuple[float, float]], time: float) -> np.ndarray:
     """The state at a time from rest, for commands (when, u) in the order of time; before the first the command is 0."""
-    x, t, u = np.zeros(len(b)), 0.0, 0.0
+    x, t = np.zeros(len(DRIVES[name][2]) + 1), 0.0
     for when, command in changes:
         if when >= time:
             break
-        x, t, u = after(a, b, x, u, when - t), when, command
-    return after(a, b, x, u, time - t)
+        x, t = transition(name, round(when - t, 12)) @ x, when
+        x[-1] = command
+    return (transition(name, round(time - t, 12)) @ x)[:-1]
 
 
-def arm(name: str):
-    own, a, b = DRIVES[name]
-    joint: dict[str, Any] = {"motor": MOTOR, **own}
-    return pendulum(gravity=0.0, **joint), a, b
+def arm(name: str) -> Model:
+    joint: dict[str, Any] = {"motor": MOTOR, **DRIVES[name][0]}
+    return pendulum(gravity=0.0, **joint)
 
 
 def check(run: Any, expected: np.ndarray) -> None:
@@ -73,17 +77,17 @@ def check(run: Any, expected: np.ndarray) -> None:
 @pytest.mark.parametrize("name", DRIVES)
 def test_steps_of_a_schedule(name):
     """Up and down again, the second time within a step of the integrator."""
-    model, a, b = arm(name)
+    model = arm(name)
     changes = [(0.0, 9.0), (0.0333, -6.0)]
     plan = aw.Schedule(np.array([t for t, _ in changes]), np.array([[u] for _, u in changes]), tuple(model.names))
     run = aw.simulate(aw.Scenario(model, schedule=plan, duration=0.1, step=5e-5, record_every=100, integrator="rk4"))
-    check(run, np.array([at(a, b, changes, t) for t in run.time.values]))
+    check(run, np.array([at(name, changes, t) for t in run.time.values]))
 
 
 @pytest.mark.parametrize("name", DRIVES)
 def test_delayed_feedback(name):
     """Sampled P control of the speed (torques) or the position (volts); a lane for each pair of delays, in periods."""
-    model, a, b = arm(name)
+    model = arm(name)
     speeds = DRIVES[name][0]["command"] == "torque"
     gain, what = (20.0, 1) if speeds else (40.0, 0)
     delays = [(late, old) for late in (0.0, 1.0, 2.0, 0.5, 1.5, 2.25) for old in (0.0, 1.0, 0.75)]
@@ -91,9 +95,9 @@ def test_delayed_feedback(name):
     for late, old in delays:
         changes: list[tuple[float, float]] = []
         for k in range(TICKS + 1):
-            seen = at(a, b, changes, max(k - old, 0.0) * PERIOD)[what]
+            seen = at(name, changes, max(k - old, 0.0) * PERIOD)[what]
             changes.append(((k + late) * PERIOD, gain * (1.0 - seen)))
-        expected.append([at(a, b, changes, k * PERIOD) for k in range(TICKS + 1)])
+        expected.append([at(name, changes, k * PERIOD) for k in range(TICKS + 1)])
 
     def law(t, r, y):
         return gain * (1.0 - (y.qd if speeds else y.q)) + scalar.zeros(1)

@@ -38,8 +38,8 @@ def test_where_contacts_switch_it_shrinks_with_the_step(what):
         "backlash": pendulum(motor=MOTOR, friction=COULOMB, elasticity={**ELASTIC, "backlash_rad": 0.002}),
     }[what]
     lacks = [missing(arm, [2.0], 1e-3 / 2**k, duration=0.2, qd=0.8) for k in range(5)]
-    assert lacks[-1] < 1e-5
-    assert lacks[-1] < 0.2 * lacks[0]
+    assert lacks[-1] < 1e-6
+    assert -np.polyfit(range(5), np.log2(lacks), 1)[0] > 1.8  # a force that bends within a step leaves order 2
 
 
 def test_under_a_sampled_controller_it_shrinks_with_the_order():
@@ -67,7 +67,6 @@ def test_under_a_sampled_controller_it_shrinks_with_the_order():
         stored = float(plant.stored_energy(last)) - float(plant.stored_energy(x))
         lack = went["electrical"] - went["heat"] - went["friction"] - went["mechanical"] - stored
         lacks.append(abs(lack) / max(abs(value) for value in went.values()))
-    print(lacks)
     assert lacks[-1] < 1e-6
     assert np.log2(lacks[1] / lacks[2]) > 2.5
 
