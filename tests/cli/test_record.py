@@ -34,6 +34,14 @@ def test_check_shows_what_it_looked_at():
     assert shown.endswith("0 errors, 0 warnings\n")
 
 
+def test_one_is_not_many(tmp_path):
+    robot = aw.load("two-link").description
+    path = aw.write_toml(
+        robot.replace(links=robot.links[:1], joints=robot.joints[:1], frames=(), tip=None), tmp_path / "a.toml"
+    )
+    assert "two-link: 1 link, 1 joint that moves" in run("check", path).stdout
+
+
 def test_check_ends_by_what_it_found(tmp_path):
     assert "2 warnings" in run("check", "puma560").stdout
     assert "accepted: published so" in run("check", "puma560", "--strict", code=1).stdout

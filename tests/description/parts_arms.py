@@ -6,10 +6,10 @@ import copy
 from pathlib import Path
 from typing import Any
 
-from armwright.description.parts.built_from import BuiltFrom
-from armwright.description.parts.records import PartsDatabase
 from armwright.description.parts.build import PartsBuild, arm_of_parts
+from armwright.description.parts.built_from import BuiltFrom
 from armwright.description.parts.file import parse_parts
+from armwright.description.parts.records import PartsDatabase
 
 HERE = {"xyz_m": [0.0, 0.0, 0.0], "rpy_rad": [0.0, 0.0, 0.0]}
 ORIGIN = BuiltFrom(file="arm.parts.toml", sha256="0" * 64)

@@ -271,6 +271,10 @@ ASSEMBLIES = {
         (put("foot"), put("elbow", "foot.top"), put("elbow", "elbow.out")),
         "two modules are called 'elbow'",
     ),
+    "too many": (
+        (put("foot"), put("elbow", "foot.top"), put("bar", "elbow.out"), put("bar", "bar.out", name="more")),
+        "module 'bar' is used 2 times, as bar, more: expected at most 1",
+    ),
     "nothing moves": ((put("foot"), put("bar", "foot.top")), "expected at least one joint that moves"),
 }
 

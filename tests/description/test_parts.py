@@ -18,13 +18,13 @@ import armwright as aw
 from armwright.description import read_description
 from armwright.description.parts.audit import adding_up, audit
 from armwright.description.parts.audit_page import audit_page
+from armwright.description.parts.build import arm_of_parts, build_parts
 from armwright.description.parts.built_from import built_from
 from armwright.description.parts.changes import changes
-from armwright.description.parts.materials import common_materials
-from armwright.description.parts.overlap import overlaps
-from armwright.description.parts.build import arm_of_parts, build_parts
 from armwright.description.parts.file import parse_parts
+from armwright.description.parts.materials import common_materials
 from armwright.description.parts.output import write_parts
+from armwright.description.parts.overlap import overlaps
 from armwright.description.parts.weighing import weigh
 from armwright.description.writer import to_toml
 from armwright.errors import ArmwrightError, DescriptionError, OutputError

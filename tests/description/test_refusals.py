@@ -425,6 +425,7 @@ def test_unknown_robot(name, line):
         (b"name = \n", "not TOML: Invalid value (at line 1, column 8)"),
         (b'name = "a"\nname = "b"\n', "not TOML: Cannot overwrite a value (at line 2, column 11)"),
         (b'name = "\xff"', "not TOML: byte 8 is no UTF-8 text"),
+        (b'\xef\xbb\xbfname = "a"', "not TOML: begins with a byte order mark (BOM)"),
         (b"a = " + b"[" * 20000, "not TOML"),
         (b"a = " + b"9" * 5000, "not TOML"),
         (b"", "name: missing; expected text"),
@@ -438,6 +439,30 @@ def test_unreadable_file(tmp_path, content, line):
         read_description(path)
     assert str(caught.value).startswith(f"{path}: {line}")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("date", "passes"),
+    [
+        ("2026", True),
+        ("2026-05", True),
+        ("2026-05-04", True),
+        ("yesterday", False),
+        ("2026-13", False),
+        ("2026-02-30", False),
+        ("", False),
+    ],
+)
+def test_dates(date, passes):
+    """As ISO 8601 writes a year, a month or a day; of a source and of a number."""
+    for value in ({"kind": "drawing", "text": "x", "date": date}, {"value": 1.0, "date": date}):
+        source = "kind" in value
+        path = ("sources", "sheet") if source else (*LINK2, "mass_kg")
+        data = changed(builtin("puma560"), path, value)
+        if passes:
+            parse(data, FILE)
+        else:
+            assert "expected a date such as 2026-05-04, 2026-05 or 2026" in refused(data)
 
 
 def test_folder_as_file(tmp_path):

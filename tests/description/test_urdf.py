@@ -112,6 +112,36 @@ def test_harmless_tags_are_counted(tmp_path):
     assert not description.remarks
 
 
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        (
+            '<transmission name="t"><joint name="j1"/><actuator name="m"><motorInertia>1e-5</motorInertia></actuator>'
+            "</transmission>",
+            "transmission t: <motorInertia> is not used",
+        ),
+        (
+            '<transmission name="t"><joint name="j9"/><actuator name="m"/></transmission>',
+            "transmission t: its joint 'j9' does not exist, and it is not used",
+        ),
+        (
+            '<gazebo reference="upper"><inertial><mass value="3"/></inertial></gazebo>',
+            "element upper: <gazebo> <inertial> is Gazebo's own and not used",
+        ),
+        ("and so on", "robot arm: text between its elements is not read: 'and so on'"),
+    ],
+)
+def test_nothing_is_dropped_in_silence(tmp_path, more, told):
+    (remark,) = read_urdf(written(tmp_path, one_joint(more=more))).remarks
+    assert remark.startswith(told)
+
+
+def test_tags_of_a_transmission_may_be_ignored(tmp_path):
+    more = '<transmission name="t"><foo/><joint name="j1"/><actuator name="m"/></transmission>'
+    description = read_urdf(written(tmp_path, one_joint(more=more)), ignore=["foo"])
+    assert "transmission/foo (1)" in (description.notes or "")
+
+
 def test_names(tmp_path):
     """A robot file's names have no dots and spaces; what is renamed is told."""
     description = read_urdf(written(tmp_path, one_joint().replace('"upper"', '"link_1.0 tip"')))
@@ -119,7 +149,9 @@ def test_names(tmp_path):
     assert description.notes is not None
     assert "link_1.0 tip → link_1_0_tip" in description.notes
     text = robot(link("base", ""), link("a.b"), link("a_b"), joint("j1", "base", "a.b"), joint("j2", "a.b", "a_b"))
-    with pytest.raises(DescriptionError, match="a_b"):
+    with pytest.raises(
+        DescriptionError, match=r"arm\.urdf:4: link 'a_b' and 'a\.b' \(line 3\) would both be called 'a_b'"
+    ):
         read_urdf(written(tmp_path, text))
 
 
@@ -222,6 +254,12 @@ REFUSALS = [
     (one_joint(moved=INERTIAL + "<visual><geometry><box size='0 1 1'/></geometry></visual>"), "expected sizes above 0"),
     (one_joint(more="<transmission name='t'><joint name='j1'/><actuator name='a'><mechanicalReduction>x"
                     "</mechanicalReduction></actuator></transmission>"), "expected a number other than 0"),
+    (one_joint(more="<transmission name='t'><joint name='j1'/><actuator name='a'><mechanicalReductio>5"
+                    "</mechanicalReductio></actuator></transmission>"),
+     r"<mechanicalReductio> in <actuator> of transmission 't' is unknown.*did you mean mechanicalReduction"),
+    (one_joint(more="<transmission name='t'><foo/><joint name='j1'/></transmission>"), r"<foo> in <transmission> of"),
+    (one_joint(moved=INERTIAL.replace('"1.5"', '"${m}"')), r"arm\.urdf:3: <mass value='\$\{m\}'>: .* xacro"),
+    (one_joint(moved=INERTIAL + "<visual><geometry><mesh filename='$(find x)/a.stl'/></geometry></visual>"), "xacro"),
 ]  # fmt: skip
 
 
@@ -247,8 +285,11 @@ def test_a_tag_may_be_ignored_by_name(tmp_path):
         ({"smoothing": 0.0}, "expected a speed above 0"),
         ({"smoothing": "x"}, "expected a speed above 0"),
         ({"packages": ["/nowhere/at/all"]}, "no such folder"),
-        ({"drive": "/nowhere/at/all.toml"}, "cannot be read"),
+        ({"drive": "/nowhere/at/all.toml"}, "no such file"),
         ({"colour": 1}, "colour = … is no option"),
+        ({"ignore": ["nonsense"]}, r"ignore = \['nonsense'\]: there is no such tag that would be refused"),
+        ({"ignore": ["inertial"]}, r"ignore = \['inertial'\]: it is read, and cannot be left out"),
+        ({"ignore": "loop_joint"}, r"expected a list of tags, \['loop_joint'\]"),
     ],
 )
 def test_options(tmp_path, options, message):

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from armwright.description.solids.moments import Moments, total
 from armwright.description.parts.records import PolarPattern
-from armwright.description.solids.shapes import Box
 from armwright.description.parts.weighing import weigh
+from armwright.description.solids.moments import Moments, total
+from armwright.description.solids.shapes import Box
 from armwright.errors import DescriptionError
 from armwright.spatial import Placement, rotation_rpy, rpy_angles
 from description.parts_arms import database, part, section

@@ -103,7 +103,7 @@ def test_mjcf_has_our_dynamics_in_mujoco(tmp_path, name):
 def test_what_mujoco_will_refuse_is_listed(tmp_path):
     description = read_description("puma560")
     losses = write_mjcf(description, tmp_path / "arm.xml")
-    assert "an inertia that MuJoCo refuses, as no body has it: links link1, link3" in losses
+    assert "MuJoCo will not read the file, as it refuses an inertia that no body has: links link1, link3" in losses
 
 
 def test_without_the_drive_file(tmp_path):

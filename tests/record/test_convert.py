@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -55,7 +57,48 @@ def test_what_was_left_out_on_reading_is_told(tmp_path):
     )
     assert with_mesh != text
     (tmp_path / "arm.urdf").write_text(with_mesh, encoding="utf-8")
-    assert any("not on the search path" in told for told in aw.convert(tmp_path / "arm.urdf", tmp_path / "a.toml").lost)
+    done = aw.convert(tmp_path / "arm.urdf", tmp_path / "a.toml")
+    assert any("not on the search path" in told for told in done.notes)
+
+
+@pytest.mark.parametrize("changed", ["point", "nothing", "puma560", "none"])
+def test_what_mujoco_will_not_read_is_told(changed, tmp_path):
+    mujoco = pytest.importorskip("mujoco")
+    robot = aw.load("puma560" if changed == "puma560" else "two-link").description
+    if changed in ("point", "nothing"):
+        zero = dict.fromkeys(("xx", "xy", "xz", "yy", "yz", "zz"), 0.0)
+        mass = {} if changed == "point" else {"mass_kg": 0.0}
+        robot = robot.replace(links=(*robot.links[:-1], robot.links[-1].replace(inertia_kg_m2=zero, **mass)))
+    aw.write_toml(robot, tmp_path / "arm.toml")
+    lost = aw.convert(tmp_path / "arm.toml", tmp_path / "arm.xml").lost
+    assert any("MuJoCo will not read the file" in told for told in lost) == (changed != "none")
+    if changed == "none":
+        mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    else:
+        with pytest.raises(ValueError, match=r"inertia|mass"):
+            mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+
+
+def test_a_file_is_not_written_over_itself(tmp_path):
+    """Nor is the drive file that goes with it; a link to it is the same file."""
+    aw.convert("two-link", tmp_path / "arm.urdf")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    (tmp_path / "arm.xml").write_bytes(before["arm.urdf"])
+    (tmp_path / "link.urdf").symlink_to(tmp_path / "arm.urdf")
+    for source, target in (("arm.urdf", "arm.urdf"), ("arm.urdf", "link.urdf"), ("arm.xml", "arm.urdf")):
+        with pytest.raises(OutputError, match="that is read; expected another"):
+            aw.convert(tmp_path / source, tmp_path / target)
+    assert {name: (tmp_path / name).read_bytes() for name in before} == before
+
+
+def test_doubts_are_no_losses(tmp_path):
+    aw.convert("two-link", tmp_path / "arm.urdf")
+    text = (tmp_path / "arm.urdf").read_text(encoding="utf-8")
+    changed = re.sub('<axis xyz="[^"]*"', '<axis xyz="0.0 0.0 3.0"', text)
+    (tmp_path / "arm.urdf").write_text(changed, encoding="utf-8")
+    done = aw.convert(tmp_path / "arm.urdf", tmp_path / "arm.toml")
+    assert done.lost == ()
+    assert any("not of length 1" in told for told in done.notes)
 
 
 def test_refused(tmp_path):

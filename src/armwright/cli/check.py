@@ -35,7 +35,8 @@ def check(
     for name, told in CHECKS.items():
         found = [finding.level for finding in report.findings if finding.check == name]
         rows.append([name, told, _counted(found)])
-    console.print(table(f"{report.name}: {report.links} links, {report.joints} joints that move", HEADS, rows, HEADS))
+    moving = f"{_plural(report.joints, 'joint')} that {'moves' if report.joints == 1 else 'move'}"
+    console.print(table(f"{report.name}: {_plural(report.links, 'link')}, {moving}", HEADS, rows, HEADS))
     for level, style in (("error", "red"), ("warning", "yellow")):
         for finding in report.findings:
             if finding.level == level:

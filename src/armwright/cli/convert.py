@@ -24,7 +24,7 @@ def convert(
         ),
     ] = None,
 ) -> None:
-    """Write a robot file in the format of OUT's ending, and list what that format cannot hold.
+    """Write a robot file in the format of OUT's ending, and list what that format cannot hold and what was doubtful in IN.
 
     A URDF gets its drive train in NAME.drive.toml beside it. From TOML to TOML it is the canonical form: the same arm, and
     the same bytes every time. A built-in arm converted to TOML is a file of yours to change.
@@ -42,3 +42,5 @@ def convert(
         typer.echo(f"wrote {path}")
     for told in done.lost:
         typer.echo(f"lost: {told}")
+    for told in done.notes:
+        typer.echo(f"note: {told}")

@@ -47,6 +47,7 @@ def build(file: File, output: Arm, audit: Audit = None) -> None:
     for warning in built.warnings:
         typer.echo(f"warning: {warning}", err=True)
     arm = built.description
-    typer.echo(f"wrote {output}: {arm.name}, {len(arm.links)} links, {arm.total_mass:.6g} kg")
+    links = f"{len(arm.links)} link{'s' * (len(arm.links) != 1)}"
+    typer.echo(f"wrote {output}: {arm.name}, {links}, {arm.total_mass:.6g} kg")
     if audit is not None:
         typer.echo(f"wrote {audit}")

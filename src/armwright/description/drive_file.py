@@ -18,13 +18,13 @@ limits = { current_a = 8.0 }
 from __future__ import annotations
 
 import os
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import pydantic
 from pydantic import Field
 
+from armwright.description.database import read_document
 from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
 from armwright.description.quantity import Positive, Record, Source, Vector3
 from armwright.description.refusal import refusal
@@ -75,13 +75,7 @@ def read_drive_file(path: Path) -> DriveFile:
     Raises:
         DescriptionError: no such file, no TOML, an unknown key.
     """
-    try:
-        data = tomllib.loads(path.read_bytes().decode())
-    except OSError as error:
-        raise DescriptionError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:  # TOMLDecodeError and UnicodeDecodeError are ValueErrors
-        raise DescriptionError(f"{path}: not TOML: {error}") from None
-    return _validated(path, "", DriveFile, data)
+    return _validated(path, "", DriveFile, read_document(path))
 
 
 def add_drives(path: Path, drives: DriveFile, robot: dict[str, Any], reductions: dict[str, float]) -> None:

@@ -47,8 +47,16 @@ class Record(BaseModel):
 
 
 def _written_date(value: Any) -> Any:
-    """TOML's dates need no quotes."""
-    return value.isoformat() if isinstance(value, (datetime.date, datetime.datetime)) else value
+    """A day, a month or a year as ISO 8601 writes them; TOML's dates need no quotes."""
+    if isinstance(value, (datetime.date, datetime.datetime)):
+        return value.isoformat()
+    if isinstance(value, str):
+        first = {4: f"{value}-01-01", 7: f"{value}-01"}.get(len(value), value)
+        try:
+            datetime.datetime.fromisoformat(first)
+        except ValueError:
+            raise ValueError("expected a date such as 2026-05-04, 2026-05 or 2026") from None
+    return value
 
 
 Date = Annotated[str, BeforeValidator(_written_date)]

@@ -57,6 +57,8 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
         bodies[entry.link.name] = body
         if not isinstance(entry.joint, FixedJoint):
             _joint(body, actuator, entry.joint, entry, losses)
+            if not _carried(description, entry.link.name):
+                losses.add("MuJoCo will not read the file, as nothing moved has mass", entry.joint.name)
         _inertial(body, entry, losses)
         for visual in entry.link.visuals:
             _geom(body, entry, visual, losses)
@@ -111,10 +113,20 @@ def _inertial(body: Any, entry: JointFrame, losses: Losses) -> None:
     mass, tensor = float(entry.link.mass_kg), entry.tensor
     if not mass and not tensor.any():
         return
-    if not mass or not is_possible(pseudo_inertia(mass, np.zeros(3), tensor)):
-        losses.add("an inertia that MuJoCo refuses, as no body has it", entry.link.name, "link")
+    possible = is_possible(pseudo_inertia(mass, np.zeros(3), tensor))
+    if not mass or not possible or np.linalg.eigvalsh(tensor)[0] <= 0:
+        why = "the inertia of a point or a line" if mass and possible else "an inertia that no body has"
+        losses.add(f"MuJoCo will not read the file, as it refuses {why}", entry.link.name, "link")
     entries = [tensor[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     ElementTree.SubElement(body, "inertial", pos=_text(entry.com), mass=repr(mass), fullinertia=_text(entries))
+
+
+def _carried(description: RobotDescription, link: str) -> bool:
+    """Whether a link has mass or inertia, or one that is fixed to it."""
+    record = description.link(link)
+    fixed = [j.child for j in description.joints if isinstance(j, FixedJoint) and j.parent == link]
+    own = bool(float(record.mass_kg)) or bool(record.inertia_kg_m2.matrix().any())
+    return own or any(_carried(description, child) for child in fixed)
 
 
 def _geom(body: Any, entry: JointFrame, visual: Any, losses: Losses) -> None:

@@ -48,8 +48,9 @@ def doubts(robot: RobotDescription, places: dict[str, list[np.ndarray]]) -> list
     long = []
     for link in robot.links:
         if not float(link.mass_kg) > 0:
-            meant = link.accept_impossible is not None or is_fit(robot, link)
-            if not meant and np.any(link.inertia_kg_m2.matrix()):
+            tensor = link.inertia_kg_m2.matrix()
+            possible = is_possible(pseudo_inertia(0.0, np.zeros(3), tensor))  # what is not is told elsewhere
+            if tensor.any() and possible and not is_fit(robot, link):
                 found["a tensor of inertia and no mass: a mass that was forgotten?"].append(link.name)
             continue
         if link.name not in places:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -97,10 +98,24 @@ class Chain:
         return self.length + float(np.linalg.norm(self.point))
 
     def assembly(self, library: ModuleLibrary) -> Assembly:
-        """What `assemble` takes, called after its modules."""
+        """What `assemble` takes, called after its modules; where a module is used up, its next twin of the library stands in."""
         tip = None if self.end is None else f"{self.steps[-1].called}.{self.end}"
-        name, placed = "-".join(step.label for step in self.steps), tuple(step.placed() for step in self.steps)
-        return Assembly(name=name, source="definition", libraries=(library.name,), modules=placed, tip=tip)
+        name, placed = "-".join(step.label for step in self.steps), []
+        taken: Counter[str] = Counter()
+        limits = {module.name: module.available for module in library.modules}
+        for step in self.steps:
+            each = step.placed()
+            free = [n for n in twins(library, each.module) if limits[n] is None or taken[n] < limits[n]]  # type: ignore[operator]
+            own = free[0] if free else each.module
+            taken[own] += 1
+            placed.append(each if own == each.module else each.model_copy(update={"module": own, "name": step.called}))
+        return Assembly(name=name, source="definition", libraries=(library.name,), modules=tuple(placed), tip=tip)
+
+
+def twins(library: ModuleLibrary, name: str) -> list[str]:
+    """Modules of the library that move like the one of that name, itself first."""
+    meanings = {module.name: _meaning(module) for module in library.modules}
+    return [name, *(other for other, meaning in meanings.items() if other != name and meaning == meanings[name])]
 
 
 def possible_modules(library: ModuleLibrary) -> tuple[list[Module], dict[str, str]]:

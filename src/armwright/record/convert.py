@@ -10,6 +10,7 @@ from typing import Any
 from armwright.description import RobotDescription, read_description
 from armwright.description.drive_file import ENDING
 from armwright.description.writer import write_toml
+from armwright.errors import OutputError
 from armwright.export.mjcf import write_mjcf
 from armwright.export.urdf import write_urdf
 from armwright.output import check_destination
@@ -22,11 +23,13 @@ class Conversion:
     """What `convert` did.
 
     Attributes:
-        written: the files.   lost: what did not come through, one sentence each; none from TOML to TOML.
+        written: the files.   lost: what the format cannot hold, one sentence each; none from TOML to TOML.
+        notes: what was left out or doubtful when the source was read.
     """
 
     written: tuple[Path, ...]
     lost: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], **reading: Any) -> Conversion:
@@ -38,21 +41,35 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], **re
         source: a built-in name, or a path.   target: the file to write; one that is there is replaced.
         reading: what a URDF or an MJCF leaves open, as for `load`.
     Returns:
-        conversion: the files written, and what was lost.
+        conversion: the files written, what was lost, and what was doubtful.
     Raises:
-        DescriptionError: a source that cannot be believed.   OutputError: a target that cannot be written.
+        DescriptionError: a source that cannot be believed.   OutputError: a target that cannot be written, or is the source
+            itself, other than to bring a TOML into its canonical form.
     """
     path = check_destination(target, ENDINGS)
+    _check_other_file(Path(source), path)
     robot = read_description(source, **reading)
     told = () if Path(source).suffix == ".toml" else robot.remarks
     ending = path.suffix.lower()
     if ending == ".toml":
         robot, left = _settled(robot, Path(source), path)
-        return Conversion((write_toml(robot, path),), (*told, *left))
+        return Conversion((write_toml(robot, path),), tuple(left), told)
     if ending == ".urdf":
         lost = write_urdf(robot, path)
-        return Conversion((path, path.with_name(path.stem + ENDING)), (*told, *lost))
-    return Conversion((path,), (*told, *write_mjcf(robot, path)))
+        return Conversion((path, path.with_name(path.stem + ENDING)), tuple(lost), told)
+    return Conversion((path,), tuple(write_mjcf(robot, path)), told)
+
+
+def _check_other_file(source: Path, target: Path) -> None:
+    """Refuses to write over what is read, the drive file of a URDF included."""
+    ending = target.suffix.lower()
+    if ending == ".toml" or not source.is_file():
+        return
+    if source.resolve() == target.resolve():
+        raise OutputError(f"{target}: is the robot file that is read; expected another file to write")
+    own, new = (path.with_name(path.stem + ENDING) for path in (source, target))
+    if ending == ".urdf" and source.suffix.lower() != ".toml" and own.is_file() and own.resolve() == new.resolve():
+        raise OutputError(f"{new}: is the drive file that is read; expected another name than {target.name}")
 
 
 def _settled(robot: RobotDescription, source: Path, target: Path) -> tuple[RobotDescription, list[str]]:

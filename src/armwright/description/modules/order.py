@@ -47,6 +47,13 @@ def instances_of(assembly: Assembly, libraries: list[ModuleLibrary]) -> dict[str
                 f"two modules are called {placed.called!r}: expected a name = ... of its own for each"
             )
         found[placed.called] = Instance(placed, home[0].module(placed.module), home[0])
+    for module in {instance.module.name: instance.module for instance in found.values()}.values():
+        used = [name for name, instance in found.items() if instance.module is module]
+        if module.available is not None and len(used) > module.available:
+            raise DescriptionError(
+                f"module {module.name!r} is used {len(used)} times, as {', '.join(used)}: expected at most "
+                f"{module.available}, as many as are available"
+            )
     return found
 
 

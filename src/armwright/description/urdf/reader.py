@@ -219,7 +219,8 @@ def _check_gazebo(reading: UrdfReading, robot: Element) -> None:
     for gazebo in robot.all("gazebo"):
         reading.ignored["gazebo"] += 1
         for child in gazebo.children:
-            if child.tag in GAZEBO_ELEMENTS or child.text.strip().lower() not in GAZEBO_PHYSICS.get(child.tag, (child.text.strip().lower(),)):
+            value = child.text.strip().lower()
+            if child.tag in GAZEBO_ELEMENTS or value not in GAZEBO_PHYSICS.get(child.tag, (value,)):
                 about = gazebo.attributes.get("reference", "robot")
                 reading.remark(f"<gazebo> <{child.tag}> is Gazebo's own and not used", "element", about)
 

@@ -27,11 +27,13 @@ HARMLESS: dict[str, tuple[str, ...]] = {
 TRANSMISSION_HARMLESS = (
     *("type", "hardwareInterface", "hardware_interface", "robotNamespace", "role", "plugin", "param", "verbose"),
     *("command_interface", "state_interface", "simulated_actuated_joint", "pulsesPerRevolution", "offset"),
+    "ignoreTransmissionAbsoluteEncoder",  # which encoder a controller reads
 )
 
 TRANSMISSION_PHYSICS = (  # of other programs; where it counts, the drive file says it
     *("motorInertia", "motor_inertia", "rotorInertia", "rotor_inertia", "motorScale", "motor_scale"),
     *("motorTorqueConstant", "motor_torque_constant", "torque_constant", "efficiency", "damping", "friction"),
+    *("saturationLower", "saturationUpper", "deadBandLower", "deadBandUpper"),  # of PAL's virtual joints
     *("leftActuator", "rightActuator", "rollJoint", "flexJoint", "gap_joint", "passive_joint", "screw_joint"),  # PR2's
     *("compensator", "use_simulated_gripper_joint", "thread_pitch"),
 )

@@ -60,10 +60,10 @@ def _solid(reading: UrdfReading, shape: Element, link: str) -> dict[str, Any] | 
         scale = bounded(shape, shape.numbers("scale", 3, (1.0, 1.0, 1.0)))
         if not all(scale):
             raise shape.error(f"<mesh scale={shape.attributes['scale']!r}>: expected numbers other than 0")
-        path = find_mesh(shape, name, reading.path, reading.packages)  # before its kind: no path leads out
-        if Path(name).suffix.lower() not in READ_MESHES:
+        if Path(name).suffix.lower() not in READ_MESHES:  # never looked for, wherever it lies
             reading.remark(f"a mesh is no {', '.join(READ_MESHES)}, and is not drawn", "link", link)
             return None
+        path = find_mesh(shape, name, reading.path, reading.packages)
         if path is None:
             reading.remark("a mesh is not on the search path, and is not drawn", "link", link)
             return None
