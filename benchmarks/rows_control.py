@@ -18,6 +18,7 @@ from armwright.model import build_model
 from armwright.simulation.controlled import compile_controlled, simulate_controlled
 
 ROBOT = "puma560"
+CROWD = "two-link"
 STEP = 1e-3  # [s] of the controller and of the integrator
 EXPECTED = {"Euler": 15.0, "RK4": 50.0}
 EXACT, FIRST_ORDER = 1e-5, 3e-2  # of a state's largest entry: what orders 3 and 4 leave, and what Euler leaves
@@ -90,7 +91,46 @@ def size(quick: bool) -> tuple[int, float, int]:
 
 def tasks(quick: bool) -> list[Task]:
     """A race for the controller alone, with every added effect beside it."""
-    return [Task("control", f"{ROBOT} under PID", partial(control_records, quick))]
+    return [
+        Task("control", f"{ROBOT} under PID", partial(control_records, quick)),
+        Task("control", f"{CROWD} million lanes", partial(crowd_records, quick)),
+    ]
+
+
+def crowd_records(quick: bool, repetitions: int) -> list[Record]:
+    """Lanes of which nothing is kept but what reducers make of them: time goes with their number."""
+    arm, ticks = aw.load(CROWD), 10
+    control = aw.JointPID(kp=50.0, kd=5.0)
+    entries = []
+    for lanes in (1000, 10_000) if quick else (100_000, 1_000_000):
+        q0 = np.random.default_rng(4).uniform(-0.5, 0.5, (lanes, arm.n))
+        made = compile_controlled(
+            aw.Scenario(
+                arm,
+                controller=control,
+                reference=np.zeros(arm.n),
+                sample_period=STEP,
+                duration=ticks * STEP,
+                q0=q0,
+                record="none",
+                reduce=["rms_error"],
+            )
+        )
+
+        def checked(run: Any, lanes: int = lanes) -> Check:
+            errors = run["rms_error"].values
+            return Check(0.0 if errors.shape == (lanes, arm.n) and np.isfinite(errors).all() else float("nan"), EXACT)
+
+        run = partial(simulate_controlled, made, None, 1)
+        labels = {
+            "arm": CROWD,
+            "joints": arm.n,
+            "work": f"{CROWD}, PID, reducers only",
+            "form": "this processor",
+            "lanes": lanes,
+        }
+        entries.append(Entry(labels, {"ours": Contestant(f"{lanes} lanes", run, lanes * ticks, checked)}, {}, {}))
+    return [record(row) for row in race(entries, repetitions)]
 
 
 def control_records(quick: bool, repetitions: int) -> list[Record]:
