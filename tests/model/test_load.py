@@ -65,3 +65,8 @@ def test_a_gear_without_loss(tmp_path):
     assert all(body.drive.efficiency is None for body in model.bodies)
     q = np.linspace(0.1, 0.6, 6)
     np.testing.assert_array_equal(inverse_dynamics(model, q, q, q), inverse_dynamics(plain, q, q, q))
+
+
+def test_a_name_of_thousands_of_letters():
+    with pytest.raises(DescriptionError, match="5000 letters"):
+        load("x" * 5000)

@@ -18,6 +18,8 @@ from armwright.errors import DescriptionError, nearest
 BOM = b"\xef\xbb\xbf"  # what some editors put before UTF-8
 XML_ENDINGS = (".urdf", ".xml", ".mjcf", ".xacro")
 
+LONGEST = 2000  # letters of a path
+
 
 def builtin_names() -> list[str]:
     """Names of the arms that come with Armwright.
@@ -45,6 +47,10 @@ def read_description(name_or_path: str | os.PathLike[str], **reading: Any) -> Ro
     if not isinstance(text, str):
         raise DescriptionError(f"{name_or_path!r}: expected the name of a built-in arm, or the path of a TOML file")
     path, names = Path(text), builtin_names()
+    if len(text) > LONGEST:
+        raise DescriptionError(
+            f"{text[:40]!r}…: {len(text)} letters; expected the name of an arm, or the path of its file"
+        )
     if text in names and (isinstance(name_or_path, str) or not path.exists()):
         _check_options(text, reading, ())
         with resources.as_file(resources.files("armwright.robots") / f"{text}.toml") as builtin:
