@@ -65,8 +65,8 @@ def _of_function(arm: Model, function: Callable[[Any], Any], t: np.ndarray) -> n
     """Traced and differentiated where it can be; else called time by time."""
     n = arm.n
     try:
-        program = trace("reference", lambda time: _moving(arm, function, time), {"t": ()}, ("r",))
-        return np.asarray(interpret(program, t)).reshape(len(t), 3 * n)
+        program = trace("reference", lambda time: _moving(arm, function, time[0]), {"t": (1,)}, ("r",))
+        return np.asarray(interpret(program, t.reshape(-1, 1))).reshape(len(t), 3 * n)
     except (ArmwrightError, TypeError, ValueError, AttributeError) as error:
         if isinstance(error, ScenarioError):
             raise
