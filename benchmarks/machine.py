@@ -43,7 +43,7 @@ def cores() -> tuple[int | None, str]:
 
 def described() -> dict[str, Any]:
     """Everything a saved table says of where it was made."""
-    from armwright.kernels.llvm import select_target
+    from armwright.kernels.target import select_target
 
     target = select_target()
     physical, text = cores()

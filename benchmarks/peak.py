@@ -14,7 +14,8 @@ import numpy as np
 from llvmlite import binding
 from timing import Check, Contestant
 
-from armwright.kernels.llvm import Target, batch_module
+from armwright.kernels.llvm import batch_module
+from armwright.kernels.target import Target
 from armwright.program import Program
 
 ROUNDS = 20_000

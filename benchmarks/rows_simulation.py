@@ -13,7 +13,7 @@ from timing import Check, Contestant, Entry, race, relative_error
 
 import armwright as aw
 from armwright.errors import ModelError
-from armwright.kernels.llvm import select_target
+from armwright.kernels.target import select_target
 from armwright.simulation.simulator import compile_simulator
 
 ROBOT = "cmu-dd"

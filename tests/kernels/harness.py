@@ -8,7 +8,8 @@ import numpy as np
 from llvmlite import binding
 
 from armwright.kernels.format import DOUBLE, Format
-from armwright.kernels.llvm_machine import LlvmMachine, register_libm
+from armwright.kernels.libm import register_libm
+from armwright.kernels.llvm_machine import LlvmMachine
 
 
 class ArrayFunction:

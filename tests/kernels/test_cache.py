@@ -4,6 +4,7 @@ import errno
 import os
 import subprocess
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -12,8 +13,8 @@ from llvmlite import binding
 import armwright as aw
 from armwright import scalar
 from armwright.kernels import cache, engine
-from armwright.kernels.batch import Kernel
-from armwright.kernels.llvm import Target, batch_module, select_target
+from armwright.kernels.batch import Kernel, batch_module
+from armwright.kernels.target import Target, select_target
 from armwright.program import trace
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="modes and links as POSIX has them")
@@ -29,6 +30,7 @@ def program(factor: float = 2.0, name: str = "wave", port: str = "x"):
 def folder(tmp_path, monkeypatch):
     place = tmp_path / "cache"
     monkeypatch.setenv(cache.VARIABLE, str(place))
+    monkeypatch.setattr(cache, "_emitter", lambda: cache._EMITTER)  # whoever edits a source while the tests run
     cache._say_once.cache_clear()
     return place
 
@@ -177,6 +179,13 @@ def test_unknown_sources_keep_nothing(folder, monkeypatch):
     assert not folder.exists()
 
 
+def test_sources_that_changed_under_a_session_keep_nothing(folder, monkeypatch):
+    """What prints code is imported late: then it may be another than the key says."""
+    monkeypatch.setattr(cache, "_emitter", lambda: b"edited")
+    assert bits() == bits()
+    assert not list(folder.iterdir())
+
+
 def test_empty_variable_keeps_nothing(tmp_path, monkeypatch, compiled):
     monkeypatch.setenv(cache.VARIABLE, "")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
@@ -245,13 +254,32 @@ def test_entry_that_is_no_file_is_not_used(folder, tmp_path, compiled, kind):
     assert not list(folder.glob("*.tmp"))
 
 
-def test_folder_that_cannot_be_made_says_so(tmp_path, monkeypatch, compiled):
+NO_FOLDERS = {
+    "in a file": ("file/cache", "compiled code is not kept"),
+    "a file": ("file", "file': not a folder; compiled code is not kept"),
+    "of nobody": ("~nobody-of-that-name/cache", "no home of that user is known; compiled code is not kept"),
+}
+
+
+@pytest.mark.parametrize(("name", "why"), NO_FOLDERS.values(), ids=NO_FOLDERS.keys())
+def test_name_of_no_folder_says_so_once(tmp_path, monkeypatch, compiled, name, why):
     (tmp_path / "file").write_text("a file, not a folder")
-    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "file" / "cache"))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(cache.VARIABLE, name)
     cache._say_once.cache_clear()
-    with pytest.warns(RuntimeWarning, match=r"ARMWRIGHT_CACHE_DIR = .*compiled code is not kept"):
+    with pytest.warns(RuntimeWarning, match=f"ARMWRIGHT_CACHE_DIR = .*{why}") as said:
         assert bits() == bits()
+    assert len(said) == 1
     assert len(compiled) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_home_may_be_written_short(tmp_path, monkeypatch):
+    for variable in ("HOME", "USERPROFILE"):
+        monkeypatch.setenv(variable, str(tmp_path))
+    monkeypatch.setenv(cache.VARIABLE, os.path.join("~", "kept"))
+    bits()
+    assert entry(tmp_path / "kept").exists()
 
 
 @pytest.mark.parametrize("fault", [errno.EROFS, errno.EACCES, errno.ENOSPC, errno.EDQUOT])
@@ -261,9 +289,27 @@ def test_what_cannot_be_written_is_left(folder, compiled, monkeypatch, fault, ca
         raise OSError(fault, os.strerror(fault))
 
     monkeypatch.setattr(f"armwright.kernels.cache.{call}", refuse)
-    assert bits() == bits()
+    with pytest.warns(RuntimeWarning, match=f"ARMWRIGHT_CACHE_DIR = .*cache': {os.strerror(fault)}; compiled") as said:
+        assert bits() == bits()
+    assert len(said) == 1
     assert len(compiled) == 2
     assert not list(folder.iterdir())
+
+
+def test_who_named_no_folder_is_told_nothing(folder, tmp_path, monkeypatch, compiled):
+    """A home without room is nobody's surprise."""
+
+    def refuse(*_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.delenv(cache.VARIABLE)
+    for variable in ("XDG_CACHE_HOME", "LOCALAPPDATA", "HOME"):
+        monkeypatch.setenv(variable, str(tmp_path))
+    monkeypatch.setattr("armwright.kernels.cache.tempfile.mkstemp", refuse)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert bits() == bits()
+    assert len(compiled) == 2
 
 
 def test_read_only_folder_is_read(folder, compiled, monkeypatch):
@@ -274,7 +320,9 @@ def test_read_only_folder_is_read(folder, compiled, monkeypatch):
 
     for call in ("tempfile.mkstemp", "os.utime", "os.unlink"):
         monkeypatch.setattr(f"armwright.kernels.cache.{call}", refuse)
-    assert bits() == right
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # nothing had to be written
+        assert bits() == right
     assert len(compiled) == 1
 
 
@@ -302,6 +350,7 @@ import numpy as np
 sys.path.insert(0, {tests!r})
 from test_cache import bits, cache, engine
 cache._EMITTER = bytes.fromhex({emitter!r})  # or who edits a source while the tests run would fail them
+cache._emitter = lambda: cache._EMITTER
 done, original = [], engine.compiled
 engine.compiled = lambda *given: done.append(1) or original(*given)
 {before}

@@ -14,8 +14,8 @@ from llvmlite import binding
 from armwright import scalar
 from armwright.errors import ModelError
 from armwright.kernels import cache, engine
-from armwright.kernels.batch import Kernel
-from armwright.kernels.llvm import WIDTHS, batch_module, select_target
+from armwright.kernels.batch import Kernel, batch_module
+from armwright.kernels.target import WIDTHS, select_target
 from armwright.program import trace
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc, or forks")

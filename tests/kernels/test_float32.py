@@ -12,8 +12,8 @@ import armwright as aw
 from armwright.errors import ModelError, ShapeError
 from armwright.kernels.batch import Kernel
 from armwright.kernels.format import SINGLE
-from armwright.kernels.llvm import select_target
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
+from armwright.kernels.target import select_target
 from kernels.test_kernels import ARMS, FULL, SOLVED, as_tuple, same_bits, states, targets
 from physics.arms import arm
 

@@ -7,8 +7,8 @@ import pytest
 
 import armwright as aw
 from armwright.errors import ModelError, ShapeError
-from armwright.kernels.llvm import WIDTHS, select_target
 from armwright.kernels.signatures import SIGNATURES
+from armwright.kernels.target import WIDTHS, select_target
 from armwright.model import build_model
 from reference.random_trees import random_description
 

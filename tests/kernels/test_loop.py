@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from armwright import scalar
-from armwright.kernels.llvm import select_target
 from armwright.kernels.loop import Loop, Schedules
 from armwright.kernels.philox import philox, uniform
 from armwright.kernels.stages import NEVER, Adapt, Call, Delay, Draw, Integrate, Record, Rows, Table
+from armwright.kernels.target import select_target
 from armwright.program import trace
 
 H = 0.01

@@ -8,8 +8,8 @@ import pytest
 import armwright as aw
 from armwright.kernels import llvm
 from armwright.kernels.batch import Kernel
-from armwright.kernels.llvm import select_target
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
+from armwright.kernels.target import select_target
 from armwright.program import call, evaluate, trace
 from armwright.program.cut import cut
 from armwright.program.fuse import optimised
@@ -60,3 +60,17 @@ def test_cut_code_has_the_same_bits(monkeypatch):
     cut_up = [Kernel(program, select_target())(*inputs), Kernel(outer, select_target())(inputs[0])]
     for a, b in zip(whole, cut_up, strict=True):
         assert np.array_equal(a, b)
+
+
+def test_next_tiles_are_fetched_ahead(monkeypatch):
+    """Code in pieces asks for the rows of the next tile, also behind the last: nothing is read there, and the bits stay."""
+    monkeypatch.setenv("ARMWRIGHT_CACHE_DIR", "")
+    program = trace_kernel(aw.load("puma560"), SIGNATURES["forward_arm"])
+    inputs = np.random.default_rng(2).normal(size=(3, 37, 6))
+    whole = Kernel(program, select_target())(*inputs)
+    assert "prefetch" not in llvm.batch_module(8, program).text()
+    monkeypatch.setattr(llvm, "WHOLE", 5)
+    text = llvm.batch_module(8, program).text()
+    rows = sum(port.size for port in (*program.inputs, *program.outputs)) * 8 * 8
+    assert text.count("call void @llvm.prefetch") == rows // llvm.CACHE_LINE
+    assert np.array_equal(Kernel(program, select_target())(*inputs), whole)

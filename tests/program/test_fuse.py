@@ -11,13 +11,14 @@ import pytest
 import armwright as aw
 from armwright import scalar
 from armwright.kernels.batch import Kernel
-from armwright.kernels.llvm import select_target
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
+from armwright.kernels.target import select_target
 from armwright.program import evaluate, interpret, trace
 from armwright.program.fuse import (
     PASSES,
     fused_products,
     in_ready_order,
+    in_recursion_order,
     optimised,
     shared_reciprocals,
     turns_first,
@@ -138,7 +139,8 @@ def test_other_orders_are_the_same_operations(kernel):
     inputs = np.random.default_rng(0).normal(size=(len(program.inputs), 5, 6))
     usual = optimised(program.instructions)
     expected = evaluate(usual, *inputs)[0]
-    for order in (in_ready_order(usual), turns_first(usual), turns_first(in_ready_order(usual))):
+    orders = [order(usual) for order in (in_ready_order, in_recursion_order, turns_first)]
+    for order in (*orders, turns_first(in_ready_order(usual)), turns_first(in_recursion_order(usual))):
         assert sorted(map(id, order)) == sorted(map(id, usual))
         assert np.array_equal(evaluate(order, *inputs)[0], expected)
 
@@ -148,6 +150,16 @@ def test_fewer_values_wait_along_a_chain(kernel):
     """On the way out a body leaves force and moment behind, not all that they are made of."""
     usual = optimised(trace_kernel(chain(20), SIGNATURES[kernel]).instructions)
     assert alive(in_ready_order(usual)) < 0.75 * alive(usual)
+
+
+def test_a_recursion_goes_joint_by_joint():
+    """Newton and Euler's leaves sine, cosine, force and moment of each body for the way back: eight values, and no more."""
+    per_joint = (
+        alive(in_recursion_order(optimised(trace_kernel(chain(n), SIGNATURES["inverse_dynamics"]).instructions)))
+        for n in (20, 40)
+    )
+    few, many = per_joint
+    assert many - few <= 8.5 * 20
 
 
 def test_turns_come_first():

@@ -8,16 +8,20 @@ import itertools
 import math
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armwright.errors import ShapeError
 from armwright.kernels.engine import Engine
 from armwright.kernels.format import DOUBLE, Format
-from armwright.kernels.llvm import Target, batch_module
+from armwright.kernels.target import Target
 from armwright.program import Program
+
+if TYPE_CHECKING:  # a kernel from the cache, called for a few states, needs neither threads nor what prints code
+    from concurrent.futures import ThreadPoolExecutor
+
+    from armwright.kernels.llvm import Module
 
 POINTER = ctypes.c_void_p
 addressof: Any = ctypes.addressof
@@ -211,6 +215,13 @@ def _empty(shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
     return room[start : start + size].reshape(shape)
 
 
+def batch_module(width: int, program: Program, dtype: str) -> Module:
+    """The module of a program's batch functions, as `llvm` prints it."""
+    from armwright.kernels import llvm
+
+    return llvm.batch_module(width, program, dtype)
+
+
 def _waits(program: Program) -> bool:
     """Whether the program is a short chain of divisions that wait for each other, such as the pivots of a symmetric solve."""
     counts = program.operation_counts()
@@ -240,6 +251,8 @@ def refuse_shared(program: Program, outputs: list[np.ndarray]) -> None:
 
 @functools.cache
 def _pool(threads: int) -> ThreadPoolExecutor:
+    from concurrent.futures import ThreadPoolExecutor
+
     return ThreadPoolExecutor(threads, thread_name_prefix="armwright")
 
 

@@ -15,6 +15,7 @@ Code is executed, so it is read only from a folder, and a file, that belongs to 
 from __future__ import annotations
 
 import contextlib
+import errno
 import functools
 import hashlib
 import os
@@ -41,6 +42,9 @@ SUFFIX = ".code"
 MOST_BYTES = 256 << 20  # of all entries; the least recently used ones go
 STALE = 3600.0  # [s] after which a temporary file is one that its writer left behind
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+TAKEN = (  # what says of one entry that it cannot be replaced, and nothing of the folder: on Windows it is just being read
+    PermissionError if sys.platform == "win32" else IsADirectoryError
+)
 
 
 def key(build: Callable[..., object], ingredients: tuple[object, ...], *machine: object) -> bytes | None:
@@ -87,9 +91,7 @@ def _emitter() -> bytes | None:
     return digest.digest() if here.joinpath("llvm.py").exists() else None
 
 
-_EMITTER = (
-    _emitter()
-)  # now, while the sources are those that were imported: a developer may change them under a session
+_EMITTER = _emitter()  # once: a developer may change the sources under a session
 
 
 def load(key: bytes | None) -> bytes | None:
@@ -113,9 +115,13 @@ def load(key: bytes | None) -> bytes | None:
 
 
 def store(key: bytes | None, code: bytes) -> None:
-    """Keeps code for next time, where that is possible."""
+    """Keeps code for next time, where that is possible.
+
+    What prints code is imported when there is something to compile. If it is no longer what the key was made of, nothing
+    tells which of the two made this code.
+    """
     folder = cache_folder() if key is not None else None
-    if key is None or folder is None:
+    if key is None or folder is None or _emitter() != _EMITTER:
         return
     temporary = None
     try:
@@ -123,10 +129,12 @@ def store(key: bytes | None, code: bytes) -> None:
         with open(number, "wb") as file:
             file.write(HEAD.pack(MAGIC, key, len(code), hashlib.sha256(code).digest()) + code)
         os.replace(temporary, _path(folder, key))
-    except OSError:  # read-only, full, over a quota, or (Windows) just being read
+    except OSError as error:  # read-only, full, over a quota, or TAKEN
         if temporary is not None:
             with contextlib.suppress(OSError):
                 os.unlink(temporary)
+        if not isinstance(error, TAKEN):
+            _say_if_named(str(error.strerror))
         return
     _trim(folder)
 
@@ -155,15 +163,19 @@ def _ours_alone(about: os.stat_result) -> bool:
 def cache_folder() -> Path | None:
     """Where entries are, made where it is missing; None where none can be kept."""
     named = os.environ.get(VARIABLE)
-    place = _usual_folder() if named is None else Path(os.path.expanduser(named)).absolute() if named else None
-    if place is None:
+    if named == "":
         return None
     try:
+        place = _usual_folder() if named is None else Path(named).expanduser().absolute()
+        if place.exists() and not place.is_dir():
+            raise OSError(errno.ENOTDIR, "not a folder")
         place.mkdir(mode=0o700, parents=True, exist_ok=True)
         about = place.stat()
     except OSError as error:
-        if named is not None:  # who names a folder wants to know; a home that cannot be written is nobody's surprise
-            _say_once(f"{VARIABLE} = {named!r}: {error.strerror}; compiled code is not kept")
+        _say_if_named(str(error.strerror))
+        return None
+    except RuntimeError:  # a user without a home; of "~name", no user at all
+        _say_if_named("no home of that user is known")
         return None
     if not _ours_alone(about):
         found = f"mode {stat.S_IMODE(about.st_mode):o}, owner {about.st_uid}"
@@ -174,17 +186,21 @@ def cache_folder() -> Path | None:
     return place
 
 
-def _usual_folder() -> Path | None:
-    try:
-        if sys.platform == "win32":
-            local = os.environ.get("LOCALAPPDATA")
-            return (Path(local) if local else Path.home() / "AppData" / "Local") / "armwright"
-        if sys.platform == "darwin":
-            return Path.home() / "Library" / "Caches" / "armwright"
-        given = Path(os.environ.get("XDG_CACHE_HOME") or "~")
-        return (given if given.is_absolute() else Path.home() / ".cache") / "armwright"
-    except RuntimeError:  # a user without a home
-        return None
+def _usual_folder() -> Path:
+    if sys.platform == "win32":
+        local = os.environ.get("LOCALAPPDATA")
+        return (Path(local) if local else Path.home() / "AppData" / "Local") / "armwright"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "armwright"
+    given = Path(os.environ.get("XDG_CACHE_HOME") or "~")
+    return (given if given.is_absolute() else Path.home() / ".cache") / "armwright"
+
+
+def _say_if_named(why: str) -> None:
+    """Who names a folder wants to know that it is of no use; a home that cannot be written is nobody's surprise."""
+    named = os.environ.get(VARIABLE)
+    if named:
+        _say_once(f"{VARIABLE} = {named!r}: {why}; compiled code is not kept")
 
 
 @functools.cache

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +13,9 @@ from armwright.errors import ModelError, ShapeError, nearest
 from armwright.kernels.format import DOUBLE, select_format
 from armwright.kernels.signatures import PARAMETERS, SIGNATURES, Signature, trace_kernel
 from armwright.model import Model, check_arm
-from armwright.model.vary import Varied
+
+if TYPE_CHECKING:
+    from armwright.model.vary import Varied
 
 
 class CompiledArm:
@@ -34,11 +36,11 @@ class CompiledArm:
         vary: Sequence[str] = (),
         dtype: str | type | np.dtype = DOUBLE.name,
     ):
-        from armwright.kernels.llvm import select_target
+        from armwright.kernels.target import select_target
 
         check_arm(arm)
         self.arm = arm
-        self.varied = Varied(arm, vary) if len(vary) else None
+        self.varied = _varied(arm, vary) if len(vary) else None
         self.format = select_format(dtype)
         self.dtype = self.format.dtype
         self.target = select_target(target, self.format)
@@ -149,6 +151,12 @@ class CompiledArm:
         """
         self._check_form(name, optional, options)
         return trace_kernel(self.arm, SIGNATURES[name], optional, varied=self.varied, **options).casadi()
+
+
+def _varied(arm: Model, names: Sequence[str]) -> Varied:
+    from armwright.model.vary import Varied
+
+    return Varied(arm, names)
 
 
 def _again(

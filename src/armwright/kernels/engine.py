@@ -10,14 +10,17 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from llvmlite import binding
 
 from armwright.kernels import cache
-from armwright.kernels.llvm import Module, Target
-from armwright.kernels.llvm_machine import LIBM
+from armwright.kernels.libm import LIBM
+from armwright.kernels.target import Target
 from armwright.program import Program
+
+if TYPE_CHECKING:
+    from armwright.kernels.llvm import Module
 
 JITLINK = {"ELF": ("x86_64", "aarch64"), "MachO": ("x86_64", "arm64", "aarch64")}  # format: processors; not on Windows
 LIBRARY = "module"  # a linker has one library, of this name

@@ -6,14 +6,10 @@ one vector of W lanes, so nothing is transposed between them. What Python calls 
 
 from __future__ import annotations
 
-import functools
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
-from llvmlite import binding
-
-from armwright.errors import ModelError, nearest
 from armwright.kernels.format import DOUBLE, FORMATS, Format
-from armwright.kernels.llvm_machine import LlvmMachine, register_libm
+from armwright.kernels.llvm_machine import LlvmMachine
 from armwright.kernels.machine import Value
 from armwright.kernels.tiles import load_tile, store_tile, store_tile_loop
 from armwright.kernels.walk import walk, walk_instructions
@@ -21,64 +17,8 @@ from armwright.program import Instruction, Program
 from armwright.program.cut import WHOLE, Piece, cut
 from armwright.program.fuse import optimised
 
-WIDTHS = {"x86-64-v4": 8, "x86-64-v3": 4, "x86-64-v2": 2, "x86-64": 2}  # doubles in a vector register
 WIDE = 256  # columns of an output that are stored in a loop rather than a line
-NEEDS = {"x86-64-v4": "avx512f", "x86-64-v3": "avx2", "x86-64-v2": "sse4.2", "x86-64": "sse2"}
-
-
-@dataclass(frozen=True)
-class Target:
-    """The processor that code is made for, and how many numbers it computes at once."""
-
-    cpu: str
-    features: str
-    width: int
-
-    def lanes_of(self, format: Format) -> Target:
-        """The same for a format, where `width` counts doubles: a register holds twice as many floats."""
-        return replace(self, width=self.width * DOUBLE.bytes // format.bytes)
-
-    def doubled(self) -> Target:
-        """Two registers for each value: a program that waits for a chain of divisions does two tiles in the same time."""
-        return replace(self, width=2 * self.width)
-
-
-@functools.cache
-def select_target(name: str | None = None, format: Format = DOUBLE) -> Target:
-    """The processor this runs on, or a named level of it such as "x86-64-v3".
-
-    Args:
-        name: of the level.   format: of the numbers that it computes with.
-
-    Raises:
-        ModelError: a level that is unknown, or that this processor does not reach.
-    """
-    _initialise()
-    features = _host_features()
-    if name is None:
-        width = 8 if features.get("avx512f") else 4 if features.get("avx") else 2
-        if features.get("avx512f"):
-            features["prefer-256-bit"] = False  # or LLVM leaves half of every register empty
-        return Target(binding.get_host_cpu_name(), binding.FeatureMap(features).flatten(), width).lanes_of(format)
-    if name not in WIDTHS:
-        raise ModelError(f"target = {name!r}: unknown; {nearest(str(name), WIDTHS)}")
-    if not features.get(NEEDS[name]):
-        raise ModelError(f"target = {name!r}: this processor ({binding.get_host_cpu_name()}) has no {NEEDS[name]}")
-    return Target(name, "-prefer-256-bit", WIDTHS[name]).lanes_of(format)
-
-
-def _host_features() -> dict[str, bool]:
-    try:
-        return dict(binding.get_host_cpu_features())
-    except RuntimeError:  # LLVM knows them on x86 and some others; the processor's name is enough elsewhere
-        return {}
-
-
-@functools.cache
-def _initialise() -> None:
-    binding.initialize_native_target()
-    binding.initialize_native_asmprinter()
-    register_libm()
+CACHE_LINE = 64  # bytes; a guess that is too small or too large costs a little time
 
 
 @dataclass
@@ -128,7 +68,7 @@ class Module:
             for k, values in enumerate(walk(m, program, inputs, self.caller(m))):
                 store_tile(m, f"%out{k}", values)
         else:
-            blocks = self._in_pieces(m, program, instructions, inputs)
+            blocks = self._in_pieces(m, program, instructions, inputs, batched=True)
             for k, (block, port) in enumerate(zip(blocks, program.outputs, strict=True)):
                 if port.size <= WIDE or self.width == 1:
                     store_tile(m, f"%out{k}", [_load_block(m, block, entry) for entry in range(port.size)])
@@ -155,21 +95,46 @@ class Module:
         ]
 
     def _in_pieces(
-        self, m: LlvmMachine, program: Program, instructions: list[Instruction], inputs: list[list[Value]]
+        self,
+        m: LlvmMachine,
+        program: Program,
+        instructions: list[Instruction],
+        inputs: list[list[Value]],
+        batched: bool = False,
     ) -> list[str]:
-        """Calls of the pieces of a long program; comes back with the blocks in which its outputs wait."""
+        """Calls of the pieces of a long program, tile by tile of a batch or alone; comes back with the blocks of its outputs."""
         ports = [[_alloca(m, port.size) for port in side] for side in (program.inputs, program.outputs)]
         for pointer, values in zip(ports[0], inputs, strict=True):
             for entry, value in enumerate(values):
                 _store_block(m, pointer, entry, value)
         parts = cut(instructions)
         given = ", ".join(f"ptr {p}" for p in (*ports[0], *ports[1], _alloca(m, max(parts.slots, 1))))
+        ahead, share = self._fetches(program) if batched else [], len(parts.pieces)
         for k, piece in enumerate(parts.pieces):
             name = f"{program.name}.piece{k}"
             if name not in self.functions:
                 self._add_piece(name, program, piece)
             m.lines.append(f"  call void @{name}({given})")
+            m.lines += ahead[k * len(ahead) // share : (k + 1) * len(ahead) // share]
         return ports[1]
+
+    def _fetches(self, program: Program) -> list[str]:
+        """Prefetches of what the next tile reads and writes, to be spread over the work on this one.
+
+        Rows of a hundred joints leave the cache; a burst of a tile's loads waits for memory, a few at a time do not.
+        """
+        self.declarations.add("declare void @llvm.prefetch.p0(ptr, i32, i32, i32)")
+        lines = []
+        for side, writes, ports in (("in", 0, program.inputs), ("out", 1, program.outputs)):
+            for k, port in enumerate(ports):
+                tile = port.size * self.width * self.format.bytes
+                for offset in range(tile, 2 * tile, CACHE_LINE) if port.size <= WIDE else ():
+                    name = f"%{side}{k}.next{offset}"
+                    lines.append(
+                        f"  {name} = getelementptr i8, ptr %{side}{k}, i64 {offset}\n"
+                        f"  call void @llvm.prefetch.p0(ptr {name}, i32 {writes}, i32 2, i32 1)"
+                    )
+        return lines
 
     def _store_function(self, columns: int) -> str:
         """`void name(out, block)`: W rows of many columns from a block, in a loop."""
@@ -242,10 +207,13 @@ def _alloca(m: LlvmMachine, entries: int) -> str:
 
 
 def _batch_loop(name: str, tile: str, program: Program, w: int, format: Format) -> str:
-    """Full tiles in place; then the tail: its rows copied into a padded tile (filled up with its first row) and back."""
+    """Full tiles in place; then the tail: its rows copied into a padded tile (filled up with its first row) and back.
+
+    Not inlined into what calls it: three more copies of it would take a sixth of the time to compile, and gain nothing.
+    """
     ins, outs = range(len(program.inputs)), range(len(program.outputs))
     real, bytes_ = format.real, format.bytes
-    text = [f"define void @{name}(i64 %count, ptr %inputs, ptr %strides, ptr %outputs) nounwind {{", "entry:"]
+    text = [f"define void @{name}(i64 %count, ptr %inputs, ptr %strides, ptr %outputs) noinline nounwind {{", "entry:"]
     for side, ports in (("in", program.inputs), ("out", program.outputs)):
         for k, port in enumerate(ports):
             text.append(f"  %{side}{k}.pad = alloca [{port.size * w} x {real}], align 64")

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armwright.kernels.engine import Engine
-from armwright.kernels.llvm import Target
 from armwright.kernels.loop_printer import NUMBERS, argument_names, encoded, loop_module
 from armwright.kernels.stages import CURSOR, NEVER, Delay, Record, Rows, Stage, Table, block_sizes
+from armwright.kernels.target import Target
 
 ENDLESS = 2**62  # a last tick that does not come
 
@@ -69,7 +69,7 @@ class Lanes:
     def get(self, name: str) -> np.ndarray:
         """A block as (lanes, entries)."""
         block = self.blocks[name]
-        return block.transpose(0, 2, 1).reshape(-1, block.shape[1])[: self.count]
+        return block.transpose(0, 2, 1).reshape(self.tiles * self.width, block.shape[1])[: self.count]
 
     def fill_ring(self, name: str, values: np.ndarray) -> None:
         """Fills every slot of a delay's ring from (lanes, entries): what was before the first tick."""

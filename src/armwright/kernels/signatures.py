@@ -6,13 +6,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from armwright import actuators, dynamics, kinematics
 from armwright.errors import ModelError
 from armwright.model import Model
 from armwright.model.simplify import STEPS, aligned_frames
-from armwright.model.vary import Varied
+
+if TYPE_CHECKING:
+    from armwright.model.vary import Varied
 
 Step = Callable[[Model], Model]
 Size = int | str  # "n", "2n", …: number of coordinates, or a multiple of it; "10N": of all joints that move

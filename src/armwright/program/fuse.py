@@ -128,6 +128,29 @@ def in_ready_order(instructions: Instructions) -> list[Instruction]:
     return ordered
 
 
+def in_recursion_order(instructions: Instructions) -> list[Instruction]:
+    """Entry by entry: first what needs the first entries of inputs alone; of those alike, what the last outputs need comes first.
+
+    A recursion along a chain, outward and inward again, stays so joint by joint, and nothing waits but what the way back needs.
+    """
+    needs: dict[Value, int] = {}  # the last entry of any input that a value depends on
+    for i in instructions:
+        last = i.place[1] if i.operation == "INPUT" and i.place else max((needs[a] for a in i.arguments), default=-1)
+        needs.update(dict.fromkeys(i.results, last))
+    serves: dict[Value, int] = {}  # the last entry of any output that depends on it
+    keys: dict[int, tuple[int, int]] = {}
+    for i in reversed(instructions):
+        last = (
+            i.place[1]
+            if i.operation == "OUTPUT" and i.place
+            else max((serves.get(r, -1) for r in i.results), default=-1)
+        )
+        keys[id(i)] = max((needs[value] for value in (*i.results, *i.arguments)), default=-1), -last
+        for argument in i.arguments:
+            serves[argument] = max(serves.get(argument, -1), last)
+    return sorted(instructions, key=lambda i: keys[id(i)])
+
+
 def turns_first(instructions: Instructions) -> list[Instruction]:
     """Sines and cosines of inputs, or of inputs and constants put together, before all else, those of one angle side by side.
 

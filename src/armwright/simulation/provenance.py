@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 
-from armwright.kernels.llvm import select_target
+from armwright.kernels.target import select_target
 
 PACKAGES = ("armwright", "casadi", "llvmlite", "numpy")
 

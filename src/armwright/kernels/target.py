@@ -1,0 +1,70 @@
+"""The processor that code is made for, apart from how it is made: linking code that is there already needs no more."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, replace
+
+from llvmlite import binding
+
+from armwright.errors import ModelError, nearest
+from armwright.kernels.format import DOUBLE, Format
+from armwright.kernels.libm import register_libm
+
+WIDTHS = {"x86-64-v4": 8, "x86-64-v3": 4, "x86-64-v2": 2, "x86-64": 2}  # doubles in a vector register
+NEEDS = {"x86-64-v4": "avx512f", "x86-64-v3": "avx2", "x86-64-v2": "sse4.2", "x86-64": "sse2"}
+
+
+@dataclass(frozen=True)
+class Target:
+    """The processor that code is made for, and how many numbers it computes at once."""
+
+    cpu: str
+    features: str
+    width: int
+
+    def lanes_of(self, format: Format) -> Target:
+        """The same for a format, where `width` counts doubles: a register holds twice as many floats."""
+        return replace(self, width=self.width * DOUBLE.bytes // format.bytes)
+
+    def doubled(self) -> Target:
+        """Two registers for each value: a program that waits for a chain of divisions does two tiles in the same time."""
+        return replace(self, width=2 * self.width)
+
+
+@functools.cache
+def select_target(name: str | None = None, format: Format = DOUBLE) -> Target:
+    """The processor this runs on, or a named level of it such as "x86-64-v3".
+
+    Args:
+        name: of the level.   format: of the numbers that it computes with.
+
+    Raises:
+        ModelError: a level that is unknown, or that this processor does not reach.
+    """
+    _initialise()
+    features = _host_features()
+    if name is None:
+        width = 8 if features.get("avx512f") else 4 if features.get("avx") else 2
+        if features.get("avx512f"):
+            features["prefer-256-bit"] = False  # or LLVM leaves half of every register empty
+        return Target(binding.get_host_cpu_name(), binding.FeatureMap(features).flatten(), width).lanes_of(format)
+    if name not in WIDTHS:
+        raise ModelError(f"target = {name!r}: unknown; {nearest(str(name), WIDTHS)}")
+    if not features.get(NEEDS[name]):
+        raise ModelError(f"target = {name!r}: this processor ({binding.get_host_cpu_name()}) has no {NEEDS[name]}")
+    return Target(name, "-prefer-256-bit", WIDTHS[name]).lanes_of(format)
+
+
+def _host_features() -> dict[str, bool]:
+    try:
+        return dict(binding.get_host_cpu_features())
+    except RuntimeError:  # LLVM knows them on x86 and some others; the processor's name is enough elsewhere
+        return {}
+
+
+@functools.cache
+def _initialise() -> None:
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    register_libm()
