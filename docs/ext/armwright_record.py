@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import inspect
+import json
 import re
 import textwrap
+import types
 import typing
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from armwright_tables import table
@@ -13,6 +16,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from armwright.description import compliance, drive, mimic, motor_effects, robot, supply
+from armwright.description.later import Later
 from armwright.description.modules import assembly, library
 from armwright.description.parts import built_from, materials
 from armwright.description.parts import records as parts
@@ -73,6 +77,8 @@ SCENARIO_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("[shaping]", "", (scenario.ShapingTable,)),
     ("[timing]", "", (scenario.TimingTable,)),
     ("[record]", "", (scenario.RecordTable,)),
+    ("[[payload]]", "", (scenario.PayloadTable,)),
+    ("[[payload]]: inertia_kg_m2", "", (scenario.Tensor,)),
     ("[lanes]", "", (lanes.Lanes,)),
     ("What a number is in the lanes", "", (lanes.Values,)),
 )
@@ -143,44 +149,63 @@ def meaning(name: str, field: FieldInfo) -> str:
     return field.description or (SOURCE if name == "source" else "")
 
 
-def expected(annotation: Any, metadata: list[Any]) -> str:
+def expected(annotation: Any, metadata: Sequence[Any] = ()) -> str:
     """What a key takes, in words."""
-    words = [note.func.expected for note in metadata if hasattr(getattr(note, "func", None), "expected")]
+    words = _noted(metadata) or _noted(
+        note for part in _parts(annotation) for note in getattr(part, "__metadata__", ())
+    )
     if words:
-        return words[0]
-    choices = _choices(annotation)
-    if choices:
-        return " | ".join(f'`"{choice}"`' for choice in choices)
-    told = _told(annotation)
-    if told:
-        return told
-    if float in _parts(annotation):
-        return "a number, or numbers"
-    records = _records(annotation)
-    if any(record is Quantity for record in records):
-        return "a number"
-    if records:
-        return "a table" if typing.get_origin(annotation) is not tuple else "tables"
-    return "text"
+        return words
+    later = next((note.kind for note in metadata if isinstance(note, Later)), annotation)
+    found = list(dict.fromkeys(_told(kind) for kind in _kinds(later)))
+    return ", or ".join([", ".join(found[:-1]), found[-1]] if len(found) > 1 else found) + _bounds(metadata)
+
+
+def _told(kind: Any) -> str:
+    """What one kind of value is called."""
+    origin, inner = typing.get_origin(kind), typing.get_args(kind)
+    inner = tuple(float if getattr(part, "__origin__", None) is float else part for part in inner)  # strict ones too
+    if origin is typing.Literal:
+        return " | ".join(f'`"{choice}"`' for choice in inner)
+    if origin is tuple:
+        if set(inner) <= {float, Ellipsis}:
+            return "numbers" if Ellipsis in inner else f"{len(inner)} numbers"
+        each = expected(inner[0])
+        several = {"a table": "tables", "text": "a list of texts", "numbers": "lists of numbers"}
+        return several.get(each, f"a list of {each}")
+    if origin is dict:
+        return "a table by joint" if inner[1] is float else "a table"
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return "a number" if kind is Quantity else "a table"
+    return {bool: "`true` or `false`", int: "a whole number", float: "a number"}.get(kind, "text")
+
+
+def _kinds(annotation: Any) -> list[Any]:
+    """What may stand there: the parts of a union, but for nothing at all."""
+    if typing.get_origin(annotation) is typing.Annotated:
+        kind, *notes = typing.get_args(annotation)
+        return _kinds(next((note.kind for note in notes if isinstance(note, Later)), kind))
+    if typing.get_origin(annotation) in (typing.Union, types.UnionType):
+        return [kind for part in typing.get_args(annotation) for kind in _kinds(part)]
+    return [] if annotation is types.NoneType else [annotation]
+
+
+def _bounds(metadata: Sequence[Any]) -> str:
+    """The least and the most that a number may be."""
+    names = {"ge": "{:g} or more", "gt": "above {:g}", "le": "at most {:g}", "lt": "below {:g}"}
+    found = [
+        text.format(getattr(note, name)) for name, text in names.items() for note in metadata if hasattr(note, name)
+    ]
+    return f", {' and '.join(found)}" if found else ""
 
 
 def _parts(annotation: Any) -> list[Any]:
     return [annotation, *(inner for part in typing.get_args(annotation) for inner in _parts(part))]
 
 
-def _choices(annotation: Any) -> list[Any]:
-    found = [part for part in _parts(annotation) if typing.get_origin(part) is typing.Literal]
-    return [choice for part in found for choice in typing.get_args(part)]
-
-
-def _told(annotation: Any) -> str:
-    notes = [note for part in _parts(annotation) for note in getattr(part, "__metadata__", ())]
-    words = [note.func.expected for note in notes if hasattr(getattr(note, "func", None), "expected")]
-    return words[0] if words else ""
-
-
-def _records(annotation: Any) -> list[type]:
-    return [part for part in _parts(annotation) if isinstance(part, type) and issubclass(part, BaseModel)]
+def _noted(notes: Iterable[Any]) -> str:
+    """What a reading says that it expects."""
+    return next((note.expected for note in notes if hasattr(note, "expected")), "")
 
 
 def robot_file() -> str:
@@ -223,8 +248,8 @@ def _record(record: type[BaseModel]) -> str:
     for name, field in sorted(record.model_fields.items(), key=lambda item: last[item[0]]):
         needed = "needed" if field.is_required() else ""
         default = field.get_default(call_default_factory=False)
-        if not field.is_required() and isinstance(default, str):
-            needed = f'default `"{default}"`'
+        if not field.is_required() and isinstance(default, (str, int, float)):
+            needed = f"default `{json.dumps(default)}`"
         takes = expected(field.annotation, field.metadata)
         rows.append([f"`{name}`", takes, unit(name).replace(" ", "\u00a0"), needed, meaning(name, field)])
     return "\n\n".join([_prose(record), table(("key", "takes", "unit", "", "meaning"), rows)])

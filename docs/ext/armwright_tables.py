@@ -213,7 +213,7 @@ BENCHMARK: dict[
     "threads": ("Threads", ("work", "threads", "ours", "times as fast as one")),
     "start": (
         "From nothing",
-        ("work", "all", "ours", "import numpy", "import casadi", "import llvmlite", "import pydantic"),
+        ("work", "all", "load", "kernel", "import numpy", "import casadi", "import llvmlite", "import pydantic"),
     ),
     "compile": ("Tracing and compiling", ("arm", "kernel", "operations", "all")),
 }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from typing import Any
 
@@ -51,6 +50,10 @@ class ProgramError(ArmwrightError):
     """A function cannot be traced or compiled: an operation that has no row in the table."""
 
 
+class HiddenStateError(ProgramError):
+    """A traced function computes with what another call left behind; its result is no function of its arguments."""
+
+
 class ExpressionError(ArmwrightError):
     """A formula that was typed cannot be understood."""
 
@@ -69,6 +72,8 @@ class Interrupted(KeyboardInterrupt):
 
 def nearest(name: str, choices: Iterable[str]) -> str:
     """The end of an error sentence: the nearest names, or all there are. `nearest("pma560", …)` → "did you mean puma560?"."""
+    import difflib  # only those who err need it
+
     choices = sorted(choices)
     close = difflib.get_close_matches(name, choices, n=3, cutoff=0.5)
     if close:

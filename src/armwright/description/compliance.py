@@ -100,3 +100,6 @@ class LinearBrake(Record):
     stiffness_n_per_m: Positive = Field(description="k, of its lining.")
     damping_n_s_per_m: NotNegative = Field(description="d.")
     release_time_s: Positive = Field(description="Over which its force dies away when it is released.")
+
+
+SlideBrake = LinearBrake | RotaryBrake  # of a prismatic joint: on the slide, or on its motor

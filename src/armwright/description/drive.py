@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field, model_validator
 
-from armwright.description.motor_effects import Cogging, Coupling, Thermal
+from armwright.description.later import imported_later
 from armwright.description.quantity import NotNegative, NotZero, Number, Positive, Range, Record, Share
+
+if TYPE_CHECKING:
+    from armwright.description.motor_effects import Cogging, Coupling, Thermal
+else:
+    Cogging, Coupling, Thermal = imported_later("armwright.description.motor_effects", "Cogging", "Coupling", "Thermal")
 
 Command = Literal["voltage", "current", "torque"]
 Basis = Literal["dc", "phase_peak", "phase_rms", "line_peak", "line_rms"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from armwright.description.compliance import RotaryBrake
 from armwright.errors import nearest
 
 
@@ -35,8 +34,8 @@ def _check_joint(robot: Any, joint: Any) -> None:
         raise ValueError("elasticity needs motor.rotor_inertia_kg_m2 above 0: the mass before the spring")
     if joint.brake is not None and joint.brake.side == "motor" and motor is None:
         raise ValueError('brake.side = "motor" needs a [joints.motor] with its gear_ratio')
-    if joint.type == "prismatic" and isinstance(joint.brake, RotaryBrake) and joint.brake.side != "motor":
-        raise ValueError('a brake of a prismatic joint in N m is its motor\'s: expected side = "motor", or keys in N')
+    if joint.type == "prismatic" and joint.brake is not None:
+        _check_side(joint.brake)
     if friction is not None and friction.viscous_fall_k is not None and (motor is None or motor.thermal is None):
         raise ValueError("friction.viscous_fall_k needs motor.thermal, which knows the temperature")
     if motor is None:
@@ -54,6 +53,13 @@ def _check_joint(robot: Any, joint: Any) -> None:
             raise ValueError(f'motor.pwm = "coast" goes with command = "voltage", not {command!r}')
         if robot.supply is None and joint.limits.voltage_v is None:
             raise ValueError('motor.pwm = "coast" needs limits.voltage_v or [supply], the voltage that is switched')
+
+
+def _check_side(brake: Any) -> None:
+    from armwright.description.compliance import RotaryBrake
+
+    if isinstance(brake, RotaryBrake) and brake.side != "motor":
+        raise ValueError('a brake of a prismatic joint in N m is its motor\'s: expected side = "motor", or keys in N')
 
 
 def _check_coupling(joint: Any, names: list[str]) -> None:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, get_args
 
-from pydantic import BeforeValidator
-
 from armwright.description.quantity import Quantity, Reading, Record
 
 
@@ -47,8 +45,7 @@ def reading_at(record: Record, path: str) -> Reading:
     parent, field = next(_fields(record, path, ""))
     info = type(parent).model_fields[field]
     annotations = (info.metadata, *(getattr(kind, "__metadata__", ()) for kind in get_args(info.annotation)))
-    validators = [m.func for metadata in annotations for m in metadata if isinstance(m, BeforeValidator)]
-    return next(function for function in validators if isinstance(function, Reading))
+    return next(note for metadata in annotations for note in metadata if isinstance(note, Reading))
 
 
 def _fields(value: Any, wanted: str, path: str) -> Iterator[tuple[Record, str]]:

@@ -10,7 +10,8 @@ from math import inf, isfinite
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
+from pydantic_core import CoreSchema, core_schema
 
 from armwright.description.refusal import refusal
 from armwright.errors import DescriptionError
@@ -31,7 +32,14 @@ SourceKind = Literal[
 class Record(BaseModel):
     """A table of a robot file: frozen, and refusing every key it does not know."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=False, allow_inf_nan=False, protected_namespaces=())
+    model_config = ConfigDict(
+        frozen=True,
+        extra="forbid",
+        strict=False,
+        allow_inf_nan=False,
+        protected_namespaces=(),
+        defer_build=True,  # a file's own record is built when one is read, and with it all that it holds: once, not each
+    )
 
     def replace(self, **changes: Any) -> Any:
         """A copy with some fields changed, validated like the original.
@@ -168,6 +176,10 @@ class Reading:
     read: Callable[[Any], Any]
     test: Callable[[Any], bool] = lambda value: True
 
+    def __get_pydantic_core_schema__(self, kind: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """A quantity that is read before it is checked; as `BeforeValidator`, which looks at signatures for a while first."""
+        return core_schema.no_info_before_validator_function(self, handler(kind))
+
     def __call__(self, given: Any) -> Any:
         """What a file gives, as the fields of a quantity."""
         if isinstance(given, dict) and "value" not in given:
@@ -180,16 +192,14 @@ class Reading:
         return {**given, "value": value} if isinstance(given, dict) else {"value": value}
 
 
-Number = Annotated[Quantity, BeforeValidator(Reading("a number", _one))]
-Positive = Annotated[Quantity, BeforeValidator(Reading("a number above 0", _one, lambda v: v > 0))]
-NotNegative = Annotated[Quantity, BeforeValidator(Reading("a number of 0 or more", _one, lambda v: v >= 0))]
-NotZero = Annotated[Quantity, BeforeValidator(Reading("a number other than 0", _one, lambda v: v != 0))]
-Share = Annotated[Quantity, BeforeValidator(Reading("a number above 0, at most 1", _one, lambda v: (v > 0) & (v <= 1)))]
-Vector3 = Annotated[Quantity, BeforeValidator(Reading("3 numbers", partial(_several, 3)))]
-Direction = Annotated[Quantity, BeforeValidator(Reading("a direction, 3 numbers not all 0", partial(_several, 3), any))]
-Range = Annotated[Quantity, BeforeValidator(Reading("2 numbers", partial(_several, 2)))]
-Size3 = Annotated[
-    Quantity, BeforeValidator(Reading("3 numbers above 0", partial(_several, 3), lambda v: all(k > 0 for k in v)))
-]
-Scale3 = Annotated[Quantity, BeforeValidator(Reading("a number other than 0, or 3 of them", _one_or_three, all))]
-Outline = Annotated[Quantity, BeforeValidator(Reading("a list of points [x, y]", _points))]
+Number = Annotated[Quantity, Reading("a number", _one)]
+Positive = Annotated[Quantity, Reading("a number above 0", _one, lambda v: v > 0)]
+NotNegative = Annotated[Quantity, Reading("a number of 0 or more", _one, lambda v: v >= 0)]
+NotZero = Annotated[Quantity, Reading("a number other than 0", _one, lambda v: v != 0)]
+Share = Annotated[Quantity, Reading("a number above 0, at most 1", _one, lambda v: (v > 0) & (v <= 1))]
+Vector3 = Annotated[Quantity, Reading("3 numbers", partial(_several, 3))]
+Direction = Annotated[Quantity, Reading("a direction, 3 numbers not all 0", partial(_several, 3), any)]
+Range = Annotated[Quantity, Reading("2 numbers", partial(_several, 2))]
+Size3 = Annotated[Quantity, Reading("3 numbers above 0", partial(_several, 3), lambda v: all(k > 0 for k in v))]
+Scale3 = Annotated[Quantity, Reading("a number other than 0, or 3 of them", _one_or_three, all)]
+Outline = Annotated[Quantity, Reading("a list of points [x, y]", _points)]

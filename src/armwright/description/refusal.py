@@ -6,6 +6,7 @@ from typing import Any
 
 import pydantic
 
+from armwright.description.later import Later
 from armwright.errors import nearest
 
 Location = tuple[int | str, ...]
@@ -21,6 +22,7 @@ LISTS = {  # whose tables are called by their names, not by their numbers
     "sections": "section",
 }
 TAGS = ("type", "shape")  # the keys that tell kinds of a table apart
+SCALAR = ("float_type", "float_parsing", "int_type", "int_parsing", "string_type", "bool_type")  # no list, no table
 LONGEST = 60  # characters of a value that an error repeats
 
 
@@ -33,11 +35,20 @@ def refusal(error: pydantic.ValidationError, data: dict[str, Any], record: type[
     errors = error.errors()
     unknown = [e for e in errors if e["type"] == "extra_forbidden"]  # a wrong key is why another one is missing
     first = (unknown or errors)[0]
+    places = [_place(e["loc"], data, is_missing=e["type"] == "missing") for e in errors]
     where = _place(first["loc"], data, is_missing=first["type"] == "missing")
+    if first["type"] in SCALAR and isinstance(
+        first["input"], (list, tuple, dict)
+    ):  # the way that goes further was meant
+        deeper = [(p, e) for p, e in zip(places, errors, strict=True) if p != where and p.startswith(where)]
+        where, first = deeper[0] if deeper else (where, first)
     shown = _shown(first["input"])
     told = f"{where} = {shown}" if where and shown and first["type"] != "missing" else where
     sentence = _sentence(first, data, record)
-    more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
+    others = (
+        len({p for p in places if not p.startswith(where) and not where.startswith(p)}) if where else len(errors) - 1
+    )
+    more = f" (and {others} more)" if others else ""
     return f"{told}: {sentence}{more}" if told else f"{sentence}{more}"
 
 
@@ -45,6 +56,8 @@ def _sentence(error: Any, data: dict[str, Any], record: type[pydantic.BaseModel]
     kind, location = error["type"], error["loc"]
     if kind == "extra_forbidden":
         return f"unknown key; {nearest(str(location[-1]), _fields_at(location, record))}"
+    if kind == "missing" and isinstance(location[-1], int):  # of a list whose length is fixed
+        return f"expected more numbers than {len(error['input'])}"
     if kind == "missing":
         name = str(location[-1])
         return f"missing; expected {_expected(name, _fields_at(location, record).get(name))}"
@@ -60,6 +73,11 @@ def _sentence(error: Any, data: dict[str, Any], record: type[pydantic.BaseModel]
         return "expected a name without spaces, dots and brackets"
     if kind in ("string_type", "string_too_short"):
         return "expected text" if kind == "string_type" else "expected text that is not empty"
+    if kind == "too_short":
+        least = error["ctx"]["min_length"]
+        return f"expected {least} or more, not {error['ctx']['actual_length']}"
+    if kind in ("int_type", "int_parsing", "int_from_float"):
+        return "expected a whole number"
     if kind in ("float_type", "float_parsing", "finite_number"):
         return "expected a finite number"
     message = error["msg"].removeprefix("Input should be ")
@@ -138,12 +156,16 @@ def _expected(name: str, field: Any) -> str:
     """What a missing field should be, from what its type says of itself."""
     if name in LISTS:
         return f"[[{name}]] tables"
-    told = [note.func.expected for note in field.metadata if hasattr(getattr(note, "func", None), "expected")]
+    told = [note.expected for note in field.metadata if hasattr(note, "expected")]
     if told:
         return told[0]
+    if getattr(field.annotation, "__origin__", None) is dict:
+        return "a table, by name"
     records = _records_in(field.annotation)
     if records:
-        return f"a table of {', '.join(key for key, inner in records[0].model_fields.items() if inner.is_required())}"
+        fields = records[0].model_fields
+        needed = [key for key, inner in fields.items() if inner.is_required()]
+        return f"a table of {', '.join(needed)}" if needed else f"a table of some of {', '.join(fields)}"
     return "text" if field.annotation is str else "a value"
 
 
@@ -157,6 +179,9 @@ def _tag(record: Any) -> str | None:
 
 
 def _records_in(annotation: Any) -> list[Any]:
+    for note in getattr(annotation, "__metadata__", ()):
+        if isinstance(note, Later):
+            return _records_in(note.kind)
     if isinstance(annotation, type) and not hasattr(annotation, "__args__"):
         return [annotation] if issubclass(annotation, pydantic.BaseModel) else []
     return [record for part in getattr(annotation, "__args__", ()) for record in _records_in(part)]

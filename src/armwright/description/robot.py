@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from armwright.description.compliance import (
-    LinearBrake,
-    LinearElasticity,
-    LinearStops,
-    RotaryBrake,
-    RotaryElasticity,
-    RotaryStops,
-)
 from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
 from armwright.description.drive_effects import check_drive_effects
+from armwright.description.later import imported_later
 from armwright.description.mimic import LinearMimic, RotaryMimic, check_mimics
-from armwright.description.parts.built_from import BuiltFrom
 from armwright.description.paths import quantities
 from armwright.description.quantity import (
     Direction,
@@ -30,9 +22,28 @@ from armwright.description.quantity import (
     SourceKind,
     Vector3,
 )
-from armwright.description.solids.visual import Visual
-from armwright.description.supply import Supply
 from armwright.errors import DescriptionError, nearest
+
+if TYPE_CHECKING:
+    from armwright.description.compliance import (
+        LinearElasticity,
+        LinearStops,
+        RotaryBrake,
+        RotaryElasticity,
+        RotaryStops,
+        SlideBrake,
+    )
+    from armwright.description.parts.built_from import BuiltFrom
+    from armwright.description.solids.visual import Visual
+    from armwright.description.supply import Supply
+else:
+    LinearElasticity, LinearStops, RotaryBrake, RotaryElasticity, RotaryStops, SlideBrake = imported_later(
+        "armwright.description.compliance",
+        *("LinearElasticity", "LinearStops", "RotaryBrake", "RotaryElasticity", "RotaryStops", "SlideBrake"),
+    )
+    (BuiltFrom,) = imported_later("armwright.description.parts.built_from", "BuiltFrom")
+    (Visual,) = imported_later("armwright.description.solids.visual", "Visual")
+    (Supply,) = imported_later("armwright.description.supply", "Supply")
 
 Name = Annotated[str, Field(min_length=1, pattern=r"^[^\s.\[\]]+$")]
 KINDS: tuple[str, ...] = SourceKind.__args__  # type: ignore[attr-defined]
@@ -126,7 +137,7 @@ class RevoluteJoint(_Joint):
     bus_period_s: Positive | None = Field(default=None, description="Time between two commands on the drive's bus.")
     motor: Motor | None = Field(default=None, description="Motor and gear.")
     friction: RotaryFriction | None = Field(default=None, description="Absent: none.")
-    limits: RotaryLimits = Field(default=RotaryLimits(), description="Absent: none known.")
+    limits: RotaryLimits = Field(default=RotaryLimits.model_construct(), description="Absent: none known.")
     elasticity: RotaryElasticity | None = Field(default=None, description="Of the gear; absent: it is rigid.")
     stops: RotaryStops | None = Field(
         default=None, description="End stops; absent: nothing stops the joint at its limits."
@@ -148,12 +159,12 @@ class PrismaticJoint(_Joint):
     bus_period_s: Positive | None = Field(default=None, description="Time between two commands on the drive's bus.")
     motor: Motor | None = Field(default=None, description="Motor and gear.")
     friction: SlideFriction | None = Field(default=None, description="Absent: none.")
-    limits: LinearLimits = Field(default=LinearLimits(), description="Absent: none known.")
+    limits: LinearLimits = Field(default=LinearLimits.model_construct(), description="Absent: none known.")
     elasticity: LinearElasticity | None = Field(default=None, description="Of the gear; absent: it is rigid.")
     stops: LinearStops | None = Field(
         default=None, description="End stops; absent: nothing stops the joint at its limits."
     )
-    brake: LinearBrake | RotaryBrake | None = Field(default=None, description="A holding brake; absent: none.")
+    brake: SlideBrake | None = Field(default=None, description="A holding brake; absent: none.")
 
     @model_validator(mode="after")
     def _friction_side(self) -> PrismaticJoint:

@@ -48,10 +48,11 @@ def _body(link: Link) -> np.ndarray:
     return pseudo_inertia(float(link.mass_kg), np.array(link.com_m), link.inertia_kg_m2.matrix())
 
 
-def is_possible(body: np.ndarray) -> bool:
-    """Whether a pseudo-inertia (4, 4) is positive semidefinite, but for rounding."""
+def is_possible(body: np.ndarray) -> np.ndarray:
+    """(…) whether pseudo-inertias (…, 4, 4) are positive semidefinite, but for rounding."""
     eigenvalues = np.linalg.eigvalsh(body)
-    return bool(eigenvalues[0] >= -IMPOSSIBLE * max(eigenvalues[-1], 0.0) and eigenvalues[-1] >= 0)
+    least, most = eigenvalues[..., 0], eigenvalues[..., -1]
+    return (least >= -IMPOSSIBLE * np.maximum(most, 0.0)) & (most >= 0)
 
 
 def check_drives(robot: RobotDescription) -> list[str]:

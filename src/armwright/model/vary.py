@@ -169,19 +169,30 @@ class Varied:
         a, c, e = half - xx, half - yy, half - zz
         minor = a * c - xy * xy
         sure = (mass > 0) & (a > 0) & (minor > 0) & (minor * e - a * yz * yz - c * xz * xz - 2.0 * xy * xz * yz > 0)
-        if np.all(sure):
-            return
-        lanes = max(np.size(v) for v in numbers)
-        for lane in np.flatnonzero(~np.broadcast_to(sure, lanes)):
-            m, x, y, z, *tensor = (float(v if np.ndim(v) == 0 else v[lane]) for v in numbers)
-            xx_, xy_, xz_, yy_, yz_, zz_ = tensor
-            about_com = np.array([[xx_, xy_, xz_], [xy_, yy_, yz_], [xz_, yz_, zz_]])
-            body = pseudo_inertia(m, np.array([x, y, z]), about_com)
-            if not is_possible(body):
+        doubtful = np.flatnonzero(~np.broadcast_to(sure, max(np.size(v) for v in numbers)))  # flat bodies too: det = 0
+        for start in range(0, len(doubtful), PIECE):
+            lanes = doubtful[start : start + PIECE]
+            body = _pseudo_inertias(
+                np.stack([np.broadcast_to(v if np.ndim(v) == 0 else v[lanes], len(lanes)) for v in numbers])
+            )
+            fits = is_possible(body)
+            if not fits.all():
+                lane = int(np.argmin(fits))
                 raise ModelError(
-                    f"parameters: in lane {lane} link {link!r} has an impossible inertia: its pseudo-inertia has the "
-                    f"eigenvalue {np.linalg.eigvalsh(body)[0]:.4g}, expected none below {-IMPOSSIBLE:g} of the largest"
+                    f"parameters: in lane {lanes[lane]} link {link!r} has an impossible inertia: its pseudo-inertia has the "
+                    f"eigenvalue {np.linalg.eigvalsh(body[lane])[0]:.4g}, expected none below {-IMPOSSIBLE:g} of the largest"
                 )
+
+
+def _pseudo_inertias(numbers: np.ndarray) -> np.ndarray:
+    """(lanes, 4, 4) of (10, lanes) numbers in the order of `BODY`: what `pseudo_inertia` is of one body, of many."""
+    mass, com, (xx, xy, xz, yy, yz, zz) = numbers[0], numbers[1:4], numbers[4:]
+    about_com = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    body = np.empty((4, 4, len(mass)))
+    body[:3, :3] = 0.5 * (xx + yy + zz) * np.eye(3)[:, :, None] - about_com + mass * com[:, None] * com[None, :]
+    body[:3, 3] = body[3, :3] = mass * com
+    body[3, 3] = mass
+    return body.transpose(2, 0, 1)
 
 
 @dataclass(frozen=True)
@@ -192,11 +203,12 @@ class _Column:
 
 
 TENSOR = ("xx", "xy", "xz", "yy", "yz", "zz")
+PIECE = 65536  # bodies whose eigenvalues are taken in one go
 BODY = ("mass_kg", "com_m[0]", "com_m[1]", "com_m[2]", *(f"inertia_kg_m2.{entry}" for entry in TENSOR))
 
 
 def _possible(link: Link) -> bool:
-    return is_possible(pseudo_inertia(float(link.mass_kg), np.array(link.com_m), link.inertia_kg_m2.matrix()))
+    return bool(is_possible(pseudo_inertia(float(link.mass_kg), np.array(link.com_m), link.inertia_kg_m2.matrix())))
 
 
 def _entry(value: Any, entry: int | None) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import logging
 import os
 import struct
 import warnings
@@ -17,8 +16,6 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from armwright.description.quantity import Scale3
 from armwright.description.solids.moments import Moments
-from armwright.description.solids.self_intersection import crossing_faces
-from armwright.description.solids.shells import misplaced_shell
 from armwright.description.solids.solid import SolidRecord
 from armwright.errors import DescriptionError
 
@@ -85,6 +82,9 @@ class Mesh(SolidRecord):
             DescriptionError: an open mesh, one whose faces cross or disagree on the outside, one with a shell in another
             that counts twice, or one of no volume.
         """
+        from armwright.description.solids.self_intersection import crossing_faces
+        from armwright.description.solids.shells import misplaced_shell
+
         surface = self.surface()
         if not len(surface.faces) or not surface.is_watertight:
             raise DescriptionError(f"{self.file}: an open mesh has no volume; expected a closed surface")
@@ -168,6 +168,8 @@ def _merged(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nda
 @contextlib.contextmanager
 def _silenced() -> Iterator[None]:
     """trimesh tells its log and NumPy's warnings what it tried; what comes out is judged here."""
+    import logging
+
     logger = logging.getLogger("trimesh")
     level = logger.level
     logger.setLevel(logging.CRITICAL + 1)

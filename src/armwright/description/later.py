@@ -1,0 +1,49 @@
+"""Tables that few robot files have: their records are imported, and what checks them is built, when the first one is met.
+
+Pydantic turns every type that a record names into a checker. For all that a robot file may hold, this takes as long as to
+read several robots.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import GetCoreSchemaHandler, TypeAdapter, ValidationInfo
+from pydantic_core import CoreSchema, core_schema
+
+
+@dataclass(frozen=True)
+class Later:
+    """A record, or one of several, by the place where it is written."""
+
+    module: str
+    name: str
+
+    @property
+    def kind(self) -> Any:
+        """What it is."""
+        return getattr(importlib.import_module(self.module), self.name)
+
+    def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """A call of its checker, which is not built yet."""
+        return core_schema.with_info_plain_validator_function(_checker(self))
+
+
+def _checker(later: Later) -> Callable[[Any, ValidationInfo], Any]:
+    built: list[TypeAdapter[Any]] = []
+
+    def checked(value: Any, info: ValidationInfo) -> Any:
+        """The value as a record; pydantic puts the place of this one before those of its errors."""
+        if not built:
+            built.append(TypeAdapter(later.kind))
+        return built[0].validate_python(value, context=info.context)
+
+    return checked
+
+
+def imported_later(module: str, *names: str) -> tuple[Any, ...]:
+    """Types to annotate with, for records of a module that type checkers import."""
+    return tuple(Annotated[Any, Later(module, name)] for name in names)

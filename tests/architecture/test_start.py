@@ -1,0 +1,92 @@
+"""A start brings no more than it needs: libraries, modules of ours, checkers of tables that nobody has. Fresh processes."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+LIBRARIES = ("numpy", "casadi", "llvmlite", "pydantic")
+NEVER = (  # in a script that loads an arm and calls a kernel
+    *(
+        "scipy",
+        "xarray",
+        "trimesh",
+        "matplotlib",
+        "tomlkit",
+        "rich",
+        "typer",
+        "logging",
+        "difflib",
+        "concurrent.futures",
+    ),
+    *(f"armwright.description.{name}" for name in ("urdf", "mjcf", "modules", "parts", "solids")),
+    *(f"armwright.description.{name}" for name in ("compliance", "motor_effects", "supply")),  # that puma560 has not
+    *("armwright.model.hull_doubts", "armwright.model.vary", "armwright.model.variants", "armwright.simulation"),
+)
+EMITTER = ("llvm", "llvm_machine", "tiles", "walk", "lowering", "polynomials")  # of kernels: what prints code
+
+SCRIPT = """
+import json, sys
+import armwright as aw
+first = sorted(sys.modules)
+from armwright.description import later
+built, original = [], later.TypeAdapter
+later.TypeAdapter = lambda kind: built.append(kind.__name__) or original(kind)
+arm = aw.load("puma560")
+plain = list(built)
+dyn = aw.compile(arm)
+tau = dyn.inverse_dynamics([0.1] * 6, [0.2] * 6, [0.3] * 6)
+read = "instructions" in vars(dyn.kernel("inverse_dynamics").program)
+modules = sorted(sys.modules)
+aw.load("cmu-dd")
+print(json.dumps([first, modules, [plain, sorted(set(built))], read, tau.tobytes().hex()]))
+"""
+
+
+@pytest.fixture(scope="module")
+def starts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
+    """What two processes say that share an empty cache, one behind the other."""
+    folder = tmp_path_factory.mktemp("start") / "cache"
+    return {which: started(folder) for which in ("cold", "warm")}
+
+
+def started(folder: Path) -> dict[str, Any]:
+    environment = os.environ | {"ARMWRIGHT_CACHE_DIR": str(folder)}
+    run = subprocess.run([sys.executable, "-c", SCRIPT], env=environment, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    return dict(zip(("first", "modules", "checkers", "read", "bits"), json.loads(run.stdout), strict=True))
+
+
+def test_import_brings_no_library(starts):
+    assert not set(LIBRARIES) & set(starts["cold"]["first"])
+    assert set(LIBRARIES) <= set(starts["cold"]["modules"])
+
+
+@pytest.mark.parametrize("which", ["cold", "warm"])
+def test_first_kernel_brings_nothing_that_it_does_not_need(starts, which):
+    assert not set(NEVER) & set(starts[which]["modules"])
+
+
+def test_kernel_from_the_cache_needs_nothing_that_prints_code(starts):
+    printing = {f"armwright.kernels.{name}" for name in EMITTER} | {"armwright.program.fuse", "armwright.program.cut"}
+    assert printing <= set(starts["cold"]["modules"])
+    assert not printing & set(starts["warm"]["modules"])
+
+
+def test_kernel_from_the_cache_is_not_read_instruction_by_instruction(starts):
+    assert starts["cold"]["read"]
+    assert not starts["warm"]["read"]
+
+
+def test_kernel_from_the_cache_has_the_same_bits(starts):
+    assert starts["warm"]["bits"] == starts["cold"]["bits"]
+
+
+def test_tables_that_no_file_has_get_no_checker(starts):
+    puma, both = starts["warm"]["checkers"]
+    assert not puma
+    assert both == ["BuiltFrom", "Visual"]  # of cmu-dd
