@@ -53,7 +53,7 @@ def size_records(name: str, size: int, repetitions: int) -> list[Record]:
 
 
 def thread_records(name: str, quick: bool, repetitions: int) -> list[Record]:
-    """One thread and more of them, in one race."""
+    """One thread and more of them, in one race with as many of bare multiply-adds: what the machine could give in that minute."""
     many = QUICK_MANY if quick else MANY
     inputs, _, check = _states(name, many)
 
@@ -62,35 +62,43 @@ def thread_records(name: str, quick: bool, repetitions: int) -> list[Record]:
         dyn.threads = count
         return batch(f"{count} threads", getattr(dyn, name), inputs, check)
 
-    return _threads({"arm": ROBOT, "work": name, "states": many}, contestant, repetitions)
+    return _threads({"arm": ROBOT, "work": name, "states": many}, contestant, repetitions, beside=_bare)
 
 
 def peak_records(repetitions: int) -> list[Record]:
     """The machine's limit on one thread and more: what threads could bring at best."""
-    target = compiled(ROBOT).target
-
-    def contestant(count: int) -> Contestant:
-        loops = [fma_loop(target, LONG_ROUNDS) for _ in range(count)]
-        pool = ThreadPoolExecutor(count)
-
-        def run() -> None:
-            list(pool.map(lambda loop: loop[0](), loops))
-
-        def check(_: Any) -> Check:
-            return Check(max(float(np.abs(out - 2.0).max()) for _, out in loops), 1e-12)
-
-        return Contestant(f"{count} threads", run, count * LONG_ROUNDS * loops[0][1].size, check)
-
-    return _threads({"arm": "", "work": "fused multiply-adds, nothing else", "states": 1}, contestant, repetitions)
+    return _threads({"arm": "", "work": "fused multiply-adds, nothing else", "states": 1}, _bare, repetitions)
 
 
-def _threads(labels: dict[str, Any], contestant: Callable[[int], Contestant], repetitions: int) -> list[Record]:
+def _bare(count: int) -> Contestant:
+    """Fused multiply-adds and nothing else, on so many threads."""
+    loops = [fma_loop(compiled(ROBOT).target, LONG_ROUNDS) for _ in range(count)]
+    pool = ThreadPoolExecutor(count)
+
+    def run() -> None:
+        list(pool.map(lambda loop: loop[0](), loops))
+
+    def check(_: Any) -> Check:
+        return Check(max(float(np.abs(out - 2.0).max()) for _, out in loops), 1e-12)
+
+    return Contestant(f"{count} threads", run, count * LONG_ROUNDS * loops[0][1].size, check)
+
+
+def _threads(
+    labels: dict[str, Any],
+    contestant: Callable[[int], Contestant],
+    repetitions: int,
+    beside: Callable[[int], Contestant] | None = None,
+) -> list[Record]:
     counts = thread_counts()
-    contestants = {str(count): contestant(count) for count in counts}
+    columns = {("threads", "one"): contestant, ("bare", "bare one"): beside}
+    runs = {pair: {count: make(count) for count in counts} for pair, make in columns.items() if make is not None}
     entries = []
     for count in counts:  # how many times as fast as one thread: the one's time over that of the several
-        both = {"threads": contestants[str(count)], "one": contestants["1"]}
-        entries.append(Entry({**labels, "threads": count}, both, {"one": "threads"}))
+        contestants = {
+            name: run for (several, one), by in runs.items() for name, run in ((several, by[count]), (one, by[1]))
+        }
+        entries.append(Entry({**labels, "threads": count}, contestants, {one: several for several, one in runs}))
     return [record(row) for row in race(entries, repetitions)]
 
 
@@ -117,7 +125,7 @@ def notes(quick: bool) -> dict[str, list[str]]:
         "threads": [
             f"{processors()} of {os.cpu_count()} processors may be used, on {physical or 'an unknown number of'} cores: {text}",
             "the rows of fused multiply-adds tell what more threads bring where nothing but arithmetic is done: two that share "
-            "a core share its ports, and two threads then stay near 1",
+            "a core share its ports, and two threads then stay near 1; beside a kernel: what they gained in the same race",
             f"a thread is given {TILES_A_THREAD} tiles at least",
         ],
     }

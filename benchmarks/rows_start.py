@@ -8,12 +8,13 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from arms import random_states, timed_arm
+from prompt import prompted
 from records import Record, Task
 from rows_kernels import WORKS, pinocchio
 from start import LIBRARIES
@@ -27,6 +28,11 @@ KERNELS = ("inverse_dynamics", "forward_dynamics")
 JOINTS, QUICK_JOINTS = (12, 30, 60, 100), (3,)
 LONG = 30  # joints up to which compiling is measured several times
 TOLERANCE = 1e-9
+WANTED = {  # [ms] at most
+    "import armwright": {"all": 250.0},
+    "first kernel of puma560, cold cache": {"all": 400.0},
+    "first kernel of puma560, warm cache": {"kernel": 50.0},
+}
 
 
 def tasks(quick: bool) -> list[Task]:
@@ -36,6 +42,8 @@ def tasks(quick: bool) -> list[Task]:
         Task("start", "start import armwright", lambda _: import_records(times)),
         Task("start", "start first kernel", lambda _: first_records(times)),
     ]
+    if sys.platform != "win32":  # which has no pseudo-terminals of this kind
+        starts.append(Task("start", "start armwright sim", lambda _: prompt_records(times)))
     compiles = [
         Task(
             "compile",
@@ -50,7 +58,7 @@ def tasks(quick: bool) -> list[Task]:
 
 def import_records(times: int) -> list[Record]:
     """`import armwright` alone."""
-    found = [fresh("import") for _ in range(times)]
+    found = repeated(times, "import")
     right = all(each["silent"] and each["is"] == aw.__version__ for each in found)
     return [_record({"work": "import armwright"}, 0.0 if right else np.nan, {"all": [f["seconds"] for f in found]})]
 
@@ -61,19 +69,27 @@ def first_records(times: int) -> list[Record]:
     ramp = np.linspace(-1.0, 1.0, arm.n)
     truth = np.array(aw.inverse_dynamics(arm, ramp, ramp, ramp), dtype=float)
     found: dict[str, list[dict[str, Any]]] = {"cold": [], "warm": []}
+    fresh("first", code="")  # leaves Python's bytecode
     for _ in range(times):
-        with tempfile.TemporaryDirectory() as cache:
+        with tempfile.TemporaryDirectory() as code:
             for which in found:
-                found[which].append(fresh("first", cache=cache))
+                found[which].append(fresh("first", code=code))
     made = []
     for which, runs in found.items():
         error = max(relative_error(np.array(run["tau"]), truth) for run in runs)
         names = [library.split(".")[0] for library in LIBRARIES]
-        parts = {"ours": [r["ours"] for r in runs], "of it kernel": [r["kernel"] for r in runs]}
+        parts = {name: [run[name] for run in runs] for name in ("load", "kernel")}
         parts |= {f"import {name}": [r[name] for r in runs] for name in names}
-        parts["all"] = [run["ours"] + sum(run[name] for name in names) for run in runs]
+        parts["all"] = [sum(run[name] for name in ("load", "kernel", *names)) for run in runs]
         made.append(_record({"work": f"first kernel of puma560, {which} cache"}, error, parts))
     return made
+
+
+def prompt_records(times: int) -> list[Record]:
+    """`armwright sim` until it asks, at a pseudo-terminal, Python's own start in it; once before, to fill the caches."""
+    found = [prompted() for _ in range(times + 1)][1:]
+    error = 0.0 if all(answered for _, answered in found) else np.nan
+    return [_record({"work": "armwright sim to its prompt"}, error, {"all": [seconds for seconds, _ in found]})]
 
 
 def compile_records(name: str, joints: int, times: int, _: int) -> list[Record]:
@@ -81,18 +97,32 @@ def compile_records(name: str, joints: int, times: int, _: int) -> list[Record]:
     arm = f"chain-{joints}"
     states, work = random_states(timed_arm(arm), 1), WORKS[name]
     truth = getattr(pinocchio(arm), name)(*(states[key] for key in work.inputs))[0]
-    found = [fresh("compile", name, arm, cache="") for _ in range(times)]
+    found = repeated(times, "compile", name, arm, code="")
     error = max(relative_error(np.array(run["result"]), truth) for run in found)
     labels = {"arm": arm, "joints": joints, "work": name, "operations": found[0]["operations"]}
     return [_record(labels, error, {"all": [run["seconds"] for run in found]})]
 
 
-def fresh(*arguments: str, cache: str | None = None) -> dict[str, Any]:
-    """What a new process says; `cache` is where it keeps code, "" nowhere."""
-    environment = os.environ | ({"ARMWRIGHT_CACHE_DIR": cache} if cache is not None else {})
+def repeated(times: int, *arguments: str, code: str | None = None) -> list[dict[str, Any]]:
+    """What so many new processes say, one behind the other; one before them leaves Python's bytecode."""
+    return [fresh(*arguments, code=code) for _ in range(1 + times)][1:]
+
+
+def fresh(*arguments: str, code: str | None = None) -> dict[str, Any]:
+    """What a new process says; `code` is where it keeps compiled kernels, "" nowhere."""
+    environment = os.environ | {"PYTHONPYCACHEPREFIX": bytecode().name}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
+    if code is not None:
+        environment["ARMWRIGHT_CACHE_DIR"] = code
     command = [sys.executable, str(SCRIPT), *arguments]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     return json.loads(done.stdout)
+
+
+@cache
+def bytecode() -> tempfile.TemporaryDirectory[str]:
+    """Where the processes keep Python's bytecode, as every installed package has it after it was first used."""
+    return tempfile.TemporaryDirectory()
 
 
 def _record(labels: dict[str, Any], error: float, parts: dict[str, list[float]]) -> Record:
@@ -105,15 +135,22 @@ def _record(labels: dict[str, Any], error: float, parts: dict[str, list[float]])
         if passed:
             kept = [float(f"{sample:.4g}") for sample in samples]
             timings[part] |= {"median": statistics.median(samples), "best": min(samples), "samples": kept}
-    return {"labels": labels, "timings": timings, "ratios": {}, "facts": {}, "checked": passed}
+    facts = {"at_most": WANTED[labels["work"]]} if labels["work"] in WANTED else {}
+    return {"labels": labels, "timings": timings, "ratios": {}, "facts": facts, "checked": passed}
 
 
 def notes(quick: bool) -> dict[str, list[str]]:
     several, once = (QUICK_TIMES, 1) if quick else (TIMES, 3)
     return {
         "start": [
-            f"fresh processes, best of {several}, from the first statement on: Python's own start is not in it; ours: reading "
-            "the robot's file, tracing, compiling or linking, and the call"
+            f"fresh processes, best of {several} of each number, from the first statement on: Python's own start is not in "
+            "it, and its bytecode of all packages is there, as after any first use",
+            "load: `aw.load`, that is our modules of descriptions and models, reading and checking the robot's file; kernel: "
+            "`aw.compile` and the first call of `inverse_dynamics`, that is our modules of dynamics and kernels, tracing, "
+            "compiling or reading from the cache, linking, computing; all: both and the libraries, one behind the other",
+            "pydantic: with a first record of no more than a number, for which it imports most of itself and looks for "
+            "plugins in all packages that are installed",
+            "armwright sim: from the command until it asks, typed at a pseudo-terminal; Python's own start is in it",
         ],
         "compile": [
             f"fresh processes, best of {once} up to {LONG} joints, one beyond; tracing in it; operations: of the traced program"

@@ -147,6 +147,21 @@ def test_share_of_the_machines_limit(at_home):
     assert facts["of_flops"] == pytest.approx(0.2)  # at the limit 20 flops a ns, here 16 in 4
 
 
+def test_starts_are_judged_by_their_best(at_home):
+    from report import CHAPTERS  # type: ignore[import-not-found]
+    from rows_start import WANTED, _record  # type: ignore[import-not-found]
+
+    def cells(error: float, kernel: list[float]) -> dict[str, str]:
+        row = _record({"work": "first kernel of puma560, warm cache"}, error, {"kernel": kernel})
+        return {column.head: column.cell(row) for column in CHAPTERS["start"][1]}
+
+    assert WANTED["first kernel of puma560, warm cache"] == {"kernel": 50.0}
+    assert cells(0.0, [0.07, 0.05])["kernel"] == "50.0 ✓ ≤ 50"
+    assert cells(0.0, [0.07, 0.051])["kernel"] == "51.0 ✗ ≤ 50"
+    assert cells(float("nan"), [0.01])["kernel"].startswith("FAILED")
+    assert cells(0.0, [0.01])["load"] == ""
+
+
 def test_the_readme_gets_its_table(at_home, saved, tmp_path):
     from readme import MARKS, update  # type: ignore[import-not-found]
 
