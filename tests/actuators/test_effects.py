@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from armwright.actuators.backlash import beyond_gap, pushed
+from armwright.actuators.backlash import beyond_gap, flank_depths, pushed
 from armwright.actuators.brake import holding
 from armwright.actuators.cogging import cogging_energy, cogging_torque
 from armwright.actuators.elasticity import transmitted
@@ -69,15 +69,16 @@ def test_a_gear_loses_no_power_but_in_its_damper(spring, motor, motor_speed, lin
 def test_flanks_never_pull(deflection):
     pressed = beyond_gap(deflection, 0.05)
     assert abs(pressed) == pytest.approx(max(abs(deflection) - 0.025, 0.0))
+    touching = tuple(float(depth >= 0.0) for depth in flank_depths(deflection, 0.05))
     for torque in (-3.0, 0.0, 3.0):
-        assert pushed(pressed, torque) * pressed >= 0.0
-        assert pressed != 0.0 or pushed(pressed, torque) == 0.0
+        assert pushed(touching, torque) * deflection >= 0.0
+        assert pressed != 0.0 or abs(deflection) == 0.025 or pushed(touching, torque) == 0.0
 
 
 @given(st.floats(-1.5, 1.5), SPEED)
 def test_stops_push_back_and_dissipate(q, speed):
     at = stopped(Stops(5e3, 20.0), -1.0, 1.0, q, speed)
-    if abs(q) <= 1.0:
+    if abs(q) < 1.0:
         assert (at.torque, at.loss, at.energy) == (0.0, 0.0, 0.0)
     else:
         assert at.torque * np.sign(q) <= 0.0

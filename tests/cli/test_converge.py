@@ -18,6 +18,23 @@ q = 0.4
 """
 
 
+COUNTED = """
+robot = "two-link"
+duration_s = 0.4
+sample_period_s = 8e-3
+[controller]
+kind = "joint_pid"
+kp = [100.0, 100.0]
+kd = [10.0, 10.0]
+[reference]
+kind = "expression"
+q = { shoulder = "0.5*sin(9*t)", elbow = "0.4*sin(13*t)" }
+[sensors]
+counts = 1000000
+velocity = "difference"
+"""
+
+
 def asked(*arguments: str):
     return CliRunner().invoke(app, ["converge", *arguments])
 
@@ -65,3 +82,15 @@ def test_simulate_takes_an_integrator():
     ends = [CliRunner().invoke(app, [*asked, name]).output.partition("at the end")[2] for name in ("rk45", "cvodes")]
     assert "shoulder" in ends[0]
     assert ends[0] == ends[1]
+
+
+def test_runs_that_a_count_parts_are_told(tmp_path):
+    """A column says from when on, and a sentence why."""
+    path = tmp_path / "counted.scenario.toml"
+    path.write_text(COUNTED)
+    result = asked(str(path), "--steps", "2", "--accuracy", "1e-3")
+    assert result.exit_code == 0, result.stderr
+    assert "other counts from [s]" in result.output
+    assert "rows behind are not compared" in result.output
+    plain = asked("two-link", "--command", "90,20", "--duration", "0.04", "--steps", "2")
+    assert "counts" not in plain.output

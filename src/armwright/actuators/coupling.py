@@ -41,6 +41,31 @@ def to_joints(shares: Shares, torque: Array) -> np.ndarray:
     return scalar.array(total)
 
 
+def from_motors(shares: Shares, motor: Array) -> Array:
+    """B⁻¹ θ (n, …): positions or speeds of joints from those of the motors, referred to the motors' joints."""
+    if not any(shares):
+        return motor
+    b = _matrix(shares)
+    return scalar.solve_symmetric(b.T @ b, b.T @ motor)
+
+
+def from_joints(shares: Shares, torque: Array) -> Array:
+    """B⁻ᵀ tau (n, …): torques of the motors that act as these do on the joints [N m | N]."""
+    if not any(shares):
+        return torque
+    b = _matrix(shares)
+    return scalar.solve_symmetric(b @ b.T, b @ torque)
+
+
+def _matrix(shares: Shares) -> np.ndarray:
+    """B (n, n)."""
+    b = scalar.eye(len(shares))
+    for i, row in enumerate(shares):
+        for j, share in row:
+            b[i, j] = share
+    return scalar.array(b)
+
+
 def reflected_inertia(model: Model, shares: Shares) -> np.ndarray:
     """Bᵀ n² J_m B (n, n) of the motors with rigid gears, in joint coordinates [kg m² | kg m | kg]."""
     inertia = scalar.zeros(model.n, model.n)

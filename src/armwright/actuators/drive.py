@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armwright import scalar
+from armwright.actuators.coupling import from_joints, shares_of, to_motors
 from armwright.actuators.motor import check_command, joint_constant, joint_current, joint_torque, joint_voltage
 from armwright.model import Body, Model
 from armwright.scalar import Array, Scalar
@@ -50,8 +51,10 @@ def demanded_drive(model: Model, qd: Array, tau: Array) -> DriveOutput:
     Args:
         model: the arm.   qd: (n, …) [rad/s | m/s].   tau: (n, …) [N m | N].
     Returns:
-        output: tau as it was given, voltage and current of every joint, (n, …).
+        output: torque of every motor (tau itself, but for coupled ones), voltage and current, (n, …).
     """
+    shares = shares_of(model)
+    qd, tau = to_motors(shares, qd), from_joints(shares, tau)
     voltage, current = [], []
     for i, body in enumerate(model.coordinates):
         drive, unknown = body.drive, np.nan * tau[i]

@@ -44,7 +44,7 @@ def viscous_torque(friction: Friction, speed: Scalar, warming: Scalar | None = N
 def dry_level(friction: Friction, speed: Scalar, load: Scalar | None = None) -> Scalar:
     """g(q̇) = Fc + (Fs - Fc) exp(-(q̇/vs)²) [N m | N], both levels raised by share · |load|.  [BittencourtGunnarsson2012]"""
     plus, minus = friction.coulomb_positive, friction.coulomb_negative
-    level = plus if plus is minus or _same(plus, minus) else scalar.where(scalar.less(speed, 0.0), minus, plus)
+    level = plus if _same(plus, minus) else scalar.where(scalar.less(speed, 0.0), minus, plus)
     most = friction.stribeck
     if load is not None and friction.load_share is not None:
         added = friction.load_share * scalar.abs(load)
@@ -55,8 +55,13 @@ def dry_level(friction: Friction, speed: Scalar, load: Scalar | None = None) -> 
     return level
 
 
+def has_corner(friction: Friction) -> bool:
+    """Whether the law bends where a joint turns back: |q̇| of bristles, another Coulomb level for either direction."""
+    return friction.bristle is not None or not _same(friction.coulomb_positive, friction.coulomb_negative)
+
+
 def _same(a: Scalar, b: Scalar) -> bool:
-    return not scalar.is_symbolic(a, b) and a == b
+    return a is b or (not scalar.is_symbolic(a, b) and a == b)
 
 
 @on_tree(Mimics.torques)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -110,6 +111,7 @@ def _show(found: Convergence, spent: float) -> None:
     console = console_for_tables()
     title = f"{found.name}: {found.integrator} (order {found.order}) against CVODES, in {spent:.1f} s"
     heads = ["step [ms]", "error in q [rad | m]", "error in qd [rad/s | m/s]", "order seen", "evaluations a second"]
+    parted = any(isfinite(trial.apart) for trial in found.trials)
     rows = [
         [
             f"{1e3 * trial.step:.4g}",
@@ -117,10 +119,17 @@ def _show(found: Convergence, spent: float) -> None:
             "" if trial.refused else f"{trial.error_qd:.1e}",
             number(round(trial.order, 2)),
             f"{trial.evaluations:,.0f}",
+            *([number(trial.apart)] if parted else []),
         ]
         for trial in found.trials
     ]
-    console.print(table(title, heads, rows))
+    console.print(table(title, [*heads, *(["other counts from [s]"] if parted else [])], rows))
+    if parted:
+        console.print(
+            "Where a count is another one than in CVODES' run, as the smallest error makes it, rows behind are not compared."
+        )
+    if found.floor > 0.0 and found.floor > 0.25 * min(trial.error for trial in found.trials):
+        console.print(f"CVODES itself is no nearer than about {found.floor:.0e}.")
     for accuracy, trial in found.recommended.items():
         advice = "no step that was tried" if trial is None else f"a step of {1e3 * trial.step:.4g} ms"
         more = f" ({trial.substeps} substeps)" if trial is not None and trial.substeps > 1 else ""

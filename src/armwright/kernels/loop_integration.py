@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from armwright.kernels.loop_words import LoopWords
+from armwright.kernels.loop_landing import LandingPrinter
 from armwright.kernels.machine import Value
 from armwright.kernels.stages import CURSOR, HALVINGS, NEVER, NEXT, SINCE, Adapt, Integrate, Rows
 
@@ -13,7 +13,7 @@ NEARLY = 1.01  # a step that would leave less than a hundredth of itself to the 
 LOST = 0.1  # how much shorter the next trial is where the state left the finite numbers
 
 
-class IntegrationPrinter(LoopWords):
+class IntegrationPrinter(LandingPrinter):
     """Prints the stages that schedules and the plant go through."""
 
     def _rows(self, stage: Rows, label: str) -> None:
@@ -24,24 +24,16 @@ class IntegrationPrinter(LoopWords):
         m = self.m
         t, edge = self._segment(stage, label)
         span = m.sub(edge, t)
-        self._store("h", 0, span if stage.substeps == 1 else m.mul(span, m.constant(1.0 / stage.substeps)))
-        before = m.block
+        length = span if stage.substeps == 1 else m.mul(span, m.constant(1.0 / stage.substeps))
+        self._store("h", 0, length)
+        before, last = m.block, f"{label}.whole" if stage.landing else f"{label}.substep"
         self._out(f"  br label %{label}.substep")
         m.begin(f"{label}.substep")
-        self._out(f"  %{label}.j = phi i64 [ 0, %{before} ], [ %{label}.j.next, %{label}.substep ]")
-        self._program(stage.step)
-        moving = m.lt(self._load(SINCE, 0), self._splat("%h"))
-        frozen = self._load("frozen", 0)
-        alive = m.both(moving, m.lt(frozen, m.constant(0.0)))
-        new = [self._load(f"x{NEXT}", k) for k in range(self.sizes["x"])]
-        poison = m.constant(0.0)
-        for value in new:  # 0·x is NaN where x is not finite, and NaN stays
-            poison = m.fma(value, m.constant(0.0), poison)
-        finite = m.eq(poison, m.constant(0.0))
-        good, bad = m.both(alive, finite), m.both(alive, m.inverse(finite))
-        self._store("frozen", 0, m.select(bad, self._splat("%tick"), frozen))
-        for k, value in enumerate(new):
-            self._store("x", k, m.select(good, value, self._load("x", k)))
+        self._out(f"  %{label}.j = phi i64 [ 0, %{before} ], [ %{label}.j.next, %{last} ]")
+        if stage.landing:
+            self._stepped_in_pieces(stage, label, length)
+        else:
+            self._stepped(stage)
         self._out(f"  %{label}.j.next = add i64 %{label}.j, 1")
         more = m.emit(f"icmp ult i64 %{label}.j.next, {stage.substeps}")
         self._out(f"  br i1 {more}, label %{label}.substep, label %{label}.landed")
@@ -64,7 +56,13 @@ class IntegrationPrinter(LoopWords):
             s = m.select(landing, self._load("h_land", 0), s)
         ends = m.le(left, s)
         self._store("h", 0, s)
+        if stage.landing:
+            self._program(stage.landing[0])
         self._program(stage.trial)
+        if stage.landing:
+            fine = m.both(active, m.le(self._load("error", 0), m.constant(1.0)))
+            cut_short = self._cut(stage, label, fine, s, "true")
+            s, ends = self._load("h", 0), m.both(ends, m.inverse(cut_short))
         error, grow = self._load("error", 0), self._load("grow", 0)
         good = m.both(active, m.le(error, m.constant(1.0)))
         then = m.select(ends, edge, m.add(now, s))

@@ -30,6 +30,19 @@ Both land on every change. With a plan, the command in force is chosen among sev
 "frozen" says in which tick it happened, -1 before. So does one that takes more than `most` trials in one tick; block
 "stalled" is then 1. With events, a step of `Adapt` in which one happens is halved along its path `HALVINGS` times to find
 when, taken again to just behind it, and noted: "event_first" the first time [s], "event_count" how often.
+
+Where something may switch within steps, each substep of s seconds of `Integrate` is, in NumPy,
+
+    for piece in range(LANDINGS + 1):
+        c = touching(x, …)
+        new = step(x, …, c, h=s)
+        if piece == LANDINGS or not switched(x, new, …, c): break
+        weights, bracket, part = bracket(x, new, …, c)
+        for _ in range(SECANTS): bracket, part = narrow(step(x, …, c, h=part s), …, c, weights, bracket, part)
+        x, s = step(x, …, c, h=bracket[1] s), s - bracket[1] s                             (to just beyond the first place)
+    b["x"] = new
+
+and `Adapt` cuts a trial that is good in the same way.
 """
 
 from __future__ import annotations
@@ -49,6 +62,8 @@ CURSOR = (
 NEVER = 2.0**62  # a tick that does not come
 ADAPTING = ("h_try", "tried", "rejected", "trials", "stalled")  # of a lane that chooses its steps
 HALVINGS = 40  # of the step in which an event lies: 1e-12 of it are left
+LANDINGS = 8  # places in one substep where something switches; what is left then is taken as a whole
+SECANTS = 10  # of a substep, to find one: enough where the state bends by as much as it moves
 
 
 @dataclass(frozen=True)
@@ -111,12 +126,25 @@ class Integrate:
         step: the program; its other inputs are blocks.   substeps: in each segment.
         planned: how many commands block "u_plan" holds, of which "u" is the one in force; 0: "u" is held.
         seen: whether the state at "see_at" seconds, in (0, h], is kept as "x_seen"; the integration lands there.
+        touching: (x, …) → touching, the contacts of a state; `step` then holds them.
+        switched: (x, x_next, …, touching) → whether something switches within a step.
+        bracket: the same → weights, bracket, part: between which parts of the step, and which to try.
+        narrow: (x_next, …, touching, weights, bracket, part) → bracket_next, part_next, after a step of `part` of it.
     """
 
     step: Program
     substeps: int = 1
     planned: int = 0
     seen: bool = False
+    touching: Program | None = None
+    switched: Program | None = None
+    bracket: Program | None = None
+    narrow: Program | None = None
+
+    @property
+    def landing(self) -> tuple[Program, ...]:
+        """The programs that land on what switches, if anything does."""
+        return tuple(p for p in (self.touching, self.switched, self.bracket, self.narrow) if p is not None)
 
 
 @dataclass(frozen=True)
@@ -130,6 +158,7 @@ class Adapt:
             "after" seconds.   halve: (x, path, now, h, side, lower, upper) → lower_next, upper_next: where, in parts of the step.
         choose: (upper, crossed) → part, hit_new: the first place, and who is there.
         note: (hit, settled, landed, moved, after, side, event_first, event_count) → the last three, as they are next.
+        touching, switched, bracket, narrow: as in `Integrate`.
     """
 
     trial: Program
@@ -140,6 +169,10 @@ class Adapt:
     halve: Program | None = None
     choose: Program | None = None
     note: Program | None = None
+    touching: Program | None = None
+    switched: Program | None = None
+    bracket: Program | None = None
+    narrow: Program | None = None
 
     @property
     def step(self) -> Program:
@@ -150,6 +183,11 @@ class Adapt:
     def watching(self) -> tuple[Program, ...]:
         """The programs of events, if there are any."""
         return tuple(p for p in (self.cross, self.halve, self.choose, self.note) if p is not None)
+
+    @property
+    def landing(self) -> tuple[Program, ...]:
+        """The programs that land on what switches, if anything does."""
+        return tuple(p for p in (self.touching, self.switched, self.bracket, self.narrow) if p is not None)
 
 
 Stage = Call | Table | Rows | Draw | Delay | Record | Integrate | Adapt
@@ -171,14 +209,16 @@ def block_sizes(stages: tuple[Stage, ...]) -> dict[str, int]:
             for port in (*stage.step.inputs, *stage.step.outputs):
                 add(port.name, port.size)
             add(SINCE, 1)
-            if isinstance(stage, Adapt):
-                for name in ADAPTING:
-                    add(name, 1)
-                for port in (port for p in stage.watching for port in (*p.inputs, *p.outputs)):
-                    add(port.name, port.size)
-                    add(port.name.removesuffix(NEXT), port.size)
-                if stage.watching:
-                    add("h_land", 1)
+            for name in ADAPTING if isinstance(stage, Adapt) else ():
+                add(name, 1)
+            watching = stage.watching if isinstance(stage, Adapt) else ()
+            for port in (port for p in (*watching, *stage.landing) for port in (*p.inputs, *p.outputs)):
+                add(port.name, port.size)
+                add(port.name.removesuffix(NEXT), port.size)
+            if watching:
+                add("h_land", 1)
+            if stage.landing and isinstance(stage, Integrate):
+                add("left", 1)
             if stage.planned:
                 commands = next(port.size for port in stage.step.inputs if port.name == "u")
                 add("u_plan", stage.planned * commands)

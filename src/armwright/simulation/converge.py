@@ -1,12 +1,15 @@
 """Which step is small enough: one scenario run with ever smaller steps, each against CVODES at tolerances near rounding.
 
-With error e(h) ~ h^p, the order that is seen between two steps is  p = log(e₁/e₂) / log(h₁/h₂).
+With error e(h) ~ h^p, the order that is seen between two steps is  p = log(e₁/e₂) / log(h₁/h₂). It says nothing where the
+error is CVODES' own. Where sensors count and converters have steps, a state that is wrong by next to nothing may still be
+read as another count; what follows from that is no error of the integration, and the rows behind it are not compared.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import log
 from typing import TYPE_CHECKING
 
@@ -23,7 +26,8 @@ if TYPE_CHECKING:
 ACCURACIES = (1e-3, 1e-6, 1e-9)  # that are recommended for, if nothing else is said
 STEPS = 8  # halvings that are tried, if nothing else is said
 LARGEST = 4  # times an open-loop scenario's own step, where that divides the duration
-SMALLEST_ERROR = 1e-12  # what CVODES itself may be wrong by: no order is seen below
+SMALLEST_ERROR = 1e-12  # no order is seen below, however good CVODES is
+SURE = 4.0  # times what CVODES is wrong by: an error that says something
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,8 @@ class Trial:
         step: [s] of the integrator.   substeps: steps in a sample period; 1 where nothing is sampled.
         error_q: [rad | m], error_qd: [rad/s | m/s]: the largest over all rows, joints and lanes; NaN: it could not run.
         order: that is seen from the step before; NaN: none.   evaluations: of the plant, for each lane and simulated second.
+        apart: [s] when a count or a command's step is another one than in CVODES' run, in the first lane where it is; rows behind
+            it are not compared in that lane. NaN: never.
         refused: why it could not run; None where it did.
     """
 
@@ -43,6 +49,7 @@ class Trial:
     error_qd: float
     order: float
     evaluations: float
+    apart: float = np.nan
     refused: str | None = None
 
     @property
@@ -58,12 +65,14 @@ class Convergence:
     Attributes:
         name: of the arm.   integrator: the rule.   order: the rule's own.   trials: largest step first.
         recommended: for each accuracy [rad, rad/s | m, m/s] the largest step which keeps it, as all smaller ones do; None: none.
+        floor: [rad, rad/s | m, m/s] what CVODES itself is wrong by, as the smallest steps show; 0 where they do not.
     """
 
     name: str
     integrator: str
     order: int
     trials: tuple[Trial, ...]
+    floor: float
     recommended: dict[float, Trial | None]
 
 
@@ -77,7 +86,7 @@ def converge(
     """Runs a scenario with steps that halve, and says which are small enough.
 
     A sampled controller keeps its period and its substeps are doubled; in open loop the step itself is halved. Errors are
-    those at times that all runs share. Draws of noise and jitter are the same in all of them.
+    those at times that all runs share, up to where a quantiser decides otherwise. Draws of noise and jitter are the same in all.
 
     Args:
         scenario: with an integrator of fixed step.   steps: how many are tried.
@@ -98,24 +107,35 @@ def converge(
     if wrong:
         raise ScenarioError(f"accuracies: {wrong[0]!r}: expected numbers above 0")
     variants = _variants(scenario, steps)
-    rule, exact = INTEGRATORS[scenario.integrator], _positions(_solved(variants[0]), scenario)
+    rule, exact = INTEGRATORS[scenario.integrator], _solved(variants[0])
     trials: list[Trial] = []
+    runs: list[xarray.Dataset] = []
     for variant in variants:
         step, substeps = variant.integration_step, variant.substeps
         cost = rule.stages / step
         try:
-            found = _positions(simulate(variant, threads=threads), scenario)
+            runs.append(simulate(variant, threads=threads))
         except (ScenarioError, DivergenceError) as error:
-            trials.append(Trial(step, substeps, np.nan, np.nan, np.nan, cost, str(error)))
+            trials.append(Trial(step, substeps, np.nan, np.nan, np.nan, cost, refused=str(error)))
             continue
-        q, qd = (float(np.nan_to_num(np.abs(a - b), nan=np.inf).max()) for a, b in zip(found, exact, strict=True))
-        last = trials[-1] if trials and not trials[-1].refused else None
-        order = np.nan
-        if last is not None and max(q, qd) > SMALLEST_ERROR and np.isfinite(last.error):
-            order = log(last.error / max(q, qd)) / log(last.step / step)
-        trials.append(Trial(step, substeps, q, qd, order, cost))
-    chosen = {accuracy: _largest(trials, accuracy) for accuracy in accuracies}
-    return Convergence(scenario.arm.name, scenario.integrator, rule.order, tuple(trials), chosen)
+        q, qd, apart = _compared(runs[-1], exact, scenario)
+        trials.append(Trial(step, substeps, q, qd, np.nan, cost, apart))
+    floor = 0.0
+    if len(runs) > 1 and not any(trial.refused or np.isfinite(trial.apart) for trial in trials[-2:]):
+        change = max(_compared(runs[-1], runs[-2], scenario)[:2])
+        rest = change / (2.0**rule.order - 1.0)  # what the last one lacks, by its order
+        floor = max(trials[-1].error - rest, 0.0)
+    told = [trials[0], *(replace(trial, order=_order(last, trial, floor)) for last, trial in pairwise(trials))]
+    chosen = {accuracy: _largest(told, accuracy) for accuracy in accuracies}
+    return Convergence(scenario.arm.name, scenario.integrator, rule.order, tuple(told), floor, chosen)
+
+
+def _order(last: Trial, trial: Trial, floor: float) -> float:
+    """The order seen from one trial to the next; NaN where they tell none."""
+    alike = last.apart == trial.apart or (np.isnan(last.apart) and np.isnan(trial.apart))  # over the same rows
+    if not alike or not trial.error > max(SURE * floor, SMALLEST_ERROR) or not np.isfinite(last.error):
+        return np.nan
+    return log(last.error / trial.error) / log(last.step / trial.step)
 
 
 def _largest(trials: Sequence[Trial], accuracy: float) -> Trial | None:
@@ -128,10 +148,20 @@ def _largest(trials: Sequence[Trial], accuracy: float) -> Trial | None:
     return found
 
 
+def _quantised(scenario: Scenario) -> list[str]:
+    """Names of results that have steps, and are the same to the last bit where the same step is read."""
+    if scenario.controller is None:
+        return []
+    counts, resolution = scenario.sensors.counts, scenario.shaping.resolution
+    return ["q_measured"] * (counts is not None) + ["u_issued"] * (resolution is not None)
+
+
 def _variants(scenario: Scenario, steps: int) -> list[Scenario]:
-    """The scenario with steps that halve, each recorded at the times of the first."""
+    """The scenario with steps that halve, each recorded at the times of the first; all of them where quantisers decide."""
     if scenario.controller is not None:
-        sampled = replace(scenario, substeps=1, step=None, sample_period=scenario.tick, record="state")
+        sampled = replace(scenario, substeps=1, step=None, sample_period=scenario.tick, record="state", reduce=())
+        if _quantised(scenario):
+            sampled = replace(sampled, record="all", record_every=1)
         return [replace(sampled, substeps=2**k) for k in range(steps)]
     duration, largest = scenario.ticks * scenario.tick, LARGEST
     while largest > 1 and scenario.ticks % largest:
@@ -155,10 +185,25 @@ def _solved(scenario: Scenario) -> xarray.Dataset:
     return simulate(replace(scenario, integrator="cvodes", substeps=1))
 
 
-def _positions(run: xarray.Dataset, scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
-    """q and q̇ of a run; NaN in lanes that stopped."""
-    q, qd = run["q"].to_numpy().copy(), run["qd"].to_numpy().copy()
-    if scenario.lanes is not None:
-        stopped = np.isfinite(run["diverged_at"].to_numpy())
-        q[stopped], qd[stopped] = np.nan, np.nan
-    return q, qd
+def _compared(run: xarray.Dataset, exact: xarray.Dataset, scenario: Scenario) -> tuple[float, float, float]:
+    """The largest differences of q and of q̇ over the rows that can be compared, and from when on [s] the others cannot."""
+    single = scenario.lanes is None
+
+    def lanes(of: xarray.Dataset, name: str) -> np.ndarray:
+        return of[name].to_numpy()[None] if single else of[name].to_numpy()
+
+    rows = run.sizes["time"]
+    alike = np.ones((1 if single else run.sizes["lane"], rows), dtype=bool)
+    for name in _quantised(scenario):
+        same = (lanes(run, name) == lanes(exact, name)).all(axis=2)
+        before = np.logical_and.accumulate(same, axis=1)[:, :-1]  # a row stands before what is decided in it
+        alike &= np.hstack([alike[:, :1], before])
+    errors = []
+    for name in ("q", "qd"):
+        difference = np.abs(lanes(run, name) - lanes(exact, name))
+        if not single:
+            for of in (run, exact):
+                difference[np.isfinite(of["diverged_at"].to_numpy())] = np.nan
+        errors.append(float(np.nan_to_num(difference[alike], nan=np.inf).max()))
+    last = alike.sum(axis=1).min()
+    return errors[0], errors[1], float(run["time"].to_numpy()[last - 1]) if last < rows else np.nan

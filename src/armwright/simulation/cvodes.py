@@ -6,18 +6,22 @@ so that what differs from another integrator's run is the integration and nothin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 
 import casadi
 import numpy as np
 
 from armwright.errors import ScenarioError
-from armwright.kernels.loop import Lanes
+from armwright.kernels.loop import Lanes, Schedules
+from armwright.kernels.stages import CURSOR, NEVER, SECANTS
 from armwright.program import trace
 from armwright.scalar import Array
 from armwright.simulation.stepping import Adaptivity
+from armwright.simulation.switching import Watched, switching_programs
 
 MOST_LANES = 1000  # more would take hours
+MOST_PIECES = 1000  # of a tick that end where something switches
 MOST_INNER = 10**6  # of CVODES' own steps from one change to the next
 LONGEST = 1024  # ticks of one call; powers of two below it serve any number
 METHODS = ("adams", "bdf")  # of high order where nothing is stiff; and where something is
@@ -39,8 +43,9 @@ class Cvodes:
     """A plant's solutions.
 
     Args:
-        derivative: (x, u, …) → dx/dt.   shapes: of its arguments by name, "x" and "u" first, then at most one other.
+        derivative: (x, u, …) → dx/dt.   shapes: of its arguments, blocks by name, "x" and "u" first.
         adaptivity: tolerances.   stiff: whether the plant has fast parts that die away.
+        watched: what may switch; solutions end and begin where something does. `derivative` then takes the contacts as well.
     """
 
     def __init__(
@@ -49,11 +54,16 @@ class Cvodes:
         shapes: Mapping[str, tuple[int, ...]],
         adaptivity: Adaptivity,
         stiff: bool,
+        watched: Watched | None = None,
     ):
-        self._f = trace("plant", derivative, shapes, ("xd",)).graph
+        held = {} if watched is None else watched.block
+        self._f = trace("plant", derivative, {**shapes, **held}, ("xd",)).graph
+        self._landing = switching_programs(watched, shapes)
+        self._more = {name: int(np.prod(shape)) for name, shape in shapes.items() if name not in ("x", "u")}
         self._adaptivity = adaptivity
         self._methods = METHODS[::-1] if stiff else METHODS
         self._solvers: dict[tuple[int, str], casadi.Function] = {}
+        self._ahead: dict[int, list[np.ndarray]] = {}  # states of a lane at the ticks that follow
 
     def after(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, span: float, count: int = 1) -> np.ndarray | None:
         """The states (count, nx) each `span` seconds, u and p held; None where no step is small enough.
@@ -71,11 +81,69 @@ class Cvodes:
         return np.array(rows)
 
     def _block(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, span: float, count: int) -> np.ndarray | None:
+        """Up to `count` states, at least one: those before something switches, or the one behind it."""
+        given = np.concatenate([u, p])
+        if not self._landing:
+            return self._solved(x, given, span, count)
+        touching = self._told("touching", x, given)
+        states = self._solved(x, np.concatenate([given, touching]), span, count)
+        if states is None:
+            return None
+        rows = [x, *states]
+        for k in range(count):
+            ended = bool((self._told("touching", rows[k], given) != touching).any())  # at that very row
+            if ended or self._told("switched", rows[k], rows[k + 1], given, touching)[0]:
+                break
+        else:
+            return states
+        if k:
+            return states[:k]
+        end = self._through(x, given, span)
+        return None if end is None else end[None]
+
+    def _through(self, x: np.ndarray, given: np.ndarray, span: float) -> np.ndarray | None:
+        """The state `span` seconds later, in pieces that end where something switches; as `kernels.stages` says."""
+        left = span
+        for _ in range(MOST_PIECES):
+            touching = self._told("touching", x, given)
+            held = np.concatenate([given, touching])
+            step = partial(self._step, x, held)
+            end = step(left)
+            if end is None or not self._told("switched", x, end, given, touching)[0]:
+                return end
+            weights, bracket, part = self._asked("bracket", x, end, given, touching)
+            for _ in range(SECANTS):
+                tried = step(part[0] * left)
+                if tried is None:
+                    return None
+                bracket, part = self._asked("narrow", tried, given, touching, weights, bracket, part)
+            end = step(bracket[1] * left)
+            if end is None:
+                return None
+            x, left = end, left - bracket[1] * left
+        return None
+
+    def _told(self, name: str, *given: np.ndarray) -> np.ndarray:
+        """What a program of `switching` says that says one thing."""
+        return self._asked(name, *given)[0]
+
+    def _asked(self, name: str, *given: np.ndarray) -> list[np.ndarray]:
+        """What a program of `switching` says: of states, what is held beside them, and what else it takes."""
+        program, numbers = self._landing[name], np.concatenate(given)
+        ends = np.cumsum([port.size for port in program.inputs])
+        return [np.asarray(each).ravel() for each in program.graph.call(np.split(numbers, ends[:-1]))]
+
+    def _step(self, x: np.ndarray, given: np.ndarray, span: float) -> np.ndarray | None:
+        states = self._solved(x, given, span, 1)
+        return None if states is None else states[0]
+
+    def _solved(self, x: np.ndarray, given: np.ndarray, span: float, count: int) -> np.ndarray | None:
+        """`count` states, all that is given held."""
         if not np.isfinite(x).all():
             return None
         for method in self._methods:
             try:
-                found = self._solver(count, method)(x0=x, p=np.concatenate([u, p, [span]]))["xf"]
+                found = self._solver(count, method)(x0=x, p=np.concatenate([given, [span]]))["xf"]
             except RuntimeError:  # CVODES gave up; it has told why on its own stream, which is silenced
                 continue
             states = np.array(found).T
@@ -104,62 +172,77 @@ class Cvodes:
             self._solvers[count, method] = casadi.integrator("plant", "cvodes", problem, 0.0, times, options)
         return self._solvers[count, method]
 
-    def held(
-        self, x: np.ndarray, tick: np.ndarray, offset: np.ndarray, commands: np.ndarray, ticks: int, h: float
-    ) -> Iterator[tuple[int, np.ndarray]]:
-        """Ticks of h seconds under commands that hold from their rows on: (k, states at the ends of some ticks up to k).
-
-        Args:
-            x: (nx,) at t = 0.   tick, offset: (rows,) when each row holds: [s] behind that tick.   commands: (rows, nu).
-            ticks: how many; it ends earlier where CVODES gives up.
-        """
-        k, row, u = 0, 0, commands[0]
-        while k < ticks:
-            begin, states = 0.0, None
-            while row < len(tick) and tick[row] == k:
-                if offset[row] > begin:
-                    states = self.after(x, u, np.zeros(0), offset[row] - begin)
-                    if states is None:
-                        return
-                    x, begin = states[-1], float(offset[row])
-                u, row = commands[row], row + 1
-            count = 1 if begin > 0.0 else int(min(tick[row], ticks) if row < len(tick) else ticks) - k
-            states = self.after(x, u, np.zeros(0), h - begin, count)
-            if states is None:
-                return
-            x, k = states[-1], k + count
-            yield k, states
-
     def extend(self, lanes: Lanes) -> None:
         """Adds the blocks that `tick` needs, none of the lanes frozen, where the loop has not made them."""
+        for name, entries in self._more.items():
+            lanes.blocks.setdefault(name, np.zeros((lanes.tiles, entries, lanes.width)))
         names = ("frozen", "see_at") if "x_seen" in lanes.blocks else ("frozen",)
         for name in names:
             lanes.blocks.setdefault(name, np.full((lanes.tiles, 1, lanes.width), -1.0))
 
-    def tick(self, lanes: Lanes, k: int, h: float) -> None:
-        """What `kernels.stages.Integrate` does in tick k of h seconds, on the same blocks."""
-        values = {name: lanes.get(name).copy() for name in ("x", "u", "frozen")}
+    def tick(self, lanes: Lanes, k: int, h: float, schedules: Mapping[str, Schedules], steady: int = 1) -> None:
+        """What `kernels.stages.Integrate` does in tick k of h seconds, on the same blocks.
+
+        Args:
+            lanes, k, h: as there.   schedules: of the loop's rows, by block.
+            steady: ticks, this one included, in which nothing but rows changes a command: they are solved in one go.
+        """
+        names = [*self._more, *schedules, *(f"{name}.{part}" for name in schedules for part in CURSOR)]
+        values = {name: lanes.get(name).copy() for name in dict.fromkeys(["x", "u", "frozen", *names])}
         empty = np.zeros((lanes.count, 0))
-        plan, begins, p = (lanes.get(name) if name in lanes.blocks else empty for name in ("u_plan", "u_from", "p"))
-        if "x_seen" in lanes.blocks:
-            values["x_seen"], see_at = lanes.get("x_seen").copy(), lanes.get("see_at")
-        else:
-            see_at = np.full((lanes.count, 1), h)
+        plan, begins = (lanes.get(name) if name in lanes.blocks else empty for name in ("u_plan", "u_from"))
+        seen = lanes.get("x_seen").copy() if "x_seen" in lanes.blocks else None
+        see_at = np.full((lanes.count, 1), h) if seen is None else lanes.get("see_at")
         for lane in np.flatnonzero(values["frozen"][:, 0] < 0):
-            x, u = values["x"][lane], values["u"][lane]
-            commands = plan[lane].reshape(-1, len(u))
-            edges = sorted({h, *(t for t in (*begins[lane], *see_at[lane]) if 0.0 < t < h)})
+            own = {name: value[lane] for name, value in values.items()}
+            commands = plan[lane].reshape(-1, len(own["u"]))
+            rows = _rows_within(own, k, schedules)
+            edges = sorted({h, *(t for t in (*begins[lane], *see_at[lane], *(at for at, _, _ in rows)) if 0.0 < t < h)})
+            calm = 1 if len(edges) > 1 else _calm(own, k, schedules, steady)
             for begin, end in zip([0.0, *edges], edges, strict=False):
                 for s, command in enumerate(commands):
                     if s == 0 or begins[lane, s - 1] <= begin:
-                        u = command
-                states = self.after(x, u, p[lane], end - begin)
-                if states is None:
-                    values["frozen"][lane] = k
+                        own["u"][:] = command
+                for _, name, row in (row for row in rows if row[0] == begin):
+                    own[name][:] = row
+                x = self._next(lanes.first + int(lane), own, end - begin, calm)
+                if x is None:
+                    own["frozen"][:] = k
                     break
-                x = states[0]
-                if "x_seen" in values and end == see_at[lane, 0]:
-                    values["x_seen"][lane] = x
-            values["x"][lane], values["u"][lane] = x, u
-        for name, value in values.items():
+                own["x"][:] = x
+                if seen is not None and end == see_at[lane, 0]:
+                    seen[lane] = x
+        for name, value in [*values.items(), *([] if seen is None else [("x_seen", seen)])]:
             lanes.set(name, value)
+
+    def _next(self, lane: int, own: Mapping[str, np.ndarray], span: float, count: int) -> np.ndarray | None:
+        """The state `span` seconds later, and those `count` times as much later put by."""
+        if not self._ahead.get(lane):
+            p = np.concatenate([own[name] for name in self._more]) if self._more else np.zeros(0)
+            states = self.after(own["x"], own["u"], p, span, count)
+            self._ahead[lane] = [] if states is None else list(states[::-1])
+            if states is None:
+                return None
+        return self._ahead[lane].pop()
+
+
+def _rows_within(
+    own: Mapping[str, np.ndarray], k: int, schedules: Mapping[str, Schedules]
+) -> list[tuple[float, str, np.ndarray]]:
+    """Rows of a lane that come inside tick k, [s] behind it, with the blocks they fill; its cursors move past them."""
+    found = []
+    for name, rows in schedules.items():
+        tick, offset, row, end = (own[f"{name}.{part}"] for part in CURSOR)
+        while tick[0] == k:
+            found.append((float(offset[0]), name, rows.values[int(row[0])]))
+            row += 1.0
+            more = row[0] < end[0]
+            tick[0] = rows.tick[int(row[0])] if more else NEVER
+            offset[0] = rows.offset[int(row[0])] if more else offset[0]
+    return sorted(found, key=lambda row: row[0])
+
+
+def _calm(own: Mapping[str, np.ndarray], k: int, schedules: Mapping[str, Schedules], steady: int) -> int:
+    """Ticks up to the lane's next row, at most so many."""
+    due = min((float(own[f"{name}.{CURSOR[0]}"][0]) for name in schedules), default=NEVER)
+    return int(min(steady, max(due - k, 1.0)))

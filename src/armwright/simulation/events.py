@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import ArmwrightError, ScenarioError
+from armwright.errors import ScenarioError
 from armwright.kernels.stages import NEXT
 from armwright.model import Model
 from armwright.program import Program, trace
 from armwright.scalar import Array, Scalar
 from armwright.simulation.dormand_prince import along
+from armwright.simulation.protocols import UNTRACEABLE, why
 
 EventFunction = Callable[[Any, Any], Any]  # (t, x) → g, with x.q, x.qd and what else the plant's state has
 Parts = Callable[[Array], Mapping[str, Array]]
-UNTRACEABLE = (ArmwrightError, TypeError, ValueError, AttributeError, IndexError)
 
 
 def joint_stops(arm: Model) -> dict[str, EventFunction]:
@@ -59,7 +59,7 @@ def event_values(events: Mapping[str, EventFunction], parts: Parts, t: Scalar, x
             value = scalar.array(function(t, state))
         except UNTRACEABLE as error:
             raise ScenarioError(
-                f"events: {name!r} cannot be compiled: {type(error).__name__}: {error}; "
+                f"events: {name!r} cannot be compiled: {why(error)}; "
                 "expected a function (t, x) written with armwright.scalar"
             ) from None
         if value.size != 1 or value.ndim > 1:

@@ -6,23 +6,51 @@ Variation of constants over a step with N taken as a polynomial through its valu
     z(h) = e^{λh} z + ∫ e^{λ(h-s)} N(s) ds,
 
 gives weights that are combinations of   φ_k(y) = ∫₀¹ e^{(1-s) y} s^{k-1}/(k-1)! ds,   y = λ h.   With λ = 0 they are those of
-the plain rule, which all other entries keep. Where λ varies, each stage splits with the λ of the stage before it: any
-splitting is as good to the rule's order, and this one does not overshoot when λ grows from 0 within a step.
+the plain rule, which all other entries keep. Where λ varies, what is split off may be any λ near it, but one that does not
+overshoot when λ grows from 0 within a step: at order 3 each stage's is that of the stage before it; order 4 asks for one λ
+in all stages, and takes that of the middle of the step by Euler's rule.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from armwright import scalar
 from armwright.scalar import Array, Scalar
 
-Split = Callable[[Array, Array], tuple[Array, Array]]  # (x, u) → dx/dt, and λ of the stiff entries
+Pairs = Sequence[tuple[int, int]]  # places in x of a position and of its speed
+Rates = Callable[[Array, Array], tuple[Array, Array]]
 
 NEAR = 0.5  # |y| below which the φ are summed as series: their quotients lose digits there
 TERMS = 15  # of the series: the next is below 1e-17
+
+
+@dataclass(frozen=True)
+class Split:
+    """x' = f(x, u) with some entries z that are linear in themselves, and fast.
+
+    Attributes:
+        slopes: (x, u) → dx/dt (nx,), λ (k,) [1/s] ≤ 0 of the entries z.   fast: (x, u) → ż (k,), λ (k,), at less cost.
+        places: of the k entries in x.
+    """
+
+    slopes: Rates
+    fast: Rates
+    places: tuple[int, ...]
+
+    @classmethod
+    def of(cls, slopes: Rates, places: Sequence[int]) -> Split:
+        """From `slopes` alone."""
+        where = list(places)
+
+        def fast(x: Array, u: Array) -> tuple[Array, Array]:
+            xd, rates = slopes(x, u)
+            return xd[where], rates
+
+        return cls(slopes, fast, tuple(places))
 
 
 def phi(y: Array) -> tuple[Array, Array, Array, Array]:
@@ -46,25 +74,24 @@ def _inverse_factorials() -> list[float]:
     return (1.0 / np.cumprod(np.arange(1.0, TERMS + 4.0)))[2:][::-1].tolist()
 
 
-def rk3_exponential(f: Split, stiff: Sequence[int], x: Array, u: Array, h: Scalar) -> Array:
-    """`rk3_step` with the entries `stiff` of the state integrated by ETD3RK, whose limit for λ = 0 it is.  [CoxMatthews2002]
+def rk3_exponential(f: Split, x: Array, u: Array, h: Scalar) -> Array:
+    """`rk3_step` with the entries z of the state integrated by ETD3RK, whose limit for λ = 0 it is.  [CoxMatthews2002]
 
     Args:
-        f: (x, u) → dx/dt (nx,), λ (k,) [1/s] ≤ 0 of the stiff entries.   stiff: their k places in x.
-        x: (nx,) state.   u: (nu,) commands, held.   h: () [s] the step.
+        f: dx/dt, split.   x: (nx,) state.   u: (nu,) commands, held.   h: () [s] the step.
     Returns:
         x⁺: (nx,) the state h later.
     """
-    where = list(stiff)
+    where = list(f.places)
     z = x[where]
-    k1, rate1 = f(x, u)
+    k1, rate1 = f.slopes(x, u)
     _, half, _, _ = phi(0.5 * h * rate1)
     x2 = _placed(x + (0.5 * h) * k1, where, z + 0.5 * h * half * k1[where])
-    k2, rate2 = f(x2, u)
+    k2, rate2 = f.slopes(x2, u)
     decay, first, _, _ = phi(h * rate2)
     n1, n2 = k1[where] - rate2 * z, k2[where] - rate2 * x2[where]
     x3 = _placed(x + (2.0 * h) * k2 - h * k1, where, decay * z + h * first * (2.0 * n2 - n1))
-    k3, rate3 = f(x3, u)
+    k3, rate3 = f.slopes(x3, u)
     rate = _mean(rate1, rate2, rate3).reshape(rate1.shape)
     decay, first, second, third = phi(h * rate)
     n1, n2, n3 = (k[where] - rate * at[where] for k, at in ((k1, x), (k2, x2), (k3, x3)))
@@ -74,40 +101,61 @@ def rk3_exponential(f: Split, stiff: Sequence[int], x: Array, u: Array, h: Scala
     return _placed(x + (h / 6.0) * (k1 + 4.0 * k2 + k3), where, decay * z + h * weighted)
 
 
-def rk4_exponential(f: Split, stiff: Sequence[int], x: Array, u: Array, h: Scalar) -> Array:
-    """`rk4_step` with the entries `stiff` integrated by ETDRK4, whose limit for λ = 0 it is.  [CoxMatthews2002]
-
-    Of order 4 where λ is constant (windings), of order 3 where it varies (bristles).
+def rk4_exponential(f: Split, x: Array, u: Array, h: Scalar) -> Array:
+    """`rk4_step` with the entries z integrated by ETDRK4, whose limit for λ = 0 it is.  [CoxMatthews2002]
 
     Args:
-        f, stiff, x, u, h: as `rk3_exponential`.
+        f, x, u, h: as `rk3_exponential`.
     Returns:
         x⁺: (nx,) the state h later.
     """
-    where = list(stiff)
+    where = list(f.places)
     z = x[where]
-    k1, rate1 = f(x, u)
-    _, first, _, _ = phi(0.5 * h * rate1)
+    k1, _ = f.slopes(x, u)
+    _, rate = f.fast(_placed(x + (0.5 * h) * k1, where, z), u)
+    decay, first, _, _ = phi(0.5 * h * rate)
     x2 = _placed(x + (0.5 * h) * k1, where, z + 0.5 * h * first * k1[where])
-    k2, rate2 = f(x2, u)
-    decay, first, _, _ = phi(0.5 * h * rate2)
-    n1, n2 = k1[where] - rate2 * z, k2[where] - rate2 * x2[where]
+    k2, _ = f.slopes(x2, u)
+    n1, n2 = k1[where] - rate * z, k2[where] - rate * x2[where]
     x3 = _placed(x + (0.5 * h) * k2, where, decay * z + 0.5 * h * first * n2)
-    k3, rate3 = f(x3, u)
-    decay, first, _, _ = phi(0.5 * h * rate3)
-    n1, n3 = k1[where] - rate3 * z, k3[where] - rate3 * x3[where]
-    half = decay * z + 0.5 * h * first * n1
-    x4 = _placed(x + h * k3, where, decay * half + 0.5 * h * first * (2.0 * n3 - n1))
-    k4, rate4 = f(x4, u)
-    rate = _mean(rate1, rate3, rate4).reshape(rate1.shape)
+    k3, _ = f.slopes(x3, u)
+    n3 = k3[where] - rate * x3[where]
+    x4 = _placed(x + h * k3, where, decay * x2[where] + 0.5 * h * first * (2.0 * n3 - n1))
+    k4, _ = f.slopes(x4, u)
+    n4 = k4[where] - rate * x4[where]
     decay, first, second, third = phi(h * rate)
-    n1, n2, n3, n4 = (k[where] - rate * at[where] for k, at in ((k1, x), (k2, x2), (k3, x3), (k4, x4)))
     weighted = (
         (first - 3.0 * second + 4.0 * third) * n1
         + (2.0 * second - 4.0 * third) * (n2 + n3)
         + (4.0 * third - second) * n4
     )
     return _placed(x + (h / 6.0) * (k1 + 2.0 * (k2 + k3) + k4), where, decay * z + h * weighted)
+
+
+def semi_implicit_euler_exponential(f: Split, x: Array, u: Array, h: Scalar, pairs: Pairs | None = None) -> Array:
+    """`semi_implicit_euler_step`, then the entries z by ETD1 under the new speeds:  z⁺ = z + h φ₁(λ h) ż.  [CoxMatthews2002]
+
+    Bristles are bent by speeds as positions are moved, so that friction that sticks swings as it does there, and does not grow.
+
+    Args:
+        f, x, u, h: as `rk3_exponential`.   pairs: as `semi_implicit_euler_step`.
+    Returns:
+        x⁺: (nx,) the state h later.
+    """
+    where = list(f.places)
+    k, _ = f.slopes(x, u)
+    moved = staggered(x, x + h * k, h, pairs)
+    bent, rate = f.fast(_placed(moved, where, x[where]), u)
+    _, first, _, _ = phi(h * rate)
+    return _placed(moved, where, x[where] + h * first * bent)
+
+
+def staggered(x: Array, moved: Array, h: Scalar, pairs: Pairs | None) -> np.ndarray:
+    """A state `moved` by Euler's rule from x, with positions moved by their new speeds; by default x = (q, q̇)."""
+    half, after = len(x) // 2, list(moved)
+    for position, speed in [(k, k + half) for k in range(half)] if pairs is None else pairs:
+        after[position] = x[position] + h * after[speed]
+    return scalar.array(after)
 
 
 def _mean(a: Array, b: Array, c: Array) -> np.ndarray:

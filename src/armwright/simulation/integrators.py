@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from armwright.scalar import Array, Scalar, array
-from armwright.simulation.exponential import Split, rk3_exponential, rk4_exponential
+from armwright.scalar import Array, Scalar
+from armwright.simulation.exponential import (
+    Pairs,
+    rk3_exponential,
+    rk4_exponential,
+    semi_implicit_euler_exponential,
+    staggered,
+)
 
 Derivative = Callable[[Array, Array], Array]
-Pairs = Sequence[tuple[int, int]]  # places in x of a position and of its speed
 Growth = Callable[[np.ndarray], np.ndarray]
 
 
@@ -25,20 +30,26 @@ class Integrator:
         order: the error of a run shrinks with this power of h.
         growth: z = h λ → what a step multiplies the size of a mode of x' = λ x by; it dies away where that is below 1.
         stages: how often a step asks for f.
-        exponential: (f, stiff, x, u, h) → x, the rule with fast linear parts integrated exactly; None: it has no such form.
-        staggered: whether `step` treats positions by themselves, and takes `pairs`.
+        exponential: (f, x, u, h) → x, the rule with fast linear parts of f, a `Split`, integrated exactly.
+        staggered: whether they treat positions by themselves, and take `pairs`.
     """
 
     step: Callable[..., Array]
     order: int
     growth: Growth
     stages: int
-    exponential: Callable[[Split, Sequence[int], Array, Array, Scalar], Array] | None = None
+    exponential: Callable[..., Array]
     staggered: bool = False
 
     def paired(self, pairs: Pairs) -> Integrator:
         """The rule for a state whose positions and speeds stand at those places."""
-        return replace(self, step=partial(self.step, pairs=tuple(pairs))) if self.staggered else self
+        if not self.staggered:
+            return self
+        return replace(
+            self,
+            step=partial(self.step, pairs=tuple(pairs)),
+            exponential=partial(self.exponential, pairs=tuple(pairs)),
+        )
 
 
 def polynomial(*coefficients: float) -> Growth:
@@ -84,11 +95,7 @@ def semi_implicit_euler_step(f: Derivative, x: Array, u: Array, h: Scalar, pairs
     Returns:
         x⁺: (nx,) the state h later; what is neither position nor speed as by Euler's own rule.
     """
-    half = len(x) // 2
-    moved = list(x + h * f(x, u))
-    for position, speed in [(k, k + half) for k in range(half)] if pairs is None else pairs:
-        moved[position] = x[position] + h * moved[speed]
-    return array(moved)
+    return staggered(x, x + h * f(x, u), h, pairs)
 
 
 def staggered_growth(z: np.ndarray) -> np.ndarray:
@@ -104,7 +111,14 @@ def staggered_growth(z: np.ndarray) -> np.ndarray:
 INTEGRATORS = {
     "rk3": Integrator(rk3_step, 3, polynomial(1.0, 1.0, 1 / 2, 1 / 6), stages=3, exponential=rk3_exponential),
     "rk4": Integrator(rk4_step, 4, polynomial(1.0, 1.0, 1 / 2, 1 / 6, 1 / 24), stages=4, exponential=rk4_exponential),
-    "semi_implicit_euler": Integrator(semi_implicit_euler_step, 1, staggered_growth, stages=1, staggered=True),
+    "semi_implicit_euler": Integrator(
+        semi_implicit_euler_step,
+        1,
+        staggered_growth,
+        stages=1,
+        exponential=semi_implicit_euler_exponential,
+        staggered=True,
+    ),
 }
 
 TOLERANCES = {  # (rtol, atol) of rules that choose their own steps, if nothing else is said

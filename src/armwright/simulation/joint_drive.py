@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from armwright import scalar
+from armwright.actuators.backlash import flank_depths
 from armwright.actuators.brake import holding
 from armwright.actuators.cogging import cogging_energy, cogging_torque
 from armwright.actuators.drive import limited_joint
-from armwright.actuators.elasticity import transmitted
-from armwright.actuators.friction import joint_friction
+from armwright.actuators.elasticity import bent, transmitted
+from armwright.actuators.friction import has_corner, joint_friction
 from armwright.actuators.gear import joint_transmission
 from armwright.actuators.lugre import bristle_friction, sliding
 from armwright.actuators.motor import check_command
-from armwright.actuators.stops import stopped
+from armwright.actuators.stops import stop_depths, stopped
 from armwright.actuators.thermal import warmed, warming_rates
 from armwright.actuators.winding import Winding, driven_winding
 from armwright.model import Body, Model
 from armwright.scalar import Array, Scalar
+
+STANDING = 1e-9  # of the speed that friction is smoothed over: a joint that is slower stands
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +66,26 @@ class DrivenJoint:
     acceleration: Scalar | None  # of the motor behind an elastic gear [rad/s²]
     change: dict[str, Scalar]  # d/dt of `JointStates`
     rates: dict[str, Scalar]  # [1/s] their parts that are linear in themselves
+    corners: list[Corner]  # where all this bends
+
+
+@dataclass(frozen=True, eq=False)
+class Corner:
+    """Where a joint's drive bends: a value that changes its sign there."""
+
+    value: Scalar  # the push of a contact [N m | N], or a speed at which friction turns round [rad/s | m/s]
+    least: Scalar = 0.0  # from a to b it changes where a b < -least²: what hovers about 0 does not
+
+
+def contact_depths(body: Body, at: JointMotion) -> list[Scalar]:
+    """How far the joint is in its stops, upper and lower, and flanks of its gear in each other, forward and back [rad | m]."""
+    found: list[Scalar] = []
+    if body.stops is not None:
+        found += stop_depths(*body.limits.position, at.q)
+    if body.elasticity is not None and body.elasticity.backlash is not None:
+        deflection, _ = bent(body.elasticity, body.drive.gear_ratio, at.motor, at.link)
+        found += flank_depths(deflection, body.elasticity.backlash)
+    return found
 
 
 def driven_joint(
@@ -72,13 +96,19 @@ def driven_joint(
     u: Scalar,
     volts: Scalar | None,
     applied: Scalar | None,
+    touching: Sequence[Scalar] | None = None,
 ) -> DrivenJoint:
     """All that one joint's drive does in a state.
 
     Args:
         model, body: the arm and the joint.   states: of its drive.   at: where it is.   u: its command.
         volts: of the bus [V]; None: the supply never sags.   applied: 1 where its brake is applied; None: it has none.
+        touching: 1 for each of `contact_depths` that counts as a contact; None: where it is not below 0.
     """
+    if touching is None:
+        touching = [scalar.less_equal(0.0, depth) for depth in contact_depths(body, at)]
+    of_stops = 0 if body.stops is None else 2
+    corners: list[Corner] = []
     change: dict[str, Scalar] = {}
     rates: dict[str, Scalar] = {}
     winding, heat = _winding(model, body, states, at.motor_speed, u, volts)
@@ -93,15 +123,21 @@ def driven_joint(
     warming = _warming(body, states, heat, change)
     spring = None
     if body.elasticity is not None:
-        spring = transmitted(body.elasticity, body.drive.gear_ratio, at.motor, at.motor_speed, at.link, at.link_speed)
-        loss = loss + spring.loss
+        flanks = (touching[-2], touching[-1]) if len(touching) > of_stops else None
+        spring = transmitted(
+            body.elasticity, body.drive.gear_ratio, at.motor, at.motor_speed, at.link, at.link_speed, flanks
+        )
+        loss, corners = loss + spring.loss, [*corners, *_felt(spring.pushes, touching[of_stops:])]
     before, behind, rubbed = _friction(
         body, states, at, driven if spring is None else spring.torque, warming, change, rates
     )
     own, loss = behind, loss + rubbed
+    if body.friction is not None and has_corner(body.friction):
+        corners.append(_turning(body, at.motor_speed if body.friction.on_motor else at.qd))
     if applied is not None:
         assert body.brake is not None
         speed = at.motor_speed if body.brake.on_motor else at.qd
+        corners.append(_turning(body, speed))
         held = holding(body.brake, speed, states.brake, applied)
         change["brake"], rates["brake"], loss = held.speed, held.rate, loss + held.torque * speed
         if body.brake.on_motor:
@@ -110,8 +146,9 @@ def driven_joint(
             behind = behind + held.torque
     direct = -behind
     if body.stops is not None:
-        stop = stopped(body.stops, *body.limits.position, at.q, at.qd)
+        stop = stopped(body.stops, *body.limits.position, at.q, at.qd, (touching[0], touching[1]))
         direct, loss = direct + stop.torque, loss + stop.loss
+        corners += _felt(stop.pushes, touching)
     acceleration, gear = None, driven - before
     if spring is not None:
         gear = spring.torque
@@ -119,8 +156,19 @@ def driven_joint(
         acceleration = body.drive.gear_ratio * referred
     return DrivenJoint(
         winding.torque, winding.voltage, winding.current, winding.power, heat, gear, direct, own, loss, acceleration,
-        change, rates,
+        change, rates, corners,
     )  # fmt: skip
+
+
+def _felt(pushes: Sequence[Scalar], touching: Sequence[Scalar]) -> list[Corner]:
+    """Pushes of the contacts there are; those of the others are 0 and stay so."""
+    return [Corner(touch * push) for push, touch in zip(pushes, touching, strict=False)]
+
+
+def _turning(body: Body, speed: Scalar) -> Corner:
+    """A speed, and below which the joint stands."""
+    friction = body.friction
+    return Corner(speed, STANDING * (1.0 if friction is None or friction.smoothing is None else friction.smoothing))
 
 
 def _winding(

@@ -13,7 +13,9 @@ from armwright.scalar import Array, Symbol
 
 
 class _Split(Protocol):
-    def split(self, x: Array, u: Array, wrench: Array | None, brake: Array | None) -> tuple[Array, Array]: ...
+    def split(
+        self, x: Array, u: Array, wrench: Array | None, brake: Array | None, touching: Array | None
+    ) -> tuple[Array, Array]: ...
 
 
 class PlantProgram:
@@ -24,8 +26,8 @@ class PlantProgram:
 
     def __init__(self, plant: _Split, sizes: dict[str, int]):
         symbols = {name: _named(name, size) for name, size in sizes.items()}
-        given = [symbols["x"], symbols["u"], symbols.get("wrench"), symbols.get("brake")]
-        derivative, rates = plant.split(*given)
+        given = [symbols.get(name) for name in ("wrench", "brake", "touching")]
+        derivative, rates = plant.split(symbols["x"], symbols["u"], *given)
         self.rates = rates
         outputs = {"xd": _column(derivative)}
         if any(isinstance(rate, Symbol) for rate in rates):
@@ -45,9 +47,11 @@ class PlantProgram:
         ]
         self.program = Program("plant", ports[0], ports[1], graph)
 
-    def split(self, x: Array, u: Array, wrench: Array | None, brake: Array | None) -> tuple[Array, Array]:
-        """As the plant's own, by a call."""
-        given = [array for array in (x, u, wrench, brake) if array is not None]
+    def split(
+        self, x: Array, u: Array, wrench: Array | None, brake: Array | None, touching: Array | None = None
+    ) -> tuple[Array, Array]:
+        """As the plant's own, by a call; `touching` where the plant has contacts."""
+        given = [array for array in (x, u, wrench, brake, touching) if array is not None]
         free = [np.array(self.free, dtype=object)] if self.free else []
         results = call(self.program, *given, *free)
         if len(self.program.outputs) == 1:

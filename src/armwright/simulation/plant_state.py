@@ -64,6 +64,12 @@ def parts_of(model: Model, brakes: bool) -> tuple[StatePart, ...]:
     return tuple(parts)
 
 
+def contacts_of(body: Body) -> int:
+    """How many contacts a joint can make: with its two stops, and between the flanks of a gear with play."""
+    plays = body.elasticity is not None and body.elasticity.backlash is not None
+    return 2 * (body.stops is not None) + 2 * plays
+
+
 def has_extra(body: Body) -> bool:
     """Whether a joint has what `forward_dynamics` does not know, be it with a state or without."""
     friction, drive = body.friction, body.drive

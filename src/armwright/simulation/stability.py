@@ -8,13 +8,16 @@ from math import floor, log10
 import casadi
 import numpy as np
 
-from armwright.dynamics import mass_matrix
 from armwright.errors import ScenarioError
 from armwright.model import Body, Model
+from armwright.model.vary import Varied
 from armwright.program import Program, interpret, trace
 from armwright.program.program import Port
+from armwright.scalar import Array
+from armwright.simulation.exponential import Split
 from armwright.simulation.integrators import Integrator
 from armwright.simulation.plant import Plant
+from armwright.simulation.stepping import speed_pairs
 
 POSES = 16  # drawn over the joints' ranges, always the same ones
 REACH = 4.0  # no explicit rule of order 3 or 4 is stable beyond |h λ| = 4
@@ -32,29 +35,21 @@ STILL = 1e-3  # of a smoothing speed: just beside standstill, where friction may
 class Stability:
     """Linearised plants of an arm at states that matter, and the step that an integrator may take with them."""
 
-    def __init__(self, model: Model):
+    def __init__(self, model: Model, slopes: Program | None = None, values: np.ndarray | None = None):
+        """The arm; `slopes`: its linearisation as `linearised` has it, with the varied parameters' `values`, to use again."""
         self.model, self.plant = model, Plant.of(model, brakes=True)
+        self._slopes, self._values = slopes, [] if values is None else [values]
         self._largest: dict[tuple[Integrator, bytes], float] = {}
         self._rates: dict[bytes, np.ndarray] = {}
 
     @cached_property
     def _jacobian(self) -> Program:
-        """∂(dx/dt)/∂x and λ of what is integrated exactly, from the plant's own graph."""
-        size, n, count = self.plant.size, self.model.n, len(self.plant.stiff)
-        names = {"x": (size,), "u": (n,)} | ({"brake": (len(self.plant.braked),)} if self.plant.brakes else {})
-        split = trace("plant", lambda x, u, *b: self.plant.split(x, u, None, *b), names, ("xd", "fast"))
-        symbols = [casadi.SX.sym(name, shape[0]) for name, shape in names.items()]  # type: ignore[arg-type]
-        xd, fast = split.graph(*symbols)
-        slope = casadi.densify(casadi.jacobian(xd, symbols[0]))
-        outputs = [slope.T.reshape((size * size, 1)), *([casadi.densify(fast)] if count else [])]
-        graph = casadi.Function("plant_slope", symbols, outputs)
-        ports = (Port("slope", (size, size)), *([Port("fast", (count,))] if count else []))
-        return Program("plant_slope", split.inputs, ports, graph)
+        return self._slopes or linearised(self.model)
 
     def _linearised(self, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Slopes (m, size, size) and λ (m, k) at those of the states that have finite ones, brakes applied."""
         brakes = [np.ones(len(self.plant.braked))] if self.plant.brakes else []
-        found = interpret(self._jacobian, self.states, command, *brakes)
+        found = interpret(self._jacobian, self.states, command, *brakes, *self._values)
         slopes, fast = found if isinstance(found, tuple) else (found, np.zeros((len(found), 0)))
         finite = np.isfinite(slopes).all(axis=(1, 2))
         return slopes[finite], fast[finite]
@@ -100,12 +95,10 @@ class Stability:
     def largest_step(self, integrator: Integrator, command: np.ndarray) -> float:
         """The step [s] up to which modes that die away do so in the simulation, and the others are followed."""
         key = (integrator, command.tobytes())
-        if key not in self._largest and self.plant.stiff and integrator.exponential is not None:
+        if key not in self._largest and self.plant.stiff:
             self._largest[key] = self._largest_exponential(integrator, command)
         if key not in self._largest:
-            rates = (
-                np.ravel(np.linalg.eigvals(self._linearised(command)[0])) if self.plant.stiff else self.rates(command)
-            )
+            rates = self.rates(command)
             rates = rates[np.abs(rates) > 0.0]
             dying = rates[-np.real(rates) > np.abs(np.imag(rates))]
             others = rates[-np.real(rates) <= np.abs(np.imag(rates))]
@@ -125,13 +118,12 @@ class Stability:
         swinging = np.abs(values)[(-values.real <= np.abs(values.imag)) & (np.abs(values) > 0.0)]
         high = min(LONGEST, TURNING / swinging.max() if swinging.size else np.inf)
         growing = np.maximum(values.real.max(axis=1), 0.0)
-        rule = integrator.exponential
-        assert rule is not None
+        rule = integrator.paired(speed_pairs({part.name: part.place for part in self.plant.parts})).exponential
 
         def holds(step: float) -> bool:
             for slope, rate, grows in zip(slopes, fast, growing, strict=True):
-                split = partial(_linear, slope, rate[:, None])
-                moved = rule(split, self.plant.stiff, np.eye(len(slope)), command, step)
+                split = Split.of(partial(_linear, slope, rate[:, None]), self.plant.stiff)
+                moved = rule(split, np.eye(len(slope)), command, step)
                 if np.abs(np.linalg.eigvals(moved)).max() > np.exp(grows * step) + SLACK:
                     return False
             return True
@@ -165,6 +157,28 @@ class Stability:
             f"({_included(self.plant.stiff)}): {name} would blow up or lose track; "
             f"a step of {_round_down(0.8 * largest):g} s would do"
         )
+
+
+def linearised(model: Model, varied: Varied | None = None) -> Program:
+    """∂(dx/dt)/∂x and λ of what is integrated exactly, from the plant's own graph: (x, u, brake?, p?) → slope, fast?."""
+    bare = Plant.of(model, brakes=True)
+    size, count = bare.size, len(bare.stiff)
+    names = {"x": (size,), "u": (model.n,)} | ({"brake": (len(bare.braked),)} if bare.brakes else {})
+    names |= {} if varied is None else {"p": (len(varied.names),)}
+
+    def plant(x: Array, u: Array, *rest: Array) -> tuple[np.ndarray, np.ndarray]:
+        told = dict(zip(list(names)[2:], rest, strict=True))
+        own = bare if varied is None else Plant.of(varied.model(told["p"]), brakes=True)
+        return own.split(x, u, None, told.get("brake"))
+
+    split = trace("plant", plant, names, ("xd", "fast"))
+    symbols = [casadi.SX.sym(name, shape[0]) for name, shape in names.items()]  # type: ignore[arg-type]
+    xd, fast = split.graph(*symbols)
+    slope = casadi.densify(casadi.jacobian(xd, symbols[0]))
+    outputs = [slope.T.reshape((size * size, 1)), *([casadi.densify(fast)] if count else [])]
+    graph = casadi.Function("plant_slope", symbols, outputs)
+    ports = (Port("slope", (size, size)), *([Port("fast", (count,))] if count else []))
+    return Program("plant_slope", split.inputs, ports, graph)
 
 
 def _linear(slope: np.ndarray, rate: np.ndarray, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -229,7 +243,7 @@ def check_inertia(arm: Model, q: np.ndarray) -> None:
     Raises:
         ScenarioError: names the joint.
     """
-    values, vectors = np.linalg.eigh(mass_matrix(arm, q).astype(float))
+    values, vectors = np.linalg.eigh(Plant.of(arm).inertia(q).astype(float))
     if values[0] <= SINGULAR * values[-1]:
         joint = arm.names[int(np.abs(vectors[:, 0]).argmax())]
         raise ScenarioError(

@@ -16,7 +16,9 @@ from armwright.program import call, interpret, trace
 from armwright.scalar import Array
 from armwright.simulation.dormand_prince import trial_step
 from armwright.simulation.events import EventFunction, Parts, event_programs, event_values
-from armwright.simulation.integrators import TOLERANCES, Pairs
+from armwright.simulation.exponential import Pairs
+from armwright.simulation.integrators import TOLERANCES
+from armwright.simulation.switching import Watched, switching_programs
 
 if TYPE_CHECKING:
     import xarray
@@ -106,27 +108,30 @@ def adaptive_stage(
     parts: Parts,
     planned: int = 0,
     seen: bool = False,
+    watched: Watched | None = None,
 ) -> Adapt:
     """One tick of a plant by Dormand and Prince's rule.
 
     Args:
         derivative: (x, u, …) → dx/dt.   shapes: of its arguments by name, "x" and "u" first.
         adaptivity: tolerances and events.   parts: x → its parts by name, for events.   planned, seen: as in `Integrate`.
+        watched: what may switch; `derivative` then takes which contacts count as made, as its last argument.
     """
-    whole = trace("plant", derivative, shapes, ("xd",), noinline=True)
-    watched = dict(adaptivity.events)
+    shapes_held = {**shapes, **({} if watched is None else watched.block)}
+    whole = trace("plant", derivative, shapes_held, ("xd",), noinline=True)
+    events = dict(adaptivity.events)
 
     def trial(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
         *more, h = rest
         new, error, grow, path = trial_step(
             lambda x, u: call(whole, x, u, *more), x, u, h, adaptivity.rtol, adaptivity.atol
         )
-        return (new, error, grow, path) if watched else (new, error, grow)
+        return (new, error, grow, path) if events else (new, error, grow)
 
-    names = (f"x{NEXT}", "error", "grow", *(("path",) if watched else ()))
-    program = trace("trial", trial, {**shapes, "h": ()}, names)
-    watching = event_programs(watched, parts, shapes["x"][0]) if watched else {}
-    return Adapt(program, adaptivity.most, planned, seen, **watching)
+    names = (f"x{NEXT}", "error", "grow", *(("path",) if events else ()))
+    program = trace("trial", trial, {**shapes_held, "h": ()}, names)
+    watching = event_programs(events, parts, shapes["x"][0]) if events else {}
+    return Adapt(program, adaptivity.most, planned, seen, **watching, **switching_programs(watched, shapes))
 
 
 def begin_adaptive(lanes: Lanes, adaptivity: Adaptivity, parts: Parts, x0: np.ndarray) -> None:

@@ -1,0 +1,198 @@
+"""What happens in one state of a plant: every joint's drive by itself, then the arm that they move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from armwright import scalar
+from armwright.actuators.coupling import Shares, reflected_inertia, shares_of, to_joints, to_motors
+from armwright.actuators.supply import Bus, bus
+from armwright.dynamics import bias_torques, forward_dynamics, mass_matrix
+from armwright.errors import ScenarioError
+from armwright.model import Body, Model
+from armwright.scalar import Array, Scalar
+from armwright.simulation.joint_drive import DrivenJoint, JointMotion, JointStates, driven_joint
+from armwright.simulation.plant_state import StatePart, contacts_of, has_extra
+
+STIFF = ("current", "bristle", "brake", "bus_voltage")  # linear in themselves, and integrated exactly
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """All that happens in one state."""
+
+    qdd: Array  # (n,) [rad/s² | m/s²]
+    joints: list[DrivenJoint]
+    change: dict[str, list[Scalar]]  # d/dt of each part of the state
+    rates: list[Scalar]  # [1/s] of the stiff entries, in the order of x
+    fed: Bus | None  # what happens on the bus, where the arm has one
+
+
+@dataclass(frozen=True, eq=False)
+class PlantFlow:
+    """The equations of an arm with its drives.
+
+    Attributes:
+        model: the arm.   parts: of the state x, in order.   brakes: whether `brake` is an input of derivative and step.
+    """
+
+    model: Model
+    parts: tuple[StatePart, ...]
+    brakes: bool = False
+
+    @property
+    def size(self) -> int:
+        """Entries of x."""
+        return sum(len(part.units) for part in self.parts)
+
+    @cached_property
+    def is_plain(self) -> bool:
+        """Whether x is (q, q̇) and each drive acts on its joint alone: then `forward_dynamics` says all."""
+        return len(self.parts) == 2 and not any(has_extra(body) for body in self.model.coordinates)
+
+    @cached_property
+    def stiff(self) -> tuple[int, ...]:
+        """Places in x of what is integrated exactly."""
+        return tuple(k for part in self.parts if part.name in STIFF for k in range(part.start, part.place.stop))
+
+    def part(self, x: Array, name: str) -> Array:
+        """Entries of x (…, size) by the name of their part.
+
+        Raises:
+            ScenarioError: the plant has no such part.
+        """
+        for part in self.parts:
+            if part.name == name:
+                return x[..., part.place]
+        raise ScenarioError(
+            f"{self.model.name}: no state {name!r}; it has {', '.join(part.name for part in self.parts)}"
+        )
+
+    @cached_property
+    def contacts(self) -> tuple[int, ...]:
+        """How many contacts every joint can make: two of its stops, two of a gear with play."""
+        return tuple(contacts_of(body) for body in self.model.coordinates)
+
+    @cached_property
+    def braked(self) -> tuple[int, ...]:
+        """Joints whose brakes take part, in the order of `brake`."""
+        return tuple(i for i, body in enumerate(self.model.coordinates) if self.brakes and body.brake is not None)
+
+    def _flow(
+        self, x: Array, u: Array, wrench: Array | None, brake: Array | None, touching: Array | None = None
+    ) -> Flow:
+        """Every joint's drive, then the arm they move, then what all that makes of the state."""
+        model, n = self.model, self.model.n
+        q, qd = x[:n], x[n : 2 * n]
+        joints = self._driven(x, u, brake, touching)
+        if self.is_plain:
+            qdd = forward_dynamics(model, q, qd, scalar.array([joint.tau for joint in joints]), wrench)
+        else:
+            pushed = to_joints(self._shares, [joint.gear for joint in joints])
+            qdd = self._accelerations(q, qd, pushed + scalar.array([joint.direct for joint in joints]), wrench)
+        change, rates, fed = self._of_drives(x, joints)
+        return Flow(qdd, joints, {"q": list(qd), "qd": list(qdd), **change}, rates, fed)
+
+    def _driven(self, x: Array, u: Array, brake: Array | None, touching: Array | None = None) -> list[DrivenJoint]:
+        """Every joint's drive by itself."""
+        ends = np.cumsum(self.contacts)
+        of = [None if touching is None else touching[end - k : end] for end, k in zip(ends, self.contacts, strict=True)]
+        volts = self.part(x, "bus_voltage")[0] if self.model.supply is not None else None
+        applied = dict.fromkeys(self.braked, 0.0) if brake is None else dict(zip(self.braked, brake, strict=True))
+        return [
+            driven_joint(self.model, body, self._states(x, i), at, u[i], volts, applied.get(i), of[i])
+            for (i, body), at in zip(enumerate(self.model.coordinates), self._motions(x), strict=True)
+        ]
+
+    def _of_drives(
+        self, x: Array, joints: list[DrivenJoint]
+    ) -> tuple[dict[str, list[Scalar]], list[Scalar], Bus | None]:
+        """How the parts of the state behind q and q̇ change, λ of the stiff ones, and what happens on the bus."""
+        change: dict[str, list[Scalar]] = {}
+        rates: list[Scalar] = []
+        fed = None
+        for part in self.parts[2:]:
+            if part.name == "bus_voltage":
+                assert self.model.supply is not None
+                fed = bus(self.model.supply, self.part(x, "bus_voltage")[0], sum(joint.power for joint in joints))
+                change[part.name], rates = [fed.speed], [*rates, fed.rate]
+            elif part.name == "motor_q":
+                change[part.name] = list(self.part(x, "motor_qd"))
+            elif part.name == "motor_qd":
+                change[part.name] = [joints[i].acceleration for i in part.joints]
+            else:
+                change[part.name] = [joints[i].change[part.name] for i in part.joints]
+                rates += [joints[i].rates[part.name] for i in part.joints if part.name in STIFF]
+        return change, rates, fed
+
+    def _accelerations(self, q: Array, qd: Array, torque: Array, wrench: Array | None) -> Array:
+        """q̈ for torques on the joints [N m | N], the rotors of rigid gears carried along."""
+        links = self._links(rotors=True)
+        if not any(self._shares):
+            return forward_dynamics(links, q, qd, torque, wrench)
+        return scalar.solve_symmetric(self.inertia(q), torque - bias_torques(links, q, qd, wrench))
+
+    def inertia(self, q: Array) -> np.ndarray:
+        """What torques on the joints accelerate: links and the rotors of rigid gears, coupled or not.
+
+        Args:
+            q: (n,) [rad | m].
+        Returns:
+            M: (n, n) [kg m² | kg m | kg].
+        """
+        inertia = mass_matrix(self._links(rotors=True), q)
+        if not any(self._shares):
+            return inertia
+        return scalar.array(inertia + reflected_inertia(self.model, self._shares))
+
+    @cached_property
+    def _shares(self) -> Shares:
+        """Which other joints turn each motor."""
+        return shares_of(self.model)
+
+    def _motors(self, x: Array) -> tuple[Array, Array]:
+        """Positions and speeds of all motors, θ_motor / n."""
+        n = self.model.n
+        q, qd = to_motors(self._shares, x[:n]), to_motors(self._shares, x[n : 2 * n])
+        if not any(part.name == "motor_q" for part in self.parts):
+            return q, qd
+        q, qd = list(q), list(qd)
+        for part in self.parts:
+            for k, i in enumerate(part.joints):
+                if part.name in ("motor_q", "motor_qd"):
+                    value = x[part.start + k] / self.model.coordinates[i].drive.gear_ratio
+                    (q if part.name == "motor_q" else qd)[i] = value
+        return scalar.array(q), scalar.array(qd)
+
+    def _motions(self, x: Array) -> list[JointMotion]:
+        """How every joint stands and moves."""
+        n = self.model.n
+        q, qd = x[:n], x[n : 2 * n]
+        columns = (q, qd, *self._motors(x), to_motors(self._shares, q), to_motors(self._shares, qd))
+        return [JointMotion(*row) for row in zip(*columns, strict=True)]
+
+    def _states(self, x: Array, joint: int) -> JointStates:
+        """What the drive of one joint has of the state."""
+        own = {
+            part.name: x[part.start + part.joints.index(joint)]
+            for part in self.parts[2:]
+            if joint in part.joints and not part.name.startswith("motor")
+        }
+        return JointStates(**own)
+
+    def _links(self, *, rotors: bool) -> Model:
+        """The arm without drives but for the rotors of rigid gears, which `forward_dynamics` can carry where none is coupled."""
+        carried = rotors and not any(self._shares)
+
+        def bare(body: Body) -> Body:
+            inertia = body.drive.rotor_inertia if carried and body.elasticity is None else 0.0
+            return replace(
+                body, friction=None, drive=replace(body.drive, efficiency=None, rotor_inertia=inertia, coupling=())
+            )
+
+        own = set(self.model.names)  # joints that follow others keep what they have
+        bodies = tuple(bare(body) if body.joint in own else body for body in self.model.bodies)
+        return replace(self.model, bodies=bodies)

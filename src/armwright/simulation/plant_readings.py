@@ -1,0 +1,164 @@
+"""What is told of a plant's state: outputs, what sensors see, what drives do, and where power goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armwright import scalar
+from armwright.actuators import DriveOutput, friction_torques, limited_drive, told_command
+from armwright.actuators.coupling import from_motors, to_joints, to_motors
+from armwright.dynamics import energy
+from armwright.kinematics import jacobian
+from armwright.scalar import Array, Scalar
+from armwright.simulation.joint_drive import stored
+from armwright.simulation.plant_flow import Flow, PlantFlow
+
+TOLD = ("motor_q", "motor_qd", "bristle", "brake", "winding_temperature", "housing_temperature")  # states told as such
+
+
+@dataclass(frozen=True, eq=False)
+class PlantReadings(PlantFlow):
+    """What follows from a state."""
+
+    def outputs(
+        self, x: Array, u: Array, wrench: Array | None = None, brake: Array | None = None
+    ) -> dict[str, np.ndarray]:
+        """What is known beside the state, each (n,) but for the bus; NaN for joints whose record cannot say it.
+
+        Args:
+            x: (size,).   u: (n,) [V | A | N m | N].   wrench, brake: as `derivative`.
+        Returns:
+            qdd [rad/s² | m/s²], tau: Nᵀ Kt i [N m | N], voltage [V] averaged over the PWM, current [A].
+            tau_link [N m | N]: what leaves the gear, as a torque sensor reads it; friction of rigid gears before it,
+            behind an elastic one the joint's own friction, brake and stops behind it.
+            heat [W] of the windings, friction_loss [W] of all that rubs or dampens, electrical_power [W] into the drives.
+            motor_q [rad], motor_qd [rad/s], bristle, brake [rad | m], winding_temperature, housing_temperature [°C],
+            bus_voltage [V]: where they are states.
+        """
+        model = self.model
+        flow = self._flow(x, u, wrench, brake)
+        joints, gear = flow.joints, self._link_torques(flow)
+        rows = {
+            "qdd": flow.qdd,
+            "tau": to_joints(self._shares, [joint.tau for joint in joints]),
+            "voltage": [joint.voltage for joint in joints],
+            "current": [joint.current for joint in joints],
+            "tau_link": gear,
+            "heat": [np.nan if joint.heat is None else joint.heat for joint in joints],
+            "friction_loss": [joint.loss + loss for joint, loss in zip(joints, self._followers_loss(x), strict=True)],
+            "electrical_power": [joint.power for joint in joints],
+        }
+        states = {part.name: part for part in self.parts}
+        for name in TOLD:
+            if name in states:
+                values = dict(zip(states[name].joints, self.part(x, name), strict=True))
+                rows[name] = [values.get(i, np.nan) for i in range(model.n)]
+        if "bus_voltage" in states:
+            rows["bus_voltage"] = self.part(x, "bus_voltage")
+        return {name: scalar.array(list(values)) for name, values in rows.items()}
+
+    def measured(self, x: Array, u: Array, side: str = "link") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What exact sensors would see.
+
+        Args:
+            x: (size,).   u: (n,) commands, which decide the currents of motors without inductance.
+            side: "link", or "motor": positions and speeds of the motors, θ_motor / n, referred to their joints.
+        Returns:
+            q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   current: (n,) [A], NaN where the record cannot say it.
+        """
+        n = self.model.n
+        q, qd = (x[:n], x[n : 2 * n]) if side == "link" else self._motors(x)
+        return scalar.array(list(q)), scalar.array(list(qd)), self._done(x, u).current
+
+    def of_joints(self, q: Array, qd: Array, side: str) -> tuple[Array, Array]:
+        """What sensors of that side say of the joints: encoders of coupled motors tell several joints together.
+
+        Args:
+            q: (n,) [rad | m], qd: (n,) [rad/s | m/s]: as `measured`.   side: "link" or "motor".
+        Returns:
+            q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
+        """
+        shares = self._shares if side == "motor" else []
+        return from_motors(shares, q), from_motors(shares, qd)
+
+    def applied(self, x: Array, u: Array) -> np.ndarray:
+        """What the drives really do with their commands, within limits and supply.
+
+        Args:
+            x: (size,).   u: (n,) commands.
+        Returns:
+            applied: (n,) [V | A | N m | N], each in its joint's own unit.
+        """
+        return told_command(self.model, self._done(x, u))
+
+    def _done(self, x: Array, u: Array) -> DriveOutput:
+        """Torques, voltages and currents of the motors."""
+        if self.is_plain:
+            return limited_drive(self.model, x[self.model.n :], u)
+        joints = self._driven(x, u, None)
+        columns = zip(*((joint.tau, joint.voltage, joint.current) for joint in joints), strict=True)
+        return DriveOutput(*(scalar.array(list(column)) for column in columns))
+
+    def _link_torques(self, flow: Flow) -> Array:
+        """What leaves the gears (n,), referred to the joints."""
+        motors = to_motors(self._shares, flow.qdd)
+        rigid = [body.elasticity is None for body in self.model.coordinates]
+        leaves = [
+            joint.gear - body.drive.reflected * motors[i] if rigid[i] else joint.gear
+            for i, (joint, body) in enumerate(zip(flow.joints, self.model.coordinates, strict=True))
+        ]
+        own = [joint.friction if rigid[i] else 0.0 for i, joint in enumerate(flow.joints)]
+        return to_joints(self._shares, leaves) - scalar.array(own)
+
+    def energy_rates(
+        self,
+        x: Array,
+        u: Array,
+        wrench: Array | None = None,
+        brake: Array | None = None,
+        touching: Array | None = None,
+    ) -> dict[str, Scalar]:
+        """Powers [W]; what comes in is  electrical = heat + friction + mechanical + d/dt `stored_energy`.
+
+        Returns:
+            electrical: out of the supply's source, or into the drives where it is not told.
+            heat: in windings, source and braking resistor.   friction: in all that rubs, dampens or slips, bent bristles
+            included.   mechanical: into the environment, against the wrench.
+        """
+        flow = self._flow(x, u, wrench, brake, touching)
+        n = self.model.n
+        heat = sum(joint.heat for joint in flow.joints if joint.heat is not None)
+        power = sum(joint.power for joint in flow.joints)
+        mechanical: Scalar = 0.0
+        if wrench is not None:
+            mechanical = -(wrench @ (jacobian(self.model, x[:n]) @ x[n : 2 * n]))
+        if flow.fed is not None:
+            power, heat = flow.fed.source, heat + flow.fed.loss
+        return {
+            "electrical": power,
+            "heat": heat,
+            "friction": sum(joint.loss for joint in flow.joints) + sum(self._followers_loss(x)),
+            "mechanical": mechanical,
+        }
+
+    def stored_energy(self, x: Array) -> Scalar:
+        """Energy [J] that the plant can give back: motion, height, springs, magnets, windings' fields, the bus capacitor."""
+        n, model = self.model.n, self.model
+        total = sum(energy(self._links(rotors=False), x[:n], x[n : 2 * n]))
+        motions = self._motions(x)
+        for i, body in enumerate(model.coordinates):
+            total = total + stored(body, self._states(x, i), motions[i])
+        if model.supply is not None:
+            volts = self.part(x, "bus_voltage")[0]
+            total = total + 0.5 * model.supply.capacitance * volts * volts
+        return total
+
+    def _followers_loss(self, x: Array) -> list[Scalar]:
+        """Power [W] that rubs in the joints that follow each coordinate."""
+        n = self.model.n
+        if self.model.mimics is None:
+            return [0.0] * n
+        qd = x[n : 2 * n]
+        return list(friction_torques(self._links(rotors=False), qd) * qd)

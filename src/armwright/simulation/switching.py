@@ -1,0 +1,125 @@
+"""Steps of fixed rules that end where a contact begins or ends, or friction turns round, so that the rules keep their order.
+
+A rule's error shrinks with its order only where what it integrates is smooth. Contacts therefore stay within a step as they
+are at its beginning, and functions s of the state say where that no longer holds: a step over which some of them change
+their signs is taken again to just beyond the first such place, and then the rest of it. With x(θ) the state after a step of
+θ h, that place is where
+
+    g(θ) = max s_e(x(θ)) / s_e(x(1))      over those e that change
+
+passes through 0: g is below 0 at the beginning, and 1 at the end. It is found by regula falsi with halved weights, the
+"Illinois" rule, each guess moved by a hair towards the end, so that the upper end of the bracket closes in. [DowellJarratt1971]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from armwright import scalar
+from armwright.kernels.stages import NEXT
+from armwright.program import Program, call, trace
+from armwright.scalar import Array, Scalar
+
+HAIR = 2.0**-32  # of a step: how far beyond the place a guess goes
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What switches in a plant.
+
+    Attributes:
+        depths: (x, u, …) → (contacts,) how deep every contact is; one touches where its depth is not below 0.
+        corners: (x, u, …, touching) → s (k,) of a state under these contacts; least (k,): one changes from a to b where
+            a b < -least².
+        contacts: how many.
+    """
+
+    depths: Callable[..., Array]
+    corners: Callable[..., tuple[Array, Array]]
+    contacts: int
+
+    @property
+    def block(self) -> dict[str, tuple[int, ...]]:
+        """The block of the contacts, behind the other arguments of what depends on them."""
+        return {"touching": (self.contacts,)}
+
+
+def switching_programs(watched: Watched | None, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, Program]:
+    """The programs with which stages end steps where something switches; none where nothing does.
+
+    Depths are computed by one program that all others call: what is beyond 0 to one of them is so to all, to the last bit.
+
+    Args:
+        watched: what may switch.   shapes: of the arguments of its `depths`, "x" and "u" first.
+    """
+    if watched is None:
+        return {}
+    deep = trace("depths", watched.depths, shapes, noinline=True)
+    size, held = shapes["x"], {**{name: shape for name, shape in shapes.items() if name != "x"}, **watched.block}
+
+    def touching(x: Array, *held: Array) -> Array:
+        return scalar.array([scalar.less_equal(0.0, depth) for depth in call(deep, x, *held)])
+
+    def values(x: Array, *given: Array) -> tuple[list[Scalar], Array]:
+        corners, least = watched.corners(x, *given)
+        return [*call(deep, x, *given[:-1]), *corners], least
+
+    def changes(x: Array, after: Array, *given: Array) -> tuple[list[Scalar], list[Scalar], list[Scalar]]:
+        (begins, least), (ends, _) = values(x, *given), values(after, *given)
+        entered = given[-1]
+        changed = [scalar.less((it - 0.5) * b, 0.0) for it, b in zip(entered, ends, strict=False)]
+        for a, b, little in zip(begins[len(changed) :], ends[len(changed) :], least, strict=True):
+            changed.append(scalar.less(a * b, -(little * little)))
+        return changed, begins, ends
+
+    def switched(x: Array, after: Array, *given: Array) -> Array:
+        return scalar.array([sum(changes(x, after, *given)[0])])
+
+    def begin(x: Array, after: Array, *given: Array) -> tuple[Array, Array, Array]:
+        changed, begins, ends = changes(x, after, *given)
+        weights = scalar.array([scalar.where(it, 1.0 / b, 0.0) for it, b in zip(changed, ends, strict=True)])
+        below = scalar.minimum(_furthest(weights, begins), 0.0)
+        bracket = [0.0, 1.0, below, 1.0, 0.0]  # its ends θ, g there, and which moved last: 1 the upper, -1 the lower
+        return weights, scalar.array(bracket), scalar.array([_guess(bracket)])
+
+    def narrow(after: Array, *rest: Array) -> tuple[Array, Array]:
+        *given, weights, bracket, part = rest
+        lower, upper, below, above, last = bracket
+        g = _furthest(weights, values(after, *given)[0])
+        beyond = scalar.less(0.0, g)
+        bracket = [
+            scalar.where(beyond, lower, part[0]),
+            scalar.where(beyond, part[0], upper),
+            scalar.where(beyond, scalar.where(scalar.less(0.0, last), 0.5 * below, below), g),
+            scalar.where(beyond, g, scalar.where(scalar.less(last, 0.0), 0.5 * above, above)),
+            scalar.where(beyond, 1.0, -1.0),
+        ]
+        return scalar.array(bracket), scalar.array([_guess(bracket)])
+
+    after = {f"x{NEXT}": size}
+    arguments = (scalar.zeros(*shape) for shape in (size, *held.values()))
+    searched = {"weights": (watched.contacts + len(watched.corners(*arguments)[1]),), "bracket": (5,), "part": (1,)}
+    return {
+        "touching": trace("touching", touching, shapes, noinline=True),
+        "switched": trace("switched", switched, {"x": size, **after, **held}, noinline=True),
+        "bracket": trace("bracket", begin, {"x": size, **after, **held}, tuple(searched), noinline=True),
+        "narrow": trace(
+            "narrow", narrow, {**after, **held, **searched}, (f"bracket{NEXT}", f"part{NEXT}"), noinline=True
+        ),
+    }
+
+
+def _furthest(weights: Array, values: Array) -> Scalar:
+    """g: the largest s_e(x) / s_e(x(1)) of those that change; -1 where none does."""
+    shares = [scalar.where(scalar.equal(w, 0.0), -1.0, w * s) for w, s in zip(weights, values, strict=True)]
+    furthest = shares[0]
+    for share in shares[1:]:
+        furthest = scalar.maximum(furthest, share)
+    return furthest
+
+
+def _guess(bracket: list[Scalar]) -> Scalar:
+    """The next θ to try; never 0, so that every piece of a step takes time."""
+    lower, upper, below, above, _ = bracket
+    return scalar.clip((lower * above - upper * below) / (above - below) + HAIR, lower, upper)
