@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from armwright.scenarios import read_scenario, rerun
     from armwright.simulation.converge import converge
     from armwright.simulation.events import joint_stops
+    from armwright.simulation.payload import Payload
     from armwright.simulation.plot import plot
     from armwright.simulation.protocols import Controller, Measurement, Reference
     from armwright.simulation.recording import load_run, save
@@ -95,6 +96,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.pictures.plot_runs": ("plot_runs",),
     "armwright.pictures.show": ("show",),
     "armwright.record": ("check", "convert", "diff"),
+    "armwright.simulation.payload": ("Payload",),
     "armwright.simulation.plot": ("plot",),
     "armwright.simulation.protocols": ("Controller", "Measurement", "Reference"),
     "armwright.simulation.recording": ("load_run", "save"),
@@ -119,6 +121,7 @@ __all__ = [
     "JointPID",
     "Measurement",
     "Model",
+    "Payload",
     "Quintic",
     "Ramp",
     "Reference",

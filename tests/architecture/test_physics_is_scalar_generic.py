@@ -15,7 +15,10 @@ PHYSICS = (
     "dynamics",
     "actuators",
     "model/build.py",
+    "simulation/joint_drive.py",
     "simulation/plant.py",
+    "simulation/plant_flow.py",
+    "simulation/plant_readings.py",
     "simulation/integrators.py",
 )
 

@@ -65,3 +65,8 @@ def test_a_model_of_other_joints_is_refused():
     law = ComputedTorque(kp=1.0, kd=1.0, model=arm("cmu-dd"))
     with pytest.raises(ScenarioError, match="the model has 6 joints; expected the 2 of"):
         aw.Scenario(arm("two-link"), controller=law, sample_period=1e-3, duration=0.1)
+
+
+def test_what_is_no_model_is_refused():
+    with pytest.raises(ScenarioError, match="ComputedTorque: model = 'puma560': expected an arm"):
+        ComputedTorque(kp=100.0, kd=20.0, model="puma560")

@@ -137,6 +137,11 @@ def test_gains_may_be_a_row_a_lane():
     [
         ({"kp": [1.0, 2.0]}, r"JointPID: kp has shape \(2,\); expected one number, \(6,\) or \(lanes, 6\): joint1, joint2"),
         ({"kp": "much"}, "kp = 'much': expected a number"),
+        ({"kp": True}, "kp = True: expected a number"),
+        ({"kp": "20"}, "kp = '20': expected a number"),
+        ({"kp": 1.0, "gravity": "false"}, "JointPID: gravity = 'false': expected true or false"),
+        ({"kp": 1.0, "model": "puma560"}, "JointPID: model = 'puma560': expected an arm"),
+        ({"kp": np.array(["a", "b"])}, r"kp = \['a', 'b'\]: expected a number"),
         ({"kp": 1.0, "kd": [1.0, 1, -2, 1, 1, 1]}, "kd of joint 'joint3' is -2; expected a number of 0 or more"),
         ({"kp": 1.0, "limit": 0.0}, "limit of joint 'joint1' is 0; expected a number above 0"),
         ({"kp": 1.0, "anti_windup": "clampin"}, "anti_windup = 'clampin': unknown; did you mean clamping?"),

@@ -7,7 +7,7 @@ import pytest
 
 import armwright as aw
 from armwright import scalar
-from armwright.errors import ProgramError, SymbolError
+from armwright.errors import HiddenStateError, ProgramError, SymbolError
 from armwright.program import call, interpret, trace
 
 
@@ -53,6 +53,14 @@ def test_call_keeps_a_program_whole():
     assert np.allclose(interpret(outer, q), np.cos(q) * q + np.cos(2 * q) * 2 * q, rtol=1e-14, atol=0)
 
 
+def test_operations_are_counted_with_those_of_called_programs():
+    """Each call of a program counts all that it does; what reads, writes or stands still counts nothing."""
+    inner = trace("inner", lambda q: scalar.cos(q) * q, {"q": (2,)}, noinline=True)
+    outer = trace("outer", lambda q: call(inner, q) + call(inner, 3.0 * scalar.sin(q)), {"q": (2,)})
+    assert inner.operation_counts() == {"COS": 2, "MUL": 2}
+    assert outer.operation_counts() == {"COS": 4, "MUL": 6, "SIN": 2, "ADD": 2}
+
+
 def test_wrong_number_of_results():
     """Outputs have names; another number of arrays is an error that lists them."""
     with pytest.raises(ProgramError, match="pair: returned 2 arrays, expected 3: a, b, c"):
@@ -78,3 +86,18 @@ def test_program_prints_itself():
     assert text.splitlines()[0] == "line(q[2])"
     assert "= q[1]" in text
     assert text.splitlines()[-1].strip().startswith("y[0] = output")
+
+
+def test_a_symbol_that_another_call_left_is_refused():
+    """A function that keeps what it was given is no function of its arguments; CasADi would say so in many lines."""
+    kept = []
+
+    def follows(q):
+        kept.append(q[0])
+        return q - kept[0]
+
+    trace("follows", follows, {"q": (2,)})
+    with pytest.raises(
+        HiddenStateError, match=r"^follows: computes with q_0 of another call; expected nothing but its own .*: q$"
+    ):
+        trace("follows", follows, {"q": (2,)})

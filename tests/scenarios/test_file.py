@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import armwright as aw
 from armwright.errors import ArmwrightError, RunError
+from armwright.simulation.inputs import rows_of
 
 HEAD = """
 robot = "cmu-dd"
@@ -179,4 +180,114 @@ def test_a_wrench_is_six_numbers_or_a_table(tmp_path, wrench):
     )
     (tmp_path / "push.scenario.toml").write_text(text)
     scenario = aw.read_scenario(tmp_path / "push.scenario.toml")
-    np.testing.assert_array_equal(scenario.wrenches[0].commands, [[3.0, 0, -5, 0, 0, 1]])
+    np.testing.assert_array_equal(rows_of(scenario.inputs["wrench"]), [[3.0, 0, -5, 0, 0, 1]])
+
+
+TWO = 'robot = "two-link"\nduration_s = 0.2\nsample_period_s = 1e-3\n'
+PAYLOAD = """
+[[payload]]
+time_s = 0.0503
+mass_kg = 2.0
+com_m = [0.0, 0.0, 0.1]
+inertia_kg_m2 = { xx = 0.012, xy = 0.001, xz = 0.0, yy = 0.01, yz = 0.0, zz = 0.009 }
+[[payload]]
+time_s = 0.1
+mass_kg = 0.5
+com_m = [0.0, 0.0, 0.1]
+inertia_kg_m2 = [0.01, 0.01, 0.01]
+frame = "forearm"
+[[payload]]
+time_s = 0.15
+mass_kg = 0
+"""
+
+
+def test_payloads_are_those_of_python_and_come_again(tmp_path):
+    run = aw.simulate(scenario(tmp_path, TWO + "[drive]\ncommand = [20, 5]\n" + PAYLOAD))
+    tensor = np.array([[0.012, 0.001, 0], [0.001, 0.01, 0], [0, 0, 0.009]])
+    told = [
+        aw.Payload(0.0503, 2.0, [0, 0, 0.1], tensor),
+        aw.Payload(0.1, 0.5, [0, 0, 0.1], [0.01, 0.01, 0.01], "forearm"),
+        aw.Payload(0.15, 0.0),
+    ]
+    same = aw.simulate(aw.Scenario(aw.load("two-link"), command=[20, 5], payload=told, duration=0.2))
+    np.testing.assert_array_equal(run.q, same.q)
+    plain = aw.simulate(scenario(tmp_path, TWO + "[drive]\ncommand = [20, 5]\n"))
+    np.testing.assert_allclose(run.q[:51], plain.q[:51], atol=1e-15)
+    assert (run.q[-1] != plain.q[-1]).all()
+    aw.save(run, tmp_path / "run.nc")
+    assert aw.rerun(tmp_path / "run.nc").same
+
+
+def test_what_acts_differs_by_lane(tmp_path):
+    lanes = (
+        '[lanes]\nkind = "list"\n[lanes.vary]\n"payload[0].mass_kg" = { values = [1, 2] }\n'
+        '"payload[0].time_s" = { values = [0.03, 0.0503] }\n"payload[0].com_m[2]" = { values = [0.2, 0.1] }\n'
+        '"payload[0].inertia_kg_m2.xy" = { values = [-0.001, 0.001] }\n"wrench[1]" = { values = [7, -5] }\n'
+    )
+    text = "wrench = [3, 0, 0, 0, 0, 1]\n" + TWO + "[drive]\ncommand = [20, 5]\n" + PAYLOAD
+    many = aw.simulate(scenario(tmp_path, text + lanes))
+    one = aw.simulate(scenario(tmp_path, text.replace("[3, 0,", "[3, -5,")))
+    np.testing.assert_array_equal(many.q[1], one.q)
+    assert (many.q[0, -1] != one.q[-1]).all()
+
+
+def test_commands_over_time_are_reduced(tmp_path):
+    text = TWO + '[drive]\ncommand = [20, 5]\n[record]\nwhat = "none"\nreduce = ["peak_error", "energy"]\n'
+    text = text.replace('["peak_error", "energy"]', '["peak_error", "peak_torque"]')
+    run = aw.simulate(scenario(tmp_path, text + '[reference]\nkind = "pose"\nq = [0.1, 0.2]\n'))
+    whole = aw.simulate(scenario(tmp_path, TWO + "[drive]\ncommand = [20, 5]\n"))
+    np.testing.assert_array_equal(run.peak_error, np.abs(whole.q - [0.1, 0.2]).max("time"))
+    np.testing.assert_array_equal(run.peak_torque, np.abs(whole.tau).max("time"))
+
+
+def braked_file(folder):
+    from armwright.description.writer import write_toml
+    from simulation.plants import BRAKE, MOTOR, chain
+
+    joint = {"command": "voltage", "motor": MOTOR, "brake": BRAKE}
+    model = chain([joint, joint, {"command": "voltage", "motor": MOTOR}])
+    write_toml(model.description, folder / "braked.toml")
+    return 'robot = "braked.toml"\nduration_s = 0.1\nsample_period_s = 1e-3\n'
+
+
+@pytest.mark.parametrize("brake", ["true", "[1, 1]", "{ joint0 = 1, joint1 = 1 }", '"brake.csv"'])
+def test_brakes_are_applied_as_in_python(tmp_path, brake):
+    (tmp_path / "brake.csv").write_text("t,joint1,joint0\n0,1,1\n")
+    run = aw.simulate(scenario(tmp_path, f"brake = {brake}\n" + braked_file(tmp_path) + "[drive]\ncommand = 0\n"))
+    same = aw.simulate(aw.Scenario(aw.load(tmp_path / "braked.toml"), command=np.zeros(3), brake=1, duration=0.1))
+    np.testing.assert_array_equal(run.q, same.q)
+    aw.save(run, tmp_path / "run.nc")
+    assert aw.rerun(tmp_path / "run.nc").same
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (PAYLOAD.replace("mass_kg = 2.0", "mass_kg = -2"), r"payload\[0\].mass = -2 kg: expected 0 or more"),
+        (PAYLOAD.replace("xx = 0.012", "xx = 0.12"), r"payload\[0\].inertia: principal moments"),
+        (PAYLOAD.replace("[0.01, 0.01, 0.01]", "[0.01, 0.01]"), r"expected 3 numbers, not 2: moments about x, y and z"),
+        (PAYLOAD.replace("xz = 0.0, ", ""), r"payload\[0\].inertia_kg_m2.xz: missing"),
+        (PAYLOAD.replace("mass_kg = 0\n", "mas_kg = 0\n"), "unknown key; did you mean mass_kg"),
+        (PAYLOAD.replace("0.15", "0.01"), r"payload\[2\].time = 0.01 s: expected one after payload\[0\]'s 0.0503 s"),
+        (PAYLOAD.replace("forearm", "forarm"), "no frame 'forarm'; did you mean forearm"),
+        ("wrench = [1, 2]\n", "wrench = .*: expected 6 numbers, not 2: fx, fy, fz in N"),
+        ("brake = 1\n", "no joint of two-link has a brake in its record"),
+        ("[timing]\npreset = 'one-tick'\n", "timing goes with a controller"),
+        ("[initial]\ncommand = 1\n", "initial_command goes with a controller"),
+        ("[reference]\nkind = 'pose'\nq = 1\n", r"\[reference\] goes with a \[controller\], or with reduce"),
+        (
+            "[lanes]\nkind='list'\n[lanes.vary]\n'payload[0].mass_kg' = {values=[1]}\n",
+            r"the file has 0 \[\[payload\]\]",
+        ),
+        (PAYLOAD + "[lanes]\nkind='list'\n[lanes.vary]\n'payload[0].mass' = {values=[1]}\n", "did you mean mass_kg"),
+        ("[lanes]\nkind='list'\n[lanes.vary]\n'wrench[0]' = {values=[1]}\n", "beside six numbers of wrench"),
+        ("[lanes]\nkind='draws'\ncount=1\nseed=1\n[lanes.vary]\n'a' = {normal=[1]}\n", "expected 2 numbers, not 1"),
+    ],
+)
+def test_what_cannot_act_is_refused_in_one_line(tmp_path, more, said):
+    flat = more.startswith(("wrench", "brake"))
+    text = (more if flat else "") + TWO + "[drive]\ncommand = [20, 5]\n" + ("" if flat else more)
+    with pytest.raises(ArmwrightError, match=said) as refused:
+        scenario(tmp_path, text)
+    assert "\n" not in str(refused.value)

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from armwright import scalar
 from armwright.description.database import parse
 from armwright.model import Model, build_model
 from armwright.program import trace
-from armwright.simulation.integrators import INTEGRATORS
+from armwright.simulation.integrators import INTEGRATORS, Integrator
 from armwright.simulation.plant import Plant
+from armwright.simulation.stepping import speed_pairs
 
 RK3 = INTEGRATORS["rk3"]
 MOTOR = {
@@ -103,10 +103,11 @@ def chain(joints: list[dict[str, Any]], gravity: float = 9.81, robot: dict[str, 
     return build_model(parse({**record, **(robot or {})}, "chain"))
 
 
-def steps(plant: Plant, x0: Any, u: Any, h: float, count: int, brake: Any = None) -> np.ndarray:
+def steps(plant: Plant, x0: Any, u: Any, h: float, count: int, brake: Any = None, rule: Integrator = RK3) -> np.ndarray:
     """The states (count + 1, size) of so many steps; u (n,), or (count, n) that changes."""
+    rule = rule.paired(speed_pairs({part.name: part.place for part in plant.parts}))
     sizes = {"x": (plant.size,), "u": (plant.model.n,)} | ({} if brake is None else {"brake": (len(brake),)})
-    program = trace("step", lambda x, u, *b: plant.step(RK3, x, u, h, None, *b), sizes, ("x_next",))
+    program = trace("step", lambda x, u, *b: plant.step(rule, x, u, h, None, *b), sizes, ("x_next",))
     given = [np.asarray(value, dtype=float) for value in ([u] if brake is None else [u, brake])]
     held = [value.T if value.ndim == 2 else np.tile(value.reshape(-1, 1), count) for value in given]
     states = program.graph.mapaccum("run", count)(np.asarray(x0, dtype=float), *held)
@@ -121,33 +122,6 @@ def exact(plant: Plant, x0: Any, u: Any, duration: float, **options: Any) -> np.
         **{"method": "DOP853", "rtol": 3e-14, "atol": 1e-12, **options},
     )  # fmt: skip
     return solved.y[:, -1]
-
-
-def with_energies(plant: Plant, x0: Any, u: Any, h: float, count: int) -> tuple[np.ndarray, dict[str, float]]:
-    """The last state, and the energies [J] that went each way, integrated as further states by the same stages.
-
-    u: (n,), or (count, n) that changes.
-    """
-    names = ("electrical", "heat", "friction", "mechanical")
-
-    def split(y: Any, u: Any) -> tuple[Any, Any]:
-        x = y[: plant.size]
-        rates = plant.energy_rates(x, u)
-        xd, fast = plant.split(x, u)
-        return scalar.array([*xd, *(rates[name] for name in names)]), fast
-
-    def step(y: Any, u: Any) -> Any:
-        if not plant.stiff:
-            return RK3.step(lambda y, u: split(y, u)[0], y, u, h)
-        assert RK3.exponential is not None
-        return RK3.exponential(split, plant.stiff, y, u, h)
-
-    program = trace("step", step, {"y": (plant.size + 4,), "u": (plant.model.n,)}, ("next",))
-    y0 = np.concatenate([np.asarray(x0, dtype=float), np.zeros(4)])
-    given = np.asarray(u, dtype=float)
-    held = given.T if given.ndim == 2 else given.reshape(-1, 1).repeat(count, axis=1)
-    last = np.asarray(program.graph.mapaccum("run", count)(y0, held))[:, -1]
-    return last[: plant.size], dict(zip(names, last[plant.size :], strict=True))
 
 
 MANY = {  # an arm for each effect, and one that has them all

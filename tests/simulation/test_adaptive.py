@@ -10,8 +10,8 @@ from scipy.optimize import brentq
 import armwright as aw
 from armwright import scalar
 from armwright.errors import DivergenceError, ScenarioError
-from armwright.kernels.llvm import select_target
 from armwright.kernels.loop import Loop
+from armwright.kernels.target import select_target
 from armwright.simulation import dormand_prince
 from armwright.simulation.cvodes import Cvodes
 from armwright.simulation.dormand_prince import along, trial_step

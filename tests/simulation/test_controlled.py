@@ -59,13 +59,13 @@ def accounted(model, law, reference, ticks, timing=None, shaping=None, substeps=
     tell = lambda x: np.concatenate([x, limited_drive(model, x[n:], hold).current])  # noqa: E731
     y = aw_measurement(tell(x), applied(x, hold), n)
     s = law.init(model, y) if hasattr(law, "init") else None
-    history, arrivals, last, rows, u = {0.0: x}, [(-1.0, hold)], hold, [], hold
+    history, arrivals, kept, rows, u = {0.0: x}, [(-1.0, hold)], hold, [], hold
     for k in range(ticks + 1):
         seen = history[max(round(k - earlier, 9), 0.0)]
         y = aw_measurement(np.concatenate([seen, limited_drive(model, seen[n:], u).current]), applied(x, u), n)
         r = reference[k]
         asked, s = law.step(k * PERIOD, r, y, s) if hasattr(law, "step") else (law(k * PERIOD, r, y), None)
-        last = shaping.shaped(PERIOD, asked, last)
+        last, kept = shaping.shaped(PERIOD, asked, kept)
         arrivals.append((k + behind, last))
 
         def now(at):
@@ -108,6 +108,7 @@ CASES = {
     "sampled between ticks": {"timing": Timing(measurement_delay=1.25 * PERIOD)},
     "both": {"timing": Timing("one-tick", measurement_delay=0.75 * PERIOD, command_delay=1.25 * PERIOD)},
     "shaped": {"shaping": Shaping(limit=30.0, rate=5e3, resolution=0.25)},
+    "coarse": {"shaping": Shaping(limit=30.0, rate=100.0, resolution=7.0), "timing": Timing("one-tick")},
     "substeps": {"substeps": 3, "timing": Timing(command_delay=0.25 * PERIOD)},
 }
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ import armwright as aw
 from armwright.errors import ScenarioError
 from armwright.simulation.integrators import INTEGRATORS
 from physics.arms import arm
+from simulation.plants import MOTOR, STOPS, pendulum
 
 START = {"q0": [0.4, 0.4], "qd0": [0.5, 0.5]}
 
@@ -76,3 +79,42 @@ def test_what_cannot_be_tried_is_refused(fields, more, said):
     scenario = aw.Scenario(arm("two-link"), duration=0.1, command=[0.0, 0.0], **fields)
     with pytest.raises(ScenarioError, match=said):
         aw.converge(scenario, **more)
+
+
+def test_where_a_quantiser_decides_otherwise_rows_behind_are_not_compared():
+    """A count more or less is no error of the integration: the run is another one from there, however small the step."""
+    scenario = aw.Scenario(
+        arm("two-link"), controller=lambda t, r, y: 100.0 * (r.q - y.q) - 10.0 * y.qd, reference=[0.5, 0.1],
+        sample_period=8e-3, duration=0.4, sensors=aw.Sensors(counts=20_000, velocity="difference"), record_every=5, **START,
+    )  # fmt: skip
+    found = aw.converge(scenario, steps=4, accuracies=[1e-4])
+    coarse, fine = found.trials[0], found.trials[-1]
+    rk3, exact = (
+        aw.simulate(dataclasses.replace(scenario, integrator=name, record_every=1)) for name in ("rk3", "cvodes")
+    )
+    first = np.flatnonzero((rk3.q_measured.values != exact.q_measured.values).any(axis=1))[0]
+    assert coarse.apart == pytest.approx(first * 8e-3)
+    errors = np.abs(rk3.qd - exact.qd).values.max(axis=1)
+    assert coarse.error_qd == pytest.approx(errors[: first + 1].max(), rel=1e-6)
+    assert errors.max() > 100.0 * coarse.error_qd
+    assert np.isnan(fine.apart)
+    assert np.isnan(found.trials[1].order)
+    assert fine.order == pytest.approx(3.0, abs=0.3)
+    assert found.recommended[1e-4] == coarse
+
+
+def test_no_order_is_told_from_errors_that_are_those_of_cvodes():
+    scenario = aw.Scenario(arm("two-link"), duration=0.064, step=1e-3, command=[90.0, 20.0], integrator="rk4", **START)
+    found = aw.converge(scenario, steps=7)
+    assert 0.0 < found.floor < 1e-10
+    assert found.trials[-1].error == pytest.approx(found.floor, rel=0.2)
+    assert np.isnan(found.trials[-1].order)
+    assert found.trials[1].order == pytest.approx(4.0, abs=0.3)
+
+
+def test_stops_do_not_cost_the_order():
+    joint = {"motor": MOTOR, "friction": {"viscous_n_m_s_per_rad": 0.8}, "stops": STOPS}
+    swing = pendulum(**joint, limits={"position_rad": [-1.0, 0.35]})
+    scenario = aw.Scenario(swing, duration=0.2, step=1e-3, command=[2.0], integrator="rk4", q0=[0.3], qd0=[0.8])
+    found = aw.converge(scenario, steps=5)
+    assert found.trials[-1].order == pytest.approx(4.0, abs=0.3)

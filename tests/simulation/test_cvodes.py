@@ -77,6 +77,35 @@ def test_a_controlled_arm_is_what_small_steps_come_to(timing):
             np.testing.assert_allclose(run[name].values, exact[name].values, rtol=1e-9, atol=1e-9 * gain)
 
 
+PUSHED = aw.Schedule(
+    np.array([0.0, 0.0113, 0.0421]), np.array([np.zeros(6), [30.0, -50.0, 0, 0, 0, 4.0], [-40.0, 0, 20.0, 0, 2.0, 0]]),
+    ("fx", "fy", "fz", "mx", "my", "mz"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("timing", TIMINGS.values(), ids=TIMINGS)
+def test_a_wrench_under_a_controller_is_what_small_steps_come_to(timing):
+    """Held from row to row as commands are, and landed on where it changes within a tick; parameters vary beside it."""
+    common = {"controller": pd, "reference": [0.6, 0.2], "sample_period": PERIOD, "duration": 20 * PERIOD}
+    common |= {"timing": timing, "seed": 3, **START, "vary": {"forearm.mass_kg": [8.0, 15.0]}, "wrench": PUSHED}
+    model = arm("two-link")
+    exact = aw.simulate(aw.Scenario(model, integrator="cvodes", **common))
+    stepped = aw.simulate(aw.Scenario(model, integrator="rk4", substeps=32, **common))
+    free = aw.simulate(aw.Scenario(model, integrator="cvodes", **(common | {"wrench": None})))
+    assert np.abs(exact.qd.values - free.qd.values).max() > 0.05
+    for name, gain in {"q": 1, "qd": 1, "qdd": 200, "u": 200}.items():
+        np.testing.assert_allclose(stepped[name].values, exact[name].values, rtol=1e-9, atol=1e-9 * gain)
+
+
+def test_parameters_vary_without_a_controller():
+    common = {"duration": 0.05, "step": 5e-3, "command": [90.0, 20.0], "wrench": PUSHED, **START}
+    varied = {"forearm.mass_kg": [8.0, 15.0]}
+    exact = aw.simulate(aw.Scenario(arm("two-link"), integrator="cvodes", vary=varied, **common))
+    stepped = aw.simulate(aw.Scenario(arm("two-link"), integrator="rk4", vary=varied, **(common | {"step": 2e-4})))
+    np.testing.assert_allclose(stepped.qd.values[:, ::25], exact.qd.values, atol=1e-9)
+    assert np.abs(np.diff(exact.q.values, axis=0)).max() > 1e-3
+
+
 def test_a_controller_in_python_runs_with_it():
     def table(t, r, y):
         return np.where(np.asarray(y.q, dtype=float) < 0.5, 1.0, -1.0)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import armwright as aw
 from armwright import scalar
@@ -13,13 +13,16 @@ from armwright.actuators import limited_drive
 from armwright.dynamics import forward_dynamics
 from armwright.errors import ModelError, ScenarioError
 from armwright.kernels.batch import Kernel
-from armwright.kernels.llvm import select_target
+from armwright.kernels.target import select_target
 from armwright.model.vary import Varied
 from armwright.program import trace
 from armwright.simulation.plant import Plant
-from simulation.plants import BRAKE, COULOMB, MANY, MOTOR, RK3, SUPPLY, exact, pendulum, steps
+from simulation.plants import BRAKE, COULOMB, ELASTIC, MANY, MOTOR, RK3, STOPS, SUPPLY, exact, pendulum, steps
 
 U = {"all": [12.0, 8.0]}
+PLAY = {**ELASTIC, "backlash_rad": 0.004}
+TOUCHING = pendulum(motor=MOTOR, elasticity=PLAY, stops=STOPS, limits={"position_rad": [-1.0, 1.0]})
+APART = pendulum(motor=MOTOR, elasticity={**PLAY, "backlash_rad": 1e3})
 FAST = ("inductance", "elastic", "harmonic", "all")  # with time constants of a millisecond
 SMOOTH = [name for name in MANY if name != "supply"]  # whose bus may take over the voltage limit within a run
 
@@ -173,11 +176,37 @@ def test_a_wrench_reaches_every_plant():
     assert found[0] != pytest.approx(Plant.of(MANY["plain"]).derivative(begun(Plant.of(MANY["plain"])), u)[1])
 
 
-def test_a_rule_without_exact_parts_is_refused():
-    rule = dataclasses.replace(RK3, exponential=None)
-    plant = Plant.of(MANY["inductance"])
-    with pytest.raises(ScenarioError, match="current change faster than a step"):
-        plant.step(rule, begun(plant), np.array([1.0]), 1e-3)
+@pytest.mark.parametrize("name", MANY)
+def test_fast_parts_are_told_by_themselves(name):
+    """`fast` says of the stiff entries what `split` says of them, without the arm's dynamics."""
+    plant, u = Plant.of(MANY[name]), np.array(U.get(name, [12.0]))
+    x = begun(plant) + 1e-3
+    change, rates = plant.split(x, u)
+    alone, same = plant.fast(x, u)
+    np.testing.assert_array_equal(alone, change[list(plant.stiff)])
+    np.testing.assert_array_equal(same, rates)
+
+
+@given(st.floats(-1.2, 1.2), st.floats(-3.0, 3.0), st.floats(-0.01, 0.01), st.floats(-3.0, 3.0))
+def test_contacts_are_those_of_the_state(q, qd, ahead, faster):
+    """With the contacts held that there are, the derivative is what it is; a contact that is taken away pushes no more."""
+    plant = Plant.of(TOUCHING)
+    x = plant.initial([q], [qd])
+    x += plant_moved(plant, ahead, faster)
+    touching, u = plant.touching(x), np.array([2.0])
+    expected = [q >= 1.0, q <= -1.0, ahead >= 0.002, ahead <= -0.002]
+    near = np.abs([q - 1.0, q + 1.0, ahead - 0.002, ahead + 0.002]) < 1e-12
+    assert all(a == b or close for a, b, close in zip(touching, expected, near, strict=True))
+    np.testing.assert_array_equal(plant.derivative(x, u), plant.derivative(x, u, touching=touching))
+    free, apart = plant.derivative(x, u, touching=np.zeros(4)), Plant.of(APART)
+    np.testing.assert_allclose(free, apart.derivative(x, u), rtol=1e-12)
+
+
+def plant_moved(plant, ahead, faster):
+    """The motor turned ahead of its link by an angle and a speed at the joint."""
+    moved = np.zeros(plant.size)
+    plant.part(moved, "motor_q")[:], plant.part(moved, "motor_qd")[:] = 50.0 * ahead, 50.0 * faster
+    return moved
 
 
 def test_brakes_take_part_only_where_they_are_asked_for():

@@ -7,39 +7,85 @@ import pytest
 
 import armwright as aw
 from armwright.simulation.plant import Plant
-from simulation.plants import COULOMB, ELASTIC, MANY, MOTOR, STOPS, SUPPLY, pendulum, with_energies
+from simulation.energies import Balance
+from simulation.plants import COULOMB, ELASTIC, LUGRE, MANY, MOTOR, SUPPLY, chain, pendulum
+
+ORDERS = {"rk3": 3, "rk4": 4}
+VISCOUS = {"viscous_n_m_s_per_rad": 0.8}
+SOFT = {"stiffness_n_m_per_rad": 2e3, "damping_n_m_s_per_rad": 10.0}
+WOUND = {**MOTOR, "inductance_h": 2e-3}
+PLAY = {**ELASTIC, "backlash_rad": 0.01}
+ROUNDING = 3e-13  # of a balance: no order is seen below
 
 
-def missing(arm, u, h, duration=0.1, q=0.3, qd=0.5):
-    """The energy that the balance lacks, as a share of the largest that went any way."""
-    plant = Plant.of(arm)
-    x = plant.initial(np.full(arm.n, q), np.full(arm.n, qd))
-    last, went = with_energies(plant, x, u, h, round(duration / h))
-    stored = float(plant.stored_energy(last)) - float(plant.stored_energy(x))
-    lack = went["electrical"] - went["heat"] - went["friction"] - went["mechanical"] - stored
-    return abs(lack) / max(abs(value) for value in went.values())
+def joint(low, high, **more):
+    """One with stops, and more."""
+    own = {"command": "voltage", "motor": MOTOR, "friction": VISCOUS, "stops": SOFT, **more}
+    return {**own, "limits": {"position_rad": [low, high]}}
+
+
+STICKING = {"motor": WOUND, "friction": LUGRE}
+SWITCHING = {  # arm, q, q̇, u, duration
+    "a stop hit several times": (
+        pendulum(
+            gravity=0.0, motor={**MOTOR, "rotor_inertia_kg_m2": 2e-5}, friction={"viscous_n_m_s_per_rad": 0.1},
+            stops={**SOFT, "damping_n_m_s_per_rad": 3.0}, limits={"position_rad": [-0.2, 0.35]},
+        ), [0.3], [1.5], [3.0], 0.8,
+    ),
+    "an arm with stops": (chain([joint(-0.3, 0.35), joint(-0.5, 0.32)]), [0.3, 0.3], [0.8, 0.5], [6.0, 4.0], 0.4),
+    "play": (pendulum(motor=MOTOR, friction=VISCOUS, elasticity=PLAY), [0.3], [0.8], [2.0], 0.2),
+    "play and stops": (chain([joint(-1.0, 0.35, elasticity=PLAY)]), [0.3], [0.8], [2.0], 0.2),
+    "other Coulomb levels either way": (chain([joint(-1.0, 0.35, friction=COULOMB)]), [0.3], [0.8], [2.0], 0.2),
+    "bristles and inductance": (chain([joint(-1.0, 0.35, **STICKING)]), [0.3], [0.8], [6.0], 0.2),
+    "an arm with all that": (
+        chain([joint(-0.3, 0.35, **STICKING), joint(-0.5, 0.32, **STICKING, elasticity=PLAY)]),
+        [0.3, 0.3], [0.8, 0.5], [6.0, 4.0], 0.1,
+    ),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", [name for name in MANY if name != "supply"])
 def test_power_balances(name):
-    assert missing(MANY[name], [12.0, 8.0][: MANY[name].n], 1e-4) < 1e-6
+    n = MANY[name].n
+    assert Balance(MANY[name]).lack([0.3] * n, [0.5] * n, [12.0, 8.0][:n], 1e-4, 0.1) < 1e-6
 
 
 def test_power_balances_when_a_motor_feeds_the_bus():
     """Driven backwards, the bus rises until the chopper burns what comes."""
     arm = pendulum(motor=MOTOR, friction=COULOMB, robot={"supply": SUPPLY})
-    assert missing(arm, [-8.0], 1e-4, qd=9.0) < 1e-6
+    assert Balance(arm).lack([0.3], [9.0], [-8.0], 1e-4, 0.1) < 1e-6
 
 
-@pytest.mark.parametrize("what", ["stops", "backlash"])
-def test_where_contacts_switch_it_shrinks_with_the_step(what):
-    arm = {
-        "stops": pendulum(motor=MOTOR, friction=COULOMB, stops=STOPS, limits={"position_rad": [-1.0, 0.35]}),
-        "backlash": pendulum(motor=MOTOR, friction=COULOMB, elasticity={**ELASTIC, "backlash_rad": 0.002}),
-    }[what]
-    lacks = [missing(arm, [2.0], 1e-3 / 2**k, duration=0.2, qd=0.8) for k in range(5)]
-    assert lacks[-1] < 1e-6
-    assert -np.polyfit(range(5), np.log2(lacks), 1)[0] > 1.8  # a force that bends within a step leaves order 2
+@pytest.mark.parametrize("rule", ORDERS)
+@pytest.mark.parametrize("name", SWITCHING)
+def test_where_contacts_switch_it_shrinks_with_the_order(name, rule):
+    """Steps end where stops and flanks begin and end to touch: each halving divides what is lacking by 2^order."""
+    arm, q, qd, u, duration = SWITCHING[name]
+    balance = Balance(arm, rule)
+    lacks = np.array([balance.lack(q, qd, u, 1e-3 / 2**k, duration) for k in range(6)])
+    seen = lacks[lacks > ROUNDING]
+    assert lacks[1] < 2e-5
+    assert lacks[-1] < 1e-8
+    assert len(seen) >= 4
+    assert -np.polyfit(range(len(seen)), np.log2(seen), 1)[0] > ORDERS[rule] - 0.3
+
+
+def test_without_landing_it_does_not():
+    """A force that jumps within a step leaves order 2 at best: what the tests above would say if nothing were landed on."""
+    arm, q, qd, u, duration = SWITCHING["play and stops"]
+    balance = Balance(arm, "rk4", landing=False)
+    lacks = [balance.lack(q, qd, u, 1e-3 / 2**k, duration) for k in range(6)]
+    assert -np.polyfit(range(6), np.log2(lacks), 1)[0] < 2.5
+
+
+@pytest.mark.parametrize("name", ["a stop hit several times", "play and stops", "bristles and inductance"])
+def test_it_shrinks_with_the_tolerance(name):
+    """rk45, whose ticks of 20 ms hold several contacts: what is lacking goes with rtol."""
+    arm, q, qd, u, duration = SWITCHING[name]
+    tolerances = [1e-5, 1e-7, 1e-9]
+    lacks = [Balance(arm, tolerance=rtol).lack(q, qd, u, 2e-2, duration) for rtol in tolerances]
+    assert all(lack < 10.0 * rtol for lack, rtol in zip(lacks, tolerances, strict=True))
+    assert np.polyfit(np.log10(tolerances), np.log10(lacks), 1)[0] > 0.8
 
 
 def test_under_a_sampled_controller_it_shrinks_with_the_order():
@@ -47,10 +93,8 @@ def test_under_a_sampled_controller_it_shrinks_with_the_order():
 
     The loop's own commands are played back to the plant with its energies as further states, which comes to the loop's own end.
     """
-    arm = pendulum(
-        motor={**MOTOR, "inductance_h": 2e-3}, friction={"viscous_n_m_s_per_rad": 0.8}, limits={"voltage_v": 20.0}
-    )
-    plant, period, ticks, lacks = Plant.of(arm), 4e-3, 40, []
+    arm = pendulum(motor=WOUND, friction=VISCOUS, limits={"voltage_v": 20.0})
+    balance, period, ticks, lacks = Balance(arm), 4e-3, 40, []
     for substeps in (8, 16, 32):
         run = aw.simulate(
             aw.Scenario(
@@ -60,13 +104,10 @@ def test_under_a_sampled_controller_it_shrinks_with_the_order():
             )
         )  # fmt: skip
         assert np.ptp(run.u_issued.values) > 20.0
-        x = plant.initial([0.0], [0.0])
-        commands = run.u.values[:-1].repeat(substeps, axis=0)
-        last, went = with_energies(plant, x, commands, period / substeps, ticks * substeps)
+        begun = balance.plant.initial([0.0], [0.0])
+        last, went = balance.moved(begun, run.u.values[:-1], period / substeps, substeps)
         np.testing.assert_allclose(last[:2], [run.q.values[-1, 0], run.qd.values[-1, 0]], rtol=1e-9)
-        stored = float(plant.stored_energy(last)) - float(plant.stored_energy(x))
-        lack = went["electrical"] - went["heat"] - went["friction"] - went["mechanical"] - stored
-        lacks.append(abs(lack) / max(abs(value) for value in went.values()))
+        lacks.append(balance.lacking(begun, last, went))
     assert lacks[-1] < 1e-6
     assert np.log2(lacks[1] / lacks[2]) > 2.5
 

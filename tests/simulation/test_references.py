@@ -1,8 +1,13 @@
-"""References as functions of time are differentiated exactly."""
+"""References as functions of time are differentiated exactly; what cannot be is told."""
+
+import math
 
 import numpy as np
+import pytest
 
+import armwright as aw
 from armwright import scalar
+from armwright.errors import ScenarioError
 from armwright.simulation.references import reference_notes, reference_rows
 from physics.arms import arm
 
@@ -18,3 +23,70 @@ def test_speed_and_acceleration_follow_from_the_position():
     np.testing.assert_allclose(rows[:, [1, 7, 13]], np.stack([T * T, 2 * T, 2 + 0 * T], axis=1), atol=1e-14)
     assert not rows[:, [8, 14]].any()
     assert reference_notes(model, rows, T) == []
+
+
+def wobble(t):
+    """Of `math`, which takes no symbols."""
+    return [0.1 * math.sin(t), 0.0, 0.0, 0.0, 0.0, 0.0]
+
+
+def test_what_cannot_be_traced_has_no_speeds_and_the_run_says_so():
+    model, notes = arm("cmu-dd"), []
+    rows = reference_rows(model, wobble, T, notes)
+    np.testing.assert_allclose(rows[:, 0], 0.1 * np.sin(T), atol=1e-16)
+    assert not rows[:, 6:].any()
+    (note,) = notes
+    assert note.startswith("reference 'wobble' cannot be traced (SymbolError: ")
+    assert note.endswith(
+        "called tick by tick, its speeds and accelerations are taken as 0; written with armwright.scalar it is differentiated, "
+        "or let it give (q, qd, qdd)"
+    )
+    assert "\n" not in note
+    run = aw.simulate(
+        aw.Scenario(
+            model, controller=lambda t, r, y: 10.0 * (r.q - y.q), reference=wobble, sample_period=1e-3, duration=0.01
+        )
+    )
+    assert note in run.attrs["notes"].splitlines()
+    assert not run.qd_reference.values.any()
+
+
+def test_speeds_that_it_gives_itself_are_kept():
+    def given(t):
+        return np.full(6, math.sin(t)), np.full(6, math.cos(t)), np.full(6, -math.sin(t))
+
+    notes = []
+    rows = reference_rows(arm("cmu-dd"), given, T, notes)
+    np.testing.assert_allclose(rows[:, 6:12], np.cos(T)[:, None] * np.ones(6), atol=1e-16)
+    assert notes[0].endswith("called tick by tick, with the speeds and accelerations that it gave")
+
+
+def test_a_traced_one_leaves_no_note():
+    notes = []
+    reference_rows(arm("cmu-dd"), lambda t: scalar.array([scalar.sin(t), 0.0, 0.0, 0.0, 0.0, 0.0]), T, notes)
+    assert notes == []
+
+
+def test_it_is_called_once_a_tick():
+    calls = []
+
+    def counted(t):
+        calls.append(t)
+        return [math.sin(t), 0.0, 0.0, 0.0, 0.0, 0.0]
+
+    reference_rows(arm("cmu-dd"), counted, T)
+    assert calls[-len(T) :] == list(T)
+    assert len(calls) <= len(T) + 1  # and once to see whether it can be traced
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        (lambda: np.zeros(6), r"reference '<lambda>': takes \(\), expected \(t\)"),
+        (lambda t: np.zeros(5), r"the function gave shape \(5,\); expected q \(6,\) or \(q, qd, qdd\)"),
+        (lambda t: [math.nan] * 6, "reference: joint1 is nan at t = 0 s"),
+    ],
+)
+def test_functions_of_other_things_are_refused(function, said):
+    with pytest.raises(ScenarioError, match=said):
+        reference_rows(arm("cmu-dd"), function, T)

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 import armwright as aw
 from armwright.description.database import parse
 from armwright.errors import DivergenceError, ScenarioError
-from armwright.kernels.llvm import select_target
+from armwright.kernels.target import select_target
 from armwright.model import build_model
 from armwright.simulation.plant import plant_derivative
 from armwright.simulation.simulator import compile_simulator
@@ -337,7 +337,7 @@ def test_progress_counts_all_steps(cmu):
         ({"command": [0, 0], "duration": 1.0, "integrator": "rk33"}, "integrator = 'rk33': unknown; did you mean rk3"),
         (
             {"schedule": aw.Schedule.constant(["a"], [1.0]), "duration": 1.0},
-            "the schedule is for a; expected the joints of two-link: shoulder, elbow",
+            "schedule: the schedule is for a; expected shoulder, elbow",
         ),
     ],
 )

@@ -7,9 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import armwright as aw
 from armwright.errors import ScenarioError
 from armwright.kernels.stages import NEVER
 from armwright.simulation.timing import Delays, Timing, lateness, planned
+from physics.arms import arm
 
 PERIOD = 2e-3
 
@@ -81,6 +83,71 @@ def test_jitter_spreads_arrivals_and_a_synchronous_drive_hides_it():
     assert {float(lateness(held, 0.0, held.later[0], held.jitter[0], 0.0, each)) for each in w} == {0.0}
 
 
+@settings(deadline=None, max_examples=300)
+@given(
+    st.one_of(st.floats(0.0, 900.0), st.integers(0, 900).map(float)),
+    st.sampled_from([0.0, 0.3, 1.0, 2.75, 40.0]),
+    st.floats(1e-9, 1.0 - 1e-9),
+)
+def test_a_synchronous_drive_acts_at_the_first_sync_behind_the_arrival_however_long_the_delay(delay, jitter, w):
+    """Whole ticks wait in the queue: how many commands are planned for depends on the jitter alone."""
+    delays = Delays.of(Timing("sync", command_delay=delay * PERIOD, jitter=jitter * PERIOD), PERIOD)
+    behind = lateness(delays, 7.0, delays.later[0], delays.jitter[0], delays.drift[0], w)
+    arrival = delay + jitter * w
+    if abs(arrival - np.rint(arrival)) > 1e-6 or jitter == 0.0:
+        whole = np.rint(arrival) if abs(arrival - np.rint(arrival)) <= 1e-9 else np.ceil(arrival)
+        assert delays.commanded[0] + behind == max(whole, 1.0)
+    assert behind < delays.pending + 1
+    assert delays.pending <= np.ceil(jitter) + 1
+    assert delays.fractional == (jitter > 0.0)
+
+
+def test_lanes_with_and_without_jitter_are_split_each_by_itself():
+    delay, jitter = np.array([0.0, 0.5, 3.0, 3.4, 3.4]), np.array([0.0, 0.0, 0.0, 0.0, 0.2])
+    delays = Delays.of(Timing("sync", command_delay=delay * PERIOD, jitter=jitter * PERIOD), PERIOD)
+    np.testing.assert_array_equal(delays.commanded, [1.0, 1.0, 3.0, 4.0, 3.0])
+    np.testing.assert_allclose(delays.later, [0.0, 0.0, 0.0, 0.0, 1.4])
+
+
+def test_a_long_synchronous_delay_is_that_many_ticks_in_the_run():
+    """30.3 periods: the same as 31, and as 30 behind one-tick."""
+    model = arm("two-link")
+    law = lambda t, r, y: 20.0 * (r.q - y.q) - y.qd  # noqa: E731
+    fields = {"controller": law, "reference": [0.3, 0.1], "sample_period": PERIOD, "duration": 50 * PERIOD}
+    timings = (
+        Timing("sync", command_delay=30.3 * PERIOD),
+        Timing("sync", command_delay=30.3 * PERIOD, jitter=0.6 * PERIOD),
+        Timing("one-tick", command_delay=30 * PERIOD),
+    )
+    runs = [aw.simulate(aw.Scenario(model, timing=each, **fields)) for each in timings]
+    assert runs[0].u.values[32, 0] != runs[0].u.values[30, 0]
+    for run in runs[1:]:
+        np.testing.assert_array_equal(run.u.values, runs[0].u.values)
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        (
+            {"jitter": 2.0},
+            r"timing: jitter \(jitter_s in a file\) = 2 s is 1000 periods of 0.002 s; expected at most 64 periods, 0.128 s",
+        ),
+        ({"jitter": 1e6, "preset": "sync"}, r"jitter_s in a file\) = 1e\+06 s is 5e\+08 periods"),
+        ({"jitter": [0.0, 0.2]}, r"jitter_s in a file\) = 0.2 s is 100 periods"),
+        (
+            {"command_delay": 1e5},
+            r"command_delay_s in a file\) = 100000 s is 5e\+07 periods .* at most 1000000 periods, 2000 s",
+        ),
+        ({"command_delay": 1e5, "preset": "sync"}, r"command_delay_s in a file\) = 100000 s"),
+        ({"measurement_delay": 1e5}, r"measurement_delay_s in a file\) = 100000 s"),
+    ],
+)
+def test_more_than_can_be_under_way_is_refused_before_anything_is_compiled(fields, said):
+    with pytest.raises(ScenarioError, match=said):
+        Delays.of(Timing(**fields), PERIOD)
+    assert Delays.of(Timing(jitter=64 * PERIOD), PERIOD).pending == 63
+
+
 def test_a_drive_with_its_own_clock_acts_at_its_own_ticks():
     drift = 0.01
     delays = Delays.of(Timing("ideal", clock_drift=drift), PERIOD)
@@ -95,11 +162,21 @@ def test_a_drive_with_its_own_clock_acts_at_its_own_ticks():
     ("bad", "said"),
     [
         ({"preset": "onetick"}, "did you mean one-tick"),
-        ({"command_delay": -1e-3}, "command_delay = -0.001: expected a time of 0 s or more"),
+        (
+            {"command_delay": -1e-3},
+            r"timing: command_delay \(command_delay_s in a file\) = -0.001: expected a time of 0 s or more",
+        ),
         ({"command_loss": 1.5}, "expected a probability"),
         ({"jitter": np.nan}, "expected a time"),
         ({"measurement_delay": "late"}, "expected a time"),
         ({"clock_drift": 0.5}, "within ±0.1"),
+        (
+            {"command_delay": np.array([0.0, -1.0])},
+            r"command_delay_s in a file\) = -1 of lane 1: expected a time of 0 s or more",
+        ),
+        ({"jitter": np.zeros((1, 2))}, r"timing: jitter \(jitter_s in a file\) = \[\[0.0, 0.0\]\]: expected"),
+        ({"command_loss": True}, "timing: command_loss = True: expected a probability"),
+        ({"preset": 5}, "timing: preset = 5: unknown"),
     ],
 )
 def test_bad_timing_is_refused(bad, said):

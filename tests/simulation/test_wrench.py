@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import armwright as aw
 from armwright import scalar
 from armwright.errors import ScenarioError
-from armwright.simulation.scenario import WRENCH
+from armwright.simulation.inputs import WRENCH
 from physics.arms import arm
 
 PERIOD = 1e-3
@@ -49,6 +52,29 @@ def test_rows_are_landed_on_inside_a_tick():
     np.testing.assert_allclose(coarse.qd.values, fine.qd.values, atol=1e-8)
 
 
+@pytest.mark.parametrize("integrator", ["rk4", "rk45", "cvodes"])
+def test_commands_over_time_need_no_controller(integrator):
+    """The same loop without a controller: rows of commands and wrench land where they come, whatever the rule."""
+    rows = aw.Schedule(np.array([0.0, 0.0503, 0.12]), np.array([np.zeros(6), FORCE, -FORCE]), WRENCH)
+    commands = aw.Schedule(
+        np.array([0.0, 0.0503, 0.0711]), np.array([[2.0, 1], [-1, 0], [3, 0.5]]), ("shoulder", "elbow")
+    )
+    common = {"duration": 0.2, "q0": [0.3, -0.5], "integrator": integrator}
+    run = aw.simulate(aw.Scenario(arm("two-link"), schedule=commands, wrench=rows, step=1e-3, **common))
+    fine = aw.Scenario(arm("two-link"), schedule=commands, wrench=rows, step=1e-4, record_every=10, **common)
+    tight = 1e-9 if integrator == "rk45" else 1e-10
+    np.testing.assert_allclose(run.q.values, aw.simulate(fine).q.values, atol=tight)
+    x, model = np.array([0.3, -0.5, 0.0, 0.0]), arm("two-link")
+    edges = [0.0, 0.0503, 0.0711, 0.12, 0.2]
+    for begin, end in itertools.pairwise(edges):
+        u, f = commands.at(begin), rows.at(begin)
+        x = solve_ivp(
+            lambda t, x, u=u, f=f: np.concatenate([x[2:], aw.forward_dynamics(model, x[:2], x[2:], u, f)]),
+            (begin, end), x, "DOP853", rtol=1e-12, atol=1e-13,
+        ).y[:, -1]  # fmt: skip
+    np.testing.assert_allclose(np.concatenate([run.q.values[-1], run.qd.values[-1]]), x, atol=10 * tight)
+
+
 def test_lanes_and_python_and_reducers():
     rows = np.stack([FORCE, 0.0 * FORCE, 2.0 * FORCE])
     many = aw.simulate(scenario(wrench=rows, reduce=["peak_error"]))
@@ -66,9 +92,10 @@ def test_lanes_and_python_and_reducers():
     ("fields", "said"),
     [
         ({"wrench": np.zeros(3)}, r"wrench has shape \(3,\), expected \(6,\) or \(lanes, 6\): fx, fy"),
-        ({"wrench": aw.Schedule(np.zeros(1), np.zeros((1, 2)), ("a", "b"))}, "the schedule has a, b; expected fx, fy"),
-        ({"integrator": "cvodes"}, "'cvodes' takes no wrench"),
-        ({"controller": None, "command": np.zeros(2), "initial_command": None}, "a wrench goes with a controller"),
+        (
+            {"wrench": aw.Schedule(np.zeros(1), np.zeros((1, 2)), ("a", "b"))},
+            "wrench: the schedule is for a, b; expected fx, fy",
+        ),
         ({"wrench": np.zeros((3, 6)), "q0": np.zeros((2, 2))}, "lanes do not fit together"),
     ],
 )

@@ -39,9 +39,13 @@ def rerun(
         print(f"wrote {output}")
     for line in done.surroundings:
         print(f"differs  {line}")
+    if done.part:
+        print(f"compared what there is: {done.part}")
     if done.same:
         print("the same to the last bit")
         return
+    for line in done.reshaped:
+        print(f"differs  {line}")
     for name, largest in done.differences.items():
         print(f"differs  {name}: by {largest:.3g} at most")
     raise typer.Exit(1)

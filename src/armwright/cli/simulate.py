@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armwright.cli.arguments import Robot, vector
-from armwright.errors import Interrupted, ScenarioError
+from armwright.errors import DivergenceError, Interrupted, ScenarioError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -41,7 +41,7 @@ def simulate(
     duration: Annotated[
         float | None, option("--duration", "S", "How long, in s; by default until the schedule's last row.")
     ] = None,
-    step: Annotated[float, typer.Option("--step", metavar="S", help="Step of the integrator in s.")] = 1e-3,
+    step: Annotated[float | None, option("--step", "S", "Step of the integrator in s; default 1e-3.")] = None,
     integrator: Annotated[
         str | None, option("--integrator", "NAME", "rk3 (by default), rk4, semi_implicit_euler, rk45 or cvodes.")
     ] = None,
@@ -50,8 +50,9 @@ def simulate(
     ] = None,
     qd0: Annotated[Numbers, option("--qd0", "W1,W2,…", "How fast it starts, in rad/s or m/s; default 0.")] = None,
     record_every: Annotated[
-        int, typer.Option("--record-every", metavar="K", help="Record every K-th step; 0: only start and end.")
-    ] = 1,
+        int | None,
+        option("--record-every", "K", "Record every K-th step, default 1; 0: only start and end."),
+    ] = None,
     output: Annotated[
         Path | None, option("--output -o", "FILE", "Where the run goes: .nc (NetCDF), .csv or .parquet.")
     ] = None,
@@ -60,7 +61,8 @@ def simulate(
     """Move an arm: drive commands in, motion out; or run a scenario file.
 
     Commands come from a schedule, or are constant: one value a joint with commas between, or one for all joints. Each
-    is in its drive's own unit, as `armwright info` shows it. Without -o and --plot the state at the end is shown.
+    is in its drive's own unit, as `armwright info` shows it. Without -o and --plot the state at the end is shown,
+    of lanes its mean, least and most.
 
     A file that ends in .scenario.toml says all of it instead: robot, controller, reference, timing, lanes.
 
@@ -83,11 +85,19 @@ def simulate(
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
         given = {**constants, "schedule": schedule, "duration": duration, "integrator": integrator}
-        given |= {"q0": q0, "qd0": qd0}
+        given |= {"q0": q0, "qd0": qd0, "step": step, "record-every": record_every}
         for name, value in given.items():
             if value is not None:
                 raise ScenarioError(f"{robot}: --{name}, but a scenario file says all of it; expected one or the other")
-        _run(aw.read_scenario(robot), output, plot)
+        scenario = aw.read_scenario(robot)
+        if plot is not None and scenario.record == "none":
+            raise ScenarioError(
+                f"{robot}: --plot draws rows, and [record] what = 'none' keeps none; expected 'all' or 'state', or no --plot"
+            )
+        try:
+            _run(scenario, output, plot)
+        except (ScenarioError, DivergenceError) as error:  # of the run, which does not know the file
+            raise type(error)(f"{robot}: {error}") from None
         return
     arm = aw.load(robot)
     scenario = aw.Scenario(
@@ -98,7 +108,7 @@ def simulate(
         **driven_by(arm, schedule, constants),
         q0=None if q0 is None else vector("--q0", q0, arm.names, joint_units(arm, "q")),
         qd0=None if qd0 is None else vector("--qd0", qd0, arm.names, joint_units(arm, "qd")),
-        record_every=record_every,
+        record_every=1 if record_every is None else record_every,
     )
     _run(scenario, output, plot)
 
@@ -156,11 +166,13 @@ def driven_by(arm: Model, schedule: Path | None, constants: dict[str, str | None
 def _show(scenario: Scenario, run: xr.Dataset, spent: float, written: list[Path]) -> None:
     from rich.console import Console
 
-    from armwright.cli.tables import end_state
+    from armwright.cli.tables import end_state, lanes_that_stopped
 
     console = Console(highlight=False, markup=False, soft_wrap=True)
     step, what = scenario.tick, "steps" if scenario.controller is None else "periods"
     lanes = "" if scenario.lanes is None else f" in {run.sizes['lane']} lanes"
+    stopped = lanes_that_stopped(run) if "lane" in run.dims else 0
+    lanes += f", of which {stopped} left the finite numbers or ran out of steps" if stopped else ""
     end = float(run["time"][-1]) if "time" in run.coords else scenario.ticks * step
     console.print(
         f"{scenario.arm.name}: {end:g} s in {round(end / step)} {what} of {step * 1e3:g} ms{lanes}, "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import isnan
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from rich.console import Console, Group
 
 WIDTH = 140  # columns, where no terminal says how many
+MOTION = ("q", "qd", "tau", "voltage", "current")  # of a run, that an end state is told with
+OVER_LANES = ("mean", "min", "max")
 
 
 def number(value: Any) -> str:
@@ -54,27 +56,52 @@ def table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], left:
 
 
 def end_state(run: xr.Dataset) -> Group | None:
-    """Where every joint is at the end of a run, and what its motor does there."""
+    """Where joints are at the end of a run, what motors do there, and what reducers came to; of lanes, statistics."""
+    from rich.console import Group
+
     from armwright.simulation.recording import run_units
 
-    if "time" not in run.coords:
-        return _reduced(run)
-    last = run.isel(time=-1)
-    shown = [name for name in ("q", "qd", "tau", "voltage", "current") if name in run]
-    units = {name: list(dict.fromkeys(run_units(run, name))) for name in shown}
-    heads = ["joint", *(f"{name} [{' | '.join(units[name])}]" for name in shown)]
-    rows = [
-        [str(joint), *(number(last[name].values[k]) for name in shown)] for k, joint in enumerate(run["joint"].values)
-    ]
-    return table(f"at the end, t = {float(last['time']):g} s", heads, rows)
+    parts = []
+    if "time" in run.coords:
+        last = run.isel(time=-1)
+        shown = {name: run_units(run, name) for name in MOTION if name in run}
+        parts.append(_of_joints(last, shown, f"at the end, t = {float(last['time']):g} s"))
+    reduced = [str(name) for name, v in run.data_vars.items() if v.dims in (("joint",), ("lane", "joint"))]
+    if reduced:
+        shown = {name: [str(run[name].attrs.get("units", "-"))] for name in reduced}
+        parts.append(_of_joints(run, shown, "of the whole run"))
+    return Group(*(part for part in parts if part is not None)) if parts else None
 
 
-def _reduced(run: xr.Dataset) -> Group | None:
-    """What the reducers of a run without a record came to: of every joint, the mean of the lanes."""
-    means = run.mean(dim="lane") if "lane" in run.dims else run
-    shown = [str(name) for name, variable in means.data_vars.items() if variable.dims == ("joint",)]
-    heads = ["joint", *(f"{name} [{run[name].attrs.get('units', '-')}]" for name in shown)]
+def lanes_that_stopped(run: xr.Dataset) -> int:
+    """How many lanes left the finite numbers, or ran out of steps."""
+    return sum(int(run[name].notnull().sum()) for name in ("diverged_at", "stalled_at") if name in run)
+
+
+def _of_joints(run: xr.Dataset, shown: Mapping[str, Sequence[str]], title: str) -> Group | None:
+    """A row a joint of variables (joint,), told with the units that occur; of (lane, joint), a row each of some statistics."""
+    from rich.console import Group
+    from rich.text import Text
+
+    from armwright.simulation.statistics import statistics
+
+    heads = [f"{name} [{' | '.join(dict.fromkeys(units))}]" for name, units in shown.items()]
+    joints = [str(joint) for joint in run["joint"].values]
+    if "lane" not in run.dims:
+        rows = [[joint, *(number(run[name].values[k]) for name in shown)] for k, joint in enumerate(joints)]
+        return table(title, ["joint", *heads], rows)
+    lanes, stopped = run.sizes["lane"], lanes_that_stopped(run)
+    if stopped == lanes:
+        return Group(Text(f"{title}: none of the {lanes} lanes came to its end", style="bold"))
+    told = statistics(run[[*shown, *({"diverged_at", "stalled_at"} & set(run.data_vars))]], ()).sel(
+        statistic=list(OVER_LANES)
+    )
     rows = [
-        [str(joint), *(number(means[name].values[k]) for name in shown)] for k, joint in enumerate(run["joint"].values)
+        [joint if k == 0 else "", name, *(number(told[each].values[k][j]) for each in shown)]
+        for j, joint in enumerate(joints)
+        for k, name in enumerate(OVER_LANES)
     ]
-    return table(f"mean of {run.sizes['lane']} lanes" if "lane" in run.dims else "of the whole run", heads, rows)
+    over = (
+        f"over {lanes} lanes" if not stopped else f"over the {lanes - stopped} of {lanes} lanes that came to their end"
+    )
+    return table(f"{title}, {over}", ["joint", "over lanes", *heads], rows, left=["over lanes"])

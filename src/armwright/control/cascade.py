@@ -10,12 +10,13 @@ import numpy as np
 from armwright import scalar
 from armwright.control.anti_windup import RULES, Stage, limited_stage, shortfall, within
 from armwright.control.commands import command_signs
-from armwright.control.gains import check_choice, check_whole, per_joint, positive_limit
+from armwright.control.gains import check_whole, per_joint, positive_limit
 from armwright.control.joint_pid import check_tracking
 from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
 from armwright.simulation.protocols import Measurement, Reference
+from armwright.simulation.settings import check_choice
 
 GAINS = ("position_kp", "speed_feedforward", "speed_kp", "speed_ki", "current_kp", "current_ki", "slack")
 LIMITS = ("speed_limit", "effort_limit", "voltage_limit")

@@ -9,7 +9,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.control.commands import torque_commands
-from armwright.control.gains import per_joint
+from armwright.control.gains import check_model, per_joint
 from armwright.dynamics import inverse_dynamics
 from armwright.errors import ScenarioError
 from armwright.model import Model
@@ -36,6 +36,9 @@ class ComputedTorque:
     ki: Any = 0.0
     model: Model | None = None
     period: float | None = None  # [s] of the loop, which fits the law to it
+
+    def __post_init__(self) -> None:
+        check_model("ComputedTorque", self.model)
 
     def fitted(self, arm: Model, period: float) -> ComputedTorque:
         """The law for an arm and a sample period [s]: gains one a joint.

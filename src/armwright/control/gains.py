@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from armwright.errors import ScenarioError, nearest
+from armwright.errors import ScenarioError
 from armwright.model import Model
+from armwright.simulation.settings import shown
 
 
 def per_joint(arm: Model, law: str, name: str, value: Any, *, low: float = 0.0, limit: bool = False) -> np.ndarray:
@@ -26,7 +27,9 @@ def per_joint(arm: Model, law: str, name: str, value: Any, *, low: float = 0.0, 
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        raise ScenarioError(f"{law}: {name} = {value!r}: expected a number, or one for each joint") from None
+        array = None
+    if array is None or np.asarray(value).dtype.kind not in "iufO":  # "20" and True would be numbers to NumPy
+        raise ScenarioError(f"{law}: {name} = {shown(value)}: expected a number, or one for each joint")
     if array.ndim > 2 or (array.ndim and array.shape[-1] not in ((n,) if array.ndim == 1 else (1, n))):
         raise ScenarioError(
             f"{law}: {name} has shape {array.shape}; expected one number, ({n},) or (lanes, {n}): {', '.join(arm.names)}"
@@ -45,14 +48,14 @@ def positive_limit(arm: Model, law: str, name: str, value: Any) -> np.ndarray:
     return per_joint(arm, law, name, value, low=float(np.nextafter(0.0, 1.0)), limit=True)
 
 
-def check_choice(law: str, name: str, value: Any, choices: tuple[str, ...]) -> None:
-    """Refuses a word that is none of the choices.
+def check_model(law: str, model: Any) -> None:
+    """Refuses what is no model to reckon with.
 
     Raises:
-        ScenarioError: names it and the nearest ones.
+        ScenarioError: names it.
     """
-    if value not in choices:
-        raise ScenarioError(f"{law}: {name} = {value!r}: unknown; {nearest(str(value), choices)}")
+    if model is not None and not isinstance(model, Model):
+        raise ScenarioError(f"{law}: model = {model!r}: expected an arm, as aw.load(name) gives, or none")
 
 
 def check_whole(law: str, name: str, value: Any, low: int, expected: str) -> None:

@@ -10,13 +10,14 @@ import numpy as np
 from armwright import scalar
 from armwright.control.anti_windup import RULES, limited_stage, shortfall
 from armwright.control.commands import command_signs, torque_commands
-from armwright.control.gains import check_choice, check_time, check_whole, per_joint, positive_limit
+from armwright.control.gains import check_model, check_time, check_whole, per_joint, positive_limit
 from armwright.dynamics import gravity_torques
 from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.model.simplify import simplified
 from armwright.scalar import Array, Scalar
 from armwright.simulation.protocols import Measurement, Reference
+from armwright.simulation.settings import check_choice
 
 GAINS = ("kp", "ki", "kd", "speed_feedforward", "acceleration_feedforward", "slack")
 
@@ -64,6 +65,9 @@ class JointPID:
         check_choice("JointPID", "derivative", self.derivative, ("error", "measurement"))
         check_choice("JointPID", "anti_windup", self.anti_windup, RULES)
         check_whole("JointPID", "delay_ticks", self.delay_ticks, 0, "a whole number of ticks, 0 or more")
+        check_model("JointPID", self.model)
+        if not isinstance(self.gravity, (bool, np.bool_)):
+            raise ScenarioError(f"JointPID: gravity = {self.gravity!r}: expected true or false")
         if self.cutoff_hz is not None:
             check_time("JointPID", "cutoff_hz", self.cutoff_hz)
         check_tracking("JointPID", self.anti_windup, self.tracking_time)

@@ -8,7 +8,7 @@ from typing import Any
 import casadi
 import numpy as np
 
-from armwright.errors import ProgramError
+from armwright.errors import HiddenStateError, ProgramError
 from armwright.program.program import Port, Program
 from armwright.scalar import Symbol
 
@@ -33,6 +33,7 @@ def trace(
         noinline: a traced function that calls this program keeps one call of it instead of a copy of its operations.
     Raises:
         ProgramError: the function returns another number of arrays than `outputs` has names.
+        HiddenStateError: it computes with symbols that are none of its inputs: another call left them behind.
         SymbolError: the function branches on a value or puts one into a float array.
     """
     symbols = {key: _symbols(key, shape) for key, shape in inputs.items()}
@@ -48,8 +49,13 @@ def trace(
         casadi.cse([_column(array) for array in arrays]),
         list(symbols),
         [f"{key}_out" if key in symbols else key for key in names],
-        {"never_inline": noinline},
+        {"never_inline": noinline, "allow_free": True},
     )
+    if graph.has_free():
+        raise HiddenStateError(
+            f"{name}: computes with {graph.get_free()[0]} of another call; "
+            f"expected nothing but its own arguments: {', '.join(symbols)}"
+        )
     return Program(
         name,
         tuple(Port(key, array.shape) for key, array in symbols.items()),

@@ -22,18 +22,24 @@ from armwright.expressions import expression
 from armwright.model import Model, build_model
 from armwright.model.vary import Varied
 from armwright.scalar import Scalar
+from armwright.scenarios.acting import brake_of, payload_fields, payloads_of, wrench_of
 from armwright.scenarios.files import Files
-from armwright.scenarios.lanes import placed
 from armwright.scenarios.records import Kind, ScenarioTable
+from armwright.scenarios.varying import vary
 from armwright.simulation.recording import joint_units
-from armwright.simulation.scenario import WRENCH, Scenario
+from armwright.simulation.scenario import Scenario
 from armwright.simulation.schedule import read_schedule
 from armwright.simulation.sensors import Sensors
 from armwright.simulation.shaping import Shaping
 from armwright.simulation.timing import Timing
 
 HOMES = {"controller": "armwright.control", "reference": "armwright.trajectory"}
-TIMES = ("measurement_delay", "command_delay", "jitter")  # whose keys end in _s
+FITTED = {"controller": ("arm", "model", "signs", "period"), "reference": ("arm", "model")}  # what no file tells
+OTHERS = {"limit": np.inf, "rate": np.inf, "speed_limit": np.inf, "effort_limit": np.inf, "voltage_limit": np.inf}
+FAULTS = (
+    "no table of its own; [timing] has delays, jitter, losses and drift, [sensors] noise and counts, wrench and [[payload]] what "
+    "disturbs, [values] and [lanes] other numbers of the arm"
+)
 
 
 def read_scenario(path: str | os.PathLike[str]) -> Scenario:
@@ -57,6 +63,8 @@ def read_scenario(path: str | os.PathLike[str]) -> Scenario:
 
 def parse_scenario(document: dict[str, Any], place: str, files: Files, text: str) -> Scenario:
     """The scenario in a parsed TOML document; `place` is what errors call it."""
+    if "faults" in document:
+        raise ScenarioError(f"{place}: faults: {FAULTS}")
     try:
         table = ScenarioTable.model_validate(document)
     except pydantic.ValidationError as error:
@@ -67,7 +75,8 @@ def parse_scenario(document: dict[str, Any], place: str, files: Files, text: str
         told = str(error)
         raise type(error)(told if told.startswith(place) else f"{place}: {told}") from None
     kept = {"scenario": text, "files": files.read}
-    return dataclasses.replace(scenario, document=json.dumps(kept, sort_keys=True))
+    object.__setattr__(scenario, "document", json.dumps(kept, sort_keys=True))  # of this one: a changed copy has none
+    return scenario
 
 
 def _scenario(table: ScenarioTable, files: Files) -> Scenario:
@@ -87,17 +96,15 @@ def _scenario(table: ScenarioTable, files: Files) -> Scenario:
         "atol": table.atol,
         "most_steps": table.most_steps,
         "seed": table.seed,
-        "vary": dict(table.values),
+        "vary": {name: _value(name, value, arm) for name, value in table.values.items()},
         "record": table.record.what,
         "record_every": table.record.every,
     }
     if table.record.reduce:
         given["reduce"] = table.record.reduce
-    if isinstance(table.wrench, str):
-        given["wrench"] = read_schedule(files.table(table.wrench), WRENCH, ["N"] * 3 + ["N m"] * 3)
-    elif table.wrench is not None:
-        given["wrench"] = table.wrench
-    parts = {
+    given |= {"wrench": wrench_of(table.wrench, files), "brake": brake_of(table.brake, arm, files)}
+    given["payload"] = [payload_fields(each) for each in table.payload]
+    parts: dict[str, Any] = {
         "sensors": table.sensors.model_dump(),
         "shaping": {name: _joints(f"shaping.{name}", value, arm) for name, value in table.shaping.model_dump().items()},
         "timing": {name.removesuffix("_s"): value for name, value in table.timing.model_dump().items()},
@@ -110,32 +117,54 @@ def _scenario(table: ScenarioTable, files: Files) -> Scenario:
             given["command"] = _joints("drive.command", table.drive.command, arm)
     if table.lanes is not None:
         for name, column in table.lanes.columns().items():
-            _vary(name, column, arm, given, parts)
+            vary(name, column, arm, given, parts)
     given |= {
         "sensors": Sensors(**parts["sensors"]),
         "shaping": Shaping(**parts["shaping"]),
         "timing": Timing(**parts["timing"]),
+        "payload": payloads_of(given["payload"]),
+        "reference": _reference(table.reference, arm, files),
     }
     if table.controller is not None:
         given["controller"] = _built("controller", table.controller.kind, parts["controller"] or {}, arm)
-        given["reference"] = _reference(table.reference, arm, files)
     return Scenario(arm, **given)
 
 
 def _joints(place: str, value: Any, arm: Model) -> np.ndarray | None:
-    """One number for all joints, one each, or a table by joint whose others are 0."""
+    """One number for all joints, one each, or a table by joint whose others are 0, or have no limit."""
     if value is None:
         return None
     if isinstance(value, Mapping):
         for name in value:
             if name not in arm.names:
                 raise ScenarioError(f"{place}: no joint {name!r}; {nearest(name, arm.names)}")
-        return np.array([value.get(name, 0.0) for name in arm.names])
-    if np.ndim(value) == 0:
+        other = OTHERS.get(place.rpartition(".")[2], 0.0)
+        value = [value.get(name, other) for name in arm.names]
+    _check_numbers(place, value, arm)
+    if not isinstance(value, (list, tuple)):
         return np.full(arm.n, float(value))
     if len(value) != arm.n:
         raise ScenarioError(f"{place} holds {len(value)} numbers, expected {arm.n}: {', '.join(arm.names)}")
     return np.array(value, dtype=float)
+
+
+def _check_numbers(place: str, value: Any, arm: Model) -> None:
+    """Refuses what is neither a number nor a list of numbers."""
+    for each in value if isinstance(value, (list, tuple)) else [value]:
+        if isinstance(each, bool) or not isinstance(each, (int, float)):
+            told = f"a number, or one for each joint: {', '.join(arm.names)}"
+            raise ScenarioError(f"{place} = {repr(value)[:60]}: expected {told}")
+
+
+def _value(name: str, value: float | tuple[float, ...], arm: Model) -> float | tuple[float, ...]:
+    """A number of the record, or as many as it has there."""
+    size = len(Varied(arm, [name]).parameters)
+    if np.shape(value) != (() if size == 1 else (size,)):
+        expected = "one number" if size == 1 else f"{size} numbers"
+        raise ScenarioError(
+            f"values: {name} = {value}: expected {expected}; what differs by lane goes into [lanes.vary]"
+        )
+    return value
 
 
 def _kinds(place: str) -> dict[str, type]:
@@ -148,14 +177,14 @@ def _kinds(place: str) -> dict[str, type]:
 
 def _fields(place: str, table: Kind, arm: Model) -> dict[str, Any]:
     """The fields of a kind, tables by joint told as arrays."""
-    return {
-        name: _joints(f"{place}.{name}", value, arm)
-        if isinstance(value, Mapping)
-        else np.array(value, dtype=float)
-        if isinstance(value, list)
-        else value
-        for name, value in table.fields().items()
-    }
+    fields = table.fields()
+    for name, value in fields.items():
+        if isinstance(value, Mapping):
+            fields[name] = _joints(f"{place}.{name}", value, arm)
+        elif isinstance(value, list):
+            _check_numbers(f"{place}.{name}", value, arm)
+            fields[name] = np.array(value, dtype=float)
+    return fields
 
 
 def _built(place: str, kind: str, values: Mapping[str, Any], arm: Model) -> Any:
@@ -164,9 +193,10 @@ def _built(place: str, kind: str, values: Mapping[str, Any], arm: Model) -> Any:
         extra = ["pose", "schedule", "expression"] if place == "reference" else []
         raise ScenarioError(f"{place}: kind = {kind!r}: unknown; {nearest(kind, [*kinds, *extra])}")
     names = [f.name for f in dataclasses.fields(kinds[kind]) if f.init]
+    told = [name for name in names if name not in FITTED[place]]
     for name in values:
-        if name not in names:
-            raise ScenarioError(f"{place}: {kind} has no {name!r}; {nearest(name, names)}")
+        if name not in told:
+            raise ScenarioError(f"{place}: {kind} has no {name!r}; {nearest(name, told)}")
     values = {**({"arm": arm} if "arm" in names else {}), **({"model": arm} if "model" in names else {}), **values}
     try:
         return kinds[kind](**values)
@@ -194,6 +224,8 @@ def _reference(table: Kind | None, arm: Model, files: Files) -> Any:
     if table.kind == "pose":
         return _joints("reference.q", fields["q"], arm)
     if table.kind == "schedule":
+        if not isinstance(fields["file"], str):
+            raise ScenarioError(f"reference: file = {fields['file']!r}: expected the name of a CSV file")
         return read_schedule(files.table(fields["file"]), arm.names, joint_units(arm, "q"))
     return _formulas(fields["q"], arm)
 
@@ -210,44 +242,13 @@ def _formulas(texts: Any, arm: Model) -> Any:
     formulas = [expression(str(text), ("t",)) for text in texts]
 
     def q(t: Scalar) -> np.ndarray:
-        return scalar.array([formula({"t": t}) for formula in formulas])
+        values = []
+        for text, formula in zip(texts, formulas, strict=True):
+            try:
+                with np.errstate(all="ignore"):  # what is no number is refused where it is used
+                    values.append(formula({"t": t}))
+            except (OverflowError, ZeroDivisionError):
+                raise ScenarioError(f"reference.q: {str(text)[:60]!r} is beyond the finite numbers") from None
+        return scalar.array(values)
 
     return q
-
-
-def _vary(name: str, column: np.ndarray, arm: Model, given: dict[str, Any], parts: dict[str, Any]) -> None:
-    """One number of the file becomes a column of lanes."""
-    path, entry = name, None
-    match = re.fullmatch(r"(.*)\[(\d+)\]", name)
-    if match and match[1].split(".")[0] in (*parts, "initial"):
-        path, entry = match[1], int(match[2])
-    head, _, field = path.partition(".")
-    if head == "initial":
-        key = {"q": "q0", "qd": "qd0"}.get(field)
-        if key is None or entry is None or entry >= arm.n:
-            raise ScenarioError(f"lanes: no {name!r}; expected initial.q[0] … initial.q[{arm.n - 1}], or initial.qd[…]")
-        given[key] = placed(np.zeros(arm.n) if given[key] is None else given[key], entry, column)
-    elif head == "timing":
-        field = field.removesuffix("_s")
-        if field not in parts["timing"] or entry is not None or field == "preset":
-            known = [f"timing.{key}{'_s' * (key in TIMES)}" for key in parts["timing"] if key != "preset"]
-            raise ScenarioError(f"lanes: no {name!r}; {nearest(name, known)}")
-        parts["timing"][field] = column
-    elif head == "controller":
-        fields = parts["controller"] or {}
-        if field not in fields:
-            raise ScenarioError(f"lanes: no {name!r}; {nearest(name, [f'controller.{key}' for key in fields])}")
-        whole = fields[field]
-        if np.ndim(whole) == 0:
-            fields[field] = column.reshape(-1, 1) if entry is None else placed(np.full(arm.n, whole), entry, column)
-        elif entry is None:
-            fields[field] = np.multiply.outer(column, np.ones(arm.n))
-        else:
-            fields[field] = placed(whole, entry, column)
-    elif head in parts:
-        raise ScenarioError(
-            f"lanes: {name!r} cannot differ by lane; expected a number of the robot, initial, timing or controller"
-        )
-    else:
-        Varied(arm, [name])  # refuses what is no number of the record, and lists those there are
-        given["vary"] = {**given["vary"], name: column}

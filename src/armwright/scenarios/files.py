@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 import tomllib
 from dataclasses import dataclass, field
@@ -20,12 +21,19 @@ class Files:
 
     Attributes:
         folder: where they lie.   kept: texts by name, of a run that is done again; they come first.
-        read: what was read, to be kept with a run.
+        read: what was read, to be kept with a run.   written: where kept tables lie as files, until `close`.
     """
 
     folder: Path
     kept: dict[str, str] = field(default_factory=dict)
     read: dict[str, str] = field(default_factory=dict)
+    written: Path | None = None
+
+    def close(self) -> None:
+        """Takes away what was written of kept tables."""
+        if self.written is not None:
+            shutil.rmtree(self.written, ignore_errors=True)
+            self.written = None
 
     def robot(self, name: str) -> RobotDescription:
         """A robot's record: kept, beside the scenario, or built in."""
@@ -48,9 +56,10 @@ class Files:
         """
         if name in self.kept:
             self.read[name] = self.kept[name]
-            with tempfile.NamedTemporaryFile("w", suffix=Path(name).suffix, delete=False, encoding="utf-8") as file:
-                file.write(self.kept[name])
-            return Path(file.name)
+            self.written = self.written or Path(tempfile.mkdtemp(prefix="armwright-"))
+            path = self.written / Path(name).name
+            path.write_text(self.kept[name], encoding="utf-8")
+            return path
         path = self.folder / name
         try:
             self.read[name] = path.read_text(encoding="utf-8")

@@ -2,15 +2,35 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, Strict, model_validator
 
 from armwright.description.quantity import Record
+from armwright.errors import ScenarioError
 
-Numbers = tuple[float, ...]
+MOST_LANES = 10**8
+Number = Annotated[float, Strict()]  # no text, and no true or false
+Whole = Annotated[int, Strict()]
+Numbers = tuple[Number, ...]
+
+
+def counted(count: int, told: str) -> BeforeValidator:
+    """Refuses a list of another length, in words."""
+
+    def check(value: Any) -> Any:
+        if isinstance(value, (list, tuple)) and len(value) != count:
+            raise ValueError(f"expected {count} numbers, not {len(value)}: {told}")
+        return value
+
+    return BeforeValidator(check)
+
+
+Pair = Annotated[tuple[Number, Number], counted(2, "where it is, and how wide it spreads")]
+Bounds = Annotated[tuple[Number, Number], counted(2, "a lower and an upper bound")]
 
 
 class Values(Record):
@@ -19,14 +39,12 @@ class Values(Record):
     values: Numbers | None = Field(
         default=None, min_length=1, description="These, one a lane (or one a row of the grid)."
     )
-    start: float | None = Field(default=None, description="From here …")
-    stop: float | None = Field(default=None, description="… to here …")
-    count: int | None = Field(default=None, ge=1, description="… in so many equal steps.")
-    normal: tuple[float, float] | None = Field(default=None, description="Drawn: mean and standard deviation.")
-    uniform: tuple[float, float] | None = Field(default=None, description="Drawn evenly between two bounds.")
-    lognormal: tuple[float, float] | None = Field(
-        default=None, description="Drawn: median, and standard deviation of the logarithm."
-    )
+    start: Number | None = Field(default=None, description="From here …")
+    stop: Number | None = Field(default=None, description="… to here …")
+    count: Whole | None = Field(default=None, ge=1, le=MOST_LANES, description="… in so many equal steps.")
+    normal: Pair | None = Field(default=None, description="Drawn: mean and standard deviation.")
+    uniform: Bounds | None = Field(default=None, description="Drawn evenly between two bounds.")
+    lognormal: Pair | None = Field(default=None, description="Drawn: median, and standard deviation of the logarithm.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Values:
@@ -44,12 +62,21 @@ class Values(Record):
             given = getattr(self, name)
             if given is not None and given[1] < 0:
                 raise ValueError(f"{name} = {list(given)}: expected a standard deviation of 0 or more")
+        if self.uniform is not None and not 0.0 <= self.uniform[1] - self.uniform[0] < np.inf:
+            raise ValueError(
+                f"uniform = {list(self.uniform)}: expected a lower and then an upper bound, a finite way apart"
+            )
         return self
 
     @property
     def drawn(self) -> bool:
         """Whether chance has a say."""
         return self.values is None and self.start is None
+
+    @property
+    def size(self) -> int:
+        """How many values are stated."""
+        return len(self.values) if self.values is not None else self.count or 1
 
     def listed(self) -> np.ndarray:
         """The values, where they are stated."""
@@ -74,8 +101,8 @@ class Lanes(Record):
     kind: Literal["list", "grid", "draws"] = Field(
         description="'list': all lists are as long as there are lanes; 'grid': every combination; 'draws': at random."
     )
-    count: int | None = Field(default=None, ge=1, description="Lanes to draw; goes with 'draws'.")
-    seed: int | None = Field(default=None, ge=0, description="Of the draws; goes with 'draws'.")
+    count: Whole | None = Field(default=None, ge=1, le=MOST_LANES, description="Lanes to draw; goes with 'draws'.")
+    seed: Whole | None = Field(default=None, ge=0, description="Of the draws; goes with 'draws'.")
     vary: dict[str, Values] = Field(
         min_length=1,
         description="By name: 'link6.mass_kg', 'controller.kp[2]', 'timing.command_delay_s', 'initial.q[1]'.",
@@ -85,14 +112,18 @@ class Lanes(Record):
     def _complete(self) -> Lanes:
         if (self.kind == "draws") != (self.count is not None) or (self.kind == "draws") != (self.seed is not None):
             raise ValueError("count and seed go with kind = 'draws', which needs both")
+        if self.seed is not None and self.seed >= 2**63:
+            raise ValueError(f"seed = {self.seed}: expected a whole number, 0 or more, of 63 bits")
         for name, values in self.vary.items():
             if values.drawn and self.kind != "draws":
                 raise ValueError(f"{name} is drawn: expected kind = 'draws'")
-        lengths = {name: len(v.listed()) for name, v in self.vary.items() if not v.drawn}
+        lengths = {name: v.size for name, v in self.vary.items() if not v.drawn}
         wanted = {self.count} if self.kind == "draws" else set(lengths.values())
         if self.kind != "grid" and (len(wanted) > 1 or any(length not in wanted for length in lengths.values())):
             told = ", ".join(f"{length} of {name}" for name, length in lengths.items())
             raise ValueError(f"lists of unequal length: {told}")
+        if self.kind == "grid" and math.prod(lengths.values()) > MOST_LANES:
+            raise ValueError(f"a grid of {math.prod(lengths.values()):.3g} lanes; expected at most {MOST_LANES:.0e}")
         return self
 
     def columns(self) -> Mapping[str, np.ndarray]:
@@ -104,7 +135,14 @@ class Lanes(Record):
         columns: dict[str, np.ndarray] = {}
         for place, (name, values) in enumerate(self.vary.items()):
             random = np.random.Generator(np.random.Philox(key=[self.seed or 0, place]))
-            columns[name] = values.draw(random, self.count or 1) if values.drawn else values.listed()
+            with np.errstate(over="ignore"):
+                columns[name] = values.draw(random, self.count or 1) if values.drawn else values.listed()
+            beyond = ~np.isfinite(columns[name])
+            if beyond.any():
+                lane = int(np.argmax(beyond))
+                raise ScenarioError(
+                    f"lanes.vary: {name} = {columns[name][lane]:g} in lane {lane}: expected a narrower distribution"
+                )
         return columns
 
 

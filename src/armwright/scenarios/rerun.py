@@ -22,6 +22,8 @@ from armwright.simulation.simulator import simulate
 if TYPE_CHECKING:
     import xarray as xr
 
+STOPPED = "stopped by Ctrl-C"  # how the first note of such a run begins
+
 
 @dataclass(frozen=True, eq=False)
 class Rerun:
@@ -30,13 +32,17 @@ class Rerun:
     Attributes:
         run: the new one.   same: whether every number has the same bits as in the old one.
         surroundings: what is another processor, feature or version now, "numpy: 2.4.0 then, 2.5.1 now".
-        differences: by variable, the largest difference from the old run, where bits differ.
+        differences: by variable or coordinate, the largest difference from the old run, where bits differ.
+        reshaped: what has another shape, is not there now, or was not then, a line each.
+        part: which part of the run was kept, and compared, where Ctrl-C had stopped it; else "".
     """
 
     run: xr.Dataset
     same: bool
     surroundings: tuple[str, ...]
     differences: dict[str, float]
+    reshaped: tuple[str, ...] = ()
+    part: str = ""
 
 
 def rerun(path: str | os.PathLike[str], progress: Progress | None = None) -> Rerun:
@@ -52,22 +58,68 @@ def rerun(path: str | os.PathLike[str], progress: Progress | None = None) -> Rer
     old = load_run(path)
     document = old.attrs.get("scenario")
     if not document:
-        raise RunError(f"{path}: keeps no scenario; expected a run that was made from a scenario file")
+        raise RunError(
+            f"{path}: keeps no scenario, since it was made by a Scenario in Python, or by a file's that Python changed; "
+            "expected a run of a scenario file as it is read"
+        )
     try:
         kept: dict[str, Any] = json.loads(document)
-        table = tomllib.loads(kept["scenario"])
+        table, texts = tomllib.loads(kept["scenario"]), dict(kept.get("files", {}))
     except (ValueError, KeyError, TypeError) as error:
         raise RunError(f"{path}: the scenario that it keeps cannot be read: {error}") from None
-    files = Files(Path(path).parent, kept=dict(kept.get("files", {})))
-    new = simulate(parse_scenario(table, f"{path} (scenario)", files, kept["scenario"]), progress=progress)
-    now, then = provenance(), json.loads(old.attrs.get("made_with", "{}"))
+    now, then = provenance(), _made_with(path, old.attrs.get("made_with", "{}"))
+    files = Files(Path(path).parent, kept=texts)
+    try:
+        scenario = parse_scenario(table, f"{path} (scenario)", files, kept["scenario"])
+    finally:
+        files.close()
+    new = simulate(scenario, progress=progress)
     changed = [
         f"{name}: {then.get(name, 'unknown')} then, {now[name]} now" for name in now if then.get(name) != now[name]
     ]
-    differences = {}
-    for name in old.data_vars:
-        if name not in new or old[name].shape != new[name].shape:
-            differences[str(name)] = np.inf
-        elif old[name].dtype.kind == "f" and not np.array_equal(old[name], new[name], equal_nan=True):
-            differences[str(name)] = float(np.nanmax(np.abs(old[name].values - new[name].values)))
-    return Rerun(new, not differences, tuple(changed), differences)
+    part = str(old.attrs.get("notes", "")).partition("\n")[0]
+    part = part if part.startswith(STOPPED) else ""
+    differences, reshaped = _compared(old, _kept_part(old, new) if part else new, whole=not part)
+    return Rerun(new, not differences and not reshaped, tuple(changed), differences, tuple(reshaped), part)
+
+
+def _made_with(path: str | os.PathLike[str], text: Any) -> dict[str, Any]:
+    """What a run says it was made with."""
+    try:
+        then = json.loads(text)
+    except (ValueError, TypeError):
+        then = None
+    if not isinstance(then, dict):
+        raise RunError(f"{path}: made_with = {str(text)[:60]!r}: expected versions by name, as a run keeps them")
+    return then
+
+
+def _kept_part(old: xr.Dataset, new: xr.Dataset) -> xr.Dataset:
+    """Of the new run, the lanes and the rows that the old one has."""
+    if "lane" in old.sizes and "lane" in new.sizes:
+        lanes = old["lane"].values if "lane" in old.coords else np.arange(old.sizes["lane"])
+        if lanes.max(initial=0) < new.sizes["lane"]:
+            new = new.isel(lane=lanes)
+    return new.isel(time=slice(old.sizes["time"])) if "time" in old.sizes and "time" in new.sizes else new
+
+
+def _compared(old: xr.Dataset, new: xr.Dataset, *, whole: bool) -> tuple[dict[str, float], list[str]]:
+    """The largest differences by name, and what cannot be compared."""
+    differences: dict[str, float] = {}
+    reshaped = [f"{name}: was not there then" for name in new.variables if whole and name not in old.variables]
+    for name in old.variables:
+        if name not in new.variables:
+            reshaped.append(f"{name}: is not there now")
+            continue
+        then, now = old[name].values, new[name].values
+        if then.shape != now.shape:
+            reshaped.append(f"{name}: shape {then.shape} then, {now.shape} now")
+        elif then.dtype.kind not in "iuf" or now.dtype.kind not in "iuf":
+            if not np.array_equal(then, now):
+                reshaped.append(f"{name}: other names now")
+        elif not np.array_equal(then, now, equal_nan=True):
+            known = np.isfinite(then) & np.isfinite(now)
+            same = known | (then == now) | (np.isnan(then) & np.isnan(now))
+            by = np.abs(then[known].astype(float) - now[known]).max(initial=0.0)
+            differences[str(name)] = float(by) if same.all() else np.inf
+    return differences, reshaped

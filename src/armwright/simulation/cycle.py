@@ -1,4 +1,6 @@
-"""One tick of a controlled arm as stages of a compiled loop: measure, reference, control, shape, delay, drive. Design section 4.
+"""One tick as stages of a compiled loop: measure, reference, control, shape, delay, drive. Design section 4.
+
+Without a controller, commands come from a schedule, and of these stages the last one is left.
 
 Blocks between the stages, one lane's numbers each:
 
@@ -6,44 +8,35 @@ Blocks between the stages, one lane's numbers each:
     y_new, y_old, y    q, q̇ and current as measured, as they come out of the queue, and what the controller is told
     r                  the reference: q, q̇, q̈
     s                  the controller's state
-    u_asked, u_issued  what it commands, and what leaves after shaping
+    u_asked, u_kept, u_issued    what it commands, what of that is within rate and limit, and what leaves, rounded
     u_queued, u        what comes out of the queue, and what is in force at the drives
-    wrench             on the tip, in force
+    wrench, brake, payload    on the tip, which are applied, and in the hands, in force
     p, c               parameters of the robot and of the controller that vary by lane;   d: delays
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import ArmwrightError, ScenarioError
-from armwright.kernels.stages import NEVER, NEXT, Call, Delay, Draw, Integrate, Record, Rows, Stage, Table
-from armwright.model import Model
-from armwright.model.simplify import simplified
-from armwright.model.vary import Varied
+from armwright.errors import ScenarioError
+from armwright.kernels.stages import NEXT, Call, Delay, Draw, Integrate, Record, Rows, Stage, Table
 from armwright.program import Program, trace
 from armwright.scalar import Array
+from armwright.simulation.commanding import commanding
 from armwright.simulation.integrators import INTEGRATORS
-from armwright.simulation.law import Law, traced_law
-from armwright.simulation.plant import Plant
+from armwright.simulation.law import traced_law
+from armwright.simulation.protocols import UNTRACEABLE, why
 from armwright.simulation.reducers import Reduction
-from armwright.simulation.sensors import Sensors
-from armwright.simulation.shaping import Shaping
-from armwright.simulation.stepping import Adaptivity, adaptive_stage, speed_pairs, state_parts
-from armwright.simulation.timing import Delays, lateness, planned
+from armwright.simulation.stepping import adaptive_stage, speed_pairs, state_parts
+from armwright.simulation.switching import Watched, switching_programs
+from armwright.simulation.tick_parts import Parts, Sampling
 
 SENSING, TIMING = 0, 1  # channels of random numbers
-UNTRACEABLE = (
-    ArmwrightError,
-    TypeError,
-    ValueError,
-    AttributeError,
-    IndexError,
-)  # what a law does with symbols it cannot take
+NOTHING: Mapping[str, tuple[int, ...]] = {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,118 +55,105 @@ class Cycle:
     seen: bool
 
 
-@dataclass(frozen=True, eq=False)
-class Parts:
-    """What a tick is made of."""
-
-    arm: Model
-    varied: Varied | None
-    law: Law
-    states: int  # of the controller
-    sensors: Sensors
-    shaping: Shaping
-    delays: Delays
-    period: float
-    substeps: int
-    integrator: str
-    recorded: dict[str, int]  # blocks and their entries
-    reduction: Reduction
-    wrench: bool  # whether something pushes the tip
-    adaptivity: Adaptivity | None = None
-    untraced: str | None = None  # why the controller runs in Python, where that is known before
-
-
 def make_cycle(parts: Parts) -> Cycle:
-    """The stages of a tick of a controlled arm."""
-    before, seen = _measuring(parts)
-    after = _commanding(parts)
-    untraced = parts.untraced
-    try:
-        if untraced is None:
-            before.append(Call(traced_law(parts.law, parts.arm, parts.period, parts.states)))
-    except UNTRACEABLE as error:
-        if isinstance(error, ScenarioError):  # it can be traced, and is wrong
-            raise
-        untraced = f"{type(error).__name__}: {error}"
-    integrate = _integration(parts, seen)
-    after += [Rows("wrench", 6)] if parts.wrench else []
+    """The stages of a tick."""
+    sampling = parts.sampling
+    if sampling is None:
+        before: list[Stage] = [Rows("u", parts.arm.n)]
+        after: list[Stage]
+        after, seen, untraced = [], False, None
+        if parts.reduction is not None:
+            before.append(_followed(parts))
+    else:
+        before, seen = _measuring(parts, sampling)
+        after = commanding(parts.arm.n, sampling.period, sampling.shaping, sampling.delays)
+        untraced = sampling.untraced
+        try:
+            if untraced is None:
+                before.append(Call(traced_law(sampling.law, parts.arm, sampling.period, sampling.states)))
+        except UNTRACEABLE as error:
+            if isinstance(error, ScenarioError):  # it can be traced, and is wrong
+                raise
+            untraced = why(error)
+    after += [Rows(name, entries) for name, entries in parts.inputs.items()]
     after += [Record("run", *zip(*parts.recorded.items(), strict=True))] if parts.recorded else []
-    after += [_reducing(parts)] if parts.reduction.reducers else []
-    return Cycle(tuple(before), (*after, *integrate), untraced, seen)
+    after += [Call(_reducing(parts, parts.reduction))] if parts.reduction is not None else []
+    return Cycle(tuple(before), (*after, *_integration(parts, seen)), untraced, seen)
 
 
-def _reducing(parts: Parts) -> Call:
-    """The stage that follows the rows with reducers, those that would be recorded."""
+def _followed(parts: Parts) -> Stage:
+    """The reference: one for all lanes, or a lane's own."""
+    return Rows("r", 3 * parts.arm.n) if parts.apart else Table("r", 3 * parts.arm.n)
 
-    def plant(*p: Array) -> Plant:
-        return Plant.of(told_arm(parts, *p))
 
-    size = Plant.of(parts.arm).size
-    return Call(parts.reduction.program(plant, size, _wrench(parts) | _parameters(parts)))
+def _reducing(parts: Parts, reduction: Reduction) -> Program:
+    """What follows the rows with reducers, those that would be recorded."""
+    return reduction.program(parts.plant, parts.bare.size, parts.more)
 
 
 def _integration(parts: Parts, seen: bool) -> list[Stage]:
     """The stage that moves the plant; none where CVODES does."""
-    planned = parts.delays.pending + 2 if parts.delays.fractional else 0
+    delays = None if parts.sampling is None else parts.sampling.delays
+    planned = delays.pending + 2 if delays is not None and delays.fractional else 0
+    watched = plant_watched(parts)
+    derivative, shapes = plant_derivative(parts)
     if parts.integrator in INTEGRATORS:
-        return [Integrate(plant_step(parts), parts.substeps, planned, seen)]
+        step = plant_step(parts, {} if watched is None else watched.block)
+        return [Integrate(step, parts.substeps, planned, seen, **switching_programs(watched, shapes))]
     if parts.integrator == "cvodes":
         return []
     assert parts.adaptivity is not None
-    derivative, shapes = plant_derivative(parts)
-    return [adaptive_stage(derivative, shapes, parts.adaptivity, state_parts(Plant.of(parts.arm)), planned, seen)]
+    told = state_parts(parts.bare)
+    return [adaptive_stage(derivative, shapes, parts.adaptivity, told, planned, seen, watched)]
 
 
 def plant_derivative(parts: Parts) -> tuple[Callable[..., Array], dict[str, tuple[int, ...]]]:
-    """dx/dt of the arm with the lane's parameters, and the shapes of its arguments by name."""
+    """dx/dt of the arm with the lane's inputs and parameters, and the shapes of its arguments by name.
+
+    Behind them it takes which contacts count as made, where that is not to follow from x.
+    """
 
     def derivative(x: Array, u: Array, *rest: Array) -> Array:
-        wrench, p = split(parts, rest)
-        return _plant(parts, *p).derivative(x, u, *wrench)
+        told = dict(zip([*parts.more, "touching"], rest, strict=False))
+        plant = parts.plant(told, simple=True)
+        return plant.derivative(x, u, told.get("wrench"), told.get("brake"), told.get("touching"))
 
-    return derivative, {"x": (Plant.of(parts.arm).size,), "u": (parts.arm.n,)} | _wrench(parts) | _parameters(parts)
-
-
-def split(parts: Parts, rest: tuple[Array, ...] | list[Array]) -> tuple[list[Array], list[Array]]:
-    """What comes behind x and u: the wrench, where there is one, and the lane's parameters, where some vary."""
-    return list(rest[: parts.wrench]), list(rest[parts.wrench :])
+    return derivative, {"x": (parts.bare.size,), "u": (parts.arm.n,)} | parts.more
 
 
-def _wrench(parts: Parts) -> dict[str, tuple[int, ...]]:
-    return {"wrench": (6,)} if parts.wrench else {}
-
-
-def plant_step(parts: Parts) -> Program:
-    """The plant's step with the arm's varied parameters as one more input."""
-    plant = Plant.of(parts.arm)
-    rule = INTEGRATORS[parts.integrator].paired(speed_pairs({part.name: part.place for part in plant.parts}))
+def plant_step(parts: Parts, contacts: Mapping[str, tuple[int, ...]] = NOTHING) -> Program:
+    """The plant's step, with its inputs and the arm's varied parameters behind x and u, then its contacts, if these are held."""
+    rule = INTEGRATORS[parts.integrator].paired(speed_pairs({part.name: part.place for part in parts.bare.parts}))
     _, shapes = plant_derivative(parts)
 
     def step(x: Array, u: Array, *rest: Array) -> Array:
-        *more, h = rest
-        wrench, p = split(parts, more)
-        return _plant(parts, *p).step(rule, x, u, h, *wrench)
+        *given, h = rest
+        told = dict(zip([*parts.more, *contacts], given, strict=True))
+        plant = parts.plant(told, simple=True)
+        return plant.step(rule, x, u, h, told.get("wrench"), told.get("brake"), told.get("touching"))
 
-    return trace("step", step, shapes | {"h": ()}, (f"x{NEXT}",))
-
-
-def _parameters(parts: Parts) -> dict[str, tuple[int, ...]]:
-    return {} if parts.varied is None else {"p": (len(parts.varied.parameters),)}
+    return trace("step", step, {**shapes, **contacts, "h": ()}, (f"x{NEXT}",))
 
 
-def told_arm(parts: Parts, *p: Array) -> Model:
-    """The arm with the lane's parameters."""
-    return parts.varied.model(p[0]) if parts.varied is not None else parts.arm
+def plant_watched(parts: Parts) -> Watched | None:
+    """What switches within steps; None of an arm that has no stops and no play."""
+
+    def depths(x: Array, u: Array, *rest: Array) -> Array:
+        return parts.plant(dict(zip(parts.more, rest, strict=True)), simple=True).depths(x)
+
+    def corners(x: Array, u: Array, *rest: Array) -> tuple[Array, Array]:
+        told = dict(zip([*parts.more, "touching"], rest, strict=True))
+        return parts.plant(told, simple=True).corners(x, u, told.get("brake"), told["touching"])
+
+    contacts = sum(parts.bare.contacts)
+    return Watched(depths, corners, contacts) if contacts else None
 
 
-def _plant(parts: Parts, *p: Array) -> Plant:
-    return Plant.of(simplified(told_arm(parts, *p)))
-
-
-def _measuring(parts: Parts) -> tuple[list[Stage], bool]:
+def _measuring(parts: Parts, sampling: Sampling) -> tuple[list[Stage], bool]:
     """Stages from the plant's state to what the controller is told, and whether the plant is sampled between ticks."""
-    n, delays, sensors = parts.arm.n, parts.delays, parts.sensors
-    plant, draws = Plant.of(parts.arm), parts.sensors.draws(parts.arm.n)
+    n, delays, sensors = parts.arm.n, sampling.delays, sampling.sensors
+    plant, draws = parts.bare, sensors.draws(parts.arm.n)
+    varying = {name: shape for name, shape in parts.more.items() if name == "p"}
     remembered = sensors.memory(parts.arm, np.zeros(n), np.zeros(n)).size
     seen, late, lossy = (
         bool(np.any(delays.earlier)),
@@ -186,13 +166,13 @@ def _measuring(parts: Parts) -> tuple[list[Stage], bool]:
 
     def sense(x: Array, u: Array, memory: Array, *rest: Array) -> tuple[Array, Array]:
         *p, w = rest if draws else (*rest, np.zeros(0))
-        arm = told_arm(parts, *p)
-        q, qd, current = plant_of(arm).measured(x, u, sensors.side)
-        q, qd, current, memory = sensors.measure(arm, parts.period, q, qd, current, memory, w)
+        own = parts.plant(dict(zip(varying, p, strict=True)))
+        q, qd, current = own.measured(x, u, sensors.side)
+        q, qd, current, memory = sensors.measure(own.model, sampling.period, q, qd, current, memory, w)
+        q, qd = own.of_joints(q, qd, sensors.side)
         return scalar.array(np.concatenate([q, qd, current])), scalar.array(memory)
 
-    plant_of = Plant.of
-    shapes = {state: (plant.size,), "u": (n,), "m_sensors": (remembered,)} | _parameters(parts)
+    shapes = {state: (plant.size,), "u": (n,), "m_sensors": (remembered,)} | varying
     shapes |= {"w_sensors": (draws,)} if draws else {}
     stages.append(Call(trace("sense", sense, shapes, (queue, f"m_sensors{NEXT}"))))
     if late:
@@ -211,53 +191,9 @@ def _measuring(parts: Parts) -> tuple[list[Stage], bool]:
         queue = "y_now"
 
     def tell(y: Array, x: Array, u: Array, *p: Array) -> Array:
-        return scalar.array(np.concatenate([y, Plant.of(told_arm(parts, *p)).applied(x, u)]))
+        return scalar.array(np.concatenate([y, parts.plant(dict(zip(varying, p, strict=True))).applied(x, u)]))
 
-    shapes = {queue: (3 * n,), "x": (plant.size,), "u": (n,)} | _parameters(parts)
+    shapes = {queue: (3 * n,), "x": (plant.size,), "u": (n,)} | varying
     stages.append(Call(trace("tell", tell, shapes, ("y",))))
-    stages.append(Table("r", 3 * n))
+    stages.append(_followed(parts))
     return stages, seen
-
-
-def _commanding(parts: Parts) -> list[Stage]:
-    """Stages from what the controller commands to what is in force at the drives."""
-    n, delays, shaping = parts.arm.n, parts.delays, parts.shaping
-    late, fractional, waits = bool(np.any(delays.commanded)), delays.fractional, delays.pending
-    issued = "u_issued" if late or fractional else "u"
-
-    def shape(asked: Array, last: Array) -> tuple[Array, Array]:
-        u = shaping.shaped(parts.period, asked, last)
-        return (u, u) if issued == "u" else (u,)  # type: ignore[return-value]
-
-    outputs = ("u", f"u_issued{NEXT}") if issued == "u" else (f"u_issued{NEXT}",)
-    stages: list[Stage] = [Call(trace("shape", shape, {"u_asked": (n,), "u_issued": (n,)}, outputs))]
-    if late:
-        stages.append(
-            Delay("u_issued", "u_queued" if fractional else "u", "d_commanded", n, int(delays.commanded.max()) + 1)
-        )
-        issued = "u_queued"
-    if not fractional:
-        return stages
-
-    def plan(tick: Array, u: Array, waiting: Array, arrivals: Array, base: Array, d: Array, w: Array):
-        late = lateness(delays, tick[0], d[0], d[1], d[2], w[0])
-        if np.any(delays.command_loss):
-            late = scalar.where(scalar.less(w[1], d[3]), NEVER, late)
-        plans, begins, waiting, arrivals, base = planned(tick[0], u, late, waiting.reshape(waits, n), arrivals, base)
-        now = plans[0]
-        for begin, command in zip(begins, plans[1:], strict=True):
-            now = scalar.where(scalar.less_equal(begin, 0.0), command, now)
-        return plans.ravel(), begins * parts.period, waiting.ravel(), arrivals, base, scalar.array(now)
-
-    shapes = {
-        "tick": (1,),
-        issued: (n,),
-        "waiting": (waits * n,),
-        "arrivals": (waits,),
-        "u_base": (n,),
-        "d": (5,),
-        "w_timing": (3,),
-    }
-    outputs = ("u_plan", "u_from", f"waiting{NEXT}", f"arrivals{NEXT}", f"u_base{NEXT}", "u")
-    stages.append(Call(trace("plan", plan, shapes, outputs)))
-    return stages

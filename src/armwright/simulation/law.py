@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import ScenarioError
+from armwright.errors import HiddenStateError, ScenarioError
 from armwright.kernels.stages import NEXT
 from armwright.model import Model
 from armwright.program import Program, trace
 from armwright.scalar import Array
-from armwright.simulation.protocols import ControlLaw, Measurement, Reference
+from armwright.simulation.protocols import ControlLaw, Measurement, Reference, called
+
+LAW = "a function (t, r, y) → u, or an object with init(arm, y) and step(t, r, y, s) → u, s"
+TAKEN = {"init": ("arm", "y"), "step": ("t", "r", "y", "s"), "": ("t", "r", "y")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +31,12 @@ class Law:
 
     @classmethod
     def of(cls, control: ControlLaw, arm: Model, period: float) -> Law:
-        """A plain function, or a frozen dataclass some of whose fields are (lanes, k) arrays; `fitted` where it can be."""
+        """A plain function, or a frozen dataclass some of whose fields are (lanes, k) arrays; `fitted` where it can be.
+
+        Raises:
+            ScenarioError: no controller, or one that takes other arguments; lanes of its gains that do not fit together.
+        """
+        _check_law(control)
         if hasattr(control, "fitted"):
             control = control.fitted(arm, period)
         rows = {}
@@ -37,9 +46,19 @@ class Law:
         counts = {len(value) for value in rows.values()}
         if len(counts) > 1:
             told = ", ".join(f"{len(value)} of {name}" for name, value in rows.items())
-            raise ScenarioError(f"controller: lanes do not fit together: {told}")
+            raise ScenarioError(f"controller {called(control)!r}: lanes do not fit together: {told}")
         values = np.concatenate([*rows.values()], axis=1).astype(float) if rows else np.zeros((1, 0))
         return cls(control, tuple(rows), tuple(value.shape[1] for value in rows.values()), values)
+
+    @property
+    def name(self) -> str:
+        """What it goes by."""
+        return called(self.control)
+
+    @property
+    def vectorised(self) -> bool:
+        """Whether it asks to be called in Python, with all lanes at once."""
+        return bool(getattr(self.control, "vectorised", False))
 
     @property
     def lanes(self) -> int | None:
@@ -61,30 +80,71 @@ class Law:
     def step(self, t: Any, r: Reference, y: Measurement, s: Array, c: Array) -> tuple[Array, Array]:
         """Its command and its next state."""
         control = self.told(c)
-        if hasattr(control, "step"):
-            result = control.step(t, r, y, s)
-            if not isinstance(result, tuple) or len(result) != 2:
-                raise ScenarioError(
-                    "controller: step returned no pair; expected (u, s), the commands and the next state"
-                )
-            return result
-        return control(t, r, y), s
+        return self.pair(control.step(t, r, y, s)) if hasattr(control, "step") else (control(t, r, y), s)
 
-    def begun(self, arm: Model, y: Measurement, first: int, count: int) -> Any:
-        """Its state, of whatever kind, where it runs in Python for a group of lanes at once."""
-        control = self._group(first, count)
-        return control.init(arm, y) if hasattr(control, "init") else None
+    def pair(self, result: Any) -> tuple[Any, Any]:
+        """What `step` returned, if it is two things.
 
-    def called(self, t: float, r: Reference, y: Measurement, s: Any, first: int, count: int) -> tuple[Any, Any]:
-        """Its command and next state in Python: arrays are (lanes, n) of a group of lanes, (n,) of a single run."""
-        control = self._group(first, count)
-        return control.step(t, r, y, s) if hasattr(control, "step") else (control(t, r, y), s)
+        Raises:
+            ScenarioError: it is not.
+        """
+        if not isinstance(result, tuple) or len(result) != 2:
+            raise ScenarioError(
+                f"controller {self.name!r}: step returned no pair; expected (u, s), the commands and the next state"
+            )
+        return result
 
-    def _group(self, first: int, count: int) -> ControlLaw:
+    def of_group(self, first: int, count: int) -> ControlLaw:
+        """The controller of some lanes at once, whose gains are (count, k)."""
         if not self.varying:
             return self.control
         parts = np.split(self.values[first : first + count], np.cumsum(self.sizes)[:-1], axis=1)
         return replace(self.control, **dict(zip(self.varying, parts, strict=True)))
+
+
+def hidden_state(name: str) -> ScenarioError:
+    """What a controller is refused with that remembers on its own."""
+    return ScenarioError(
+        f"controller {name!r}: keeps hidden state: two calls with the same arguments compute different things; "
+        "expected all memory in s, which step takes and returns"
+    )
+
+
+def wrong_shape(name: str, what: str, value: Any, expected: tuple[int, ...]) -> ScenarioError:
+    """What a controller is refused with that returns something else than its commands or its state."""
+    try:
+        shape = np.shape(value)
+    except ValueError:  # rows of unequal length
+        shape = None
+    told = f"= {value!r}" if value is None or shape in (None, expected) else f"of shape {shape}"
+    return ScenarioError(f"controller {name!r}: returned {what} {told}, expected {expected}")
+
+
+def _check_law(control: Any) -> None:
+    """Refuses what is no controller, or takes other arguments.
+
+    Raises:
+        ScenarioError: names it, and what was expected.
+    """
+    if isinstance(control, type):
+        raise ScenarioError(
+            f"controller is the class {control.__name__}; expected a controller that it makes, {control.__name__}(…)"
+        )
+    if not callable(control) and not callable(getattr(control, "step", None)):
+        raise ScenarioError(f"controller = {control!r}: expected {LAW}")
+    for part, names in TAKEN.items():
+        function = getattr(control, part, None) if part else None if hasattr(control, "step") else control
+        if function is None:
+            continue
+        try:
+            taken = inspect.signature(function)
+        except ValueError:  # a built-in function that does not tell
+            continue
+        try:
+            taken.bind(*names)
+        except TypeError:
+            place = f"{called(control)}.{part}" if part else called(control)
+            raise ScenarioError(f"controller {place!r}: takes {taken}, expected ({', '.join(names)})") from None
 
 
 def traced_law(law: Law, arm: Model, period: float, states: int) -> Program:
@@ -98,19 +158,20 @@ def traced_law(law: Law, arm: Model, period: float, states: int) -> Program:
 
     def control(tick: Array, r: Array, y: Array, s: Array, c: Array) -> tuple[Array, Array]:
         u, following = law.step(tick[0] * period, reference_of(r, n), measurement_of(y, n), s, c)
-        u, following = scalar.array(u), scalar.array(following)
-        for name, found, expected in (("u", u, (n,)), ("s", following, (states,))):
-            if found.shape != expected:
-                raise ScenarioError(f"controller: returned {name} of shape {found.shape}, expected {expected}")
-        return u, following
+        given = {"u": (u, (n,)), "s": (following, (states,))}
+        arrays = {name: scalar.array(value) for name, (value, _) in given.items()}
+        for name, (value, expected) in given.items():
+            if value is None or arrays[name].shape != expected:
+                raise wrong_shape(law.name, name, value, expected)
+        return arrays["u"], arrays["s"]
 
     inputs = {"tick": (1,), "r": (3 * n,), "y": (4 * n,), "s": (states,), "c": (law.values.shape[1],)}
-    first, second = (trace("control", control, inputs, ("u_asked", f"s{NEXT}")) for _ in range(2))
+    try:
+        first, second = (trace("control", control, inputs, ("u_asked", f"s{NEXT}")) for _ in range(2))
+    except HiddenStateError:
+        raise hidden_state(law.name) from None
     if str(first) != str(second):
-        raise ScenarioError(
-            "controller: keeps hidden state: two calls with the same arguments compute different things; "
-            "expected all memory in s, which step takes and returns"
-        )
+        raise hidden_state(law.name)
     return first
 
 

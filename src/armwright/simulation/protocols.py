@@ -37,6 +37,7 @@ class Controller(Protocol):
 
     A law without memory may be a plain function (t, r, y) → u. Fields of a dataclass that are (lanes, n) arrays are a row a lane.
     One that depends on the sample period, or checks its gains, may have `fitted(arm, period) → Controller`, asked first.
+    One that has `vectorised = True` is not traced, but called in Python with all lanes at once: arrays are then (lanes, n).
     """
 
     def init(self, arm: Model, y: Measurement) -> Array:
@@ -75,6 +76,19 @@ class Sensing(Protocol):
     ) -> tuple[Array, Array, Array, Array]:
         """q, q̇ and current as measured (n,), and the memory for the next time; w (draws,) uniform in (0, 1)."""
         ...
+
+
+UNTRACEABLE = (Exception,)  # what users' code makes of symbols that it cannot take: anything, of classes of its own too
+
+
+def why(error: Exception) -> str:
+    """What went wrong in a trace, in one line."""
+    return f"{type(error).__name__}: {(str(error).splitlines() or [''])[0]}"
+
+
+def called(function: Any) -> str:
+    """What a function, or an object that stands for one, goes by."""
+    return getattr(function, "__name__", type(function).__name__)
 
 
 ControlLaw = Any  # a Controller, or a plain function (t, r, y) → u

@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.actuators import DriveOutput, told_command
 from armwright.errors import ScenarioError, nearest
 from armwright.model import Model
 from armwright.program import Program, trace
@@ -47,7 +46,7 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Ends:
-    """What is known at the end: rows that each lane was followed (lanes, 1), the period [s], first (lanes, n), final (n,)."""
+    """What is known at the end: rows that each lane was followed (lanes, 1), the period [s], first and final (lanes or 1, n)."""
 
     rows: np.ndarray
     period: float
@@ -195,12 +194,14 @@ class Reduction:
         values = [np.full(self.n, value) for each in self.reducers.values() for value in each.begin]
         return np.concatenate([*values, [0.0]])
 
-    def program(self, plant: Callable[..., Any], state: int, more: Mapping[str, tuple[int, ...]]) -> Program:
+    def program(
+        self, plant: Callable[[Mapping[str, Array]], Any], state: int, more: Mapping[str, tuple[int, ...]]
+    ) -> Program:
         """One row as a program over blocks.
 
         Args:
-            plant: (*parameters) → the plant of a lane.   state: entries of x.
-            more: shapes of further blocks by name: "wrench" on the tip, the parameters "p".
+            plant: further blocks by name → the plant of a lane.   state: entries of x.
+            more: shapes of further blocks by name: what acts on the plant, and the parameters "p".
         """
         n = self.n
 
@@ -215,13 +216,10 @@ class Reduction:
             held: Array,
             *rest: Array,
         ) -> Array:
-            given = dict(zip(more, rest, strict=True))
-            parameters = [given[name] for name in ("p",) if name in given]
-            wrench = [given[name] for name in ("wrench",) if name in given]
-            own = plant(*parameters)
-            outputs = own.outputs(x, u, *wrench)
-            does = told_command(own.model, DriveOutput(outputs["tau"], outputs["voltage"], outputs["current"]))
-            row = Row(tick[0], own.part(x, "q"), r[:n], u, first, final, outputs, does)
+            told = dict(zip(more, rest, strict=True))
+            own = plant(told)
+            outputs = own.outputs(x, u, told.get("wrench"), told.get("brake"))
+            row = Row(tick[0], own.part(x, "q"), r[:n], u, first, final, outputs, own.applied(x, u))
             values, start = [], 0
             for each in self.reducers.values():
                 stop = start + n * len(each.begin)

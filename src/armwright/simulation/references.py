@@ -2,43 +2,42 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import ArmwrightError, ScenarioError
+from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.program import interpret, trace
 from armwright.scalar import Array, Scalar
+from armwright.simulation.inputs import by_name
+from armwright.simulation.protocols import UNTRACEABLE, called, why
 from armwright.simulation.schedule import Schedule
 
 FAR = 1e-9  # [rad | m] past a limit that is no rounding
 
 
-def reference_rows(arm: Model, reference: Any, t: np.ndarray) -> np.ndarray:
+def reference_rows(arm: Model, reference: Any, t: np.ndarray, notes: list[str] | None = None) -> np.ndarray:
     """The reference at times t (k,) [s]: (k, 3n) positions, speeds and accelerations.
 
     Args:
         arm: the model.
         reference: a pose (n,); rows (k, n) or (k, 3n), one for each time; a Schedule of poses, held from row to row; or a
             function of time that gives q, or (q, q̇, q̈), each (n,). One that gives q alone and is written with
-            `armwright.scalar` is differentiated exactly.
-        t: times of the ticks [s].
+            `armwright.scalar` is differentiated exactly; one that cannot be traced has speeds and accelerations of 0.
+        t: times of the ticks [s].   notes: takes a line of what a user should know of how it was read.
     Raises:
         ScenarioError: names what was given and what was expected.
     """
     n, rows = arm.n, np.zeros((len(t), 3 * arm.n))
     if isinstance(reference, Schedule):
-        if sorted(reference.names) != sorted(arm.names):
-            names = ", ".join(reference.names)
-            raise ScenarioError(f"reference: the schedule is for {names}; expected {', '.join(arm.names)}")
-        order = [list(reference.names).index(name) for name in arm.names]
         held = np.searchsorted(reference.times, t * (1.0 + 1e-12), side="right") - 1
-        rows[:, :n] = reference.commands[np.maximum(held, 0)][:, order]
+        rows[:, :n] = by_name("reference", reference, arm.names).commands[np.maximum(held, 0)]
     elif callable(reference):
-        rows = _of_function(arm, reference, t)
+        rows = _of_function(arm, reference, t, [] if notes is None else notes)
     else:
         try:
             given = np.asarray(reference, dtype=float)
@@ -61,21 +60,45 @@ def reference_rows(arm: Model, reference: Any, t: np.ndarray) -> np.ndarray:
     return rows
 
 
-def _of_function(arm: Model, function: Callable[[Any], Any], t: np.ndarray) -> np.ndarray:
+def _of_function(arm: Model, function: Callable[[Any], Any], t: np.ndarray, notes: list[str]) -> np.ndarray:
     """Traced and differentiated where it can be; else called time by time."""
     n = arm.n
+    _check_arguments(function)
     try:
         program = trace("reference", lambda time: _moving(arm, function, time[0]), {"t": (1,)}, ("r",))
         return np.asarray(interpret(program, t.reshape(-1, 1))).reshape(len(t), 3 * n)
-    except (ArmwrightError, TypeError, ValueError, AttributeError) as error:
+    except UNTRACEABLE as error:
         if isinstance(error, ScenarioError):
             raise
-    rows = np.zeros((len(t), 3 * n))
+        reason = why(error)
+    rows, alone = np.zeros((len(t), 3 * n)), False
     for k, time in enumerate(t):
-        rows[k] = np.concatenate(
-            _parts(arm, function(float(time))) or [_pose(arm, function(float(time))), np.zeros(2 * n)]
-        )
+        value = function(float(time))
+        told = _parts(arm, value)
+        alone |= told is None
+        rows[k] = np.concatenate([_pose(arm, value), np.zeros(2 * n)] if told is None else told)
+    speeds = (
+        "its speeds and accelerations are taken as 0" if alone else "with the speeds and accelerations that it gave"
+    )
+    more = "; written with armwright.scalar it is differentiated, or let it give (q, qd, qdd)" if alone else ""
+    notes.append(f"reference {called(function)!r} cannot be traced ({reason}): called tick by tick, {speeds}{more}")
     return rows
+
+
+def _check_arguments(function: Callable[[Any], Any]) -> None:
+    """Refuses a function of other things than time.
+
+    Raises:
+        ScenarioError: names it, and what it takes.
+    """
+    try:
+        taken = inspect.signature(function)
+    except ValueError:  # a built-in function that does not tell
+        return
+    try:
+        taken.bind("t")
+    except TypeError:
+        raise ScenarioError(f"reference {called(function)!r}: takes {taken}, expected (t)") from None
 
 
 def _moving(arm: Model, function: Callable[[Any], Any], t: Scalar) -> np.ndarray:

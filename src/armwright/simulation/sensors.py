@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import ScenarioError, nearest
+from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
+from armwright.simulation.settings import check_choice, check_numbers, one_each
 
 VELOCITIES = (
     "exact",  # as a tachometer without fault would tell
@@ -45,24 +46,30 @@ class Sensors:
     current_noise: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.velocity not in VELOCITIES:
-            raise ScenarioError(
-                f"sensors: velocity = {self.velocity!r}: unknown; {nearest(str(self.velocity), VELOCITIES)}"
-            )
-        if self.side not in SIDES:
-            raise ScenarioError(f"sensors: side = {self.side!r}: unknown; {nearest(str(self.side), SIDES)}")
-        if self.counts is not None and not np.all(np.asarray(self.counts, dtype=float) > 0):
-            raise ScenarioError(f"sensors: counts = {self.counts!r}: expected counts above 0 in one turn")
+        check_choice("sensors", "velocity", self.velocity, VELOCITIES)
+        check_choice("sensors", "side", self.side, SIDES)
+        if self.counts is not None:
+            check_numbers("sensors", "counts", self.counts, _positive, "counts above 0 in one turn", among="joint")
         filtered = self.velocity in ("filtered", "observer")
-        if filtered != (self.cutoff_hz is not None) or (self.cutoff_hz is not None and not self.cutoff_hz > 0):
+        if not filtered and self.cutoff_hz is not None:
             raise ScenarioError(
-                f"sensors: cutoff_hz = {self.cutoff_hz!r}: expected a frequency above 0"
-                if filtered
-                else f"sensors: cutoff_hz goes with velocity = 'filtered' or 'observer', not {self.velocity!r}"
+                f"sensors: cutoff_hz goes with velocity = 'filtered' or 'observer', not {self.velocity!r}"
             )
+        if filtered:
+            check_numbers("sensors", "cutoff_hz", self.cutoff_hz, _positive, "a frequency above 0")
         for name in ("position_noise", "velocity_noise", "current_noise"):
-            if not getattr(self, name) >= 0.0:
-                raise ScenarioError(f"sensors: {name} = {getattr(self, name)!r}: expected 0 or more")
+            check_numbers(
+                "sensors", name, getattr(self, name), lambda v: (v >= 0.0) & np.isfinite(v), "a number of 0 or more"
+            )
+
+    def check(self, arm: Model) -> None:
+        """Refuses counts that are not one for each joint of the arm.
+
+        Raises:
+            ScenarioError: names the counts and the joints.
+        """
+        if self.counts is not None:
+            one_each("sensors", "counts", self.counts, arm)
 
     def draws(self, n: int) -> int:
         """Random numbers that a measurement of n joints takes: two a normal one."""
@@ -70,9 +77,10 @@ class Sensors:
         return 2 * n * sum(noise > 0 for noise in noisy)
 
     def memory(self, arm: Model, q: Array, qd: Array) -> np.ndarray:
-        """What is remembered at the beginning (k,), from the measured position and speed."""
+        """What is remembered at the beginning (k,): that the arm had been measured there before, by the same encoder."""
         if self.velocity == "exact":
             return np.zeros(0)
+        q = self._quantised(arm, q)
         if self.velocity == "difference":
             return q - 0.0 * qd
         return np.concatenate([q, qd])
@@ -115,7 +123,7 @@ class Sensors:
     def _quantised(self, arm: Model, q: Array) -> np.ndarray:
         if self.counts is None:
             return q
-        counts = np.broadcast_to(np.asarray(self.counts, dtype=float), arm.n)
+        counts = one_each("sensors", "counts", self.counts, arm)
         rows = []
         for i, body in enumerate(arm.coordinates):
             ratio = body.drive.gear_ratio if self.side == "motor" else 1.0
@@ -132,6 +140,10 @@ class Sensors:
         q = ahead + (1.0 - pole * pole) * missed
         speed = memory[n:] + (1.0 - pole) ** 2 / period * missed
         return speed, np.concatenate([q, speed])
+
+
+def _positive(values: np.ndarray) -> np.ndarray:
+    return (values > 0.0) & np.isfinite(values)
 
 
 def _normal(w: Array) -> list[Scalar]:

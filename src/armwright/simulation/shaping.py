@@ -1,4 +1,4 @@
-"""What happens to a command before it leaves: rate limit and resolution. Design section 4, step 4."""
+"""What happens to a command before it leaves: rate limit, limit and resolution. Design section 4, step 4."""
 
 from __future__ import annotations
 
@@ -9,16 +9,23 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import ScenarioError
+from armwright.model import Model
 from armwright.scalar import Array
+from armwright.simulation.settings import check_numbers, one_each
+
+WHOLE = 1e-9  # of a step: a limit this near a whole number of them is meant to be it
 
 
 @dataclass(frozen=True)
 class Shaping:
     """The command's way through the controller's output stage; each number may be one for each joint.
 
+    The rate is limited first, then the command; what comes of it is remembered for the next time as it is, unrounded, and
+    leaves rounded to the nearest of the steps that lie within the limit.
+
     Args:
-        limit: [V | A | N m | N] the most that is commanded, either way; absent: no limit of the controller's own.
-        rate: [1/s of the same] how fast a command may change; absent: at once.
+        limit: [V | A | N m | N] the most that is commanded, either way; absent or inf: no limit of the controller's own.
+        rate: [1/s of the same] how fast a command may change; absent or inf: at once.
         resolution: [of the same] its steps, of a DAC or of a PWM's timer; absent: none.
     Raises:
         ScenarioError: names the field, its value and what was expected.
@@ -29,21 +36,64 @@ class Shaping:
     resolution: Any = None
 
     def __post_init__(self) -> None:
-        for name in ("limit", "rate", "resolution"):
-            value = getattr(self, name)
-            if value is not None and not np.all(np.asarray(value, dtype=float) > 0):
-                raise ScenarioError(f"shaping: {name} = {value!r}: expected numbers above 0")
+        for name in ("limit", "rate"):
+            if getattr(self, name) is not None:
+                check_numbers(
+                    "shaping", name, getattr(self, name), lambda v: v > 0.0, "a number above 0", among="joint"
+                )
+        if self.resolution is not None:
+            check_numbers("shaping", "resolution", self.resolution, _finite, "a finite number above 0", among="joint")
 
-    def shaped(self, period: float, u: Array, last: Array) -> np.ndarray:
-        """The command (n,) that leaves, from the one asked for and the one that left a period [s] before."""
+    @property
+    def remembers(self) -> bool:
+        """Whether the next command depends on this one."""
+        return self.rate is not None
+
+    def check(self, arm: Model) -> None:
+        """Refuses numbers that are not one for each joint of the arm, and limits below the first step.
+
+        Raises:
+            ScenarioError: names the field, its value and what was expected.
+        """
+        given = {name: getattr(self, name) for name in ("limit", "rate", "resolution")}
+        each = {name: one_each("shaping", name, value, arm) for name, value in given.items() if value is not None}
+        if "limit" in each and "resolution" in each:
+            for joint, limit, step in zip(arm.names, each["limit"], each["resolution"], strict=True):
+                if not _steps(limit, step) >= 1.0:
+                    raise ScenarioError(
+                        f"shaping: resolution = {step:g} of joint {joint!r} leaves no command but 0 within "
+                        f"limit = {limit:g}; expected at most that"
+                    )
+
+    def shaped(self, period: float, u: Array, last: Array) -> tuple[np.ndarray, np.ndarray]:
+        """The command that leaves, and what is remembered.
+
+        Args:
+            period: [s] since the last one.   u: (n,) asked for.   last: (n,) what was remembered then.
+        Returns:
+            issued: (n,), within the limit and on a step.   kept: (n,), before it was rounded.
+        """
         n = len(u)
-        if self.limit is not None:
-            most = np.broadcast_to(self.limit, n)
-            u = scalar.clip(u, -most, most)
+        most = np.full(n, np.inf) if self.limit is None else np.broadcast_to(self.limit, n).astype(float)
         if self.rate is not None:
             change = np.broadcast_to(self.rate, n) * period
-            u = last + scalar.clip(u - last, -change, change)
+            u = scalar.clip(u, last - change, last + change)
+        if self.limit is not None:
+            u = scalar.clip(u, -most, most)
+        kept = issued = u
         if self.resolution is not None:
-            step = np.broadcast_to(self.resolution, n)
-            u = scalar.floor(u / step + 0.5) * step
-        return scalar.array(u)
+            step = np.broadcast_to(self.resolution, n).astype(float)
+            issued = scalar.floor(u / step + 0.5) * step
+            if self.limit is not None:  # nearest may be beyond
+                most = np.minimum(_steps(most, step) * step, most)
+                issued = scalar.clip(issued, -most, most)
+        return scalar.array(issued), scalar.array(kept)
+
+
+def _finite(values: np.ndarray) -> np.ndarray:
+    return (values > 0.0) & np.isfinite(values)
+
+
+def _steps(limit: Any, step: Any) -> Any:
+    """How many steps lie within a limit."""
+    return np.floor(limit / step + WHOLE)

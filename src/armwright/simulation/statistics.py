@@ -37,7 +37,10 @@ def statistics(run: xr.Dataset, percentiles: Sequence[float] = PERCENTILES) -> x
         raise RunError(f"a {type(run).__name__} is no run; expected the dataset that simulate returns")
     if "lane" not in run.dims:
         raise RunError("statistics are over lanes; expected a run of many lanes")
-    shares = np.atleast_1d(np.asarray(percentiles, dtype=float))
+    try:
+        shares = np.atleast_1d(np.asarray(percentiles, dtype=float))
+    except (TypeError, ValueError):
+        shares = np.full(1, np.nan)
     if shares.ndim != 1 or not np.all((shares >= 0.0) & (shares <= 100.0)):
         raise RunError(f"percentiles = {percentiles!r}: expected numbers from 0 to 100")
     whole = np.ones(run.sizes["lane"], dtype=bool)

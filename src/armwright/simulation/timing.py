@@ -17,17 +17,20 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import ScenarioError, nearest
+from armwright.errors import ScenarioError
 from armwright.kernels.stages import NEVER
 from armwright.scalar import Array, Scalar
+from armwright.simulation.settings import check_choice, check_numbers
 
 PRESETS = (
     "ideal",  # a command acts when it is computed, at once
     "one-tick",  # computed during the period, applied at its end: most firmware
     "sync",  # CiA 402: latched at SYNC k, applied at SYNC k + 1, or the first SYNC behind its arrival
 )
+TIMES = {name: f"{name} ({name}_s in a file)" for name in ("measurement_delay", "command_delay", "jitter")}  # in errors
 WHOLE = 1e-9  # of a tick: a delay this near a whole number is meant to be it
-MOST_TICKS = 1_000_000
+MOST_TICKS, QUEUED = 1_000_000, "all commands and measurements of that time are held"
+MOST_JITTER, UNDER_WAY = 64, "so many commands may be under way at once, and each is compiled"
 
 
 @dataclass(frozen=True)
@@ -52,13 +55,18 @@ class Timing:
     clock_drift: Any = 0.0
 
     def __post_init__(self) -> None:
-        if self.preset not in PRESETS:
-            raise ScenarioError(f"timing: preset = {self.preset!r}: unknown; {nearest(str(self.preset), PRESETS)}")
-        for name in ("measurement_delay", "command_delay", "jitter"):
-            _check(name, getattr(self, name), 0.0, np.inf, "a time of 0 s or more")
+        check_choice("timing", "preset", self.preset, PRESETS)
+        for name in TIMES:
+            self._check(name, 0.0, np.inf, "a time of 0 s or more")
         for name in ("measurement_loss", "command_loss"):
-            _check(name, getattr(self, name), 0.0, 1.0, "a probability")
-        _check("clock_drift", self.clock_drift, -0.1, 0.1, "a number within ±0.1")
+            self._check(name, 0.0, 1.0, "a probability")
+        self._check("clock_drift", -0.1, 0.1, "a number within ±0.1")
+
+    def _check(self, name: str, low: float, high: float, expected: str) -> None:
+        def fits(values: np.ndarray) -> np.ndarray:
+            return (values >= low) & (values <= high) & np.isfinite(values)
+
+        check_numbers("timing", TIMES.get(name, name), getattr(self, name), fits, expected, among="lane")
 
     @property
     def lanes(self) -> dict[str, int]:
@@ -67,21 +75,13 @@ class Timing:
         return {f"timing.{name}": len(getattr(self, name)) for name in names if np.ndim(getattr(self, name))}
 
 
-def _check(name: str, value: Any, low: float, high: float, expected: str) -> None:
-    try:
-        numbers = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        numbers = np.full((), np.nan)
-    if numbers.ndim > 1 or not np.all((numbers >= low) & (numbers <= high) & np.isfinite(numbers)):
-        raise ScenarioError(f"timing: {name} = {value!r}: expected {expected}, or one a lane")
-
-
 @dataclass(frozen=True, eq=False)
 class Delays:
     """A timing in ticks of one period, for the lanes of a run: whole ticks and fractions.
 
     Attributes:
-        measured, commanded: (lanes or 1,) whole ticks.   earlier, later: (lanes or 1,) fractions φ.
+        measured, commanded: (lanes or 1,) whole ticks.   earlier, later: (lanes or 1,) fractions φ; where jitter may carry a
+            command past the next SYNC, `later` is below 2.
         jitter, drift, measurement_loss, command_loss: (lanes or 1,).
     """
 
@@ -97,15 +97,29 @@ class Delays:
 
     @classmethod
     def of(cls, timing: Timing, period: float) -> Delays:
-        """A timing at a period [s]."""
+        """A timing at a period [s].
+
+        Raises:
+            ScenarioError: a delay or jitter of more periods than can be held; names it and how many can.
+        """
 
         def each(value: Any) -> np.ndarray:
             return np.atleast_1d(np.asarray(value, dtype=float))
 
-        measured, earlier = _split(each(timing.measurement_delay) / period)
-        delay = each(timing.command_delay) / period
+        def ticks(name: str, most: int, why: str) -> np.ndarray:
+            given = each(getattr(timing, name))
+            found = given / period
+            if found.max() > most:
+                raise ScenarioError(
+                    f"timing: {TIMES[name]} = {given.max():g} s is {found.max():.6g} periods of {period:g} s; expected at most "
+                    f"{most} periods, {most * period:g} s: {why}"
+                )
+            return found
+
+        measured, earlier = _split(ticks("measurement_delay", MOST_TICKS, QUEUED))
+        delay, jitter = ticks("command_delay", MOST_TICKS, QUEUED), ticks("jitter", MOST_JITTER, UNDER_WAY)
         if timing.preset == "sync":
-            commanded, later = np.ones(1), delay
+            commanded, later = _synchronous(delay, jitter)
         else:
             commanded, later = _split(delay + (timing.preset == "one-tick"))
         return cls(
@@ -114,7 +128,7 @@ class Delays:
             earlier,
             commanded,
             later,
-            each(timing.jitter) / period,
+            jitter,
             each(timing.clock_drift),
             each(timing.measurement_loss),
             each(timing.command_loss),
@@ -131,8 +145,7 @@ class Delays:
     @property
     def fractional(self) -> bool:
         """Whether any command acts between ticks, or is lost: else the queue is all there is."""
-        parts = (self.later > (self.preset == "sync"), self.jitter, self.drift, self.command_loss)
-        return any(np.any(part) for part in parts)
+        return any(np.any(part) for part in (self.later, self.jitter, self.drift, self.command_loss))
 
 
 def lateness(delays: Delays, tick: Scalar, later: Scalar, jitter: Scalar, drift: Scalar, w: Scalar) -> Scalar:
@@ -147,11 +160,21 @@ def lateness(delays: Delays, tick: Scalar, later: Scalar, jitter: Scalar, drift:
 
 def _split(ticks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Whole ticks and the fraction behind them."""
-    if ticks.max() > MOST_TICKS:
-        raise ScenarioError(f"timing: a delay of {ticks.max():.3g} periods; expected at most {MOST_TICKS}")
     near = np.rint(ticks)
     whole = np.where(np.abs(ticks - near) <= WHOLE, near, np.floor(ticks))
     return whole, np.clip(ticks - whole, 0.0, None) * (np.abs(ticks - near) > WHOLE)
+
+
+def _synchronous(delay: np.ndarray, jitter: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Whole ticks for the queue, and what is left of a delay [ticks], where commands act at the first SYNC behind their arrival.
+
+    ⌈m + φ + j⌉ = m + ⌈φ + j⌉: whole ticks may wait in the queue, and all of the delay where there is no jitter j.
+    """
+    whole, part = _split(delay)
+    certain = np.maximum(whole + np.ceil(part), 1.0)
+    before = np.maximum(whole, 1.0)
+    commanded = np.where(jitter > 0.0, before, certain)
+    return commanded, np.where(jitter > 0.0, whole + part - (before - 1.0), 0.0)
 
 
 def planned(

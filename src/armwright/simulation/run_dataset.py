@@ -1,4 +1,4 @@
-"""What a controlled run leaves: what was recorded, what follows from it, and what reducers came to, as one dataset."""
+"""What a run leaves: what was recorded, what follows from it, and what reducers came to, as one dataset."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.model import Model
+from armwright.simulation.compiled import USUAL
 from armwright.simulation.groups import Reached
+from armwright.simulation.landing import held_values
 from armwright.simulation.law import measurement_of, reference_of
+from armwright.simulation.notes import limit_notes
 from armwright.simulation.recording import bare_dataset, joint_units, make_dataset
 from armwright.simulation.reducers import Ends, reducer
 from armwright.simulation.references import reference_notes
@@ -18,7 +21,7 @@ from armwright.simulation.stepping import Account
 if TYPE_CHECKING:
     import xarray
 
-    from armwright.simulation.controlled import ControlledRun
+    from armwright.simulation.scenario_run import ScenarioRun
 
 MORE = {  # what else is recorded: whose unit it has, and what it is
     "q_measured": ("q", "measured position"),
@@ -30,18 +33,21 @@ MORE = {  # what else is recorded: whose unit it has, and what it is
     "heat": ("W", "heat in the motor's winding"),
     "friction_loss": ("W", "power that rubs and damps away"),
     "electrical_power": ("W", "electrical power into the drive"),
+    "motor_q": ("rad", "position of the motor behind its elastic gear"),
+    "motor_qd": ("rad/s", "velocity of the motor behind its elastic gear"),
+    "bristle": ("q", "deflection of the bristles"),
+    "brake": ("q", "how far the brake gave way"),
     "winding_temperature": ("°C", "temperature of the motor's winding"),
     "housing_temperature": ("°C", "temperature of the motor's housing"),
     "bus_voltage": ("V", "voltage of the supply's bus"),
 }
 WHOLE = ("bus_voltage",)  # of the whole arm, not of a joint
-USUAL = ("qdd", "tau", "voltage", "current")  # what is recorded of every arm
 
 
-def controlled_dataset(
-    run: ControlledRun, record: np.ndarray | None, every: int, account: Account, held: np.ndarray, reached: Reached
+def run_dataset(
+    run: ScenarioRun, record: np.ndarray | None, every: int, account: Account, held: np.ndarray, reached: Reached
 ) -> xarray.Dataset:
-    """The dataset of a controlled run.
+    """The dataset of a run.
 
     Args:
         run: what was run.   record: (rows, lanes in whole tiles, entries), None: nothing was recorded.
@@ -49,51 +55,59 @@ def controlled_dataset(
         reached: which lanes came how far.
     """
     scenario, arm = run.scenario, run.arm
-    attrs = {
-        "integrator": scenario.integrator,
-        "step_s": scenario.integration_step,
-        "sample_period_s": run.period,
-        "controller": "compiled"
-        if run.cycle.untraced is None
-        else f"called in Python once a tick: {run.cycle.untraced}",
-        "notes": reference_notes(arm, run.reference, run.t),
-    }
+    attrs: dict[str, Any] = {"integrator": scenario.integrator, "step_s": scenario.integration_step}
+    if run.law is not None:
+        attrs["sample_period_s"] = run.period
+        why = run.untraced
+        attrs["controller"] = "compiled" if why is None else f"called in Python once a tick: {why}"
+        attrs |= {name: values for name, values in run.ending.items() if values.size}
+    notes = list(run.notes)
+    if run.reference is not None:
+        notes += reference_notes(arm, run.reference, np.arange(run.ticks + 1) * run.period)
     numbers = None if scenario.lanes is None else reached.lanes
     if record is None:
-        dataset = bare_dataset(arm, attrs, None if numbers is None else len(numbers))
+        dataset = bare_dataset(arm, attrs | {"notes": notes}, None if numbers is None else len(numbers))
     else:
-        dataset = _recorded(run, record, every, reached, attrs)
+        dataset = _recorded(run, record, every, reached, attrs, notes)
     if numbers is not None and reached.stopped:
         dataset = dataset.assign_coords(lane=("lane", numbers, dataset["lane"].attrs))
-    if reached.ticks == run.ticks and held.size:
+    if reached.ticks == run.ticks and run.reduction is not None:
         _reduced(run, dataset, account, held, reached.lanes)
     account.of_lanes(reached.lanes).tell(dataset, run.period, scenario.adaptivity, scenario.lanes is None)
     return dataset
 
 
 def _recorded(
-    run: ControlledRun, record: np.ndarray, every: int, reached: Reached, attrs: dict[str, Any]
+    run: ScenarioRun, record: np.ndarray, every: int, reached: Reached, attrs: dict[str, Any], notes: list[str]
 ) -> xarray.Dataset:
     """Rows of the lanes that came that far, with what follows from them."""
     scenario, arm, n = run.scenario, run.arm, run.arm.n
+
+    def own(values: np.ndarray) -> np.ndarray:
+        return values[reached.lanes] if reached.stopped and len(values) > 1 else values
+
     there = reached.rows(every, len(record))
-    t, rows = run.t[::every][there], record[there, : run.count]
-    rows = (rows[:, reached.lanes] if reached.stopped else rows).transpose(1, 0, 2)
-    ends = np.cumsum(list(run.recorded.values()))[:-1]
-    parts = dict(zip(run.recorded, np.split(rows, ends, axis=2), strict=True))
-    x, more = parts["x"], {}
+    ticks = np.arange(len(record))[there] * every
+    t, rows = ticks * run.period, own(record[there, : run.count].transpose(1, 0, 2))
+    sizes = run.parts.recorded
+    parts = dict(zip(sizes, np.split(rows, np.cumsum(list(sizes.values()))[:-1], axis=2), strict=True))
+    x = parts["x"]
+    acting = {name: own(held_values(held, ticks, run.period)) for name, held in run.held.items() if name != "r"}
+    u = parts.get("u", acting.pop("u", np.full((1, 1, n), np.nan)))
+    u = np.broadcast_to(u, (len(rows), len(t), n))
+    outputs: dict[str, np.ndarray] = {}
     if scenario.record == "all":
-        parameters = scenario.parameters if len(scenario.parameters) == 1 else scenario.parameters[reached.lanes]
-        wrench = [parts["wrench"]] if "wrench" in parts else []
-        given = [x, parts["u"], *wrench, *([parameters[:, None, :]] if scenario.varied is not None else [])]
-        assert run.outputs is not None
-        more = dict(zip(run.output_names, run.outputs(*given, threads=os.cpu_count() or 1), strict=True))
-    u = parts.get("u", np.full((len(rows), len(t), n), np.nan))
-    q, qd = run.plant.part(x, "q"), run.plant.part(x, "qd")
+        given = [x, u, *(acting[name] for name in run.parts.inputs)]
+        given += [own(scenario.parameters)[:, None, :]] if scenario.varied is not None else []
+        kernel = run.simulator.outputs
+        assert kernel is not None
+        outputs = dict(zip(run.simulator.names, kernel(*given, threads=os.cpu_count() or 1), strict=True))
     squeeze = (lambda v: v[0]) if scenario.lanes is None else (lambda v: v)
-    known = {name: squeeze(more.pop(name)) for name in USUAL if name in more}
+    q, qd = run.plant.part(x, "q"), run.plant.part(x, "qd")
+    attrs["notes"] = [*notes, *limit_notes(arm, q, qd, u, outputs, t)]
+    known = {name: squeeze(values) for name, values in outputs.items() if name in USUAL}
     dataset = make_dataset(arm, t, squeeze(q), squeeze(qd), squeeze(u), **known, attrs=attrs)
-    extra = dict(more)
+    extra = {name: values for name, values in outputs.items() if name not in USUAL}
     if "y" in parts:
         y, r = measurement_of(parts["y"], n), reference_of(parts["r"], n)
         extra |= {"q_measured": y.q, "qd_measured": y.qd, "q_reference": r.q, "qd_reference": r.qd}
@@ -113,16 +127,12 @@ def add_output(dataset: xarray.Dataset, arm: Model, name: str, values: np.ndarra
     dataset[name] = (dims, values, attributes)
 
 
-def _reduced(
-    run: ControlledRun, dataset: xarray.Dataset, account: Account, held: np.ndarray, lanes: np.ndarray
-) -> None:
+def _reduced(run: ScenarioRun, dataset: xarray.Dataset, account: Account, held: np.ndarray, lanes: np.ndarray) -> None:
     """Adds what the reducers came to, (lane, joint) or (joint,) each."""
-    n = run.arm.n
-    held = held if len(lanes) == len(held) else held[lanes]
-    start = run.scenario.initial_state
-    first = run.plant.part(run.plant.initial(start[:, :n], start[:, n:]), "q")
-    first = first if len(lanes) == len(first) else first[lanes]
-    ends = Ends(held[:, -1:], run.period, first, run.reference[-1, :n], account.frozen[lanes][:, None] >= 0.0)
+    assert run.reduction is not None
+    first = run.scenario.initial_state[:, : run.arm.n]
+    held, first, final = (v if len(v) in (1, len(lanes)) else v[lanes] for v in (held, first, run.final))
+    ends = Ends(held[:, -1:], run.period, first, final, account.frozen[lanes][:, None] >= 0.0)
     for name, values in run.reduction.results(held, ends).items():
         about = reducer(name)
         attributes = {"units": _unit(run.arm, about.unit), "long_name": about.about}

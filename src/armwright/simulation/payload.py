@@ -1,0 +1,191 @@
+"""What the hand carries over time: bodies that are taken up and put down, each from its time until the next.
+
+A body joins, and leaves, at the hand's own velocity: positions and speeds are continuous, momentum and energy jump by the
+body's own. What reaches the plant are its ten numbers about the frame's origin, zeros for an empty hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armwright.errors import ScenarioError
+from armwright.model import Model
+from armwright.model.model import BASE, TENSOR
+from armwright.model.plausibility import IMPOSSIBLE
+from armwright.simulation.inputs import LaneRows
+from armwright.spatial import displaced_inertia
+
+
+@dataclass(frozen=True, eq=False)
+class Payload:
+    """A body in the hand from a time on, in place of what that hand held before; as `arm.with_payload` has it.
+
+    Args:
+        time: () [s] when it is taken up; 0 or later.
+        mass: () [kg]; 0 puts down what the hand held, and needs no more.
+        com: (3,) [m] centre of mass, in the frame.
+        inertia: (3, 3) [kg m²] about the centre of mass, in the frame's axes, or three principal moments; zeros for a point mass.
+        frame: name of the frame that carries it; by default the tip.
+
+    Time, mass, com and inertia may differ by lane: (lanes,), (lanes,), (lanes, 3) and (lanes, 3, 3).
+    """
+
+    time: Any
+    mass: Any
+    com: Any = None
+    inertia: Any = None
+    frame: str | None = None
+
+
+def payload_of(arm: Model, payloads: Any) -> tuple[tuple[str, ...], LaneRows]:
+    """Frames that bodies hang on, and for each of them the ten numbers over time, side by side.
+
+    Raises:
+        ScenarioError: a body that cannot be, times that do not increase; names the place, the lane and the value.
+        ModelError: no such frame, or no tip.
+    """
+    told = [payloads] if isinstance(payloads, Payload) else payloads
+    if not isinstance(told, Sequence) or not told or not all(isinstance(each, Payload) for each in told):
+        raise ScenarioError(f"payload = {payloads!r}: expected Payload(time, mass, com, inertia), or a list of them")
+    at = [_frame(arm, k, each) for k, each in enumerate(told)]
+    times, loads = zip(*(_load(k, each) for k, each in enumerate(told)), strict=True)
+    lanes, frames = lanes_of(told) or 1, tuple(dict.fromkeys(at))
+    time = np.stack([np.broadcast_to(each, lanes) for each in times], axis=1)
+    load = np.stack([np.broadcast_to(each, (lanes, 10)) for each in loads], axis=1)
+    _check_order(at, time)
+    return frames, _rows(time, load, np.array([frames.index(frame) for frame in at]), len(frames))
+
+
+def lanes_of(payloads: Any) -> int | None:
+    """How many lanes they are told for; None: for all alike.
+
+    Raises:
+        ScenarioError: different numbers of lanes.
+    """
+    found: dict[str, int] = {}
+    for k, each in enumerate([payloads] if isinstance(payloads, Payload) else payloads or ()):
+        shared = {"time": 0, "mass": 0, "com": 1, "inertia": 2}
+        for name, dimensions in shared.items():
+            value = getattr(each, name)
+            if value is not None and np.ndim(value) > dimensions:
+                found[f"payload[{k}].{name}"] = len(value)
+    if len(set(found.values())) > 1:
+        raise ScenarioError(f"lanes do not fit together: {', '.join(f'{v} of {k}' for k, v in found.items())}")
+    return next(iter(found.values()), None)
+
+
+def _frame(arm: Model, k: int, payload: Payload) -> str:
+    name = arm.tip if payload.frame is None else payload.frame
+    if arm.frame(name).body == BASE:
+        raise ScenarioError(f"payload[{k}]: frame {name!r} stands still with the base; expected one that moves")
+    assert name is not None
+    return name
+
+
+def _load(k: int, payload: Payload) -> tuple[np.ndarray, np.ndarray]:
+    """When it is taken up, (lanes or 1,), and its numbers (lanes or 1, 10)."""
+    time = _numbers(k, "time", payload.time, (), "a time of 0 s or more, or one a lane")
+    mass = _numbers(k, "mass", payload.mass, (), "a mass of 0 kg or more, or one a lane")
+    for name, values, unit in (("time", time, "s"), ("mass", mass, "kg")):
+        if (values < 0.0).any():
+            lane = int(np.argmax(values < 0.0))
+            raise ScenarioError(f"{_place(k, name, values, lane)} = {values[lane]:g} {unit}: expected 0 or more")
+    if payload.com is None or payload.inertia is None:
+        absent = "com" if payload.com is None else "inertia"
+        if (mass > 0.0).any():
+            raise ScenarioError(f"payload[{k}]: {absent} is missing; expected one beside a mass above 0")
+        return time, np.zeros((1, 10))
+    com = _numbers(k, "com", payload.com, (3,), "three numbers [m], or three a lane")
+    tensor = _tensor(k, payload.inertia)
+    _check_tensor(k, tensor, mass)
+    rows = max(len(mass), len(com), len(tensor))
+    mass, com = np.broadcast_to(mass, rows), np.broadcast_to(com, (rows, 3)).T
+    about_origin = np.broadcast_to(tensor, (rows, 3, 3)).transpose(1, 2, 0) + displaced_inertia(mass, 0.0 * com, com)
+    return time, np.stack([mass, *(mass * com), *(about_origin[i, j] for i, j in TENSOR)], axis=1)
+
+
+def _numbers(k: int, name: str, value: Any, shape: tuple[int, ...], expected: str) -> np.ndarray:
+    """(lanes or 1, *shape) finite numbers."""
+    try:
+        found = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        found = np.full((0,) * (len(shape) + 2), np.nan)
+    fits = found.ndim - len(shape) in (0, 1) and found.shape[found.ndim - len(shape) :] == shape and found.size
+    if not fits or not np.isfinite(found).all():
+        raise ScenarioError(f"payload[{k}].{name} = {value!r:.80}: expected {expected}")
+    return found.reshape(-1, *shape)
+
+
+def _tensor(k: int, value: Any) -> np.ndarray:
+    """(lanes or 1, 3, 3), symmetric."""
+    expected = "a symmetric (3, 3) tensor or three moments [kg m²], zeros for a point mass, or a tensor a lane"
+    moments = np.shape(value) == (3,)
+    tensor = _numbers(k, "inertia", value, (3,) if moments else (3, 3), expected)
+    tensor = tensor[0] * np.eye(3)[None] if moments else tensor
+    turned = tensor.transpose(0, 2, 1)
+    if not np.allclose(tensor, turned, rtol=1e-9, atol=0.0):
+        raise ScenarioError(f"payload[{k}].inertia = {value!r:.80}: expected {expected}")
+    return 0.5 * (tensor + turned)
+
+
+def _check_tensor(k: int, tensor: np.ndarray, mass: np.ndarray) -> None:
+    """Refuses tensors about a centre of mass that no body can have: moments a ≤ b ≤ c with a ≥ 0 and c ≤ a + b."""
+    moments = np.linalg.eigvalsh(tensor)
+    least = -IMPOSSIBLE * np.abs(moments).max(axis=1)
+    wrong = (moments[:, 0] < least) | (moments[:, 0] + moments[:, 1] - moments[:, 2] < least)
+    if wrong.any():
+        lane = int(np.argmax(wrong))
+        a, b, c = moments[lane]
+        raise ScenarioError(
+            f"{_place(k, 'inertia', tensor, lane)}: principal moments {a:.4g}, {b:.4g} and {c:.4g} kg m² are those of no "
+            "body; expected none below 0, and none above the sum of the other two"
+        )
+    lanes = max(len(mass), len(tensor))
+    empty = np.broadcast_to(mass == 0.0, lanes) & np.broadcast_to(np.abs(moments).max(axis=1) > 0.0, lanes)
+    if empty.any():
+        lane = int(np.argmax(empty))
+        raise ScenarioError(
+            f"{_place(k, 'mass', empty, lane)} = 0 kg with an inertia; expected a mass above 0, or no inertia"
+        )
+
+
+def _place(k: int, name: str, values: np.ndarray, lane: int) -> str:
+    return f"payload[{k}].{name}" + (f" in lane {lane}" if len(values) > 1 else "")
+
+
+def _check_order(frames: list[str], times: np.ndarray) -> None:
+    """Refuses bodies of one hand whose times (lanes, bodies) do not increase in the order in which they are told."""
+    last: dict[str, int] = {}
+    for k, frame in enumerate(frames):
+        if frame in last:
+            early = times[:, k] <= times[:, last[frame]]
+            if early.any():
+                lane = int(np.argmax(early))
+                raise ScenarioError(
+                    f"{_place(k, 'time', early, lane)} = {times[lane, k]:g} s: expected one after payload[{last[frame]}]'s "
+                    f"{times[lane, last[frame]]:g} s"
+                )
+        last[frame] = k
+
+
+def _rows(times: np.ndarray, loads: np.ndarray, hands: np.ndarray, count: int) -> LaneRows:
+    """What all hands hold, empty in the beginning: a row for every body, in the order in which each lane takes them up.
+
+    Args:
+        times: (lanes, bodies) [s].   loads: (lanes, bodies, 10).   hands: (bodies,) which takes it up.   count: of hands.
+    """
+    lanes, order = np.arange(len(times)), np.argsort(times, axis=1, kind="stable")
+    now = np.zeros((len(times), count, 10))
+    rows = [now.copy()]
+    for body in order.T:  # one of every lane
+        now[lanes, hands[body]] = loads[lanes, body]
+        rows.append(now.copy())
+    sorted_times = np.take_along_axis(times, order, axis=1)
+    return LaneRows(
+        np.concatenate([np.zeros((len(times), 1)), sorted_times], axis=1),
+        np.stack(rows, axis=1).reshape(len(times), -1, 10 * count),
+    )

@@ -1,0 +1,227 @@
+"""Brakes and coupled motors in the whole loop, under a controller: closed forms and the balance of energies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import ScenarioError
+from armwright.simulation.plant import Plant
+from physics.arms import arm
+from simulation.plants import BRAKE, ELASTIC, MOTOR, chain, pendulum
+
+G, WEIGHT, LINK = 9.81, 3.0 * 9.81 * 0.3, 0.1 + 3.0 * 0.09  # of `pendulum`, at q = 0 [N m], [kg m²]
+ROTOR = 50.0**2 * 2e-4  # [kg m²]
+PID = aw.JointPID(kp=400.0, ki=400.0, kd=40.0, gravity=True)
+PERIOD = 1e-3
+
+
+def braked(**more):
+    return pendulum(motor=MOTOR, brake=BRAKE, **more)
+
+
+def test_a_released_brake_is_no_brake():
+    common = {"controller": PID, "reference": [0.6], "sample_period": PERIOD, "duration": 0.5}
+    without = aw.simulate(aw.Scenario(braked(), **common))
+    released = aw.simulate(aw.Scenario(braked(), brake=0, **common))
+    np.testing.assert_allclose(released.q.values, without.q.values, atol=1e-13)
+    assert "brake" not in without
+    assert not released.brake.values.any()
+    assert without.q.values[-1, 0] > 0.3
+
+
+def test_an_applied_brake_holds_where_the_spring_says():
+    """At rest k z is the weight. On the way there q follows Dahl's curve (F/k) ln(1 / (1 - torque/F)), F the holding torque:
+    beyond where the weight alone would bring it, not as far as twice the weight would, since it swings in.
+    """
+    run = aw.simulate(
+        aw.Scenario(
+            braked(), controller=lambda t, r, y: 0.0 * y.q, brake=[1], initial_command=[0.0], sample_period=PERIOD,
+            substeps=2, duration=2.0,
+        )
+    )  # fmt: skip
+    holding, stiffness, q = BRAKE["holding_torque_n_m"], BRAKE["stiffness_n_m_per_rad"], run.q.values[-1, 0]
+    assert run.brake.values[-1, 0] == pytest.approx(WEIGHT * np.cos(q) / stiffness, rel=1e-6)
+    slow, fast = (-holding / stiffness * np.log(1.0 - most / holding) for most in (WEIGHT, 2.0 * WEIGHT))
+    assert slow < q < fast
+    assert np.abs(run.qd.values[-1]).max() < 1e-9
+
+
+def test_applied_while_it_moves_it_takes_the_motion_away():
+    """The arm slips at its holding torque: q̈ = -F / (J + n² J_m) until it rests, and the brake's heat is the motion's energy."""
+    model = pendulum("torque", gravity=0.0, motor=MOTOR, brake=BRAKE)
+    inertia, speed, holding = LINK + ROTOR, 2.0, BRAKE["holding_torque_n_m"]
+    applied = aw.Schedule([0.0, 0.0505], [[0], [1]], ["joint0"])
+    run = aw.simulate(
+        aw.Scenario(
+            model, controller=lambda t, r, y: 0.0 * y.q, brake=applied, qd0=[speed], sample_period=PERIOD, duration=1.2,
+            initial_command=[0.0], substeps=8,
+        )
+    )  # fmt: skip
+    qd, t = run.qd.values[:, 0], run.time.values
+    stops = 0.0505 + speed * inertia / holding
+    slipping = (t > 0.07) & (t < stops - 0.01)
+    assert slipping.sum() > 3
+    np.testing.assert_allclose(np.diff(qd[slipping]) / PERIOD, -holding / inertia, rtol=1e-3)
+    assert np.abs(qd[t > stops + 1.0]).max() < 1e-5
+    lost = np.trapezoid(run.friction_loss.values[:, 0], t)
+    assert lost == pytest.approx(0.5 * inertia * speed**2, rel=5e-3)
+
+
+def test_a_controller_cannot_move_what_is_braked_and_goes_on_when_it_is_not():
+    """Its integrator kept down; electrical energy in = heat + friction + what is stored, all the way."""
+    model = braked(limits={"voltage_v": 24.0, "current_a": 6.0}, friction={"viscous_n_m_s_per_rad": 0.8})
+    control = aw.JointPID(
+        kp=120.0, ki=360.0, kd=12.0, gravity=True, limit=24.0, anti_windup="back-calculation", tracking_time=0.1
+    )
+    applied = aw.Schedule([0.0, 0.2, 1.0], [[0], [1], [0]], ["joint0"])
+    run = aw.simulate(
+        aw.Scenario(
+            model, controller=control, reference=aw.Ramp([0.0], [0.8], 1.0), brake=applied, sample_period=PERIOD, substeps=2,
+            duration=2.5,
+        )
+    )  # fmt: skip
+    q, t = run.q.values[:, 0], run.time.values
+    held = q[(t > 0.3) & (t < 0.99)]
+    most = 50.0 * 0.06 * 6.0 + WEIGHT  # all that current and weight can do, below the holding torque
+    assert 0.05 < held.mean() < 0.3
+    holding, stiffness = BRAKE["holding_torque_n_m"], BRAKE["stiffness_n_m_per_rad"]
+    assert np.ptp(held) < 2.0 * holding / stiffness * np.log(1.0 / (1.0 - most / holding))  # from one side to the other
+    assert q[-1] == pytest.approx(0.8, abs=5e-3)
+    flows = {name: np.trapezoid(run[name].values[:, 0], t) for name in ("electrical_power", "heat", "friction_loss")}
+    plant = Plant.of(model, brakes=True)
+    states = np.stack([run[part.name].values[[0, -1], 0] for part in plant.parts], axis=1)
+    stored = [float(plant.stored_energy(x)) for x in states]
+    balance = flows["electrical_power"] - flows["heat"] - flows["friction_loss"]
+    assert balance == pytest.approx(stored[1] - stored[0], abs=2e-2 * flows["electrical_power"])
+
+
+def test_brakes_differ_by_lane_and_bits_do_not():
+    joint = {"command": "voltage", "motor": MOTOR, "brake": BRAKE, "limits": {"current_a": 6.0}}
+    model = chain([joint, joint], gravity=0.0)
+    common = {"controller": PID, "reference": [0.5, -0.3], "sample_period": PERIOD, "duration": 0.5}
+    rows = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
+    many = aw.simulate(aw.Scenario(model, brake=rows, **common))
+    for lane, row in enumerate(rows):
+        np.testing.assert_array_equal(
+            aw.simulate(aw.Scenario(model, brake=row, **common)).q.values, many.q.values[lane]
+        )
+    moved = np.abs(many.q.values[:, -1]) > 0.05
+    np.testing.assert_array_equal(moved, rows == 0)
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"brake": 0.5}, "brake: joint0 is 0.5; expected 1, applied, or 0, released"),
+        ({"brake": [1, 0]}, r"brake has shape \(2,\), expected \(1,\)"),
+        ({"brake": aw.Schedule([0.0], [[1.0]], ["wrist"])}, "brake: the schedule is for wrist; expected joint0"),
+        ({"brake": aw.Schedule([0.0, 1.0], [[1.0], [2.0]], ["joint0"])}, "brake: joint0 is 2; expected 1"),
+        ({"brake": "on"}, "brake has shape|brake = "),
+    ],
+)
+def test_brakes_that_cannot_be_are_refused(fields, said):
+    with pytest.raises(ScenarioError, match=said):
+        aw.Scenario(braked(), command=[0.0], duration=0.1, **fields)
+
+
+def test_an_arm_without_brakes_applies_none():
+    with pytest.raises(ScenarioError, match="no joint of two-link has a brake in its record"):
+        aw.Scenario(arm("two-link"), command=[0.0, 0.0], duration=0.1, brake=1)
+
+
+WRIST = {**MOTOR, "gear_ratio": 30.0}
+
+
+def wrist(**last):
+    """An arm whose second and third motors turn with the joints before them, each in a unit of its own."""
+    second = {**WRIST, "coupling": [{"joint": "joint0", "ratio": 12.0}]}
+    third = {**WRIST, "coupling": [{"joint": "joint0", "ratio": -6.0}, {"joint": "joint1", "ratio": 9.0}], **last}
+    return chain(
+        [
+            {"command": "voltage", "motor": MOTOR},
+            {"command": "torque", "motor": second},
+            {"command": "current", "motor": third},
+        ]
+    )
+
+
+def differential():
+    """Two motors that turn two joints together: their sum bends, their difference turns."""
+    both = [
+        {**WRIST, "coupling": [{"joint": f"joint{1 - k}", "ratio": 30.0 * sign}]} for k, sign in enumerate((-1.0, 1.0))
+    ]
+    return chain([{"command": "torque", "motor": motor} for motor in both])
+
+
+@pytest.mark.parametrize("model", [wrist(), differential()], ids=["wrist", "differential"])
+def test_what_holds_coupled_motors_holds_the_arm(model):
+    """The command before the first tick is  N⁻ᵀ g  on the motors, and nothing moves."""
+    q0 = [0.1, 0.2, 0.3][: model.n]
+    run = aw.simulate(
+        aw.Scenario(model, controller=lambda t, r, y: y.applied, q0=q0, sample_period=PERIOD, duration=0.3)
+    )
+    np.testing.assert_allclose(run.q.values, np.broadcast_to(q0, run.q.shape), atol=1e-9)
+    np.testing.assert_allclose(run.tau.values[0], aw.gravity_torques(model, q0), rtol=1e-9)
+
+
+@pytest.mark.parametrize("side", ["motor", "link"])
+def test_a_coupled_wrist_tracks(side):
+    """Encoders on the motors tell N q; the loop is told q. In the end gravity is what the motors bear, Nᵀ Kt i."""
+    model, goal = wrist(), np.array([0.3, -0.2, 0.4])
+    control = aw.JointPID(kp=[400.0, 400.0, 20.0], ki=[400.0, 400.0, 20.0], kd=[20.0, 40.0, 2.0], gravity=True)
+    run = aw.simulate(
+        aw.Scenario(
+            model, controller=control, reference=aw.Quintic([0.0, 0.0, 0.0], goal, 3.0), sensors=aw.Sensors(side=side),
+            sample_period=PERIOD, duration=8.0, record_every=10,
+        )
+    )  # fmt: skip
+    assert run.attrs["controller"] == "compiled"
+    np.testing.assert_allclose(run.q_measured.values, run.q.values, atol=1e-12)
+    np.testing.assert_allclose(run.qd_measured.values, run.qd.values, atol=1e-11)
+    assert np.abs(run.q.values - run.q_reference.values).max() < 0.06
+    np.testing.assert_allclose(run.q.values[-1], goal, atol=1e-4)
+    ratios = np.array([[50.0, 0, 0], [12.0, 30.0, 0], [-6.0, 9.0, 30.0]])
+    np.testing.assert_allclose(ratios.T @ (0.06 * run.current.values[-1]), aw.gravity_torques(model, goal), atol=2e-3)
+
+
+def test_encoders_of_coupled_motors_count_the_motors_turns():
+    """What the loop is told is N⁻¹ of whole counts."""
+    counts, ratios = 64, np.array([[50.0, 0, 0], [12.0, 30.0, 0], [-6.0, 9.0, 30.0]])
+    run = aw.simulate(
+        aw.Scenario(
+            wrist(), controller=lambda t, r, y: 0.0 * y.q, sensors=aw.Sensors(counts=counts), q0=[0.1, 0.2, 0.3],
+            sample_period=PERIOD, duration=0.05,
+        )
+    )  # fmt: skip
+    turns = run.q_measured.values @ ratios.T / (2.0 * np.pi) * counts
+    np.testing.assert_allclose(turns, np.round(turns), atol=1e-9)
+    assert np.abs(run.q_measured.values - run.q.values).max() > 1e-5
+
+
+@pytest.mark.parametrize("elastic", [False, True])
+def test_power_balances_with_coupled_motors_under_a_controller(elastic):
+    model = wrist()
+    if elastic:
+        second = {**WRIST, "coupling": [{"joint": "joint0", "ratio": 12.0}]}
+        model = chain(
+            [{"command": "voltage", "motor": MOTOR}, {"command": "voltage", "motor": second, "elasticity": ELASTIC}]
+        )
+    goal = np.array([0.3, -0.2, 0.4])[: model.n]
+    control = aw.JointPID(kp=[60.0, 60.0, 5.0][: model.n], kd=[6.0, 6.0, 0.5][: model.n], gravity=True)
+    run = aw.simulate(
+        aw.Scenario(
+            model, controller=control, reference=aw.Quintic(0.0 * goal, goal, 0.5), sample_period=1e-4, duration=0.4,
+        )
+    )  # fmt: skip
+    flows = {
+        n: np.trapezoid(run[n].values.sum(axis=1), run.time.values)
+        for n in ("electrical_power", "heat", "friction_loss")
+    }
+    plant = Plant.of(model)
+    rows = [np.concatenate([run[part.name].values[k][list(part.joints)] for part in plant.parts]) for k in (0, -1)]
+    stored = [float(plant.stored_energy(x)) for x in rows]
+    balance = flows["electrical_power"] - flows["heat"] - flows["friction_loss"]
+    assert balance == pytest.approx(stored[1] - stored[0], abs=2e-3 * flows["electrical_power"])
+    assert flows["electrical_power"] > 0.5

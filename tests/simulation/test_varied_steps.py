@@ -1,0 +1,66 @@
+"""A step too large for an arm that was varied is refused as for one whose record says the same numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.control import JointPID
+from armwright.errors import ScenarioError
+from armwright.simulation.integrators import INTEGRATORS
+from armwright.simulation.varied_steps import VariedSteps
+from simulation.plants import MOTOR, chain
+
+NAME = "joint0.motor.resistance_ohm"
+LOW = 1e-5
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return chain([{"command": "voltage", "motor": MOTOR}])
+
+
+def refusal(arm, **more):
+    more = {"command": [1.0], "duration": 0.02, "step": 1e-3} | more
+    with pytest.raises(ScenarioError, match="too large for the arm's fastest time constant") as refused:
+        aw.simulate(aw.Scenario(arm, **more))
+    return str(refused.value)
+
+
+def test_a_varied_number_is_refused_as_the_records_own(arm):
+    own = refusal(chain([{"command": "voltage", "motor": {**MOTOR, "resistance_ohm": LOW}}]))
+    assert refusal(arm, vary={NAME: LOW}) == f"{own} (with {NAME} = {LOW:g})"
+    controlled = {"command": None, "step": None, "controller": JointPID(kp=1.0), "sample_period": 1e-3}
+    assert refusal(arm, vary={NAME: LOW}, **controlled) == f"{own} (with {NAME} = {LOW:g})"
+
+
+def test_the_lane_is_found_among_many_and_named(arm):
+    values = np.full(100_000, float(MOTOR["resistance_ohm"]))
+    values[54_321] = LOW
+    assert f"(in lane 54321, with {NAME} = {LOW:g})" in refusal(arm, vary={NAME: values}, record_every=0)
+
+
+def test_lanes_that_all_do_are_run(arm):
+    resistance = float(MOTOR["resistance_ohm"])
+    run = aw.simulate(aw.Scenario(arm, command=[1.0], duration=0.02, vary={NAME: resistance * np.linspace(1, 2, 40)}))
+    assert np.isfinite(run.q).all()
+
+
+def test_the_lanes_decide_and_not_the_record(arm):
+    """What no lane has is not refused."""
+    stiff = chain([{"command": "voltage", "motor": {**MOTOR, "resistance_ohm": LOW}}])
+    scenario = aw.Scenario(stiff, command=[1.0], duration=0.02, vary={NAME: float(MOTOR["resistance_ohm"])})
+    VariedSteps(scenario.varied, scenario.parameters, False).check_step(
+        "rk3", INTEGRATORS["rk3"], 1e-3, np.ones((1, 1))
+    )
+    same = aw.simulate(aw.Scenario(arm, command=[1.0], duration=0.02))
+    np.testing.assert_allclose(aw.simulate(scenario).q, same.q, rtol=1e-12, atol=1e-15)
+
+
+def test_a_run_out_of_all_reason_carries_a_note():
+    free = chain([{"command": "torque"}])
+    run = aw.simulate(aw.Scenario(free, command=[1e18], duration=0.1, vary={}))
+    assert "from there on these numbers mean nothing" in run.attrs["notes"]
+    calm = aw.simulate(aw.Scenario(free, command=[1.0], duration=0.1))
+    assert "mean nothing" not in calm.attrs["notes"]
