@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -36,12 +37,23 @@ def test_a_script_in_a_script_tells_both_lines(tmp_path):
     assert b"standard input: line 1: inner.sim: line 2: no command" in done.stderr
 
 
+def test_a_script_that_calls_itself_is_told_once(tmp_path):
+    (tmp_path / "a.sim").write_text("theta = 0\nrun-script b.sim\n")
+    (tmp_path / "b.sim").write_text("run-script a.sim\n")
+    done = sim("run-script a.sim\n", cwd=tmp_path)
+    told = done.stderr.decode()
+    assert "deep" in told
+    assert [told.count(place) for place in ("standard input: line 1: ", "a.sim: line 2: ", "b.sim: line 1: ")] == [
+        1
+    ] * 3
+
+
 @pytest.mark.parametrize(
     ("arguments", "text", "message"),
     [
         (("pma560",), "", "no robot 'pma560'"),
         (("--script", "none.sim"), "", "none.sim: no such file"),
-        ((), b"\xff\xfe\n", "is not UTF-8"),
+        ((), b"theta\n\xff\xfe\n", "standard input: line 2: b'\\xff\\xfe\\n' is not UTF-8"),
         ((), "simulate\n", "start is missing"),
     ],
 )
@@ -56,6 +68,22 @@ def test_errors_are_one_line(arguments, text, message, tmp_path):
 def test_nothing_to_do_is_no_error():
     done = sim("")
     assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX shell")
+def test_without_any_input_it_says_so():
+    done = subprocess.run(["sh", "-c", f"{shlex.join(SIM)} <&-"], capture_output=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.decode().startswith("armwright: error: sim: standard input is closed; expected a terminal")
+    assert done.stderr.count(b"\n") == 1
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX shell")
+def test_a_reader_that_goes_away_is_no_error():
+    done = subprocess.run(
+        ["sh", "-c", f"{shlex.join(SIM)} | head -1"], input=b"help\n" * 50, capture_output=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, b"Variables\n", b"")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")

@@ -12,17 +12,17 @@ from hypothesis import strategies as st
 
 import armwright as aw
 from armwright.control import JointPID
-from armwright.errors import ArmwrightError
 from armwright.session import Session
 from armwright.session.arguments import words
 from armwright.session.commands import COMMANDS
 from armwright.session.commands import TABLE as ALL_COMMANDS
-from armwright.session.listing import Line, Sheet, significant
+from armwright.session.listing import Drawing, Line, Sheet, significant
 from armwright.session.simulation import held
 from armwright.session.variables import TABLE as ALL_VARIABLES
 from armwright.session.variables import VARIABLES, same
 from armwright.simulation.schedule import Schedule
-from session.walks import write_files
+from pictures.reading import Page
+from session.walks import refused, write_files
 
 Q, QD, QDD = "0.1 0.2 -0.3 0.4 0.5 -0.6", "0.3 -0.2 0.1 1 -1 2", "1 2 3 -3 -2 -1"
 
@@ -108,14 +108,6 @@ def test_a_continued_simulation_is_one_long_one(session):
     assert np.array_equal(joined["tau"].values, whole["tau"].values)
 
 
-def test_a_continuation_says_what_began_anew(session):
-    session.run('controller joint-pid kp=300 kd=40 scale="10 deg"')
-    session.run("simulate new steps=20")
-    assert "the state of joint-pid began anew at t = 0.02 s" in texts(session.run("simulate continue steps=10"))
-    session.run("theta = 0")
-    assert "theta or omega was set at t = 0.03 s" in texts(session.run("simulate continue steps=10"))
-
-
 def test_the_dac_holds_its_voltage(session):
     rows = Schedule(np.array([0.0, 0.001, 0.0031, 0.006]), np.arange(4.0)[:, None], ("j",))
     assert held(rows, 0.002).times.tolist() == [0.0, 0.002, 0.004, 0.006]
@@ -198,7 +190,9 @@ def test_a_payload_is_felt_and_taken_out(session):
     expected = -jacobian.T @ np.concatenate([weight, np.cross(lever, weight)])
     stall = np.array([body.drive.torque_constant / body.drive.resistance for body in session.state.arm.bodies])
     assert np.allclose((session.state.u - empty) * stall, expected, atol=1e-9)
+    assert "payload: 2 kg at (0, 0, 0.05) m" in texts(session.run("payload"))
     session.run("payload none")
+    assert texts(session.run("payload")) == "the hand is empty"
     session.run("inverse-arm")
     assert np.array_equal(session.state.u, empty)
 
@@ -292,105 +286,6 @@ def test_python_knows_the_same_names(session):
         assert message in refused(session, line)
 
 
-def refused(session, line):
-    """The error of a line, in one line; the session is as it was before."""
-    before, past = session.state, session.past
-    with pytest.raises(ArmwrightError) as error:
-        session.run(line)
-    assert session.state is before
-    assert session.past == past
-    assert "\n" not in str(error.value)
-    return str(error.value)
-
-
-REFUSED = [
-    ("inverse-amr", "did you mean inverse-arm?"),
-    ("thta = 1", "did you mean theta?"),
-    ("xyzzy", "help lists all there are"),
-    ("theta 1 2", "is a variable; expected theta = …"),
-    ("theta = 1 2 3", "3 values; expected 6"),
-    ("theta = 1 V", "does not fit"),
-    ("theta[7] = 1", "joints count from 1 to 6"),
-    ("theta[0] = 1", "joints count from 1 to 6"),
-    ("theta[elbow]", "no joint 'elbow'"),
-    ("gravity[1] = 2", "is one number"),
-    ("gravity = 1 2", "2 values"),
-    ("TimeStep = 0", "expected a time above 0 s"),
-    ("DACSampTimePeriod = -1 ms", "expected a time above 0 s"),
-    ("simulate", "start is missing"),
-    ("simulate new", "steps is missing"),
-    ("simulate soon steps=1", "expected new or continue"),
-    ("simulate continue steps=1", "there is no simulation to continue"),
-    ("simulate new steps=1.5", "expected a whole number"),
-    ("simulate new steps=0", "expected a whole number"),
-    ("simulate new schedule=none.csv", "none.csv: no such file"),
-    ("simulate new schedule=other.csv", "unknown column 'shoulder'"),
-    ("simulate new schedule=half.csv", "expected 7 columns"),
-    ("simulate new stps=1", "unknown argument 'stps'"),
-    ("simulate new new", "expected yes or no"),
-    ("simulate new steps=1 steps=2", "given twice"),
-    ("energy 1", "one word too many"),
-    ("print-simulation", "there is no simulation yet"),
-    ("plot-simulation x.png", "there is no simulation yet"),
-    ("write-graphic-file x.glb", "there is no simulation yet"),
-    ("save-simulation x.nc", "there is no simulation yet"),
-    ("inverse-arm none.csv", "no such file"),
-    ("inverse-arm half.csv", "half.csv: line"),
-    ("close-output-file", "no output file is open"),
-    ("open-output-file no/such/folder.txt", "there is no folder"),
-    ("open-output-file", "file is missing"),
-    ("database-read pma560", "no robot 'pma560'"),
-    ("database-read half.csv", "half.csv"),
-    ("controller fuzzy", "no 'fuzzy'"),
-    ("controller joint-pid kp=1", "scale is missing"),
-    ("controller joint-pid scale=1", "kp is missing"),
-    ("controller joint-pid kp=1 kf=2 scale=1", "no gain 'kf'"),
-    ("controller joint-pid kp=-1 scale=1", "kp of joint 'joint1' is -1"),
-    ("controller joint-pid kp=1 scale=0", "asks for nothing"),
-    ("controller joint-pid kp=1 scale=1V", "does not fit"),
-    ("payload", "mass is missing"),
-    ("payload -1", "expected 0 or more"),
-    ("payload 1 com=1", "expected 3"),
-    ("payload 1 frame=toe", "toe"),
-    ("payload none com=1", "does not go with the rest"),
-    ("pose toe", "no frame 'toe'"),
-    ("save here.txt", "expected a name that ends in .nc"),
-    ("restore none.nc", "no such file"),
-    ("restore half.nc", "cannot be read"),
-    ("restore run.nc", "holds no session"),
-    ("run-script none.sim", "no such file"),
-    ("run-script self.sim", "deep"),
-    ("run-script bytes.sim", "no text in UTF-8"),
-    ("record no/such/folder.sim", "there is no folder"),
-    ("record off", "nothing is being recorded"),
-    ("undo x", "unknown name"),
-    ('plot-simulation "x', "a quote is not closed"),
-    ("help me", "no command or variable 'me'"),
-]
-
-
-@pytest.fixture(scope="module")
-def place(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("bad")
-    (folder / "other.csv").write_text("t,shoulder,elbow\n0,1,2\n")
-    (folder / "half.csv").write_text("t,joint1,joint2\n0,1")
-    (folder / "half.nc").write_bytes(b"\x89HDF\r\n\x1a\n half")
-    (folder / "self.sim").write_text("run-script self.sim\n")
-    (folder / "bytes.sim").write_bytes(b"\xff\xfe\x00")
-    scenario = aw.Scenario(aw.load("two-link"), command=[0.0, 0.0], duration=0.01)
-    aw.save(aw.simulate(scenario), folder / "run.nc")
-    return folder, Session()
-
-
-@pytest.mark.parametrize(("line", "message"), REFUSED, ids=[line for line, _ in REFUSED])
-def test_refused(line, message, place, monkeypatch):
-    folder, session = place
-    monkeypatch.chdir(folder)
-    files = sorted(folder.iterdir())
-    assert message in refused(session, line)
-    assert sorted(folder.iterdir()) == files
-
-
 def test_an_unstable_step_is_told_and_the_session_lives():
     session = Session()
     session.run("TimeStep = 0.5")
@@ -402,6 +297,42 @@ def test_an_unstable_step_is_told_and_the_session_lives():
 def test_voltages_of_an_arm_without_motor_constants():
     assert "expected torque" in refused(Session("panda"), "voltage = 1")
     assert "expected current" in refused(Session("lwa4p"), "DACOut = 1")
+
+
+def test_what_is_not_finite_is_refused_without_a_warning():
+    session = Session()
+    session.run("omega = 1e300")
+    assert "expected smaller theta, omega and alpha" in refused(session, "inverse-arm")
+    assert "expected smaller theta, omega and voltage" in refused(session, "forward-arm")
+
+
+def test_blanks_around_signs_and_before_units_are_as_nothing(session):
+    assert words("simulate new steps = 100 schedule =x.csv every= 2") == [
+        *("simulate", "new", "steps=100", "schedule=x.csv", "every=2"),
+    ]
+    assert words("print-simulation 0 0.1 20 ms step=5 s") == ["print-simulation", "0", "0.1", "20 ms", "step=5 s"]
+    assert words("run-script m") == ["run-script", "m"]
+    session.run("payload 500 g com = '0 0 1 cm'")
+    assert session.state.loaded.payload.mass == 0.5
+    assert session.state.loaded.payload.com == (0.0, 0.0, 0.01)
+
+
+def test_a_part_of_a_simulation_is_drawn(session, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    session.run("simulate new steps=5")
+    (drawing,) = session.run("plot-simulation what=theta,current joints=2,joint5")
+    assert isinstance(drawing, Drawing)
+    assert (drawing.joints, drawing.quantities) == (["joint2", "joint5"], ["q", "current"])
+    session.run("plot-simulation run.html what=voltage joints=3")
+    page = Page(tmp_path / "run.html")
+    assert page.plot["joints"] == ["joint3"]
+    assert [panel["symbol"] for panel in page.plot["panels"]] == ["V"]
+    assert "no quantity 'volts'" in refused(session, "plot-simulation what=volts")
+    assert "no joint 'elbow'" in refused(session, "plot-simulation joints=elbow")
+
+
+def test_one_variable_is_shown_as_by_its_name(session):
+    assert session.run("show theta") == session.run("theta")
 
 
 def test_prompts_are_those_of_the_report_and_arguments_answer_them():
@@ -417,7 +348,7 @@ def test_prompts_are_those_of_the_report_and_arguments_answer_them():
     session.tell = told.append
     session.run("simulate")
     assert asked == ["start", "start", "zero", "schedule", "steps", "steps", "steps"]
-    assert len(told) == 2
+    assert [part.text.partition(":")[0] for part in told] == ["simulate", "steps is needed", "simulate"]
     assert session.state.lines[-1] == "simulate start=new steps=20"
 
 
@@ -429,7 +360,7 @@ def test_no_more_answers_drop_the_command():
     assert "not done" in refused(session, "simulate")
 
 
-def test_an_interrupted_run_is_kept_in_part_and_named(monkeypatch):
+def test_an_interrupted_run_is_kept_in_part_and_named(monkeypatch, tmp_path):
     session = Session(ask=lambda argument, default: "")
     session.tell = lambda shown: None
     session.run("voltage = 2")
@@ -450,6 +381,14 @@ def test_an_interrupted_run_is_kept_in_part_and_named(monkeypatch):
     again.run(line)
     assert np.array_equal(again.state.run["q"].values, run["q"].values)
     assert "partial run" in session.run("print-simulation what=theta")[0].title
+    monkeypatch.chdir(tmp_path)
+    for line in ("open-output-file out.csv", "print-simulation", "plot-simulation p.html", "plot-simulation p.svg"):
+        session.run(line)
+    for line in ("write-graphic-file g.html", "write-graphic-file g.glb"):
+        session.run(line)
+    assert (tmp_path / "out.csv").read_text().startswith("t of a partial run [s],")
+    for file in ("p.html", "p.svg", "g.html", "g.glb"):
+        assert "interrupted after" in (tmp_path / file).read_bytes().decode("latin-1"), file
 
 
 def test_a_script_that_is_interrupted_changes_nothing():
@@ -489,7 +428,12 @@ def test_every_source_that_is_named_is_listed():
 
 @pytest.mark.parametrize("variable", ALL_VARIABLES, ids=lambda variable: variable.name)
 def test_every_variable_says_all_of_itself(variable):
-    assert variable.meaning in texts(HELPED.run(f"help {variable.name}"))
+    told = texts(HELPED.run(f"help {variable.name}"))
+    assert variable.meaning in told
+    assert variable.equation
+    assert variable.source
+    assert variable.equation in told
+    assert variable.source in told
     HELPED.run(variable.name.replace("S", "_S").lower() if variable.name.startswith("DAC") else variable.name)
 
 

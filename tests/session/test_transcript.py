@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-import select
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -15,11 +13,8 @@ import pytest
 from armwright.session.commands import TABLE as COMMANDS
 from armwright.session.variables import TABLE as VARIABLES
 from armwright.session.variables import same
+from session.terminal import SIM, WIDTH, Terminal, needs_pty
 from session.walks import SCRIPT, TRANSCRIPT, same_text, write_files
-
-SIM = (sys.executable, "-m", "armwright", "sim")
-WIDTH = 130  # characters of the terminal
-ESCAPES = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]|\x1b[=>]|\r")
 
 
 @pytest.fixture(scope="module")
@@ -66,60 +61,6 @@ def test_the_page_shows_what_is_said(tmp_path):
     assert same_text(done.stdout.rstrip(), shown.rstrip()) is None
 
 
-class Terminal:
-    """A session at the other end of a pseudo-terminal, typed into key by key."""
-
-    def __init__(self, folder: Path):
-        import pty
-
-        pid, self.fd = pty.fork()
-        if pid == 0:
-            os.chdir(folder)
-            import fcntl
-            import struct
-            import termios
-
-            fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("HHHH", 60, WIDTH, 0, 0))
-            keep = {
-                name: value for name, value in os.environ.items() if not name.startswith(("PYTEST", "COLUMNS", "LINES"))
-            }
-            os.execve(sys.executable, [*SIM], {**keep, "TERM": "xterm-256color", "PROMPT_TOOLKIT_NO_CPR": "1"})
-        self.pid, self.raw = pid, ""
-
-    @property
-    def text(self) -> str:
-        return ESCAPES.sub("", self.raw)
-
-    def wait(self, there, seconds: float = 30.0) -> None:
-        """Reads until `there()` holds of what was read."""
-        end = time.monotonic() + seconds
-        while not there():
-            assert time.monotonic() < end, self.text[-2000:]
-            if select.select([self.fd], [], [], 0.1)[0]:
-                try:
-                    self.raw += os.read(self.fd, 65536).decode(errors="replace")
-                except OSError:  # the other end is gone
-                    return
-
-    def type(self, keys: str, until: str) -> str:
-        """Types, and comes back with what was said until those words."""
-        since = len(self.raw)
-        os.write(self.fd, keys.encode())
-        self.wait(lambda: until in ESCAPES.sub("", self.raw[since:]))
-        return ESCAPES.sub("", self.raw[since:])
-
-    def enter(self, line: str) -> str:
-        """Types a line, and comes back with what was said until the next prompt."""
-        since = len(self.raw)
-        self.type(f"{line}\r", until="\n")
-        self.wait(lambda: ESCAPES.sub("", self.raw[since:]).rstrip().endswith("sim>"))
-        return ESCAPES.sub("", self.raw[since:])
-
-    def close(self) -> int:
-        os.close(self.fd)
-        return os.waitpid(self.pid, 0)[1]
-
-
 @pytest.fixture
 def terminal(tmp_path):
     write_files(tmp_path)
@@ -127,9 +68,6 @@ def terminal(tmp_path):
     terminal.wait(lambda: terminal.text.rstrip().endswith("sim>"))
     yield terminal
     terminal.close()
-
-
-needs_pty = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals of this kind")
 
 
 @needs_pty
@@ -152,10 +90,15 @@ def test_prompts_completion_and_help(terminal):
     assert "inverse-arm" in terminal.type("inv\t", until="inverse-arm")
     assert "Inverse Arm" in terminal.type("\r", until="joint6")
     assert "theta[joint3]" in terminal.type("theta[joint3\t", until="theta[joint3]").replace(" ", "")
-    terminal.type("\x15simulate\r", until="Start a new simulation, or continue the last one?")
+    assert "Start [s]" not in terminal.type("\x15print-simulation\r", until="there is no simulation yet")
+    assert "Name of" not in terminal.type("write-graphic-file\r", until="there is no simulation yet")
+    terminal.type("simulate\r", until="Start a new simulation, or continue the last one?")
+    assert "Name of" not in terminal.type("continue\r", until="there is no simulation to continue")
+    terminal.type("simulate\r", until="Start a new simulation, or continue the last one?")
     terminal.type("new\r", until="Zero theta and omega first?")
     assert "expected yes or no" in terminal.type("perhaps\r", until="expected yes or no")
     terminal.type("yes\r", until="Name of the voltage schedule file")
+    assert "For how many" not in terminal.type("none.csv\r", until="none.csv: no such file")
     terminal.type("\r", until="For how many time steps?")
     terminal.type("10\r", until="10 steps of 1 ms, t = 0.01 s")
     terminal.type("print-simulation\r", until="Start [s]")

@@ -5,6 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
+
+from armwright.errors import ArmwrightError
+from armwright.session import Session
+
 FOLDER = Path(__file__).parent
 SCRIPT = FOLDER / "walk.sim"
 TRANSCRIPT = FOLDER / "walk.txt"
@@ -37,3 +42,14 @@ def same_text(told: str, expected: str) -> str | None:
             if abs(float(x) - float(y)) > 2e-5 * max(abs(float(x)), abs(float(y)), 1e-5):
                 return f"line {k}: {x}, not {y} in {b!r}"
     return None if len(ours) == len(theirs) else f"{len(ours)} lines, not {len(theirs)}"
+
+
+def refused(session: Session, line: str) -> str:
+    """The error of a line, in one line; the session is as it was before."""
+    before, past = session.state, session.past
+    with pytest.raises(ArmwrightError) as error:
+        session.run(line)
+    assert session.state is before
+    assert session.past == past
+    assert "\n" not in str(error.value)
+    return str(error.value)

@@ -16,13 +16,17 @@ if TYPE_CHECKING:
 def plot(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN…", help="Runs saved as .nc.", show_default=False)],
     joints: Annotated[
-        str | None, typer.Option("--joints", metavar="NAME,…", help="Joints to draw; default all.", show_default=False)
+        str | None,
+        typer.Option(
+            "--joints", metavar="NAME,…", help="Joints to draw, by name or number; default all.", show_default=False
+        ),
     ] = None,
     quantities: Annotated[
         str | None,
         typer.Option(
             "--quantities", metavar="NAME,…", show_default=False,
-            help="What to draw, such as q,qd,tau; by default positions, velocities, torques and what the drives were given.",
+            help="What to draw, such as q,qd,tau or theta,omega,torque; by default positions, velocities, torques and what "
+            "the drives were given.",
         ),
     ] = None,
     output: Annotated[

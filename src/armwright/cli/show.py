@@ -18,6 +18,10 @@ def show(
             "--output", "-o", metavar="FILE", help="The picture: .png, .html or .glb; replaced where it exists."
         ),
     ],
+    size: Annotated[
+        int | None,
+        typer.Option("--size", metavar="N", help="Pixels of a PNG's longer side; default 900.", show_default=False),
+    ] = None,
     q: Annotated[
         str | None,
         typer.Option(
@@ -43,7 +47,7 @@ def show(
     arm = aw.load(robot, on_impossible="warn")
     pose = None if q is None else vector("--q", q, arm.names, joint_units(arm, "q"))
     with progress(f"drawing {arm.name}"):
-        shown = aw.show(arm, output, pose)
+        shown = aw.show(arm, output, pose, size=size)
     for note in shown.notes:
         typer.echo(f"note: {note}", err=True)
     typer.echo(f"wrote {shown.path}")

@@ -47,6 +47,8 @@ def sim(
     session.tell = screen
     if script is not None:
         session.run_lines(read_script("sim", str(script)), str(script), screen, echo=echo)
+    elif sys.stdin is None:
+        raise SessionError(f"sim: {PIPE} is closed; expected a terminal, a script on it, or --script FILE")
     elif not sys.stdin.isatty():
         session.run_lines(_piped(), PIPE, screen, echo=echo)
     else:
@@ -57,9 +59,13 @@ def sim(
 
 def _piped() -> Iterator[str]:
     """Lines from standard input as they come; what was shown before is sent off first, for a program that waits for it."""
+    k = 0
     while line := sys.stdin.buffer.readline():
+        k += 1
         try:
             yield line.decode("utf-8-sig")
         except UnicodeDecodeError:
-            raise SessionError(f"{PIPE}: {line[:40]!r} is not UTF-8; expected a script, one line a command") from None
+            raise SessionError(
+                f"{PIPE}: line {k}: {line[:40]!r} is not UTF-8; expected a script, one line a command"
+            ) from None
         sys.stdout.flush()

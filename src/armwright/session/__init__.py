@@ -1,6 +1,6 @@
 """The session of the report's `sim`: variables, commands and prompts over one arm.  [SwartzReport]
 
-state.py what a session knows, frozen · variables.py and commands.py its two tables · parser.py a line's words ·
+state.py what a session knows, frozen · variables.py and commands.py its two tables · arguments.py a line's words ·
 session.py runs lines · terminal.py asks for them.
 """
 

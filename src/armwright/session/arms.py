@@ -8,6 +8,7 @@ import numpy as np
 
 from armwright.errors import SessionError
 from armwright.session.listing import Line, Sheet, Shown, significant
+from armwright.session.shown import shown_payload
 from armwright.session.state import Payload, load_arm, rest
 from armwright.session.values import number, split
 from armwright.session.wiring import law, laws, settings, wired
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from armwright.session.session import Session
 
 NONE = "none"
+ORIGIN = "0 0 0"
+ROUNDING = 1e-9  # of principal moments: a flat disc's are 1, 1 and 2
 
 
 def database_read(session: Session, given: dict[str, Any]) -> list[Shown]:
@@ -31,25 +34,33 @@ def database_read(session: Session, given: dict[str, Any]) -> list[Shown]:
 
 
 def payload(session: Session, given: dict[str, Any]) -> list[Shown]:
-    """`payload MASS [com=…] [inertia=…] [frame=…]`, `payload none`."""
+    """`payload MASS [com=…] [inertia=…] [frame=…]`, `payload none`; `payload` alone shows what is held."""
     from dataclasses import replace
 
     state = session.state
+    if given["mass"] is None:
+        beside = [name for name in ("com", "inertia", "frame") if given[name] is not None]
+        if beside:
+            raise SessionError(f"payload: mass is missing beside {beside[0]}; expected mass=…")
+        held = state.loaded.payload
+        return [Line("the hand is empty" if held is None else f"payload: {shown_payload(state, held)}")]
     if given["mass"] == NONE:
         session.state = state.replace(loaded=replace(state.loaded, payload=None))
         return [Line("the hand is empty", "good")]
     mass = number("payload: mass", given["mass"], "kg")
     if mass < 0.0:
         raise SessionError(f"payload: mass = {mass:g} kg: expected 0 or more")
-    com = _three("payload: com", given["com"], "m")
-    inertia = _three("payload: inertia", given["inertia"], "kg m²")
+    com = _three("payload: com", given["com"] or ORIGIN, "m")
+    inertia = _three("payload: inertia", given["inertia"] or ORIGIN, "kg m²")
+    if min(inertia) < 0.0 or 2.0 * max(inertia) > sum(inertia) * (1.0 + ROUNDING):
+        raise SessionError(
+            f"payload: inertia = {given['inertia']}: no body has these principal moments; expected none below 0, and "
+            "none above the sum of the two others"
+        )
     held = Payload(mass, com, inertia, given["frame"])
     session.state = state.replace(loaded=replace(state.loaded, payload=held))
     _ = session.state.arm  # refuses now what no arm could hold
-    frame = held.frame or session.state.arm.tip
-    where = f"({', '.join(significant(x) for x in com)}) m in the axes of {frame}"
-    what = f"principal moments ({', '.join(significant(x) for x in inertia)}) kg m²" if any(inertia) else "a point mass"
-    return [Line(f"payload: {significant(mass)} kg at {where}, {what}", "good")]
+    return [Line(f"payload: {shown_payload(session.state, held)}", "good")]
 
 
 def _three(what: str, text: str, unit: str) -> tuple[float, float, float]:

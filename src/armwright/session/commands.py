@@ -25,6 +25,7 @@ class Command:
         equation, source: what it computes, and where that stands.
         example: a line that works.   report: whether the report's `sim` has it.
         recorded: whether it is a line of a script, that undo takes back and record keeps.
+        ready: refuses what cannot be done, before the first question and after each answer.
     """
 
     name: str
@@ -37,10 +38,11 @@ class Command:
     report: bool = False
     recorded: bool = True
     pairs: bool = False
+    ready: Callable[[Session, dict[str, Any]], None] | None = None
 
 
 FRAME = Argument("frame", "frame", "name of a frame of the arm; by default its tip", default="")
-PICTURES = ".png, .svg or .pdf"
+PICTURES = ".png, .svg, .pdf or .html"
 
 TABLE = (
     Command(
@@ -70,43 +72,50 @@ TABLE = (
             Argument("zero", "choice", "theta and omega set to zero first", YES_NO, "Zero theta and omega first?", "no",
                      lambda given: given["start"] == "new"),
             Argument("schedule", "file", "CSV: t and one column a joint, put out by DACOut; none: constant",
-                     prompt="Name of the voltage schedule file (Enter: the voltage stays as it is)", default=""),
+                     prompt="Name of the voltage schedule file", enter="the voltage stays as it is", default="", exists=True),
             Argument("steps", "count", "number of time steps; with a schedule by default until its last row",
-                     prompt="For how many time steps? (with a schedule Enter: until its last row)", default="",
+                     prompt="For how many time steps?", enter="until the schedule's last row", default="",
                      needed=lambda given: given["schedule"] is None),
             Argument("every", "count", "rows are kept every so many steps; by default every one, with a controller every sample",
                      default=""),
         ),
         "θ̈ = F(θ, θ̇, V), integrated by Kutta's third-order rule with a step of TimeStep",
         "CMU report, Integration; [Kutta1901]",
-        "simulate new zero=yes steps=1000", True,
+        "simulate new zero=yes steps=1000", True, ready=simulation.check_before,
     ),
     Command(
-        "plot-simulation", "draw the simulation into a file, or on the screen", simulation.plot_simulation,
-        (Argument("file", "file", f"picture to write, {PICTURES}; without it on the screen",
-                  prompt=f"Name of the picture, {PICTURES} (Enter: on the screen)", default=""),),
-        example="plot-simulation run.png", report=True,
+        "plot-simulation", "draw the simulation into a file, or on the screen", printing.plot_simulation,
+        (
+            Argument("file", "file", f"picture to write, {PICTURES}, which is a page to zoom into; without it on the screen",
+                     prompt=f"Name of the picture, {PICTURES}", enter="on the screen", default=""),
+            Argument("what", "text", f"of {', '.join(printing.QUANTITIES)}; by default what the motion and the drives show",
+                     default=""),
+            Argument("joints", "text", "by number or name; by default all", default=""),
+        ),
+        example="plot-simulation run.png what=theta,voltage joints=2,3", report=True,
+        ready=simulation.needs_run("plot-simulation"),
     ),
     Command(
         "print-simulation", "print the simulation on the screen, or into the open output file", printing.print_simulation,
         (
-            Argument("start", "time", "first time [s]", prompt="Start [s] (Enter: the first row)", default=""),
-            Argument("finish", "time", "last time [s]", prompt="Finish [s] (Enter: the last row)", default=""),
+            Argument("start", "time", "first time [s]", prompt="Start [s]", enter="the first row", default=""),
+            Argument("finish", "time", "last time [s]", prompt="Finish [s]", enter="the last row", default=""),
             Argument("step", "time", "time from row to row [s]; by default about 25 rows on the screen, all in a file",
-                     prompt="Step [s] (Enter: about 25 rows on the screen, all in a file)", default=""),
+                     prompt="Step [s]", enter="about 25 rows on the screen, all in a file", default=""),
             Argument("what", "text", f"of {', '.join(printing.QUANTITIES)}; by default {', '.join(printing.USUAL)}", default=""),
         ),
         example="print-simulation 0 1 0.1 what=theta,voltage", report=True,
+        ready=simulation.needs_run("print-simulation"),
     ),
     Command(
         "write-graphic-file", "write the simulation for a display that shows the arm move", simulation.write_graphic_file,
         (Argument("file", "file", "file to write, .glb or .html", prompt="Name of the graphic file (.glb or .html)"),),
-        example="write-graphic-file run.html", report=True,
+        example="write-graphic-file run.html", report=True, ready=simulation.needs_run("write-graphic-file"),
     ),
     Command(
         "save-simulation", "save the simulation with everything in it: .nc, .csv or .parquet", simulation.save_run,
         (Argument("file", "file", "file to write", prompt="Name of the file (.nc, .csv or .parquet)"),),
-        example="save-simulation run.nc",
+        example="save-simulation run.nc", ready=simulation.needs_run("save-simulation"),
     ),
     Command(
         "open-output-file", "send what is printed to a file: aligned text, or CSV where its name ends in .csv",
@@ -132,13 +141,13 @@ TABLE = (
         "controller joint-pid kp=900 kd=60 scale=\"10 deg\"", pairs=True,
     ),
     Command(
-        "payload", "put something into the hand, or take it out", arms.payload,
+        "payload", "put something into the hand, or take it out; alone: what it holds", arms.payload,
         (
-            Argument("mass", "text", "mass [kg], or none", prompt="Mass [kg], or none"),
-            Argument("com", "text", "centre of mass [m] in the frame's axes", prompt="Centre of mass [m] in the frame's axes",
-                     default="0 0 0", wanted=lambda given: given["mass"] != arms.NONE),
-            Argument("inertia", "text", "principal moments about it [kg m²]", prompt="Principal moments about it [kg m²]",
-                     default="0 0 0", wanted=lambda given: given["mass"] != arms.NONE),
+            Argument("mass", "text", "mass [kg], or none; without it what there is", default=""),
+            Argument("com", "text", "centre of mass [m] in the frame's axes; by default its origin", default="",
+                     wanted=lambda given: given["mass"] != arms.NONE),
+            Argument("inertia", "text", "principal moments about it [kg m²]; by default none", default="",
+                     wanted=lambda given: given["mass"] != arms.NONE),
             Argument("frame", "frame", "frame that carries it; by default the tip", default="",
                      wanted=lambda given: given["mass"] != arms.NONE),
         ),
@@ -150,7 +159,8 @@ TABLE = (
             "T = A₁ A₂ … A_N", "[DenavitHartenberg1955]", "pose"),
     Command("jacobian", "speeds of the hand for a unit of each joint's speed", dynamics.jacobian, (FRAME,),
             "[v; ω] = J(θ) θ̇", "[Whitney1972]", "jacobian"),
-    Command("show", "all variables", past.show, recorded=False, example="show"),
+    Command("show", "all variables, or one", past.show,
+            (Argument("name", "text", "a variable; by default all", default=""),), recorded=False, example="show"),
     Command("undo", "take the last changes back; files stay as they are", past.undo,
             (Argument("steps", "count", "how many", default=""),), recorded=False, example="undo"),
     Command("history", "all that was done, as a script", past.history, recorded=False, example="history"),

@@ -117,8 +117,9 @@ class AnswerCompleter(Completer):
 
 def _texts(name: str) -> list[str]:
     """Words that free arguments are known to take."""
-    topics = [*(command.name for command in ALL_COMMANDS), *(variable.name for variable in ALL_VARIABLES)]
-    known: dict[str, Any] = {"topic": topics, "kind": [*laws(), "none"] if name == "kind" else []}
+    topics = [*(command.name for command in ALL_COMMANDS), *(variable.name for variable in ALL_VARIABLES), "symbols"]
+    variables = [variable.name for variable in ALL_VARIABLES]
+    known: dict[str, Any] = {"topic": topics, "name": variables, "kind": [*laws(), "none"] if name == "kind" else []}
     return known.get(name, [])
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 import armwright as aw
 from armwright.actuators import demanded_drive
+from armwright.errors import SessionError
 from armwright.model import Model
 from armwright.session import tied
 from armwright.session.listing import Line, Listing, Sheet, Shown, aligned, by_joint, significant
@@ -24,8 +25,10 @@ def inverse_arm(session: Session, given: dict[str, Any]) -> list[Shown]:
     if given["file"] is not None:
         return session.emit(_inverse_of_sets(session, given["file"]))
     state = session.state
-    torque = state.loaded.dyn.inverse_dynamics(state.q, state.qd, state.qdd)
-    session.state = state = tied.with_torque(state, np.asarray(torque))
+    torque = np.asarray(state.loaded.dyn.inverse_dynamics(state.q, state.qd, state.qdd))
+    state = tied.with_torque(state, torque)
+    _check_finite("inverse-arm", "theta, omega and alpha", torque, state.u)
+    session.state = state
     arm = state.arm
     columns = [(name, joint_units(arm, q), v) for name, q, v in (
         ("theta", "q", state.q), ("omega", "qd", state.qd), ("alpha", "qdd", state.qdd), ("torque", "tau", tied.torque(state)),
@@ -33,6 +36,16 @@ def inverse_arm(session: Session, given: dict[str, Any]) -> list[Shown]:
     drives = {"voltage": tied.voltage(state), "current": tied.current(state)}
     columns += [(name, joint_units(arm, name), values) for name, values in drives.items() if not np.isnan(values).all()]
     return [by_joint("Inverse Arm", arm.names, columns), *_beyond(arm, columns)]
+
+
+def _check_finite(command: str, what: str, *found: np.ndarray) -> None:
+    """Refuses what would be kept as a variable and is no number.
+
+    Raises:
+        SessionError: names the command and what it was worked out from.
+    """
+    if not all(np.isfinite(values).all() for values in found):
+        raise SessionError(f"{command}: the result is not finite; expected smaller {what}")
 
 
 def _beyond(arm: Model, columns: list[tuple[str, list[str], np.ndarray]]) -> list[Shown]:
@@ -82,6 +95,7 @@ def forward_arm(session: Session, given: dict[str, Any]) -> list[Shown]:
     """`forward-arm`: theta, omega, voltage → alpha."""
     state = session.state
     alpha = np.asarray(state.loaded.dyn.forward_arm(state.q, state.qd, state.u))
+    _check_finite("forward-arm", "theta, omega and voltage", alpha)
     session.state = state = state.replace(qdd=alpha)
     arm = state.arm
     told = "voltage" if not np.isnan(tied.voltage(state)).any() else "torque"

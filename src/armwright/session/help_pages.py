@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+import inspect
+import re
+import sys
 from typing import TYPE_CHECKING, Any
 
 from armwright.errors import SessionError
 from armwright.session.listing import Line, Sheet, Shown
+from armwright.session.sources import KEY, cited
+from armwright.session.symbols import SYMBOLS
 from armwright.session.variables import TABLE, VARIABLES, Variable, near, same
 
 if TYPE_CHECKING:
@@ -15,8 +21,11 @@ if TYPE_CHECKING:
 VALUES = "NAME = VALUES sets a variable: one value a joint, or one for all; 30 deg, pi/2, 2*theta; NAME[JOINT] = VALUE one joint"
 
 SPELLING = (
-    "help NAME tells all about one of them; tour is for newcomers. - and _ are alike, so are large and small letters."
+    "help NAME tells all about one of them, help symbols the letters of the equations; tour is for newcomers. "
+    "- and _ are alike, so are large and small letters."
 )
+ENTRY = re.compile(r"(?:^|(?<=\.)   )(?P<names>[a-z_]+(?:, [a-z_]+)*): ", re.MULTILINE)
+"""`name: what it is.   other, another: what they are.` in the docstring of a control law."""
 
 
 def help_page(session: Session, given: dict[str, Any]) -> list[Shown]:
@@ -30,7 +39,12 @@ def help_page(session: Session, given: dict[str, Any]) -> list[Shown]:
         return _of_command(COMMANDS[same(topic)])
     if same(topic) in VARIABLES:
         return _of_variable(session, VARIABLES[same(topic)])
-    known = [*(command.name for command in COMMANDS.values()), *(variable.name for variable in TABLE)]
+    if same(topic) == "symbols":
+        return [Sheet("Symbols of the equations", ("symbol", "unit", "meaning"), SYMBOLS, words=3)]
+    laws = _laws()
+    if same(topic) in {same(kind) for kind in laws}:
+        return _of_law(*next((kind, law) for kind, law in laws.items() if same(kind) == same(topic)))
+    known = [*(command.name for command in COMMANDS.values()), *(variable.name for variable in TABLE), "symbols", *laws]
     raise SessionError(f"help: no command or variable {topic!r}; {near(topic, known)}")
 
 
@@ -66,6 +80,11 @@ def _of_command(command: Command) -> list[Shown]:
         rows.append((argument.name, argument.help, default))
     if rows:
         shown.append(Sheet("", ("argument", "what it is", "default"), tuple(rows), words=3))
+    if command.name == "controller":
+        shown.append(_gains_of_laws())
+        shown.append(
+            Line("U is the unit of a joint's command: V, A, N m or N; help joint-pid tells all of that law", "dim")
+        )
     shown += _roots(command.equation, command.source)
     if command.example:
         shown.append(Line(f"example   {command.example}"))
@@ -82,4 +101,59 @@ def _of_variable(session: Session, variable: Variable) -> list[Shown]:
 
 
 def _roots(equation: str, source: str) -> list[Shown]:
-    return [Line(f"{word}  {text}") for word, text in (("equation", equation), ("source  ", source)) if text]
+    """An equation, where it stands, and that source in full."""
+    told = [f"{word}  {text}" for word, text in (("equation", equation), ("source  ", source)) if text]
+    told += [f"          {work}" for work in cited(source)]
+    if equation:
+        told.append("letters   help symbols")
+    return [Line(text) for text in told]
+
+
+def _laws() -> dict[str, type]:
+    from armwright.session.wiring import laws  # brings the control laws, which no prompt need wait for
+
+    return laws()
+
+
+def gains(law: type) -> dict[str, str]:
+    """The settings of a control law that may be typed → what each is, with its unit, as the law's docstring has them."""
+    from armwright.session.wiring import settings
+
+    entries = inspect.getdoc(law) or ""
+    entries = inspect.cleandoc(entries.partition("Args:\n")[2].partition("Raises:")[0])
+    entries = re.sub(r"\n +", " ", entries)  # what goes on in another line
+    marks = list(ENTRY.finditer(entries))
+    ends = [mark.start() for mark in marks[1:]] + [len(entries)]
+    told: dict[str, str] = {}
+    for mark, end in zip(marks, ends, strict=True):
+        told |= dict.fromkeys(mark["names"].split(", "), entries[mark.end() : end].strip().rstrip("."))
+    return {name: told.get(name, "") for name in settings(law)}
+
+
+def _gains_of_laws() -> Sheet:
+    """Every law with those of its gains that have a unit."""
+    rows = []
+    for kind, law in _laws().items():
+        own = {name: re.search(r"\[.*?\]", told) for name, told in gains(law).items()}
+        rows.append((kind, ", ".join(f"{name} {unit[0]}" for name, unit in own.items() if unit)))
+    return Sheet("", ("kind", "gains"), tuple(rows), words=2)
+
+
+def _of_law(kind: str, law: type) -> list[Shown]:
+    """A control law: its equation and its gains."""
+    equation = (inspect.getdoc(law) or "").partition("Args:\n")[0].strip()
+    rows = tuple((name, told) for name, told in gains(law).items())
+    source = " ".join(f"[{key}]" for key in KEY.findall(sys.modules[law.__module__].__doc__ or ""))
+    return [
+        Line(kind, "head"),
+        *(Line(line) for line in equation.splitlines()),
+        Sheet("", ("gain", "what it is"), rows, words=2),
+        *_roots("", source),
+        Line(f'example   controller {kind} {"=… ".join(needed(law))}=… scale="10 deg"'),
+    ]
+
+
+def needed(law: type) -> list[str]:
+    """The gains of a law that must be given."""
+    fields = {field.name: field for field in dataclasses.fields(law)}  # type: ignore[arg-type]
+    return [name for name in gains(law) if fields[name].default is dataclasses.MISSING]

@@ -47,9 +47,11 @@ class Sheet:
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """A run, to be drawn where it is shown."""
+    """A run, to be drawn where it is shown; joints, quantities: which, as `plot_runs` takes them."""
 
     run: xr.Dataset
+    joints: Sequence[str] | None = None
+    quantities: Sequence[str] | None = None
 
 
 Shown = Line | Sheet | Drawing

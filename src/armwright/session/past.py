@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from armwright.errors import SessionError
 from armwright.session.listing import Line, Shown
-from armwright.session.shown import shown_state
+from armwright.session.shown import shown_state, shown_variable
+from armwright.session.variables import TABLE, VARIABLES, near, same
 
 if TYPE_CHECKING:
     from armwright.session.session import Session
@@ -32,8 +33,13 @@ def history(session: Session, given: dict[str, Any]) -> list[Shown]:
 
 
 def show(session: Session, given: dict[str, Any]) -> list[Shown]:
-    """`show`: all variables."""
-    return shown_state(session.state)
+    """`show`, `show NAME`: all variables, or one."""
+    name = given["name"]
+    if name is None:
+        return shown_state(session.state)
+    if same(name) not in VARIABLES:
+        raise SessionError(f"show: no variable {name!r}; {near(name, [variable.name for variable in TABLE])}")
+    return shown_variable(session.state, VARIABLES[same(name)])
 
 
 def leave(session: Session, given: dict[str, Any]) -> list[Shown]:

@@ -1,4 +1,4 @@
-"""`print-simulation`: the rows of a run from start to finish, every step, with units."""
+"""`print-simulation` and `plot-simulation`: a run's rows from start to finish with units, and its curves."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import armwright as aw
 from armwright.errors import SessionError, nearest
+from armwright.session.continued import PARTIAL
 from armwright.session.dynamics import by_row
-from armwright.session.listing import Listing, Shown, shortest
-from armwright.session.simulation import PARTIAL, the_run
-from armwright.session.variables import same
+from armwright.session.listing import Drawing, Line, Listing, Shown, shortest
+from armwright.session.simulation import the_run
+from armwright.session.variables import joint_number, same
 from armwright.simulation.recording import in_order, run_units
+from armwright.simulation.spoken import QUANTITIES
 from armwright.simulation.tables import joint_columns
 
 if TYPE_CHECKING:
@@ -21,10 +24,6 @@ if TYPE_CHECKING:
 
 ROWS_ON_SCREEN = 25  # about as many, where no step is given
 NEAR = 1e-6  # of a row's time step: so near to a row is the row
-QUANTITIES = {
-    "theta": "q", "omega": "qd", "alpha": "qdd", "torque": "tau", "voltage": "voltage", "current": "current",
-    "command": "u", "reference": "q_reference", "measured": "q_measured",
-}  # fmt: skip
 USUAL = ("theta", "omega", "torque", "voltage")
 
 
@@ -33,7 +32,24 @@ def print_simulation(session: Session, given: dict[str, Any]) -> list[Shown]:
     run = in_order(the_run(session, "print-simulation"))
     most = ROWS_ON_SCREEN if session.state.output is None else None
     rows = chosen_rows(run["time"].values, given["start"], given["finish"], given["step"], most=most)
-    return session.emit(listing(run.isel(time=rows), _quantities(run, given["what"])))
+    return session.emit(listing(run.isel(time=rows), _quantities("print-simulation", run, given["what"])))
+
+
+def plot_simulation(session: Session, given: dict[str, Any]) -> list[Shown]:
+    """`plot-simulation`, `plot-simulation FILE`: the run as a picture, or a part of it; without a file on the screen."""
+    run = the_run(session, "plot-simulation")
+    quantities = None if given["what"] is None else _quantities("plot-simulation", run, given["what"])
+    joints = None if given["joints"] is None else _joints(session, run, given["joints"])
+    if given["file"] is None:
+        return [Drawing(run, joints, quantities)]
+    aw.plot_runs({str(run.attrs.get("robot", "run")): run}, given["file"], joints=joints, quantities=quantities)
+    return [Line(f"wrote {given['file']}", "good")]
+
+
+def _joints(session: Session, run: xr.Dataset, text: str) -> list[str]:
+    """Joints by number or name."""
+    arm = session.state.arm
+    return [arm.names[joint_number(arm, "plot-simulation: joints", word)] for word in text.replace(",", " ").split()]
 
 
 def chosen_rows(
@@ -90,7 +106,7 @@ def _stride(count: int, most: int | None) -> int:
     return stride
 
 
-def _quantities(run: xr.Dataset, text: str | None) -> list[str]:
+def _quantities(command: str, run: xr.Dataset, text: str | None) -> list[str]:
     """Names of the run's variables that are asked for."""
     if text is None:
         return [QUANTITIES[name] for name in USUAL if QUANTITIES[name] in run]
@@ -98,11 +114,11 @@ def _quantities(run: xr.Dataset, text: str | None) -> list[str]:
     found = []
     for word in text.replace(",", " ").split():
         if same(word) not in by_same:
-            raise SessionError(f"print-simulation: no quantity {word!r}; {nearest(word, QUANTITIES)}")
+            raise SessionError(f"{command}: no quantity {word!r}; {nearest(word, QUANTITIES)}")
         name = QUANTITIES[by_same[same(word)]]
         if name not in run:
             there = ", ".join(known for known, variable in QUANTITIES.items() if variable in run)
-            raise SessionError(f"print-simulation: this simulation has no {word}; it has {there}")
+            raise SessionError(f"{command}: this simulation has no {word}; it has {there}")
         found.append(name)
     return found
 
@@ -112,7 +128,7 @@ def listing(run: xr.Dataset, quantities: list[str]) -> Listing:
     joints = [str(joint) for joint in run["joint"].values]
     times = shortest(run["time"].values)
     names = {quantity: name for name, quantity in QUANTITIES.items()}
-    columns: dict[str, np.ndarray] = {"t [s]": run["time"].values}
+    columns: dict[str, np.ndarray] = {f"t{f' of a {PARTIAL} run' * (PARTIAL in run.attrs)} [s]": run["time"].values}
     sheets = []
     word = f"{PARTIAL} run, " if PARTIAL in run.attrs else ""
     for quantity in quantities:

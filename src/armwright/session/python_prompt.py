@@ -20,14 +20,35 @@ if TYPE_CHECKING:
 TIED = ("torque", "voltage", "current", "DACOut")  # of which one decides the others
 
 
+class Leave:
+    """`exit()` and `quit()`: back to the session. Python's own ones close standard input, which the session reads from."""
+
+    def __repr__(self) -> str:
+        return "exit() or Ctrl-D goes back to the session"
+
+    def __call__(self, code: object = None) -> None:
+        """Leaves the prompt.
+
+        Raises:
+            SystemExit: always, which the prompt ends at.
+        """
+        raise SystemExit(code)
+
+
 class Interpreter(code.InteractiveConsole):
     """Python's own prompt, which tells errors in one line."""
 
     failed = ""
 
     def showtraceback(self) -> None:
-        """The exception in one line."""
+        """The exception in one line.
+
+        Raises:
+            KeyboardInterrupt: it was Ctrl-C, which whoever runs the code tells.
+        """
         kind, value = sys.exc_info()[:2]
+        if isinstance(value, KeyboardInterrupt):
+            raise value
         self._fail(f"{kind.__name__ if kind else 'error'}: {value}")
 
     def showsyntaxerror(self, filename: str | None = None, **more: Any) -> None:
@@ -44,14 +65,33 @@ def python(session: Session, given: dict[str, Any]) -> list[Shown]:
     before = values(session)
     names = names_of(session)
     text = given["code"]
-    if not text:
+    if text:
+        return [*_one_line(session, names, text), *_read_back(session, before, names)]
+    if session.ask is None:
+        raise SessionError("python: nobody is there to type; expected python STATEMENT")
+    banner = f"Python: {', '.join(names)} (counted from 0 here); exit() or Ctrl-D goes back"
+    names |= {"exit": Leave(), "quit": Leave()}
+    with contextlib.suppress(SystemExit):
+        Interpreter(names).interact(banner, "")
+    return _read_back(session, before, names)
+
+
+def _one_line(session: Session, names: dict[str, Any], text: str) -> list[Shown]:
+    """Does one statement, and gives what it printed."""
+    told, screen = io.StringIO(), sys.stdout
+
+    def asked(prompt: object = "") -> str:
+        """Python's `input`: asks on the screen, where what was printed before stands already."""
         if session.ask is None:
-            raise SessionError("python: nobody is there to type; expected python STATEMENT")
-        banner = f"Python: {', '.join(names)} (counted from 0 here); Ctrl-D goes back"
-        with contextlib.suppress(SystemExit):
-            Interpreter(names).interact(banner, "")
-        return _read_back(session, before, names)
-    told, interpreter = io.StringIO(), Interpreter(names)
+            raise EOFError("nobody is there to answer input(…)")
+        with contextlib.redirect_stdout(screen):
+            print(told.getvalue(), end="", flush=True)
+            told.seek(0)
+            told.truncate()
+            return input(prompt)
+
+    names |= {"exit": Leave(), "quit": Leave(), "input": asked}
+    interpreter = Interpreter(names)
     interpreter.write = lambda data: None
     try:
         with contextlib.redirect_stdout(told):
@@ -60,7 +100,7 @@ def python(session: Session, given: dict[str, Any]) -> list[Shown]:
         unfinished = False
     if interpreter.failed or unfinished:
         raise SessionError(f"python: {interpreter.failed or 'the statement is not finished; expected it in one line'}")
-    return [*(Line(line) for line in told.getvalue().splitlines()), *_read_back(session, before, names)]
+    return [Line(line) for line in told.getvalue().splitlines()]
 
 
 def names_of(session: Session) -> dict[str, Any]:
@@ -106,21 +146,27 @@ def _alike(value: Any, before: Any) -> bool:
 
 def _lines(session: Session, variable: Variable, value: Any, before: Any) -> list[str]:
     """The lines that set a variable, in digits that read back to the same numbers."""
-    arm = session.state.arm
+    arm, name = session.state.arm, variable.name
+    single = variable.quantity is None
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        array = np.full((0, 0), np.nan)
-    if variable.quantity is None:
+        expected = f"one number [{variable.unit}]" if single else f"{arm.n} numbers: {', '.join(arm.names)}"
+        told = " ".join(f"{value!r:.60}".split())
+        raise SessionError(f"python: {name} = {told}: expected {expected}") from None
+    if single:
         if array.ndim:
-            raise SessionError(f"python: {variable.name} = {value!r:.60}: expected one number [{variable.unit}]")
-        return [f"{variable.name} = {float(array)!r}"]
+            raise SessionError(f"python: {name} has shape {array.shape}; expected one number [{variable.unit}]")
+        if not np.isfinite(array):
+            raise SessionError(f"python: {name} is {float(array)}; expected a finite number")
+        return [f"{name} = {float(array)!r}"]
     if array.shape not in ((), (arm.n,)):
-        raise SessionError(
-            f"python: {variable.name} has shape {array.shape}; expected ({arm.n},): {', '.join(arm.names)}"
-        )
+        raise SessionError(f"python: {name} has shape {array.shape}; expected ({arm.n},): {', '.join(arm.names)}")
     array = np.broadcast_to(array, (arm.n,))
-    if not np.isnan(before).any():
-        return [f"{variable.name} = {' '.join(repr(float(x)) for x in array)}"]
     moved = [k for k in range(arm.n) if not _alike(array[k], before[k])]
-    return [f"{variable.name}[{k + 1}] = {float(array[k])!r}" for k in moved]
+    for k in moved:
+        if not np.isfinite(array[k]):
+            raise SessionError(f"python: {name}[{k}], {arm.names[k]}, is {array[k]}; expected finite numbers")
+    if not np.isnan(before).any():
+        return [f"{name} = {' '.join(repr(float(x)) for x in array)}"]
+    return [f"{name}[{k + 1}] = {float(array[k])!r}" for k in moved]

@@ -35,7 +35,8 @@ class Screen:
         elif isinstance(shown, Drawing):
             from armwright.pictures.terminal import show_runs
 
-            show_runs({str(shown.run.attrs.get("robot", "run")): shown.run}, self.console)
+            runs = {str(shown.run.attrs.get("robot", "run")): shown.run}
+            show_runs(runs, self.console, joints=shown.joints, quantities=shown.quantities)
         elif self.console.is_terminal:
             self.console.print(_table(shown, self.console.width))
             self.console.print()

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from armwright.errors import ArmwrightError, SessionError
 from armwright.output import whole_file
 from armwright.session.arguments import Argument, quoted, read_words, uncommented, words
@@ -22,8 +24,8 @@ MOST_STEPS_BACK = 100  # that undo can take
 NOTHING = "none"  # what may be typed for an argument that is left out
 DEEPEST = 20  # scripts that call scripts
 
-Ask = Callable[[Argument, str], str]
-"""(argument, what an empty answer stands for) → the answer. EOFError: no more answers; the command is dropped."""
+Ask = Callable[[Argument, str | None], str]
+"""(argument, what an empty answer stands for; None: it must be given) → the answer. EOFError: no more; the command is dropped."""
 
 
 class Session:
@@ -68,6 +70,10 @@ class Session:
         text = uncommented(line)
         if not text:
             return []
+        with np.errstate(all="ignore"):  # what is not finite is told in words where it matters
+            return self._run(text)
+
+    def _run(self, text: str) -> list[Shown]:
         assignment = ASSIGNMENT.match(text)
         if assignment and same(assignment["name"]) not in COMMANDS:
             return self._assign(assignment["name"], assignment["index"], assignment["value"], text)
@@ -99,7 +105,10 @@ class Session:
                     for shown in self.run(line):
                         show(shown)
                 except ArmwrightError as error:
-                    raise SessionError(f"{place}: line {k}: {error}") from error
+                    here = f"{place}: line {k}: "
+                    if here in str(error):  # a script that calls itself; once is enough
+                        raise
+                    raise SessionError(f"{here}{error}") from error
                 if self.ended:
                     return
         finally:
@@ -192,6 +201,8 @@ class Session:
         values: dict[str, Any] = {"pairs": pairs} if command.pairs else {}
         told = []
         for argument in command.arguments:
+            if command.ready is not None:
+                command.ready(self, values)
             if not argument.wanted(values):
                 if argument.name in texts:
                     raise SessionError(
@@ -224,14 +235,14 @@ class Session:
         assert self.ask is not None
         while True:
             try:
-                text = self.ask(argument, default or "").strip()
+                text = self.ask(argument, default).strip()
             except EOFError:
                 raise SessionError(f"{command.name}: not done") from None
             if text in ("", NOTHING) and default is not None:
                 text = default
-            if not text and default is None:
-                continue
             try:
+                if not text and default is None:
+                    raise SessionError(f"{argument.name} is needed: {argument.help}")
                 return text, argument.read(command.name, text) if text else None
             except SessionError as error:
                 if self.tell is not None:

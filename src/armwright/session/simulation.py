@@ -1,15 +1,27 @@
-"""`simulate`: the scenario that the session's variables say, run, and joined to what was run before."""
+"""`simulate`: the scenario that the session's variables say, run, and joined to what it goes on from."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import armwright as aw
-from armwright.errors import SessionError
-from armwright.session.listing import Drawing, Line, Shown, by_joint
+from armwright.errors import ScenarioError, SessionError
+from armwright.session.continued import (
+    PARTIAL,
+    WIRED,
+    beginning,
+    begun_anew,
+    joined_runs,
+    part_notes,
+    resumed,
+    wiring_told,
+    world_told,
+)
+from armwright.session.listing import Line, Shown, by_joint
 from armwright.session.state import State
 from armwright.session.wiring import law
 from armwright.simulation.recording import joint_units
@@ -21,33 +33,42 @@ if TYPE_CHECKING:
     from armwright.session.session import Session
 
 WHOLE = 1e-9  # of a period: this near to a whole number of steps is one
-PARTIAL = "partial"  # attribute of a run that was interrupted
 
 
 def simulate(session: Session, given: dict[str, Any]) -> list[Shown]:
     """`simulate`: new or continued, from zero or from theta and omega, by a schedule or with the voltage as it is."""
     state = session.state
     continued = given["start"] == "continue"
-    if continued and state.run is None:
-        raise SessionError("simulate continue: there is no simulation to continue; expected simulate new")
     if given["zero"] == "yes":
         zero = np.zeros(state.arm.n)
         state = state.replace(q=zero, qd=zero)
-    scenario = scenario_of(state, given["schedule"], given["steps"], given["every"])
+    before = state.run if continued else None
+    scenario = scenario_of(state, given["schedule"], given["steps"], given["every"], before)
     steps = round(float(scenario.duration or 0.0) / state.step)
-    run, steps = _run(session, state, scenario, given, steps)
-    joined = run if not continued or state.run is None else joined_runs(state.run, run, _begun_anew(state))
+    try:
+        run, steps = _run(session, state, scenario, given, steps, before)
+    except ScenarioError as error:
+        raise SessionError(str(error).replace("record_every", "every")) from error  # as it is called here
+    run.attrs |= {WIRED: wiring_told(state), **world_told(state)}
+    joined = run if before is None else joined_runs(before, run, begun_anew(state, before))
     session.state = after(state, joined, run)
-    return _told(session.state, joined, steps)
+    return _told(session.state, joined, steps, before)
 
 
-def scenario_of(state: State, schedule: str | Path | None, steps: int | None, every: int | None = None) -> aw.Scenario:
+def scenario_of(
+    state: State,
+    schedule: str | Path | None,
+    steps: int | None,
+    every: int | None = None,
+    before: xr.Dataset | None = None,
+) -> aw.Scenario:
     """What `simulate` runs, as Python has it.
 
     Args:
         state: the session's.   schedule: CSV file of DACOut over time, or of the drives' own commands where nothing listens
             to DACOut; None: it stays as it is.   steps: how many time steps; None: until the schedule's last row.
         every: rows are kept every so many steps; None: every step, or every sample of a controller.
+        before: the run that it goes on from; None: a new one, from theta and omega.
     Raises:
         ArmwrightError: a file that is no schedule of this arm, times that do not fit, a step too large.
     """
@@ -64,7 +85,8 @@ def scenario_of(state: State, schedule: str | Path | None, steps: int | None, ev
         rows = None if schedule is None else aw.read_schedule(schedule, arm.names, ["V"] * arm.n)
         asked = state.dac * scale if rows is None else Schedule(rows.times, rows.commands * scale, rows.names)
         drive = {
-            "controller": law(state), "reference": asked, "sample_period": state.dac_period, "substeps": _substeps(state),
+            **resumed(state, law(state), before), "reference": asked, "sample_period": state.dac_period,
+            "substeps": _substeps(state),
         }  # fmt: skip
         steps = None if steps is None else _whole_samples(state, steps, "steps")
     if steps is None:
@@ -72,10 +94,16 @@ def scenario_of(state: State, schedule: str | Path | None, steps: int | None, ev
         duration = _last_row(state, rows)
     else:
         duration = steps * state.step
+    _check_every(every, round(duration / state.step))
     rows_every = every or 1
     if every is not None and state.wiring is not None:
         rows_every = _whole_samples(state, every, "every") // _substeps(state)
-    return aw.Scenario(arm, duration=duration, q0=state.q, qd0=state.qd, record_every=rows_every, **drive)
+    return aw.Scenario(arm, duration=duration, record_every=rows_every, **beginning(state, before), **drive)
+
+
+def _check_every(every: int | None, steps: int) -> None:
+    if every is not None and steps % every:
+        raise SessionError(f"simulate: every = {every} does not divide the {steps} steps; expected one that does")
 
 
 def held(rows: Schedule, period: float) -> Schedule:
@@ -119,7 +147,7 @@ def _whole_samples(state: State, steps: int, name: str) -> int:
 
 
 def _run(
-    session: Session, state: State, scenario: aw.Scenario, given: dict[str, Any], steps: int
+    session: Session, state: State, scenario: aw.Scenario, given: dict[str, Any], steps: int, before: xr.Dataset | None
 ) -> tuple[xr.Dataset, int]:
     """The run, and how many time steps it has; on Ctrl-C that part of it which was done, where someone is there to see it.
 
@@ -144,7 +172,7 @@ def _run(
         session.tell(
             Line(f"interrupted after {part} of {steps} steps; these are kept (Ctrl-C again: they are not)", "note")
         )
-    run = aw.simulate(scenario_of(state, given["schedule"], part, given["every"]))
+    run = aw.simulate(scenario_of(state, given["schedule"], part, given["every"], before))
     run.attrs[PARTIAL] = f"interrupted after {part} of {steps} steps"
     words = [f"start={given['start']}", *(["zero=yes"] if given["zero"] == "yes" else [])]
     words += [f'schedule="{given["schedule"]}"'] if given["schedule"] is not None else []
@@ -153,52 +181,14 @@ def _run(
     return run, part
 
 
-def _begun_anew(state: State) -> list[str]:
-    """What a continuation does not take over from the run before it: theta and omega alone go on."""
-    from armwright.simulation.plant import Plant
-
-    more = [] if Plant.of(state.arm).size == 2 * state.arm.n else ["what the drives remember besides theta and omega"]
-    return more + ([] if state.wiring is None else [f"the state of {state.wiring.kind}"])
-
-
-def joined_runs(before: xr.Dataset, behind: xr.Dataset, anew: list[str]) -> xr.Dataset:
-    """A run and its continuation as one; the row where they meet is the later one's, whose commands hold from there on.
-
-    Args:
-        before, behind: the runs.   anew: what began anew where they meet, for the notes.
-    """
-    import xarray as xr
-
-    shifted = behind.assign_coords(
-        time=("time", behind["time"].values + float(before["time"][-1]), behind["time"].attrs)
-    )
-    whole = xr.concat(
-        [before.isel(time=slice(None, -1)), shifted], "time",
-        data_vars="all", coords="minimal", compat="override", join="override", combine_attrs="override",
-    )  # fmt: skip
-    whole = whole.transpose("time", "joint")
-    notes = [str(part.attrs["notes"]) for part in (before, behind) if part.attrs.get("notes")]
-    notes += [f"{what} began anew at t = {float(before['time'][-1]):g} s" for what in anew]
-    moved = any(np.abs(before[name].values[-1] - behind[name].values[0]).max() > 0.0 for name in ("q", "qd"))
-    if moved:
-        notes.append(f"theta or omega was set at t = {float(before['time'][-1]):g} s, between two parts of the run")
-    attrs = {**before.attrs, "notes": "\n".join(dict.fromkeys("\n".join(notes).split("\n"))).strip()}
-    for name in set(before.attrs) | set(behind.attrs):
-        if name not in ("notes", "robot", "title") and before.attrs.get(name) != behind.attrs.get(name):
-            attrs.pop(name, None)  # true of one part only
-    if PARTIAL in behind.attrs:
-        attrs[PARTIAL] = behind.attrs[PARTIAL]
-    whole.attrs = attrs
-    return whole
-
-
 def after(state: State, joined: xr.Dataset, run: xr.Dataset) -> State:
     """The state at the end of a run: theta, omega, alpha, and what the drives are told."""
     last = {name: np.array(run[name].values[-1], dtype=float) for name in ("q", "qd", "qdd", "u") if name in run}
     return state.replace(**last, run=joined)
 
 
-def _told(state: State, run: xr.Dataset, steps: int) -> list[Shown]:
+def _told(state: State, run: xr.Dataset, steps: int, before: xr.Dataset | None) -> list[Shown]:
+    """What came of a simulation, with the notes that were not there before it."""
     arm, end = state.arm, float(run["time"][-1])
     word = f"partial: {run.attrs[PARTIAL]}; " if PARTIAL in run.attrs else ""
     shown: list[Shown] = [Line(f"{word}{steps} steps of {state.step * 1e3:g} ms, t = {end:g} s", "good")]
@@ -206,7 +196,27 @@ def _told(state: State, run: xr.Dataset, steps: int) -> list[Shown]:
         ("theta", "q", state.q), ("omega", "qd", state.qd), ("alpha", "qdd", state.qdd),
     )]  # fmt: skip
     shown.append(by_joint("", arm.names, columns))
-    return [*shown, *(Line(note, "note") for note in str(run.attrs.get("notes", "")).splitlines())]
+    known = () if before is None else part_notes(before, 0.0)
+    return [*shown, *(Line(note, "note") for note in str(run.attrs.get("notes", "")).splitlines() if note not in known)]
+
+
+def check_before(session: Session, given: dict[str, Any]) -> None:
+    """Refuses to continue what is not there.
+
+    Raises:
+        SessionError: there was no simulation.
+    """
+    if given.get("start") == "continue" and session.state.run is None:
+        raise SessionError("simulate continue: there is no simulation to continue; expected simulate new")
+
+
+def needs_run(command: str) -> Callable[[Session, dict[str, Any]], None]:
+    """What a command of this name that shows a simulation asks for before its questions."""
+
+    def ready(session: Session, given: dict[str, Any]) -> None:
+        the_run(session, command)
+
+    return ready
 
 
 def the_run(session: Session, command: str) -> xr.Dataset:
@@ -218,15 +228,6 @@ def the_run(session: Session, command: str) -> xr.Dataset:
     if session.state.run is None:
         raise SessionError(f"{command}: there is no simulation yet; expected simulate new first")
     return session.state.run
-
-
-def plot_simulation(session: Session, given: dict[str, Any]) -> list[Shown]:
-    """`plot-simulation`, `plot-simulation FILE`: the run as a picture; without a file on the screen."""
-    run = the_run(session, "plot-simulation")
-    if given["file"] is None:
-        return [Drawing(run)]
-    aw.plot_runs({str(run.attrs.get("robot", "run")): run}, given["file"])
-    return [Line(f"wrote {given['file']}", "good")]
 
 
 def write_graphic_file(session: Session, given: dict[str, Any]) -> list[Shown]:

@@ -12,13 +12,14 @@ import numpy as np
 
 import armwright as aw
 from armwright.model import Model
-from armwright.simulation.scenario import STEP
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from armwright.kernels.compiled import CompiledArm
     from armwright.session.listing import Output
+
+STEP = 1e-3  # [s] with which a session begins, the report's; Scenario's own default is the same
 
 
 @dataclass(frozen=True)

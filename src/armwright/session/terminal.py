@@ -7,19 +7,16 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from armwright.errors import ArmwrightError
-from armwright.kernels.cache import cache_folder
 from armwright.session.arguments import Argument
 from armwright.session.listing import Line, Shown
 from armwright.session.screen import Screen
 
 if TYPE_CHECKING:
     from prompt_toolkit import PromptSession
-    from prompt_toolkit.history import History
 
     from armwright.session.session import Session
 
 WELCOME = "help lists all commands, tour is for newcomers, Tab completes, Ctrl-D leaves"
-HISTORY = "sim.history"
 
 
 def interact(session: Session, screen: Screen, **options: Any) -> None:
@@ -32,9 +29,10 @@ def interact(session: Session, screen: Screen, **options: Any) -> None:
     from prompt_toolkit.enums import EditingMode
 
     from armwright.session.completion import SessionCompleter
+    from armwright.session.history import Lines
 
     prompt: PromptSession[str] = PromptSession(
-        history=_history(), completer=SessionCompleter(session), complete_while_typing=False,
+        history=Lines(), completer=SessionCompleter(session), complete_while_typing=False,
         editing_mode=EditingMode.EMACS, **options,
     )  # fmt: skip
     session.ask = _asking(session, screen, options)
@@ -101,20 +99,12 @@ def _asking(session: Session, screen: Screen, options: dict[str, Any]) -> Any:
 
     from armwright.session.completion import AnswerCompleter
 
-    def ask(argument: Argument, default: str) -> str:
+    def ask(argument: Argument, default: str | None) -> str:
         prompt: PromptSession[str] = PromptSession(
             completer=AnswerCompleter(session, argument), complete_while_typing=False, **options
         )
         choices = f" {'/'.join(argument.choices)}" if argument.choices else ""
-        told = f" [{default}]" if default else ""
+        told = f" [{default}]" if default else f" (Enter: {argument.enter})" if default == "" and argument.enter else ""
         return prompt.prompt(f"  {argument.prompt}{choices}{told} ")
 
     return ask
-
-
-def _history() -> History:
-    """Lines of earlier sessions, beside the cache of compiled code; in memory alone where nothing is kept."""
-    from prompt_toolkit.history import FileHistory, InMemoryHistory
-
-    place = cache_folder()
-    return InMemoryHistory() if place is None else FileHistory(str(place / HISTORY))

@@ -17,16 +17,18 @@ STEPS = (
      ("theta = 0", "theta[2] = 90 deg", "theta")),
     ("What must the motors do to hold it still there? The Inverse Arm answers: motion in, torque and voltage out. With omega "
      "and alpha at zero, all that is left is gravity.", ("inverse-arm",)),
-    ("Torque and voltage are tied: a motor turns volts into torque, and its own speed eats volts up. Give joint 2 some speed: "
-     "the voltage stays, and the torque is another one.", ("torque[2]", "omega[2] = 0.5", "torque[2]", "omega = 0")),
+    ("Torque and voltage are tied: a motor turns volts into torque, and its own speed eats volts up. Give joint 2 some speed, "
+     "the way that its motor pushes: the voltage stays, and less torque is left.",
+     ("voltage[2]", "torque[2]", "omega[2] = -0.5", "voltage[2]", "torque[2]", "omega = 0")),
     ("The other way round is the Forward Arm: voltage in, acceleration out. The voltage still holds the arm, so nothing "
      "moves. Take it away, and the arm begins to fall.", ("forward-arm", "voltage = 0", "forward-arm")),
-    ("Step by step through time, that is a simulation: here a quarter of a second, in steps of a thousandth.",
-     ("simulate new steps=250", "print-simulation step=\"50 ms\" what=theta,omega")),
-    ("Falling turns height into speed. The friction of the joints and the motors, which brake, take the rest: the sum falls.",
-     ("energy",)),
-    ("Everything can be taken back, saved and replayed: undo, save, record. help says more, and help NAME tells the equation "
-     "behind each command. Your own session is as you left it.", ()),
+    ("Step by step through time, that is a simulation: here a quarter of a second, in steps of a thousandth. Before it starts, "
+     "look at the energy: all of it is height.",
+     ("energy", "simulate new steps=250", "print-simulation step=\"50 ms\" what=theta,omega")),
+    ("Falling turns height, the potential energy, into speed, the kinetic one. The friction of the joints and the motors, which "
+     "brake, take the rest: the sum is less than before the fall.", ("energy",)),
+    ("Everything can be taken back, saved and replayed: undo, save, record. help says more, help NAME tells the equation "
+     "behind each command, and help symbols its letters. Your own session is as you left it.", ()),
 )  # fmt: skip
 
 PAUSE = Argument("pause", "text", "", prompt="Enter goes on, q ends the tour", default="")

@@ -1,30 +1,24 @@
 """Values as they are typed: `0 0.5 30 deg pi/2`, one number for all joints, `[10 20 30] deg`, `2*theta`.
 
 Values stand apart by blanks or commas. A sign with a blank on both sides is arithmetic (`1 - 2`), with one before it alone
-begins the next value (`1 -2`). Formulas are those of `armwright.expressions`, with the session's variables as names.
+begins the next value (`1 -2`). Each value is a formula of `armwright.session.formulas`, in which a unit belongs to its number.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
-from armwright.errors import ExpressionError, SessionError
-from armwright.expressions import expression
-from armwright.session.units import KNOWN, MOST_WORDS, factor
+from armwright.errors import SessionError
+from armwright.session.formulas import MEASURED, Formula, Lookup
+from armwright.session.units import KNOWN
 
 OPERATORS = ("+", "-", "*", "/", "**")
-GLUED = re.compile(r"^(?P<number>.*[\d.)])(?P<unit>[A-Za-z°µ][^\d()]*(?:\^?2|²)?)$")
 GROUP = re.compile(r"^\[(?P<inner>[^\[\]]*)\]\s*(?P<unit>.*)$")
-INDEXED = re.compile(r"\b(?P<name>[A-Za-z_]\w*)\s*\[(?P<index>[^\[\]]*)\]")
-NAME = re.compile(r"(?<![\w.])[A-Za-z_]\w*(?!\s*\()")
+TIE = "\ue000"  # holds a number and its unit together while values are cut apart at blanks; nobody types it
 MOST = 10_000  # characters of a line of values
-
-Lookup = Callable[[str, str | None], Any]
-"""(name, index or None) → the value of a session's variable, or None where there is no such variable."""
 
 
 def vector(what: str, text: str, names: Sequence[str], units: Sequence[str], lookup: Lookup) -> np.ndarray:
@@ -43,16 +37,16 @@ def vector(what: str, text: str, names: Sequence[str], units: Sequence[str], loo
         expected = f"{len(names)} ({', '.join(names)}), or one for all joints" if len(names) > 1 else "1"
         raise SessionError(f"{what}: {len(parts)} value{'s' * (len(parts) != 1)}; expected {expected}")
     if len(parts) == 1:
-        formula, unit = parts[0]
-        values = _evaluated(what, formula, lookup)
-        if np.ndim(values) and np.shape(values) != (len(names),):
-            raise SessionError(f"{what}: {formula!r} holds {np.size(values)} values; expected {len(names)}")
-        values = np.broadcast_to(values, (len(names),))
-        factors = [factor(what, unit, own) if unit else 1.0 for own in units]
-        return _finite(what, text, values * np.array(factors))
+        formula = Formula(what, _whole(parts[0]), lookup)
+        by_unit = {unit: formula.value(unit) for unit in dict.fromkeys(units)}
+        for values in by_unit.values():
+            if np.ndim(values) and np.shape(values) != (len(names),):
+                raise SessionError(f"{what}: {formula.text!r} holds {np.size(values)} values; expected {len(names)}")
+        rows = [np.broadcast_to(by_unit[unit], (len(names),))[k] for k, unit in enumerate(units)]
+        return _finite(what, text, np.array(rows))
     values = [
-        _scalar(what, formula, lookup) * (factor(f"{what}[{name}]", unit, own) if unit else 1.0)
-        for (formula, unit), name, own in zip(parts, names, units, strict=True)
+        _scalar(f"{what}[{name}]", _whole(part), own, lookup)
+        for part, name, own in zip(parts, names, units, strict=True)
     ]
     return _finite(what, text, np.array(values))
 
@@ -66,13 +60,12 @@ def number(what: str, text: str, unit: str, lookup: Lookup | None = None) -> flo
     parts = split(what, text)
     if len(parts) != 1:
         raise SessionError(f"{what}: {len(parts)} values in {text!r}; expected one number [{unit}]")
-    formula, own = parts[0]
-    value = _scalar(what, formula, lookup or (lambda name, index: None)) * (factor(what, own, unit) if own else 1.0)
+    value = _scalar(what, _whole(parts[0]), unit, lookup or (lambda name, index: None))
     return float(_finite(what, text, np.array(value)))
 
 
 def split(what: str, text: str) -> list[tuple[str, str]]:
-    """(formula, unit or "") of every value.
+    """(formula, the unit at its end or "") of every value; units within a formula stay there.
 
     Raises:
         SessionError: nothing, brackets that do not close, a unit that stands alone, or one that only the last value has.
@@ -81,19 +74,14 @@ def split(what: str, text: str) -> list[tuple[str, str]]:
         raise SessionError(f"{what}: {len(text)} characters; expected at most {MOST}")
     group = GROUP.match(text.strip())
     if group:
-        unit = " ".join(group["unit"].split())
-        if unit and unit not in KNOWN:
-            raise SessionError(f"{what}: {unit!r} behind the bracket is no unit")
-        inner = split(what, group["inner"])
-        if unit and any(own for _, own in inner):
-            raise SessionError(
-                f"{what}: {text.strip()!r} has units inside and behind the bracket; expected one of them"
-            )
-        return [(formula, unit or own) for formula, own in inner]
-    parts = _with_units(what, _joined(_chunks(what, text)))
+        return _shared(what, text, group["inner"], " ".join(group["unit"].split()))
+    tied = MEASURED.sub(lambda match: match["before"] + TIE + TIE.join(match["unit"].split()), text)
+    chunks = _joined(_chunks(what, tied))
+    _refuse_lone_units(what, [chunk.replace(TIE, " ") for chunk in chunks])
+    parts = [_ended(chunk.replace(TIE, " ")) for chunk in chunks]
     if not parts:
         raise SessionError(f"{what}: no value given")
-    bare = [formula for formula, unit in parts[:-1] if not unit]
+    bare = [formula for formula, unit in parts[:-1] if not unit and not MEASURED.search(formula)]
     if len(bare) == len(parts) - 1 and parts[-1][1] and any(_is_plain(formula) for formula in bare):
         unit = parts[-1][1]
         raise SessionError(
@@ -102,12 +90,41 @@ def split(what: str, text: str) -> list[tuple[str, str]]:
     return parts
 
 
+def _shared(what: str, text: str, inner: str, unit: str) -> list[tuple[str, str]]:
+    """The values of `[10 20 30] deg`, each in brackets where it is a formula."""
+    if unit and unit not in KNOWN:
+        raise SessionError(f"{what}: {unit!r} behind the bracket is no unit")
+    parts = split(what, inner)
+    if not unit:
+        return parts
+    if any(own or MEASURED.search(formula) for formula, own in parts):
+        raise SessionError(f"{what}: {text.strip()!r} has units inside and behind the bracket; expected one of them")
+    return [(formula if _number(formula) is not None else f"({formula})", unit) for formula, _ in parts]
+
+
+def _whole(part: tuple[str, str]) -> str:
+    """A formula and the unit at its end as they were typed."""
+    return " ".join(part).rstrip()
+
+
+def _ended(text: str) -> tuple[str, str]:
+    """`1 + 30 deg` → ("1 + 30", "deg")."""
+    for match in MEASURED.finditer(text):
+        if match.end() == len(text):
+            return text[: match.end("before")], " ".join(match["unit"].split())
+    return text, ""
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
 def _is_plain(formula: str) -> bool:
     """Whether a value is a number other than 0, which might have been meant in the unit that stands at the end."""
-    try:
-        return float(formula) != 0.0
-    except ValueError:
-        return False
+    return bool(_number(formula))
 
 
 def _chunks(what: str, text: str) -> list[str]:
@@ -116,15 +133,19 @@ def _chunks(what: str, text: str) -> list[str]:
     for mark in text:
         depth += (mark in "([") - (mark in ")]")
         if depth < 0:
-            raise SessionError(f"{what}: {text.strip()!r}: a bracket closes that none opened")
+            raise SessionError(f"{what}: {_untied(text)!r}: a bracket closes that none opened")
         if depth == 0 and (mark.isspace() or mark == ","):
             chunks.append(current)
             current = ""
         else:
             current += mark
     if depth:
-        raise SessionError(f"{what}: {text.strip()!r}: a bracket is not closed")
+        raise SessionError(f"{what}: {_untied(text)!r}: a bracket is not closed")
     return [chunk for chunk in [*chunks, current] if chunk]
+
+
+def _untied(text: str) -> str:
+    return text.replace(TIE, " ").strip()
 
 
 def _joined(chunks: list[str]) -> list[str]:
@@ -141,75 +162,24 @@ def _joined(chunks: list[str]) -> list[str]:
     return joined
 
 
-def _with_units(what: str, chunks: list[str]) -> list[tuple[str, str]]:
-    parts: list[tuple[str, str]] = []
-    k = 0
-    while k < len(chunks):
-        for words in range(MOST_WORDS, 0, -1):
-            unit = " ".join(chunks[k : k + words])
-            if unit in KNOWN:
-                break
-        else:
-            formula, glued = _glued(chunks[k])
-            parts.append((formula, glued))
-            k += 1
+def _refuse_lone_units(what: str, chunks: list[str]) -> None:
+    """Refuses `deg`, `30 deg deg` and `theta deg`: units behind no number."""
+    for k, chunk in enumerate(chunks):
+        if chunk not in KNOWN:
             continue
-        if (
-            parts and parts[-1][1] and f"{parts[-1][1]} {unit}" in KNOWN
-        ):  # `2N m`: the first half is glued to its number
-            parts[-1] = parts[-1][0], f"{parts[-1][1]} {unit}"
-        elif not parts or parts[-1][1]:
-            raise SessionError(f"{what}: unit {unit!r} without a value before it")
-        else:
-            parts[-1] = parts[-1][0], unit
-        k += len(unit.split())
-    return parts
+        before = chunks[k - 1] if k else ""
+        if not before or _ended(before)[1]:
+            raise SessionError(f"{what}: unit {chunk!r} without a value before it")
+        raise SessionError(
+            f"{what}: '{before} {chunk}': the unit stands behind no number; expected it behind one, such as 30 {chunk}"
+        )
 
 
-def _glued(chunk: str) -> tuple[str, str]:
-    """`30deg` → ("30", "deg")."""
-    match = GLUED.match(chunk)
-    return (match["number"], match["unit"]) if match and match["unit"] in KNOWN else (chunk, "")
-
-
-def _scalar(what: str, formula: str, lookup: Lookup) -> float:
-    value = _evaluated(what, formula, lookup)
+def _scalar(what: str, text: str, unit: str, lookup: Lookup) -> float:
+    value = Formula(what, text, lookup).value(unit)
     if np.ndim(value):
-        raise SessionError(f"{what}: {formula!r} holds {np.size(value)} values; expected one, such as {formula}[1]")
+        raise SessionError(f"{what}: {text!r} holds {np.size(value)} values; expected one, such as {text}[1]")
     return float(value)
-
-
-def _evaluated(what: str, formula: str, lookup: Lookup) -> np.ndarray:
-    values: dict[str, Any] = {}
-
-    def component(match: re.Match[str]) -> str:
-        value = lookup(match["name"], match["index"].strip())
-        if value is None:
-            raise SessionError(f"{what}: there is no variable {match['name']!r} to take {match[0]!r} of")
-        stand_in = f"{match['name']}_component_{len(values)}"
-        values[stand_in] = value
-        return stand_in
-
-    plain = INDEXED.sub(component, formula)
-    for name in dict.fromkeys(NAME.findall(plain)):
-        if name not in values and (value := lookup(name, None)) is not None:
-            values[name] = value
-    return _computed(what, formula, plain, values)
-
-
-def _computed(what: str, formula: str, plain: str, values: Mapping[str, Any]) -> np.ndarray:
-    try:
-        with np.errstate(all="ignore"):
-            value = expression(plain, tuple(values))(values)
-    except ExpressionError as error:
-        raise SessionError(f"{what}: {error}") from None
-    except ZeroDivisionError:
-        raise SessionError(f"{what}: {formula!r} divides by zero; expected a finite number") from None
-    except OverflowError:
-        raise SessionError(f"{what}: {formula!r} is too large; expected a finite number") from None
-    if np.iscomplexobj(value):
-        raise SessionError(f"{what}: {formula!r} is no real number")
-    return np.asarray(value, dtype=float)
 
 
 def _finite(what: str, text: str, values: np.ndarray) -> np.ndarray:

@@ -69,6 +69,8 @@ def _with_dac(state: State, values: np.ndarray) -> State:
 
 
 TIED = "V = R τ / (n Kt) + n Ke θ̇,  τ = n Kt (V − n Ke θ̇) / R"
+HELD = "V(t) = DACOut(k T),  k T ≤ t < (k + 1) T,  T = DACSampTimePeriod; with a controller θ_ref = scale · DACOut"
+DAC_SOURCE = "CMU report, the sim program; sampled loops [AstromHagglund2006]"
 TABLE = (
     Variable(
         "gravity",
@@ -79,17 +81,21 @@ TABLE = (
     Variable(
         "DACSampTimePeriod",
         "time between changes of DACOut, and the sampling time of the controller",
-        None, "s", lambda state: state.dac_period, _time("DACSampTimePeriod", "dac_period"),
+        None, "s", lambda state: state.dac_period, _time("DACSampTimePeriod", "dac_period"), HELD, DAC_SOURCE,
     ),
     Variable(
         "TimeStep", "step of the integration; the report's is 1 ms",
         None, "s", lambda state: state.step, _time("TimeStep", "step"),
         "Kutta's third-order rule", "[Kutta1901]", False,
     ),
-    Variable("theta", "joint angles, or positions of sliding joints", "q", "", *_plain("q")),
-    Variable("omega", "joint velocities", "qd", "", *_plain("qd")),
     Variable(
-        "alpha", "joint accelerations: what the Inverse Arm takes, what the Forward Arm gives", "qdd", "", *_plain("qdd")
+        "theta", "joint angles, or positions of sliding joints", "q", "", *_plain("q"),
+        "dθ/dt = θ̇", "CMU report, Integration",
+    ),
+    Variable("omega", "joint velocities", "qd", "", *_plain("qd"), "θ̇ = dθ/dt,  dθ̇/dt = θ̈", "CMU report, Integration"),
+    Variable(
+        "alpha", "joint accelerations: what the Inverse Arm takes, what the Forward Arm gives", "qdd", "", *_plain("qdd"),
+        "M(θ) θ̈ = τ − C(θ, θ̇) θ̇ − g(θ) − friction", "CMU report, eqs (13)-(15)",
     ),
     Variable(
         "torque", "motor torques referred to the joints; tied to voltage at the present omega",
@@ -106,7 +112,7 @@ TABLE = (
     Variable(
         "DACOut",
         "DAC output voltage, held for DACSampTimePeriod: the reference input of the controller, without one the motor voltage",
-        "voltage", "", _dac, _with_dac,
+        "voltage", "", _dac, _with_dac, HELD, DAC_SOURCE,
     ),
 )  # fmt: skip
 
@@ -162,11 +168,25 @@ def assigned(state: State, name: str, index: str | None, text: str) -> State:
         return _checked(variable.set(state, number(variable.name, text, variable.unit, look)))
     units = variable.units(state.arm)
     if index is None:
-        return variable.set(state, vector(variable.name, text, state.arm.names, units, look))
+        return _finite(variable, text, variable.set(state, vector(variable.name, text, state.arm.names, units, look)))
     k = joint_number(state.arm, variable.name, index)
     values = np.array(variable.get(state), dtype=float)
     values[k] = number(f"{variable.name}[{index}]", text, units[k], look)
-    return variable.set(state, values)
+    return _finite(variable, text, variable.set(state, values))
+
+
+def _finite(variable: Variable, text: str, state: State) -> State:
+    """The state, if its drives can be told what it says, and if the torque, voltage and current that go with it are finite."""
+    drives = np.where(np.isfinite(state.u), 0.0, np.inf)
+    tied_ones = {name: known(state, VARIABLES[name]) for name in ("torque", "voltage", "current")}  # NaN: not known
+    for k, body in enumerate(state.arm.coordinates):
+        for name, values in ((body.drive.command, drives), *tied_ones.items()):
+            if np.isinf(values[k]):
+                raise SessionError(
+                    f"{variable.name} = {text.strip()}: the {name} of joint {body.joint!r} is not finite; "
+                    "expected smaller numbers"
+                )
+    return state
 
 
 def _checked(state: State) -> State:

@@ -7,7 +7,6 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from armwright import control
 from armwright.errors import SessionError, nearest
 from armwright.session.state import State, Wiring
 from armwright.session.values import number, split, vector
@@ -19,6 +18,8 @@ MADE = ("model", "period", "signs")  # fields that the loop fills in
 
 def laws() -> dict[str, type]:
     """Control laws by the names a session gives them: JointPID is joint-pid."""
+    from armwright import control  # here, since a session asks for it only when something is wired
+
     found = [getattr(control, name) for name in control.__all__]
     kinds = [kind for kind in found if dataclasses.is_dataclass(kind) and hasattr(kind, "step")]
     return {

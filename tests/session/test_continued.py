@@ -1,0 +1,154 @@
+"""A simulation continued is one long simulation: drives, controllers and time go on, whatever the drives remember."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.session import Session
+from armwright.session.continued import MEMORY
+from armwright.session.listing import Line
+from simulation.plants import ELASTIC, LUGRE, MOTOR, SUPPLY, THERMAL, chain
+
+PID = "controller joint-pid kp=40 ki=80 kd=3"
+LAWS = {
+    "voltage": "controller none",
+    "pid": f'{PID} scale="10 deg"',
+    "pid-filtered": f'{PID} cutoff_hz=60 anti_windup=back-calculation tracking_time=0.1 scale="10 deg"',
+    "pid-delayed": f'{PID} delay_ticks=2 anti_windup=clamping limit=12 scale="10 deg"',
+    "cascade": 'controller cascade position_kp=8 speed_kp=4 speed_ki=20 scale="10 deg"',
+    "computed-torque": 'controller computed-torque kp=80 kd=16 ki=20 scale="10 deg"',
+}
+NAMES = ",".join(aw.load("two-link").names)
+STATES = {"current", "bristle", "motor_q", "motor_qd", "winding_temperature", "housing_temperature", "bus_voltage"}
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory):
+    """Two joints whose drives remember what drives can: currents, bristles, a motor behind a spring, heat, the bus."""
+    motor = {**MOTOR, "inductance_h": 1e-3}
+    joints = [
+        {"command": "voltage", "friction": LUGRE, "motor": motor, "limits": {"voltage_v": 40.0}},
+        {"command": "voltage", "friction": LUGRE, "motor": {**motor, "thermal": THERMAL}, "elasticity": ELASTIC},
+    ]
+    path = tmp_path_factory.mktemp("robot") / "rich.toml"
+    description = chain(joints, robot={"supply": SUPPLY}).description
+    assert description is not None
+    aw.write_toml(description, path)
+    return str(path)
+
+
+def begun(robot, law):
+    session = Session(robot)
+    for line in ("theta = 0.2 -0.1", "TimeStep = 0.5 ms", "DACSampTimePeriod = 2 ms", law, "DACOut = 20 -12"):
+        session.run(line)
+    return session
+
+
+def notes(session):
+    return session.state.run.attrs["notes"]
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_one_second_and_another_are_two(robot, law):
+    whole, parts = begun(robot, LAWS[law]), begun(robot, LAWS[law])
+    whole.run("simulate new steps=4000")
+    for line in ("simulate new steps=2000", "simulate continue steps=1200", "simulate continue steps=800"):
+        parts.run(line)
+    one, joined = whole.state.run, parts.state.run
+    assert set(one.data_vars) >= STATES
+    np.testing.assert_allclose(joined["time"], one["time"], rtol=0, atol=1e-12)
+    for name in one.data_vars:
+        size = max(float(np.abs(one[name]).max()), 1e-3)
+        np.testing.assert_allclose(joined[name], one[name], rtol=0, atol=1e-12 * size, err_msg=str(name))
+    assert "anew" not in notes(parts)
+    assert np.ptp(one["bristle"].values) > 1e-5
+
+
+def test_it_goes_on_from_a_file(robot, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    session, other = begun(robot, LAWS["pid-filtered"]), Session("two-link")
+    session.run("simulate new steps=400")
+    session.run("save half.nc")
+    other.run("restore half.nc")
+    for one in (session, other):
+        one.run("simulate continue steps=400")
+    for name in STATES | {"q", "qd", "u"}:
+        assert session.state.run[name].identical(other.state.run[name]), name
+
+
+def test_drives_go_on_under_other_gravity_and_other_commands(robot):
+    session = begun(robot, LAWS["voltage"])
+    session.run("voltage = 20 -15")
+    session.run("simulate new steps=400")
+    before = session.state.run
+    for line in ("gravity = -1.62", "payload 0.5", "voltage = 3", "simulate continue steps=2"):
+        session.run(line)
+    for name in STATES | {"q", "qd"}:
+        np.testing.assert_array_equal(session.state.run[name][-3], before[name][-1], err_msg=name)
+    assert float(abs(session.state.run["qdd"][-3] - before["qdd"][-1]).min()) > 1.0  # another world
+    assert "anew" not in notes(session)
+    told = [f"{what} was changed at t = 0.2 s, between two parts of the run" for what in ("gravity", "payload")]
+    assert [note for note in notes(session).splitlines() if "was changed" in note] == told
+    session.run("simulate continue steps=2")
+    assert notes(session).count("was changed") == 2
+
+
+def test_a_joint_beyond_its_limits_is_told_once_at_the_time_of_the_whole_run():
+    whole, parts = Session(), Session()
+    for session in (whole, parts):
+        session.run("voltage = 8 12 8 4 2 1")
+    whole.run("simulate new steps=2000")
+    for line in ("simulate new steps=1000", "simulate continue steps=1000"):
+        parts.run(line)
+    assert sorted(notes(parts).splitlines()) == sorted(notes(whole).splitlines())
+    assert "joint2: passed its position limits [-1.92, 1.92] at t = 1.334 s" in notes(parts)
+
+
+def test_what_goes_on_is_given_by_place_too(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "volts.csv").write_text("t,shoulder,elbow\n0,1,2\n0.01,0,0\n".replace("shoulder,elbow", NAMES))
+    session = Session("two-link")
+    for line, end in (
+        ("simulate new yes 10", 0.01), ("simulate continue 10", 0.02), ("simulate continue volts.csv 5", 0.025),
+        ("simulate new no volts.csv 7", 0.007), ("simulate continue none 3", 0.01),
+    ):  # fmt: skip
+        session.run(line)
+        assert float(session.state.run["time"][-1]) == pytest.approx(end, abs=1e-12), line
+    assert session.state.lines[-2] == "simulate start=new schedule=volts.csv steps=7"
+
+
+def test_what_does_not_go_on_is_told(robot):
+    session = begun(robot, LAWS["pid"])
+    session.run("simulate new steps=40")
+    session.run(LAWS["pid"].replace("ki=80", "ki=81"))
+    session.run("simulate continue steps=40")
+    assert "the state of joint-pid began anew at t = 0.02 s" in notes(session)
+    session.run("simulate continue steps=40")
+    assert "began anew at t = 0.04 s" not in notes(session)
+    session.run("theta[1] = 0.7")
+    session.run("simulate continue steps=40")
+    for told in ("what the drives remember besides theta and omega", "the state of joint-pid"):
+        assert f"{told} began anew at t = 0.06 s" in notes(session)
+    assert "theta or omega was set at t = 0.06 s" in notes(session)
+    session.run("controller none")
+    session.run("simulate continue steps=40")
+    assert MEMORY not in session.state.run.attrs
+    assert "began anew at t = 0.08 s" not in notes(session)
+
+
+def test_notes_are_told_once_and_of_the_part_that_they_are_of(robot):
+    session = begun(robot, LAWS["voltage"])
+    session.run("simulate new steps=20")
+    session.run("voltage[1] = 100")
+    said = [texts(session.run("simulate continue steps=20")) for _ in range(3)]
+    clipped = "joint0: the drive's limits clipped its voltage in 100% of the rows from {} s, first at t = {} s "
+    clipped += "(asked for up to 100 V)"
+    spans = [("0.01 to 0.02", "0.01"), ("0.02 to 0.03", "0.02"), ("0.03 to 0.04", "0.03")]
+    assert said == [[clipped.format(*span)] for span in spans]
+    assert notes(session).splitlines() == [clipped.format(*span) for span in spans]
+
+
+def texts(shown):
+    return [part.text for part in shown if isinstance(part, Line) and part.style == "note"]

@@ -1,0 +1,113 @@
+"""The Python prompt: leaving it keeps the session, errors name what was typed, Ctrl-C and questions are those of a prompt."""
+
+from __future__ import annotations
+
+import subprocess
+
+import pytest
+
+from armwright.errors import SessionError
+from armwright.session import Session
+from armwright.session.listing import Line
+from session.terminal import SIM, Terminal, needs_pty
+from session.walks import refused
+
+
+@pytest.fixture(scope="module")
+def session():
+    return Session()
+
+
+@pytest.mark.parametrize("leave", ["exit()", "quit()", "quit(1)", "raise SystemExit", "import sys; sys.exit()"])
+def test_leaving_python_in_a_script_goes_on_with_its_next_line(leave):
+    typed = f"python theta[0] = 0.25; {leave}\n" if "raise" not in leave else f"python {leave}\ntheta[1] = 0.25\n"
+    done = subprocess.run([*SIM], input=f"{typed}theta[1]\n", capture_output=True, encoding="utf-8", check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines()[-1] == "theta[joint1] = 0.25 rad = 14.3239 deg"
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("python theta = theta + np.inf", "theta[0], joint1, is inf; expected finite numbers"),
+        ("python theta[3] = np.nan", "theta[3], joint4, is nan; expected finite numbers"),
+        ("python gravity = -np.inf", "gravity is -inf; expected a finite number"),
+        ("python theta = 'x'", "theta = 'x': expected 6 numbers: joint1, joint2"),
+        ("python theta = [1, [2]]", "theta = [1, [2]]: expected 6 numbers"),
+        ("python TimeStep = 'x'", "TimeStep = 'x': expected one number [s]"),
+        ("python TimeStep = [1, 2]", "TimeStep has shape (2,); expected one number [s]"),
+        ("python theta = [1, 2]", "theta has shape (2,); expected (6,): joint1"),
+        ("python x = input('hm')", "nobody is there to answer input"),
+    ],
+)
+def test_what_is_no_value_is_named(session, line, message):
+    told = refused(session, line)
+    assert told.startswith("python: ")
+    assert message in told
+
+
+def test_what_is_not_known_may_stay_so():
+    panda = Session("panda")
+    panda.run("python theta[0] = 0.5")  # its voltages are NaN, and nobody set them
+    assert panda.state.q[0] == 0.5
+    assert "voltage[2], joint3, is inf" in refused(panda, "python voltage[2] = np.inf")
+
+
+def test_an_interrupt_is_one_and_changes_nothing(session):
+    before = session.state
+    with pytest.raises(KeyboardInterrupt):
+        session.run("python theta[0] = 1; raise KeyboardInterrupt")
+    assert session.state is before
+
+
+def test_a_question_comes_after_what_was_printed_and_before_the_answer(capsys, monkeypatch):
+    monkeypatch.setattr("builtins.input", lambda prompt: print(prompt, end="") or "0.5")
+    asked = Session(ask=lambda argument, default: "")
+    shown = asked.run("python print('first'); theta[0] = float(input('hm? ')); print('last')")
+    assert capsys.readouterr().out == "first\nhm? "
+    assert next(part.text for part in shown if isinstance(part, Line)) == "last"
+    assert asked.state.q[0] == 0.5
+
+
+def test_python_needs_somebody_or_a_statement(session):
+    with pytest.raises(SessionError, match="nobody is there to type"):
+        session.run("python")
+
+
+@pytest.fixture
+def terminal(tmp_path):
+    terminal = Terminal(tmp_path)
+    terminal.wait(lambda: terminal.text.rstrip().endswith("sim>"))
+    yield terminal
+    terminal.close()
+
+
+@needs_pty
+@pytest.mark.parametrize("leave", ["exit()\r", "quit()\r", "\x04"])
+def test_leaving_the_prompt_comes_back_to_the_session(terminal, leave):
+    terminal.type("python\r", until=">>> ")
+    terminal.type("theta[1] = 0.25\r", until=">>> ")
+    terminal.type(leave, until="sim>")
+    assert "0.25 rad" in terminal.enter("theta[2]")
+    terminal.enter("python exit()")
+    assert "0.25 rad" in terminal.enter("theta[2]")
+    assert "Traceback" not in terminal.text
+
+
+@needs_pty
+def test_at_a_terminal_ctrl_c_interrupts_and_questions_are_asked(terminal):
+    terminal.type("python print('sl' + 'eeps', flush=True); x = input('h' + 'm? ')\r", until="hm? ")
+    assert "sleeps\nhm? " in terminal.text
+    terminal.enter("yes")
+    terminal.type("python import time; input('re' + 'ady'); time.sleep(60)\r", until="ready")
+    terminal.type("\r", until="\n")
+    terminal.soon(0.3)
+    told = terminal.type("\x03", until="sim>")
+    assert "interrupted" in told
+    assert "KeyboardInterrupt" not in told
+    terminal.type("python\r", until=">>> ")
+    terminal.type("import time; time.sleep(60)\r", until="\n")
+    terminal.soon(0.3)
+    terminal.type("\x03", until=">>> ")
+    terminal.type("\x04", until="sim>")
+    assert "Traceback" not in terminal.text
