@@ -13,7 +13,7 @@ DEMO   := simulate cmu-dd --schedule examples/cmu-dd-feedforward.csv --q0 0,0.35
 ARGS   :=
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check bench docs lock clean
+.PHONY: help demo test check bench docs pictures lock clean
 .DELETE_ON_ERROR:
 
 help:  ## print this list
@@ -40,6 +40,9 @@ bench: $(VENV)/.all  ## time the kernels beside their peers
 
 docs: $(VENV)/.all  ## build the site into build/docs
 	$(BIN)/python -m sphinx -W --keep-going -b html docs build/docs
+
+pictures: $(VENV)/.all  ## make the pictures of the README and the docs anew
+	PYTHONPATH=tests $(BIN)/python -m pictures.gallery
 
 lock: $(BIN)/uv  ## bring requirements.lock up to pyproject.toml (UPGRADE=1: to the newest versions)
 	$(BIN)/uv pip compile pyproject.toml --universal --python-version 3.11 --all-extras --group dev \

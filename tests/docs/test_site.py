@@ -6,9 +6,11 @@ import ast
 import re
 import subprocess
 import sys
+import typing
 from collections.abc import Iterator
 from pathlib import Path
 
+import pydantic
 import pytest
 
 from armwright import errors
@@ -69,6 +71,54 @@ def test_every_key_of_a_robot_file_has_a_meaning(monkeypatch: pytest.MonkeyPatch
         for record in records:
             for name, field in record.model_fields.items():
                 assert armwright_record.meaning(name, field), f"{record.__name__}.{name} says nothing of itself"
+
+
+def test_the_reference_of_scenario_files_tells_what_each_key_takes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "ext"))
+    import armwright_record  # pyright: ignore[reportMissingImports]
+
+    rows = [[cell.strip() for cell in line.split(" | ")] for line in armwright_record.scenario_file().splitlines()]
+    takes = {row[0].strip("| `"): (row[1], row[3]) for row in rows if len(row) >= 5}
+    whole, texts, by_joint = "a whole number", "a list of texts", "a number, numbers, or a table by joint"
+    assert takes["substeps"] == (whole, "default `1`")
+    assert takes["seed"][0] == f"{whole}, 0 or more"
+    assert takes["every"] == (f"{whole}, 0 or more", "default `1`")
+    assert takes["most_steps"] == (whole, "")
+    assert takes["reduce"] == (texts, "")
+    assert takes["duration_s"] == takes["rtol"] == takes["cutoff_hz"] == ("a number", "")
+    assert takes["jitter_s"] == ("a number", "default `0.0`")
+    assert takes["q"] == takes["limit"] == takes["resolution"] == (by_joint, "")
+    assert takes["counts"] == ("a number, or numbers", "")
+    assert takes["normal"] == ("2 numbers", "")
+    assert takes["wrench"] == ("6 numbers, or text", "")
+    assert takes["payload"][0] == "tables"
+    assert takes["title"] == ("text", "")
+
+
+def test_every_key_takes_what_pydantic_takes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A value of each kind that the reference names is read, and none of the other kinds."""
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "ext"))
+    import armwright_record  # pyright: ignore[reportMissingImports]
+
+    examples = {"a whole number": 1, "a number": 1.5, "text": "x", "numbers": [1.5, 2.5, 3.5, 4.5]}
+    known = {*examples, "a table by joint", "0 or more", "1 or more"}
+    for _, _, records in armwright_record.SCENARIO_TABLES:
+        for name, field in (item for record in records for item in record.model_fields.items()):
+            told = set(re.split(", or |, ", armwright_record.expected(field.annotation, field.metadata)))
+            if told <= known:
+                read = pydantic.TypeAdapter(typing.Annotated[field.annotation, *field.metadata, None])
+                found = {kind for kind, value in examples.items() if takes(read, value)}
+                if "a number" in told:  # as which a whole one may be written
+                    found -= {"a whole number"}
+                assert found == told & set(examples), name
+
+
+def takes(read: pydantic.TypeAdapter[object], value: object) -> bool:
+    try:
+        read.validate_python(value)
+    except pydantic.ValidationError:
+        return False
+    return True
 
 
 def test_links_between_pages_lead_somewhere() -> None:

@@ -7,7 +7,6 @@ import pytest
 
 import armwright as aw
 from pictures.browser import Browser, needs_browser
-from pictures.docs_picture import PICTURE, taken
 from simulation.runs import invented
 
 pytestmark = needs_browser
@@ -145,6 +144,64 @@ def test_curves_zoom_and_tell_values(run, browser, curves):
     assert browser.faults() == []
 
 
+def names(browser):
+    """What the legend offers to hide."""
+    return browser.value("[...document.querySelectorAll('.legend [aria-pressed]')].map((button) => button.innerText)")
+
+
+def test_of_one_joint_the_colours_are_runs(run, browser, tmp_path):
+    aw.plot_runs({"whole": run, "half": run.isel(time=slice(0, 501))}, tmp_path / "two.html", joints=["joint2"])
+    browser.open(tmp_path / "two.html", "#light", (1000, 900))
+    assert names(browser) == ["whole", "half"]
+    picture = browser.picture()
+    for colour in ([0x00, 0x72, 0xB2], [0xD5, 0x5E, 0x00]):
+        assert (np.abs(picture - colour).max(axis=2) < 30).sum() > 300
+    wide = browser.value(f"document.querySelector('{CANVAS}').clientWidth") - LEFT - RIGHT
+    for part, half in ((0.25, True), (0.75, False)):  # where a run has ended it has no value
+        browser.mouse(CANVAS, LEFT + part * wide, 60, "mouseMoved")
+        row = browser.text(".panel .tip tr:nth-child(2)").split()
+        assert row[0] == "joint2"
+        assert (row[2] != "—") == half
+    assert browser.faults() == []
+
+
+def test_references_are_named_and_hidden(run, browser, tmp_path):
+    only = run.assign(q_reference=2.0 * run["q"])
+    aw.plot_runs({"run": only}, tmp_path / "reference.html", joints=["joint2"])
+    browser.open(tmp_path / "reference.html", "#light", (1000, 900))
+    assert names(browser) == ["joint2", "reference"]
+    browser.mouse(CANVAS, LEFT + 200, 60, "mouseMoved")
+    assert "reference" in browser.text(".panel .tip")
+    browser.value("document.querySelectorAll('.legend button')[1].click()")
+    browser.mouse(CANVAS, LEFT + 201, 60, "mouseMoved")
+    assert "reference" not in browser.text(".panel .tip")
+    browser.value("document.querySelectorAll('.legend button')[1].dispatchEvent(new Event('dblclick'))")
+    browser.mouse(CANVAS, LEFT + 202, 60, "mouseMoved")
+    assert browser.text(".panel .tip tr:nth-child(1)").split()[-2] == "reference"
+    assert browser.faults() == []
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (800, 600), (360, 640)])
+def test_the_whole_motion_just_fills_the_picture(browser, tmp_path, size):
+    """A double pendulum that swings round: the path of its hand comes near an edge of the picture, and never over it."""
+    arm = aw.load("two-link")
+    q = np.linspace(0.0, 2.0 * np.pi, 400)
+    run = invented(arm, rows=400)
+    run["q"].values[:] = np.stack([q, 0.0 * q], axis=1)
+    aw.write_graphic(run, arm, tmp_path / "round.html")
+    browser.open(tmp_path / "round.html", "#t=1000&pause&light", size)
+    for view in ("home", "front", "side", "top"):
+        browser.value(f"document.getElementById('view').value = '{view}'; document.getElementById('view').onchange()")
+        browser.settle()
+        seen = scene(browser)
+        inside = seen[6 : round(0.52 * size[1]) - 2, 6:-6]  # without the frame and the buttons
+        rows, columns = np.nonzero(np.abs(inside - [0x00, 0x72, 0xB2]).max(axis=2) < 40)
+        room = (rows.min(), inside.shape[0] - rows.max(), columns.min(), inside.shape[1] - columns.max())
+        assert min(room) > 2, (view, room)
+        assert min(room[0] / inside.shape[0], room[2] / inside.shape[1]) < 0.28, (view, room)
+    assert browser.faults() == []
+
+
 def test_pages_are_drawn_light_dark_and_narrow(browser, curves):
     blue = [0x00, 0x72, 0xB2]  # the first joint's curve
     for fragment, size in (("#light", (900, 900)), ("#dark", (900, 900)), ("#light", (360, 740))):
@@ -167,11 +224,25 @@ def test_all_samples_count_where_many_share_a_pixel(browser, tmp_path):
     assert blue[140:290].any(axis=1).mean() > 0.9  # up and down again
 
 
-def test_the_picture_in_the_docs_is_what_its_commands_make(browser, tmp_path):
-    from PIL import Image
-
-    shown = np.asarray(Image.open(PICTURE).convert("RGB")).astype(int)
-    made = taken(browser, tmp_path)
-    assert shown.shape == made.shape
-    assert np.abs(shown - made).mean() < 6  # other fonts and other graphics differ by less, another picture by more
-    assert PICTURE.stat().st_size < 80_000
+def test_the_path_of_a_long_run_is_round(browser, tmp_path):
+    arm = aw.load("two-link")
+    run = aw.simulate(aw.Scenario(arm, command=[0, 0], duration=20.0, step=5e-3))
+    turns = 2 * np.pi * 10 * run["time"].values  # ten rounds a second: 3 of 600 points each would be a zigzag
+    run["q"].values[:] = np.column_stack([turns, 0 * turns])
+    aw.write_graphic(run, arm, tmp_path / "run.html")
+    browser.open(tmp_path / "run.html", "#t=20&pause&light")
+    trace = browser.value(
+        "new Promise((done) => { const draw = Player.prototype.draw; Player.prototype.draw = function () {"
+        " Player.prototype.draw = draw; done([this.trace.times, this.trace.points].map((own) => Array.from(own))); };"
+        " document.getElementById('path').click(); })"
+    )
+    times, points = np.array(trace[0]), np.array(trace[1]).reshape(-1, 3)
+    reach = np.ptp(points, axis=0).max() / 2
+    assert len(times) == len(points) == 4001
+    assert (np.linalg.norm(np.diff(points, axis=0), axis=1) < 0.4 * reach).all()
+    assert (np.diff(times) > 0).all()
+    assert times[-1] == pytest.approx(20.0)
+    run["q"].values[:] = 0.0
+    aw.write_graphic(run, arm, tmp_path / "still.html")
+    browser.open(tmp_path / "still.html", "#t=20&pause&light")
+    assert browser.faults() == []

@@ -6,6 +6,8 @@ import pytest
 import armwright as aw
 from armwright.errors import OutputError, RunError
 from armwright.pictures.curves import curve_panels, selected
+from armwright.pictures.picture import draw_runs
+from armwright.simulation.plot import COLOURS
 from pictures.reading import Page
 from simulation.runs import invented, mixed_arm
 
@@ -114,7 +116,7 @@ def test_diverged_lanes_leave_gaps(arm, tmp_path, ending, value):
     ("given", "error", "words"),
     [
         ({"joints": ["hing"]}, RunError, "run: no joint 'hing'; did you mean hinge?"),
-        ({"quantities": ["taw"]}, RunError, "run: no quantity 'taw'; did you mean tau?"),
+        ({"quantities": ["taw"]}, RunError, "run: no quantity 'taw'; did you mean tau or theta?"),
         (
             {"path": "run.jpg"},
             OutputError,
@@ -142,3 +144,28 @@ def test_runs_of_different_arms_are_refused(run, tmp_path):
     with pytest.raises(RunError, match=r"^a: no finite number of tau to be drawn$"):
         aw.plot_runs({"a": run.assign(tau=run["tau"] * np.nan)}, tmp_path / "both.html", quantities=["tau"])
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_joint_keeps_its_colour_without_the_others(run, tmp_path):
+    runs = selected({"run": run}, ["hinge", "slide"])
+    drawn = draw_runs(runs, ["qd"], "", "")
+    assert [line.get_color() for axis in drawn.axes for line in axis.lines] == [COLOURS[1], COLOURS[2]]
+    assert [line.get_color() for line in drawn.legends[0].legend_handles] == [COLOURS[1], COLOURS[2]]
+    aw.plot_runs({"run": run}, tmp_path / "run.html", joints=["hinge", "slide"])
+    assert Page(tmp_path / "run.html").plot["places"] == [1, 2]
+
+
+def test_references_of_runs_are_told_apart(run):
+    controlled = {name: run.assign(q_reference=k * run["q"]) for k, name in enumerate("ab", 1)}
+    figure = draw_runs(selected(controlled), None, "", "")
+    own = {line.get_text(): handle for line, handle in zip(*_legend(figure), strict=True)}
+    looks = [own[f"reference of {name}"]._dash_pattern for name in "ab"]
+    assert looks[0] != looks[1]
+
+
+def _legend(figure):
+    return figure.legends[0].get_texts(), figure.legends[0].legend_handles
+
+
+def test_many_accelerations_are_many(run):
+    assert next(panel.title for panel in curve_panels({"run": run}, ["qdd"])) == "Joint accelerations"

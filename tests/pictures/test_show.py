@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from armwright.errors import ModelError, OutputError, ShapeError
 from armwright.kinematics import body_placements
 from armwright.model import build_model
 from armwright.pictures.png import spacing, write_png
+from armwright.pictures.scene import body_shapes
 from armwright.pictures.scene_file import Y_UP
 from armwright.pictures.still import still
 from physics.arms import NAMES, arm, random_state, workshop
@@ -111,6 +113,19 @@ def test_without_a_mesh_that_can_be_read_it_is_a_figure(tmp_path):
     assert len(still(bare).shapes) == len(still(arm("workshop")).shapes)
 
 
+@pytest.mark.parametrize("size", [120, 301])
+def test_a_png_is_as_large_as_asked(tmp_path, size):
+    aw.show(arm("panda"), tmp_path / "arm.png", size=size)
+    assert max(pixels(tmp_path / "arm.png").shape) == size
+
+
+def test_ground_and_shadow_fade_before_the_edge(tmp_path):
+    """Nothing but the arm, the axes and the scale ends at the picture's border."""
+    aw.show(arm("two-link"), tmp_path / "arm.png", [0.3, 0.5], size=300)
+    image = pixels(tmp_path / "arm.png")
+    assert min(image[:, 0].min(), image[:, -1].min(), image[0].min(), image[-1].min()) > 0.97
+
+
 @pytest.mark.parametrize(("size", "grid"), [(0.8, 0.1), (1.6, 0.2), (4.0, 0.5), (0.15, 0.01), (16.0, 2.0)])
 def test_the_grid_is_round(size, grid):
     assert spacing(size) == pytest.approx(grid)
@@ -124,4 +139,29 @@ def test_refused(tmp_path):
             aw.show(arm("panda"), tmp_path / "arm.png", wrong)
     with pytest.raises(ModelError, match="expected an arm"):
         aw.show("panda", tmp_path / "arm.png")  # type: ignore[arg-type]
+    for size in (10, 10**6, 300.0, True):
+        with pytest.raises(OutputError, match="expected 120 to 4000 pixels"):
+            aw.show(arm("panda"), tmp_path / "arm.png", size=size)  # type: ignore[arg-type]
+    with pytest.raises(OutputError, match=r"only a \.png has a size"):
+        aw.show(arm("panda"), tmp_path / "arm.glb", size=300)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_sliding_joint_stands_on_a_rail_from_its_zero():
+    model = aw.load(Path(__file__).parents[2] / "examples" / "scara.toml")
+    quill, out = model.names.index("quill"), 0.33
+    zero, moved = (body_placements(model, [0, 0, q, 0]) for q in (0.0, out))
+    shapes = still(model, [0, 0, out, 0])
+    parent = model.bodies[quill].parent
+    points = np.vstack([shape.positions for shape in shapes.shapes[parent]]) @ moved[parent].rotation.T
+    points += moved[parent].position
+    low, high = sorted((zero[quill].position[2], moved[quill].position[2]))
+    assert high - low == pytest.approx(out)
+    near = points[np.hypot(*(points[:, :2] - moved[quill].position[:2]).T) < 0.02]
+    assert near[:, 2].min() == pytest.approx(low, abs=1e-9)
+    assert near[:, 2].max() >= high - 1e-9
+    lengths = [
+        np.ptp(np.vstack([s.positions for s in body_shapes(model, travel)[parent]])[:, 2])
+        for travel in ({}, {quill: (0.1, 0.2)}, {quill: (-0.1, 0.2)})
+    ]
+    assert lengths[0] < lengths[1] < lengths[2]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from armwright.errors import RunError
 from armwright.pictures.terminal import ROWS, show_runs, strip
 from simulation.runs import invented, mixed_arm
 
@@ -78,6 +79,26 @@ def test_runs_and_references_are_named(run):
     text = shown({"before.nc": run, "after.nc": run.assign(q_reference=run["q"])}, 120, joints=["turn"])
     assert "before.nc" in text
     assert "after.nc reference" in text
+
+
+def test_strips_of_a_joint_have_one_scale(run):
+    text = shown({"low.nc": run, "high.nc": run.assign(q=2.0 * run["q"])}, joints=["turn"], quantities=["theta"])
+    lines = [line for line in text.splitlines() if any("\u2800" <= mark <= "\u28ff" for mark in line)]
+    low, high = (
+        [[mark for mark in line if "\u2800" <= mark <= "\u28ff"] for line in lines[k : k + ROWS]] for k in (0, 2)
+    )
+    top = [np.flatnonzero(dots_of(own).any(axis=1)) for own in (low, high)]
+    assert (top[1].min(), top[1].max()) == (0, 4 * ROWS - 1)
+    assert np.ptp(top[0]) < np.ptp(top[1])
+
+
+def test_joints_go_by_number_and_quantities_by_the_names_of_the_session(run):
+    spoken = shown({"run": run}, joints=["2"], quantities=["theta", "torque"])
+    assert spoken == shown({"run": run}, joints=["slide"], quantities=["q", "tau"])
+    with pytest.raises(RunError, match="no quantity 'thta'; did you mean theta"):
+        shown({"run": run}, quantities=["thta"])
+    with pytest.raises(RunError, match="no joint '4'"):
+        shown({"run": run}, joints=["4"])
 
 
 def test_lanes_that_left_the_finite_numbers(run, tmp_path):

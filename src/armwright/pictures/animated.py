@@ -25,12 +25,14 @@ TOLERANCE = 5e-6  # [m] at the tip, of what interpolation may add to the motion 
 Z_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]  # glTF's y is up, the arm's z
 
 
-def animated_arm(arm: Model, t: np.ndarray, motions: Mapping[str, np.ndarray]) -> bytes:
+def animated_arm(
+    arm: Model, t: np.ndarray, motions: Mapping[str, np.ndarray], about: Mapping[str, Any] | None = None
+) -> bytes:
     """A binary glTF file in which the arm moves as `motions` say; it stands as the first of them begins.
 
     Args:
         arm: the arm.   t: (k,) [s] strictly increasing; the animation's time starts at 0.
-        motions: name of an animation → (k, n) [rad | m] joint positions.
+        motions: name of an animation → (k, n) [rad | m] joint positions.   about: what the file says of itself, as `extras`.
     Returns:
         glb: the file's bytes.
     Raises:
@@ -51,7 +53,9 @@ def animated_arm(arm: Model, t: np.ndarray, motions: Mapping[str, np.ndarray]) -
         nodes.append({"name": body.joint, "rotation": turn.tolist(), "translation": slide.tolist()})
     for k, body in enumerate(arm.bodies):
         nodes[_node(body.parent)].setdefault("children", []).append(_node(k))
-    for body, shapes in body_shapes(arm).items():
+    everywhere = np.vstack(list(motions.values()))
+    travel = {k: (float(q.min()), float(q.max())) for k, q in enumerate(everywhere.T)}
+    for body, shapes in body_shapes(arm, travel).items():
         nodes[_node(body)]["mesh"] = len(meshes)
         name = "base" if body == BASE else arm.bodies[body].link
         meshes.append({"name": name, "primitives": [_primitive(shape, arrays, materials) for shape in shapes]})
@@ -59,7 +63,7 @@ def animated_arm(arm: Model, t: np.ndarray, motions: Mapping[str, np.ndarray]) -
     if not nodes[1]["children"]:
         del nodes[1]["children"]
     document: dict[str, Any] = {
-        "asset": {"version": "2.0", "generator": "Armwright"},
+        "asset": {"version": "2.0", "generator": "Armwright", **({"extras": dict(about)} if about else {})},
         "scene": 0,
         "scenes": [{"name": arm.name, "nodes": [0]}],
         "nodes": nodes,

@@ -10,13 +10,20 @@ import numpy as np
 
 from armwright.errors import RunError, nearest
 from armwright.pictures.page import Numbers
-from armwright.simulation.plot import BAND, COLOURS, FEW_LANES, HELD, TITLES, panels
+from armwright.simulation.plot import BAND, COLOURS, FEW_LANES, HELD, panels
+from armwright.simulation.plot import TITLES as RUN_TITLES
 from armwright.simulation.recording import in_order, run_units
+from armwright.simulation.spoken import PARTIAL, QUANTITIES, joint_names, variables
 
 if TYPE_CHECKING:
     import xarray as xr
 
-SYMBOLS = {"q": "q", "qd": "q̇", "qdd": "q̈", "tau": "τ", "voltage": "V", "current": "i", "u": "u"}
+SYMBOLS = {
+    "q": "q", "qd": "q̇", "qdd": "q̈", "tau": "τ", "voltage": "V", "current": "i", "u": "u", "tau_link": "τ", "heat": "P",
+    "friction_loss": "P", "electrical_power": "P", "winding_temperature": "T", "housing_temperature": "T",
+}  # fmt: skip
+PLACE = "place"  # coordinate of a part of a run: which of the arm's joints each is, as its colour says
+TITLES = RUN_TITLES | {"qdd": ("Joint accelerations", "Joint accelerations")}
 EVEN = 1e-9  # of a step: times that are this near to steady ones are written as start and step
 
 
@@ -26,7 +33,8 @@ def selected(
     """The runs with those joints and quantities only, in their usual order.
 
     Args:
-        runs: what each is called → the run.   joints: names; None: all.   quantities: such as q, tau; None: all.
+        runs: what each is called → the run.   joints: names, or numbers from 1; None: all.
+        quantities: such as q, tau, as the run's variables or the session's are called; None: all.
     Returns:
         runs: what each is called → its part.
     Raises:
@@ -35,20 +43,24 @@ def selected(
     if not runs:
         raise RunError("no runs; expected at least one")
     found: dict[str, xr.Dataset] = {}
+    wanted, quantities = joints, variables(quantities)
     for name, run in runs.items():
         run = in_order(run)
         own = [str(joint) for joint in run["joint"].values]
+        joints = joint_names(wanted, own)
         for joint in joints or ():
             if joint not in own:
                 raise RunError(f"{name}: no joint {joint!r}; {nearest(joint, own)}")
         known = quantities_of(run)
         for quantity in quantities or ():
             if quantity not in known:
-                raise RunError(f"{name}: no quantity {quantity!r}; {nearest(quantity, known)}")
+                also = [*known, *(spoken for spoken, variable in QUANTITIES.items() if variable in known)]
+                raise RunError(f"{name}: no quantity {quantity!r}; {nearest(quantity, also)}")
         if not known or not run.sizes["time"] or not own:
             raise RunError(f"{name}: holds no rows of any quantity; expected a run")
         if joints:
             run = run.isel(joint=[k for k, joint in enumerate(own) if joint in joints])
+            run = run.assign_coords({PLACE: ("joint", [own.index(str(joint)) for joint in run["joint"].values])})
         kept = known if quantities is None else [quantity for quantity in known if quantity in quantities]
         found[name] = run[kept]
         first = next(iter(found))
@@ -57,6 +69,17 @@ def selected(
         if ours != theirs:
             raise RunError(f"{name}: has joints {', '.join(ours)}; expected those of {first}: {', '.join(theirs)}")
     return found
+
+
+def places(run: xr.Dataset) -> list[int]:
+    """Which of its arm's joints, counted from 0, each joint of a run is, or of the part of a run that `selected` chose."""
+    return [int(k) for k in run[PLACE].values] if PLACE in run.coords else list(range(run.sizes["joint"]))
+
+
+def partial_note(runs: Mapping[str, xr.Dataset]) -> str:
+    """Which of the runs were interrupted, in words; of one run without its name."""
+    told = [(name, str(run.attrs[PARTIAL])) for name, run in runs.items() if PARTIAL in run.attrs]
+    return "; ".join(f"{f'{name}: ' * (len(runs) > 1)}partial run, {how}" for name, how in told)
 
 
 def quantities_of(run: xr.Dataset) -> list[str]:
@@ -135,6 +158,7 @@ def plot_data(runs: Mapping[str, xr.Dataset], quantities: Sequence[str] | None =
 
     plot = {
         "joints": [str(joint) for joint in next(iter(runs.values()))["joint"].values],
+        "places": places(next(iter(runs.values()))),
         "colours": list(COLOURS),
         "runs": [{"name": name, "time": _time(run["time"].values, numbers)} for name, run in runs.items()],
         "panels": [
@@ -151,9 +175,14 @@ def _usual(run: xr.Dataset) -> list[str]:
     return list(dict.fromkeys(panel.quantity for panel in panels(run))) or quantities_of(run)
 
 
+def _plain(quantity: str) -> str:
+    """What a reference or a measurement is of."""
+    return quantity.removesuffix("_reference").removesuffix("_measured").removesuffix("_issued")
+
+
 def _units(run: xr.Dataset, quantity: str) -> dict[str, list[int]]:
     """Unit → the joints that have it, of those whose values are known."""
-    units = run_units(run, quantity.removesuffix("_reference").removesuffix("_measured").removesuffix("_issued"))
+    units = run_units(run, _plain(quantity))
     values = run[quantity].values.reshape(-1, len(units))
     known = np.asarray(np.isfinite(values).any(axis=0))
     return {unit: [k for k, own in enumerate(units) if own == unit and known[k]] for unit in dict.fromkeys(units)}
@@ -165,7 +194,7 @@ def _panel(run: xr.Dataset, quantity: str, unit: str, joints: list[int]) -> Curv
     title = TITLES[quantity][1 if linear else 0] if quantity in TITLES else long_name[:1].upper() + long_name[1:]
     commands = [str(command) for command in run["command"].values]
     held = quantity in ("u", "u_issued") or (quantity in HELD and all(commands[k] == HELD[quantity] for k in joints))
-    return CurvePanel(title, SYMBOLS.get(quantity, quantity), unit, held)
+    return CurvePanel(title, SYMBOLS.get(_plain(quantity), quantity), unit, held)
 
 
 def _curves(run: xr.Dataset, quantity: str, joint: int, k: int) -> list[Curve]:

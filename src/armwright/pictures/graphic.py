@@ -18,9 +18,10 @@ from armwright.errors import RunError
 from armwright.model import Model
 from armwright.output import check_destination, whole_file
 from armwright.pictures.animated import animated_arm
-from armwright.pictures.curves import plot_data
+from armwright.pictures.curves import partial_note, plot_data
 from armwright.pictures.page import embedded, packed, page
 from armwright.simulation.recording import in_order
+from armwright.simulation.spoken import PARTIAL
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -48,7 +49,8 @@ def write_graphic(run: xr.Dataset, arm: Model, path: str | os.PathLike[str], *, 
     path = check_destination(path, ENDINGS)
     run = _one_lane(in_order(run), lane)
     t, motions = _motions(run, arm)
-    glb = animated_arm(arm, t, motions)
+    about = {PARTIAL: str(run.attrs[PARTIAL])} if PARTIAL in run.attrs else {}
+    glb = animated_arm(arm, t, motions, about)
     html = path.suffix.lower() == ".html"
     content = _player(run, arm, t, glb, lane).encode("utf-8") if html else glb
     with whole_file(path, ENDINGS) as temporary:
@@ -127,7 +129,7 @@ def _player(run: xr.Dataset, arm: Model, t: np.ndarray, glb: bytes, lane: int | 
     plot, numbers = plot_data({"run": run})
     about: dict[str, Any] = {**plot, "start": float(t[0]), "duration": float(t[-1] - t[0])}
     title = "" if arm.description is None or not arm.description.title else arm.description.title
-    subtitle = " · ".join(filter(None, (title, "" if lane is None else f"lane {lane}")))
+    subtitle = " · ".join(filter(None, (title, "" if lane is None else f"lane {lane}", partial_note({"run": run}))))
     words = {"title": f"{arm.name} in motion", "heading": arm.name, "subtitle": subtitle}
     data = {"plot": embedded(about), "numbers": numbers, "arm": packed(glb)}
     return page("player.html", SCRIPTS, ("page.css", "player.css"), words, **data)

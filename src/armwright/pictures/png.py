@@ -11,13 +11,13 @@ from armwright.pictures.render import Camera, camera, render
 from armwright.pictures.still import Still
 
 AZIMUTH, ELEVATION = -0.95, 0.33  # [rad] where the camera stands
-LONGER, SHORTER = 900, 560  # pixels of the picture's sides, at most and at least
+SHORTER = 560 / 900  # of the longer side, at least
 MARGIN, FOOT = 0.05, 0.12  # of the picture on three sides, and below for axes and scale
 AXES = (("x", "#c23b3b"), ("y", "#3b8f3b"), ("z", "#3b5bc2"))
 INK = "#555555"
 
 
-def write_png(still: Still, path: Path, longer: int = LONGER) -> None:
+def write_png(still: Still, path: Path, longer: int) -> None:
     """Draws the arm on the ground, its longer side of so many pixels."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -48,7 +48,7 @@ def spacing(size: float) -> float:
 
 def _view(points: np.ndarray, longer: int) -> Camera:
     """A picture as wide and as high as the arm, within bounds."""
-    shorter = round(longer * SHORTER / LONGER)
+    shorter = round(longer * SHORTER)
     square = camera(points, AZIMUTH, ELEVATION, longer, longer)
     width, height = np.ptp(square.project(points)[:, :2], axis=0)
     aspect = float(width / max(height, 1e-9)) ** 0.6
@@ -74,4 +74,4 @@ def _scale(axes: Any, view: Camera, points: np.ndarray, square: float) -> None:
     length = view.focal * square / float((middle - view.eye) @ view.rotation[2])
     x, y = view.width - 0.05 * view.height, view.height - 0.03 * view.height
     axes.plot([x - length, x], [y, y], color=INK, linewidth=2.2, solid_capstyle="butt")
-    axes.text(x, y - 0.012 * view.height, f"{square:g} m, as the grid", color=INK, fontsize=9, ha="right", va="bottom")
+    axes.text(x, y - 0.012 * view.height, f"grid {square:g} m", color=INK, fontsize=9, ha="right", va="bottom")

@@ -19,6 +19,7 @@ SKY, GROUND, PAPER = np.array([0.95, 0.97, 1.0]), np.array([0.93, 0.92, 0.9]), n
 AMBIENT, DIRECT, SHINE, GLOSS = 0.56, 0.62, 0.14, 36.0
 LINE, DARK = 0.16, 0.30  # how much darker the grid's lines and shadows on the ground are
 EDGE = 0.62  # brightness where a body ends
+RIM = 0.1  # of the picture's width: within that of its border ground and shadow fade to paper
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +211,10 @@ def _ground(view: Camera, rays: np.ndarray, seen: Seen, shadow: _Shadow, floor: 
     line = np.clip(1.5 - off / thick, 0.0, 1.0)[:, None]
     colour = (PAPER + (GROUND - PAPER) * fade) * (1 - LINE * line * fade)
     dark = np.clip(1.25 - away[close], 0.0, 0.5)[:, None] * 2 * (1 - shadow.share(points)[:, None])
-    image.reshape(-1, 3)[below] = colour * (1 - DARK * dark)
+    row, column = np.divmod(below, view.width)
+    inside = np.minimum.reduce([row, column, view.height - 1 - row, view.width - 1 - column])
+    strength = np.clip(inside / (RIM * view.width), 0.0, 1.0)[:, None]
+    image.reshape(-1, 3)[below] = PAPER + (colour * (1 - DARK * dark) - PAPER) * strength
     return image
 
 

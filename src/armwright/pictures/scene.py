@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import radians
 from typing import Any
@@ -32,17 +33,18 @@ class Shape:
     colour: tuple[float, float, float]  # red, green, blue, 0 to 1, as on a screen (sRGB)
 
 
-def body_shapes(arm: Model) -> dict[int, list[Shape]]:
+def body_shapes(arm: Model, travel: Mapping[int, tuple[float, float]] | None = None) -> dict[int, list[Shape]]:
     """What is drawn of each body, one shape a colour; holes are taken out of what they go through.
 
     Args:
         arm: the arm; its visuals are those of its description.
+        travel: body → the least and the greatest position [m] that its joint has; a drawn sliding joint has a rail so long.
     Returns:
         shapes: body (BASE: what does not move) → shapes in the body's frame.
     Raises:
         RunError: a visual's mesh that is missing or cannot be read.
     """
-    pieces = _of_visuals(arm) or _figure(arm)
+    pieces = _of_visuals(arm) or _figure(arm, travel or {})
     return {body: [_merged(own, colour) for colour, own in colours.items()] for body, colours in sorted(pieces.items())}
 
 
@@ -85,8 +87,11 @@ def _rgb(colour: Any) -> tuple[float, float, float]:
     return r, g, b
 
 
-def _figure(arm: Model) -> Pieces:
-    """A drum at every turning joint, a block at every sliding one, bones between them and a ball at the tip."""
+def _figure(arm: Model, travel: Mapping[int, tuple[float, float]]) -> Pieces:
+    """A drum at every turning joint, a block at every sliding one, bones between them and a ball at the tip.
+
+    A sliding joint has a rail from where it is at 0 to where it goes.
+    """
     from trimesh.creation import box, cylinder, icosphere
 
     pieces: Pieces = defaultdict(lambda: defaultdict(list))
@@ -108,6 +113,11 @@ def _figure(arm: Model) -> Pieces:
         turns = body.kind == "revolute"
         drum = cylinder(radius=size, height=2.4 * size, sections=AROUND) if turns else box(extents=3 * [2.2 * size])
         _put(pieces, k, JOINT, drum, Placement.identity())
+        low, high = (0.0, 0.0) if turns else (min(travel.get(k, (0.0,))[0], 0.0), max(travel.get(k, (0.0,))[-1], 0.0))
+        if high - low > 0.05 * size:
+            rail = cylinder(radius=0.4 * size, height=high - low, sections=AROUND)
+            middle = Placement(np.eye(3), np.array([0.0, 0.0, 0.5 * (low + high)]))
+            _put(pieces, body.parent, GREY, rail, body.placement @ middle)
     foot = cylinder(radius=2.2 * size, height=0.5 * size, sections=AROUND)
     _put(pieces, BASE, GREY, foot, Placement(np.eye(3), np.array([0.0, 0.0, -0.25 * size])))
     if arm.tip is not None:

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from armwright.errors import OutputError
 from armwright.model import Model
 from armwright.output import check_destination, whole_file
 from armwright.pictures.still import still
 
 ENDINGS = (".png", ".html", ".glb")
+SIZE, LEAST, MOST = 900, 120, 4000  # pixels of a PNG's longer side: by default, at least, at most
 
 
 @dataclass(frozen=True)
@@ -26,28 +28,38 @@ class Shown:
     notes: tuple[str, ...]
 
 
-def show(arm: Model, path: str | os.PathLike[str], q: Any = None) -> Shown:
+def show(arm: Model, path: str | os.PathLike[str], q: Any = None, *, size: int | None = None) -> Shown:
     """Draws an arm in one pose: its sections and meshes, or its joints as drums on a stick where it has neither.
 
     Args:
         arm: the arm.
         path: of the picture: .png, .html (a page that can be turned, with all it needs inside) or .glb (a scene for other
             programs, a node for each body); one that is there is replaced.
-        q: (n,) [rad | m] the pose; by default 0.
+        q: (n,) [rad | m] the pose; by default 0.   size: pixels of a PNG's longer side; by default 900.
     Returns:
         shown: where the picture is, and notes.
     Raises:
-        ShapeError: q is no pose of the arm.   OutputError: the picture cannot be written.
+        ShapeError: q is no pose of the arm.   OutputError: the picture cannot be written, or not in that size.
     """
     path = check_destination(path, ENDINGS)
+    _check_size(path, size)
     pose = still(arm, q)
     with whole_file(path, ENDINGS) as temporary:
         if path.suffix.lower() == ".png":
             from armwright.pictures.png import write_png
 
-            write_png(pose, temporary)
+            write_png(pose, temporary, SIZE if size is None else size)
         else:
             from armwright.pictures.scene_file import write_glb, write_html
 
             (write_glb if path.suffix.lower() == ".glb" else write_html)(pose, temporary)
     return Shown(path, pose.notes)
+
+
+def _check_size(path: Path, size: int | None) -> None:
+    if size is None:
+        return
+    if path.suffix.lower() != ".png":
+        raise OutputError(f"{path}: size = {size!r} pixels: only a .png has a size; expected none")
+    if isinstance(size, bool) or not isinstance(size, int) or not LEAST <= size <= MOST:
+        raise OutputError(f"{path}: size = {size!r}: expected {LEAST} to {MOST} pixels for the longer side")

@@ -54,11 +54,13 @@ def still(arm: Model, q: Any = None) -> Still:
     if pose.shape != (arm.n,) or not np.isfinite(pose).all():
         expected = f"{arm.n} finite numbers, one for each joint of {arm.name}"
         raise ShapeError(f"show: q has shape {pose.shape} or is not finite; expected {expected}")
+    moved = pose if arm.mimics is None else arm.mimics.positions(pose)
+    travel = {k: (float(position), float(position)) for k, position in enumerate(moved)}
     notes: tuple[str, ...] = ()
     try:
-        shapes = body_shapes(arm)
+        shapes = body_shapes(arm, travel)
     except RunError as error:  # a mesh that is missing, or of a format that needs more than is installed
-        shapes = body_shapes(dataclasses.replace(arm, description=None))
+        shapes = body_shapes(dataclasses.replace(arm, description=None), travel)
         notes = (f"{error}; drawn as a figure of its joints instead",)
     return Still(arm, shapes, body_placements(arm, pose), notes)
 

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armwright.pictures.curves import Curve, curve_panels, selected
+from armwright.pictures.curves import Curve, curve_panels, places, selected
 from armwright.simulation.plot import COLOURS
+from armwright.simulation.spoken import variables
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -42,13 +43,14 @@ def show_runs(
     from rich.table import Table
     from rich.text import Text
 
-    chosen = selected(runs, joints, quantities)
+    chosen, quantities = selected(runs, joints, quantities), variables(quantities)
     times = [run["time"].values for run in chosen.values()]
     first = next(iter(chosen.values()))
     names, spans = [str(joint) for joint in first["joint"].values], [(t[0], t[-1]) for t in times]
     whole = (min(t for t, _ in spans), max(t for _, t in spans))
-    for panel in curve_panels(chosen, quantities):
+    for k, panel in enumerate(curve_panels(chosen, quantities)):
         rows = _rows(panel.curves)
+        scales = _scales(rows)
         who = [_who(curve, list(chosen)) for curve in rows]
         room = console.width - NUMBERS - max(map(len, names)) - 2 - (max(map(len, who)) + 2 if any(who) else 0)
         width = int(np.clip(room, NARROWEST, WIDEST))
@@ -58,12 +60,14 @@ def show_runs(
         for head in ("first", "least", "greatest", "last"):
             table.add_column(head, justify="right", vertical="middle", no_wrap=True)
         for curve, called in zip(rows, who, strict=True):
-            colour = COLOURS[curve.joint % len(COLOURS)]
-            lines = strip(times[curve.run], _low(curve), _high(curve), whole, width)
+            colour = COLOURS[places(first)[curve.joint] % len(COLOURS)]
+            lines = strip(times[curve.run], _low(curve), _high(curve), whole, width, scales[curve.joint])
             known = curve.values[np.isfinite(curve.values)]
             ends = (known[0], np.nanmin(_low(curve)), np.nanmax(_high(curve)), known[-1])
             picture = Text("\n".join(lines), style="" if colour == "#000000" else colour)
             table.add_row(Text(names[curve.joint]), *([Text(called)] if any(who) else []), picture, *map(_number, ends))
+        if k:
+            console.print()
         console.print(Text(f"{panel.title} [{panel.unit}]", style="bold"))
         console.print(table)
 
@@ -104,11 +108,28 @@ def _high(curve: Curve) -> np.ndarray:
     return curve.values if curve.high is None else curve.high
 
 
-def strip(t: np.ndarray, low: np.ndarray, high: np.ndarray, span: tuple[float, float], width: int) -> list[str]:
+def _scales(rows: list[Curve]) -> dict[int, tuple[float, float]]:
+    """Joint → the least and the greatest value of all its rows, so that these can be compared by eye."""
+    scales: dict[int, tuple[float, float]] = {}
+    for curve in rows:
+        known = [own[np.abs(own) < HUGE] for own in (_low(curve), _high(curve))]
+        if len(known[0]) and len(known[1]):
+            least, most = scales.get(curve.joint, (np.inf, -np.inf))
+            scales[curve.joint] = (min(least, float(known[0].min())), max(most, float(known[1].max())))
+        else:
+            scales.setdefault(curve.joint, (np.inf, -np.inf))
+    return scales
+
+
+def strip(
+    t: np.ndarray, low: np.ndarray, high: np.ndarray, span: tuple[float, float], width: int,
+    scale: tuple[float, float] | None = None,
+) -> list[str]:  # fmt: skip
     """A curve, or the band between two, as lines of braille characters, each two dots wide and four high.
 
     Args:
         t: (k,) [s].   low, high: (k,); the same for a curve.   span: times [s] at the strip's ends.   width: [characters].
+        scale: values at the bottom and at the top; None: the least and the greatest there are.
     Returns:
         lines: `ROWS` of them, from the top.
     """
@@ -117,7 +138,7 @@ def strip(t: np.ndarray, low: np.ndarray, high: np.ndarray, span: tuple[float, f
     t, low, high = t[known], low[known], high[known]
     if not len(t):
         return ROWS * [" " * width]
-    least, most = float(low.min()), float(high.max())
+    least, most = scale or (float(low.min()), float(high.max()))
     level = most - least < 1e-9 * max(abs(least), abs(most), 1e-300)
     dots = np.zeros((height, columns), dtype=bool)
     at = np.clip((t - span[0]) / ((span[1] - span[0]) or 1.0) * columns, 0, columns - 1).astype(int)

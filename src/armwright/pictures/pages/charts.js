@@ -2,7 +2,7 @@
 "use strict";
 
 const LEFT = 58, RIGHT = 10, TOP = 6, BOTTOM = 26; // [px] around the curves
-const DASHES = [[], [7, 4], [2, 3], [8, 3, 2, 3]];
+const DASHES = [[], [7, 4], [2, 3], [8, 3, 2, 3]], REFERENCES = [[3, 3], [1, 2], [6, 2, 1, 2]]; // of the first run, of the second, …
 
 const tidy = (v) => {
   if (!Number.isFinite(v)) return "—";
@@ -31,7 +31,9 @@ const BLOCKS = [1, 32, 1024]; // samples whose least and greatest are known toge
 class Charts {
   // plot: what plot_data of pictures/curves.py tells; numbers: its Float32Array; onseek: told the time that was clicked.
   constructor(host, legend, plot, numbers, onseek) {
-    Object.assign(this, { host, legend, plot, numbers, onseek, hidden: new Set(), hiddenRuns: new Set(), cursor: null, hover: null });
+    Object.assign(this, { host, legend, plot, numbers, onseek, hidden: new Set(), hiddenRuns: new Set(), hiddenKinds: new Set(),
+      cursor: null, hover: null });
+    this.byRun = plot.joints.length === 1 && plot.runs.length > 1; // of one joint a colour is a run
     this.times = plot.runs.map((run) => this.timesOf(run.time));
     this.full = [Math.min(...this.times.map((t) => t[0])), Math.max(...this.times.map((t) => t[t.length - 1]))];
     if (!(this.full[1] > this.full[0])) this.full = [this.full[0] - 0.5, this.full[0] + 0.5];
@@ -69,14 +71,14 @@ class Charts {
   // The largest blocks of which at least two fall on a column of pixels.
   blockSize(samples, columns) { return BLOCKS.findLast((size) => size === 1 || samples >= 2 * size * columns); }
 
-  colour(joint) {
-    const colour = this.plot.colours[joint % this.plot.colours.length];
+  colour({ joint, run }) {
+    const colour = this.plot.colours[(this.byRun ? run : this.plot.places[joint]) % this.plot.colours.length];
     return colour === "#000000" ? this.style("--ink") : colour;
   }
 
   dash(series) {
-    if (series.kind === "reference") return [3, 3];
-    return DASHES[(Math.floor(series.joint / this.plot.colours.length) + series.run) % DASHES.length];
+    if (series.kind === "reference") return REFERENCES[series.run % REFERENCES.length];
+    return DASHES[(Math.floor((this.byRun ? 0 : this.plot.places[series.joint]) / this.plot.colours.length) + series.run) % DASHES.length];
   }
 
   style(name) { return getComputedStyle(document.documentElement).getPropertyValue(name).trim(); }
@@ -123,16 +125,18 @@ class Charts {
       toggles.push(show);
       this.legend.append(button);
     };
-    const { joints, runs, colours } = this.plot;
-    joints.forEach((name, k) => add(name, () => [this.colour(k), DASHES[Math.floor(k / colours.length) % DASHES.length]],
-      this.hidden, k, joints.keys()));
-    if (runs.length > 1) runs.forEach((run, k) => add(run.name, () => [this.style("--quiet"), DASHES[k % DASHES.length]],
-      this.hiddenRuns, k, runs.keys()));
-    const gap = document.createElement("span"), reset = document.createElement("button");
-    gap.className = "gap";
+    const { joints, places, runs, colours, panels } = this.plot, byRun = this.byRun;
+    if (!byRun) joints.forEach((name, joint) => add(name, () => [this.colour({ joint, run: 0 }),
+      DASHES[Math.floor(places[joint] / colours.length) % DASHES.length]], this.hidden, joint, joints.keys()));
+    if (runs.length > 1) runs.forEach(({ name }, run) => add(name, () => [byRun ? this.colour({ joint: 0, run }) : this.style("--quiet"),
+      DASHES[run % DASHES.length]], this.hiddenRuns, run, runs.keys()));
+    if (panels.some((panel) => panel.series.some((s) => s.kind === "reference")))
+      add("reference", () => [this.style("--quiet"), REFERENCES[0]], this.hiddenKinds, "reference", ["line", "lane", "band"]);
+    const reset = document.createElement("button");
+    reset.className = "reset";
     reset.textContent = "Show all times";
     reset.onclick = () => this.look(...this.full);
-    this.legend.append(gap, reset);
+    this.legend.append(reset);
     this.showLegend = () => { toggles.forEach((show) => show()); reset.disabled = this.span.every((v, i) => v === this.full[i]); };
   }
 
@@ -212,7 +216,7 @@ class Charts {
     });
   }
 
-  shown(panel) { return panel.series.filter((s) => !this.hidden.has(s.joint) && !this.hiddenRuns.has(s.run)); }
+  shown(panel) { return panel.series.filter((s) => !this.hidden.has(s.joint) && !this.hiddenRuns.has(s.run) && !this.hiddenKinds.has(s.kind)); }
 
   // First and last sample that matter for what is seen: one beyond each edge.
   window(series) {
@@ -244,7 +248,7 @@ class Charts {
     const { canvas } = panel, ratio = devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
     if (!width) return;
     const size = { width: Math.round(width * ratio), height: Math.round(height * ratio) }, [t0, t1] = this.span;
-    const seen = [size.width, size.height, t0, t1, ...this.hidden, "|", ...this.hiddenRuns, document.documentElement.dataset.theme].join();
+    const seen = [size.width, size.height, t0, t1, ...this.hidden, "|", ...this.hiddenRuns, "|", ...this.hiddenKinds, document.documentElement.dataset.theme].join();
     if (panel.seen !== seen) {
       panel.layer = Object.assign(document.createElement("canvas"), size);
       panel.extent = this.extent(panel);
@@ -293,7 +297,7 @@ class Charts {
 
   drawSeries(g, panel, series, X, Y) {
     const t = this.times[series.run], [from, to] = this.window(series);
-    g.strokeStyle = g.fillStyle = this.colour(series.joint);
+    g.strokeStyle = g.fillStyle = this.colour(series);
     const size = this.blockSize(to - from, panel.canvas.clientWidth);
     if (series.low) {
       const low = this.blocks(series.low, size)[0], high = this.blocks(series.high, size)[1];
@@ -351,8 +355,10 @@ class Charts {
     g.beginPath(); g.moveTo(X(t), TOP); g.lineTo(X(t), height - BOTTOM); g.stroke();
   }
 
+  // The sample of a series nearest to t; -1 where the run has ended, or has not begun.
   nearest(series, t) {
-    const times = this.times[series.run], i = below(times, t);
+    const times = this.times[series.run], i = below(times, t), last = times.length - 1, slack = last ? (times[last] - times[0]) / last : 1;
+    if (t < times[0] - slack || t > times[last] + slack) return -1;
     return i > 0 && (i === times.length || t - times[i - 1] < times[i] - t) ? i - 1 : i;
   }
 
@@ -360,12 +366,12 @@ class Charts {
     const { tip } = panel, here = this.hover;
     tip.hidden = !here || here.panel !== panel || Boolean(this.selection);
     if (!here) return;
-    const shown = this.shown(panel), times = this.times[0], t = times[this.nearest({ run: 0 }, here.t)];
+    const shown = this.shown(panel), k = this.nearest({ run: 0 }, here.t), t = k < 0 ? here.t : this.times[0][k];
     this.drawCursor(g, t, X, height, "--quiet", 1);
     for (const series of shown) {
       const i = this.nearest(series, t), x = X(this.times[series.run][i]), y = Y(series.values[i]);
       if (!Number.isFinite(y) || x < LEFT || series.kind === "lane" || (panel !== here.panel && series.kind === "reference")) continue;
-      g.fillStyle = this.colour(series.joint);
+      g.fillStyle = this.colour(series);
       g.beginPath(); g.arc(x, y, 3.2, 0, 7); g.fill();
     }
     if (!tip.hidden) {
@@ -378,26 +384,32 @@ class Charts {
 
   fill(tip, panel, shown, t) {
     const heads = [...new Set(shown.map((s) => `${s.run}|${s.kind === "lane" ? "lanes" : s.kind}`))];
-    const several = this.plot.runs.length > 1 || heads.length > 1;
+    const several = this.plot.runs.length > 1 || heads.length > 1 || heads.some((head) => head.endsWith("reference"));
     const cell = (text, tag = "td") => Object.assign(document.createElement(tag), { textContent: text });
     const table = document.createElement("table"), head = table.insertRow();
     head.append(cell(`t = ${tidy(t)} s`, "th"));
+    const chipOf = (series) => {
+      const chip = document.createElement("span");
+      chip.className = "chip";
+      chip.style.background = this.colour(series);
+      return chip;
+    };
     for (const key of heads) {
       const [run, kind] = key.split("|"), named = this.plot.runs.length > 1 ? this.plot.runs[run].name : "";
       const words = { line: named || "run", reference: `${named} reference`, lanes: `${named} lanes`, band: `${named} median` }[kind];
-      head.append(cell(several ? `${words.trim()} [${panel.unit}]` : `[${panel.unit}]`, "th"));
+      const told = cell(several ? `${words.trim()} [${panel.unit}]` : `[${panel.unit}]`, "th");
+      if (this.byRun) told.prepend(chipOf({ joint: 0, run: +run }));
+      head.append(told);
     }
     for (const joint of [...new Set(shown.map((s) => s.joint))]) {
-      const row = table.insertRow(), name = cell(this.plot.joints[joint]), chip = document.createElement("span");
-      chip.className = "chip";
-      chip.style.background = this.colour(joint);
-      name.prepend(chip);
+      const row = table.insertRow(), name = cell(this.plot.joints[joint]);
+      if (!this.byRun) name.prepend(chipOf({ joint, run: 0 }));
       row.append(name);
       for (const key of heads) {
         const own = shown.filter((s) => s.joint === joint && `${s.run}|${s.kind === "lane" ? "lanes" : s.kind}` === key);
         const values = own.map((s) => s.values[this.nearest(s, t)]), band = own.length === 1 && own[0].low;
-        const at = own.length ? this.nearest(own[0], t) : 0;
-        row.append(cell(!own.length ? "" : band ? `${tidy(values[0])} (${tidy(own[0].low[at])} … ${tidy(own[0].high[at])})`
+        const at = own.length ? this.nearest(own[0], t) : -1;
+        row.append(cell(!own.length ? "" : at < 0 ? "—" : band ? `${tidy(values[0])} (${tidy(own[0].low[at])} … ${tidy(own[0].high[at])})`
           : values.length > 1 ? `${tidy(Math.min(...values))} … ${tidy(Math.max(...values))}` : tidy(values[0])));
       }
     }

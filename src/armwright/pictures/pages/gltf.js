@@ -64,21 +64,17 @@ class Gltf {
     return Array.from(a, (v, k) => from * v + to * b[k]);
   }
 
-  // The box that the arm stays in during an animation: [least x, y, z], [greatest x, y, z], y up.
-  bounds(animation, duration) {
-    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+  // Where the corners of all meshes' boxes are at 61 times of an animation, (k, 3): the arm stays among them. y up.
+  corners(animation, duration) {
+    const found = [];
     for (let k = 0; k <= 60; k++) {
       const world = this.pose(animation, duration * k / 60);
       this.nodes.forEach((node, n) => { if (node.mesh !== undefined) for (const { box } of this.meshes[node.mesh])
         for (let corner = 0; corner < 8; corner++) {
           const p = [0, 1, 2].map((i) => (corner >> i & 1 ? box.max : box.min)[i]), m = world[n];
-          for (let i = 0; i < 3; i++) {
-            const v = m[i] * p[0] + m[i + 4] * p[1] + m[i + 8] * p[2] + m[i + 12];
-            low[i] = Math.min(low[i], v);
-            high[i] = Math.max(high[i], v);
-          }
+          found.push([0, 1, 2].map((i) => m[i] * p[0] + m[i + 4] * p[1] + m[i + 8] * p[2] + m[i + 12]));
         } });
     }
-    return [low, high];
+    return found;
   }
 }

@@ -1,6 +1,9 @@
 // Plays an arm: time goes on by itself, by the slider, by the curves or by the keyboard.
 "use strict";
 
+const LEAST_POINTS = 600, MOST_POINTS = 20000; // of the tip's path, before it is thinned
+const FINE = 1 / 1000; // of the path's size: steps between its points
+
 class Player {
   constructor(stage, gltf, charts, plot) {
     Object.assign(this, { stage, gltf, charts, t: 0, playing: false, speed: 1 });
@@ -18,11 +21,24 @@ class Player {
     this.play(!/\bpause\b/.test(location.hash) && !still && this.duration > 0);
   }
 
-  // Where the tip is at 600 times of the run, (601, 3).
+  // Where the tip is, and when: at the run's rows, of which those are left out that are hardly any way from the one before.
   traced() {
-    const points = new Float32Array(3 * 601);
-    for (let k = 0; k <= 600; k++) points.set(this.gltf.pose("run", this.duration * k / 600)[this.tip].subarray(12, 15), 3 * k);
-    return points;
+    const rows = this.charts.times[0], count = Math.min(Math.max(rows.length - 1, LEAST_POINTS), MOST_POINTS);
+    const all = Array.from({ length: count + 1 }, (_, k) => {
+      const t = this.duration * k / count;
+      return { t, at: this.gltf.pose("run", t)[this.tip].slice(12, 15) };
+    });
+    const wide = Math.hypot(...[0, 1, 2].map((i) => {
+      const own = all.map(({ at }) => at[i]);
+      return own.reduce((a, b) => Math.max(a, b)) - own.reduce((a, b) => Math.min(a, b));
+    }));
+    let last = all[0];
+    const kept = all.filter((one, k) => {
+      if (k > 0 && k < count && Math.hypot(...one.at.map((v, i) => v - last.at[i])) < FINE * wide) return false;
+      last = one;
+      return true;
+    });
+    return { times: Float64Array.from(kept, ({ t }) => t), points: Float32Array.from(kept.flatMap(({ at }) => [...at])) };
   }
 
   pressed(id) { return !this.at(id).hidden && this.at(id).getAttribute("aria-pressed") === "true"; }
@@ -83,8 +99,8 @@ class Player {
         return [0, 2, 4].map((k) => parseInt(hex.slice(k, k + 2), 16) / 255);
       };
       const ghost = this.pressed("ghost") ? this.gltf.pose("reference", this.t) : null;
-      const seen = this.duration ? Math.floor(600 * this.t / this.duration) : 0, path = this.pressed("path") ? this.trace : null;
-      this.stage.draw(this.gltf.pose("run", this.t), ghost, path && path.subarray(0, 3 * (seen + 1)),
+      const path = this.pressed("path") ? this.trace : null, seen = path ? below(path.times, this.t + 1e-9) : 0;
+      this.stage.draw(this.gltf.pose("run", this.t), ghost, path && path.points.subarray(0, 3 * seen),
         { paper: colour("--paper"), ink: colour("--ink"), accent: colour("--accent"), ghost: [0.9, 0.45, 0.08] });
     });
   }

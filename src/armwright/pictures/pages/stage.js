@@ -32,6 +32,8 @@ void main() {
 const SUN = [0.42, 0.83, 0.36];
 const UNIT = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
 const VIEWS = { home: [0.7, 0.42], front: [1.5708, 0.02], side: [0, 0.02], top: [0.0001, 1.5607] }; // around and above [rad]
+const LENS = 2.1, FILLED = 0.92; // of the picture's half: 1 / tan of half the field of view; what the arm's whole motion may fill
+const NEAREST = 0.6; // of the motion's size: nearer, what is at the sides looks stretched
 
 class Stage {
   constructor(canvas, gltf, duration, changed) {
@@ -41,9 +43,9 @@ class Stage {
     this.solid = this.program(SOLID);
     this.flat = this.program(FLAT);
     this.meshes = gltf.meshes.map((parts) => parts.map((part) => this.upload(part)));
-    const names = Object.keys(gltf.animations), boxes = names.map((name) => gltf.bounds(name, duration));
-    const low = [0, 1, 2].map((i) => Math.min(...boxes.map((box) => box[0][i])));
-    const high = [0, 1, 2].map((i) => Math.max(...boxes.map((box) => box[1][i])));
+    this.corners = Object.keys(gltf.animations).flatMap((name) => gltf.corners(name, duration));
+    const [low, high] = [(a, b) => a < b, (a, b) => a > b].map((first) => [0, 1, 2].map((i) =>
+      this.corners.reduce((found, corner) => (first(corner[i], found) ? corner[i] : found), this.corners[0][i])));
     this.floor = low[1];
     this.size = Math.hypot(...high.map((v, i) => v - low[i])) || 1;
     this.middle = high.map((v, i) => (v + low[i]) / 2);
@@ -103,9 +105,34 @@ class Stage {
 
   look(view) {
     [this.around, this.above] = VIEWS[view];
-    this.away = 0.94 * this.size;
+    this.away = this.size;
     this.target = [...this.middle];
+    Object.assign(this, { fits: true, fitted: "" }); // until the reader looks closer
     this.changed();
+  }
+
+  // Stands where the whole motion just fills the picture; in a few rounds, as coming nearer changes where its middle is.
+  fit() {
+    const { right, up, back } = this.axes(), { across, along } = this.lens();
+    const dot = (a, b) => (a[0] - this.target[0]) * b[0] + (a[1] - this.target[1]) * b[1] + (a[2] - this.target[2]) * b[2];
+    const stand = () => {
+      this.away = this.corners.reduce((most, p) => Math.max(most,
+        dot(p, back) + Math.max(Math.abs(dot(p, right)) * across, Math.abs(dot(p, up)) * along) / FILLED), NEAREST * this.size);
+    };
+    for (let round = 0; round < 8; round++) {
+      stand();
+      for (const way of [right, up]) {
+        let low = null, high = null; // what is seen outermost on either side: how far aside, and how far off
+        for (const p of this.corners) {
+          const side = dot(p, way), off = this.away - dot(p, back);
+          if (!low || side / off < low.side / low.off) low = { side, off };
+          if (!high || side / off > high.side / high.off) high = { side, off };
+        }
+        const shift = (low.side * high.off + high.side * low.off) / (low.off + high.off); // then both are as far from the middle
+        this.target = this.target.map((v, i) => v + shift * way[i]);
+      }
+    }
+    stand();
   }
 
   listen() {
@@ -116,6 +143,8 @@ class Stage {
       return { x: all.reduce((s, p) => s + p[0], 0) / n, y: all.reduce((s, p) => s + p[1], 0) / n,
         apart: all.length > 1 ? Math.hypot(all[0][0] - all[1][0], all[0][1] - all[1][1]) : 0 };
     };
+    for (const kind of ["pointermove", "wheel"])
+      canvas.addEventListener(kind, (event) => { if (kind === "wheel" || fingers.has(event.pointerId)) this.fits = false; });
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
     canvas.addEventListener("pointerdown", (event) => {
       canvas.setPointerCapture(event.pointerId);
@@ -157,13 +186,19 @@ class Stage {
       up: [-s * Math.cos(around), c, -s * Math.sin(around)] };
   }
 
+  // How much of the picture's half a length beside the view's axis fills, at a distance of 1.
+  lens() {
+    const aspect = this.canvas.width / this.canvas.height, along = Math.min(1, aspect) * LENS;
+    return { across: along / aspect, along };
+  }
+
   // Matrix from the world to the screen, and where the eye is.
   camera() {
-    const { away, target } = this, aspect = this.canvas.width / this.canvas.height, { right, up, back } = this.axes();
+    const { away, target } = this, { right, up, back } = this.axes(), { across, along } = this.lens();
     const eye = target.map((v, i) => v + away * back[i]), dot = (a) => -(a[0] * eye[0] + a[1] * eye[1] + a[2] * eye[2]);
     const view = [right[0], up[0], back[0], 0, right[1], up[1], back[1], 0, right[2], up[2], back[2], 0, dot(right), dot(up), dot(back), 1];
-    const f = Math.min(1, aspect) * 2.1, near = 0.01 * this.size, far = 20 * this.size;
-    const lens = [f / aspect, 0, 0, 0, 0, f, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, 2 * far * near / (near - far), 0];
+    const near = 0.01 * this.size, far = 20 * this.size;
+    const lens = [across, 0, 0, 0, 0, along, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, 2 * far * near / (near - far), 0];
     return { matrix: multiplied(lens, view), eye };
   }
 
@@ -173,6 +208,9 @@ class Stage {
     const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
     if (!width || !height) return;
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    const seen = [width, height, this.around, this.above].join();
+    if (this.fits && this.fitted !== seen) this.fit();
+    this.fitted = seen;
     g.viewport(0, 0, width, height);
     g.clearColor(...colours.paper, 1);
     g.clear(g.COLOR_BUFFER_BIT | g.DEPTH_BUFFER_BIT | g.STENCIL_BUFFER_BIT);
@@ -184,7 +222,11 @@ class Stage {
     this.drawFloor(camera, pose, colours);
     const stand = this.gltf.nodes.findIndex((node) => node.name === "base"), at = pose[stand].subarray(12, 15);
     if (at[1] > this.floor + 0.02 * this.size) this.drawLine(new Float32Array([...at, at[0], this.floor, at[2]]), [...colours.ink, 0.5]);
-    if (path) this.drawLine(path, [...colours.accent, 1]);
+    if (path) for (const [x, y] of [[0, 0], [ratio, 0], [0, ratio], [ratio, ratio]]) { // WebGL's lines are one pixel wide
+      g.viewport(x, y, width, height);
+      this.drawLine(path, [...colours.accent, 1]);
+    }
+    g.viewport(0, 0, width, height);
     if (ghost) {
       g.enable(g.POLYGON_OFFSET_FILL); // where both are in one place the arm is in front
       g.polygonOffset(1, 4);
