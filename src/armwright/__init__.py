@@ -52,19 +52,19 @@ if TYPE_CHECKING:
     from armwright.pictures.show import show
     from armwright.record import check, convert, diff
     from armwright.scenarios import read_scenario, rerun
+    from armwright.simulation.acting.payload import Payload
+    from armwright.simulation.acting.schedule import Schedule, read_schedule
     from armwright.simulation.converge import converge
-    from armwright.simulation.events import joint_stops
-    from armwright.simulation.payload import Payload
-    from armwright.simulation.plot import plot
-    from armwright.simulation.protocols import Controller, Measurement, Reference
-    from armwright.simulation.recording import load_run, save
+    from armwright.simulation.integration.events import joint_stops
+    from armwright.simulation.results.plot import plot
+    from armwright.simulation.results.recording import load_run, save
+    from armwright.simulation.results.statistics import statistics
+    from armwright.simulation.sampling.protocols import Controller, Measurement, Reference
+    from armwright.simulation.sampling.sensors import Sensors
+    from armwright.simulation.sampling.shaping import Shaping
+    from armwright.simulation.sampling.timing import Timing
     from armwright.simulation.scenario import Scenario
-    from armwright.simulation.schedule import Schedule, read_schedule
-    from armwright.simulation.sensors import Sensors
-    from armwright.simulation.shaping import Shaping
     from armwright.simulation.simulator import simulate
-    from armwright.simulation.statistics import statistics
-    from armwright.simulation.timing import Timing
     from armwright.trajectory import Quintic, Ramp, Sine, Step
 
 __version__ = "0.1.0"
@@ -91,22 +91,22 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.modular": ("enumerate_assemblies", "rank_assemblies", "read_task"),
     "armwright.scenarios": ("read_scenario", "rerun"),
     "armwright.simulation.converge": ("converge",),
-    "armwright.simulation.events": ("joint_stops",),
+    "armwright.simulation.integration.events": ("joint_stops",),
     "armwright.pictures.graphic": ("write_graphic",),
     "armwright.pictures.plot_runs": ("plot_runs",),
     "armwright.pictures.show": ("show",),
     "armwright.record": ("check", "convert", "diff"),
-    "armwright.simulation.payload": ("Payload",),
-    "armwright.simulation.plot": ("plot",),
-    "armwright.simulation.protocols": ("Controller", "Measurement", "Reference"),
-    "armwright.simulation.recording": ("load_run", "save"),
+    "armwright.simulation.acting.payload": ("Payload",),
+    "armwright.simulation.results.plot": ("plot",),
+    "armwright.simulation.sampling.protocols": ("Controller", "Measurement", "Reference"),
+    "armwright.simulation.results.recording": ("load_run", "save"),
     "armwright.simulation.scenario": ("Scenario",),
-    "armwright.simulation.schedule": ("Schedule", "read_schedule"),
-    "armwright.simulation.sensors": ("Sensors",),
-    "armwright.simulation.shaping": ("Shaping",),
+    "armwright.simulation.acting.schedule": ("Schedule", "read_schedule"),
+    "armwright.simulation.sampling.sensors": ("Sensors",),
+    "armwright.simulation.sampling.shaping": ("Shaping",),
     "armwright.simulation.simulator": ("simulate",),
-    "armwright.simulation.statistics": ("statistics",),
-    "armwright.simulation.timing": ("Timing",),
+    "armwright.simulation.results.statistics": ("statistics",),
+    "armwright.simulation.sampling.timing": ("Timing",),
     "armwright.trajectory": ("Quintic", "Ramp", "Sine", "Step"),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}

@@ -15,11 +15,11 @@ PHYSICS = (
     "dynamics",
     "actuators",
     "model/build.py",
-    "simulation/joint_drive.py",
-    "simulation/plant.py",
-    "simulation/plant_flow.py",
-    "simulation/plant_readings.py",
-    "simulation/integrators.py",
+    "simulation/plant/joint_drive.py",
+    "simulation/plant/plant.py",
+    "simulation/plant/flow.py",
+    "simulation/plant/readings.py",
+    "simulation/integration/integrators.py",
 )
 
 FILLED = "armwright.scalar.array or stack of the entries, or"

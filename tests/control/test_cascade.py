@@ -11,7 +11,7 @@ import armwright as aw
 from armwright import scalar
 from armwright.control import Cascade
 from armwright.errors import ScenarioError
-from armwright.simulation.protocols import Measurement, Reference
+from armwright.simulation.sampling.protocols import Measurement, Reference
 from physics.arms import arm
 
 PERIOD = 5e-4

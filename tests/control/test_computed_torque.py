@@ -8,7 +8,7 @@ import pytest
 import armwright as aw
 from armwright.control import ComputedTorque
 from armwright.errors import ScenarioError
-from armwright.simulation.protocols import Measurement, Reference
+from armwright.simulation.sampling.protocols import Measurement, Reference
 from physics.arms import arm
 
 

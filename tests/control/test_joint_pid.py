@@ -8,7 +8,7 @@ import pytest
 import armwright as aw
 from armwright.control import JointPID
 from armwright.errors import ScenarioError
-from armwright.simulation.protocols import Measurement, Reference
+from armwright.simulation.sampling.protocols import Measurement, Reference
 from armwright.trajectory import Step
 from physics.arms import arm
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import armwright as aw
-from armwright.simulation.plant import Plant
+from armwright.simulation.plant.plant import Plant
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "drives.md"
 

@@ -7,7 +7,7 @@ import armwright as aw
 from armwright.errors import OutputError, RunError
 from armwright.pictures.curves import curve_panels, selected
 from armwright.pictures.picture import draw_runs
-from armwright.simulation.plot import COLOURS
+from armwright.simulation.results.plot import COLOURS
 from pictures.reading import Page
 from simulation.runs import invented, mixed_arm
 

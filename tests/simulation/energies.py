@@ -12,11 +12,11 @@ from armwright.kernels.stages import Integrate
 from armwright.kernels.target import select_target
 from armwright.model import Model
 from armwright.program import trace
-from armwright.simulation.exponential import Split
-from armwright.simulation.integrators import INTEGRATORS
-from armwright.simulation.plant import Plant
-from armwright.simulation.stepping import Adaptivity, adaptive_stage, speed_pairs
-from armwright.simulation.switching import Watched, switching_programs
+from armwright.simulation.integration.exponential import Split
+from armwright.simulation.integration.integrators import INTEGRATORS
+from armwright.simulation.integration.stepping import Adaptivity, adaptive_stage, speed_pairs
+from armwright.simulation.plant.plant import Plant
+from armwright.simulation.plant.switching import Watched, switching_programs
 
 WAYS = ("electrical", "heat", "friction", "mechanical")
 

@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 from armwright.description.database import parse
 from armwright.model import Model, build_model
 from armwright.program import trace
-from armwright.simulation.integrators import INTEGRATORS, Integrator
-from armwright.simulation.plant import Plant
-from armwright.simulation.stepping import speed_pairs
+from armwright.simulation.integration.integrators import INTEGRATORS, Integrator
+from armwright.simulation.integration.stepping import speed_pairs
+from armwright.simulation.plant.plant import Plant
 
 RK3 = INTEGRATORS["rk3"]
 MOTOR = {

@@ -12,11 +12,17 @@ from armwright import scalar
 from armwright.errors import DivergenceError, ScenarioError
 from armwright.kernels.loop import Loop
 from armwright.kernels.target import select_target
-from armwright.simulation import dormand_prince
-from armwright.simulation.cvodes import Cvodes
-from armwright.simulation.dormand_prince import along, trial_step
-from armwright.simulation.plant import Plant, plant_derivative
-from armwright.simulation.stepping import Adaptivity, adaptive_stage, begin_adaptive, speed_pairs, state_parts
+from armwright.simulation.integration import dormand_prince
+from armwright.simulation.integration.cvodes import Cvodes
+from armwright.simulation.integration.dormand_prince import along, trial_step
+from armwright.simulation.integration.stepping import (
+    Adaptivity,
+    adaptive_stage,
+    begin_adaptive,
+    speed_pairs,
+    state_parts,
+)
+from armwright.simulation.plant.plant import Plant, plant_derivative
 from physics.arms import arm
 from simulation.plants import ELASTIC, LUGRE, MOTOR
 from simulation.plants import pendulum as pendulum_arm

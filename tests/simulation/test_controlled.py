@@ -11,12 +11,12 @@ import armwright as aw
 from armwright import scalar
 from armwright.actuators import holding_command, limited_drive, told_command
 from armwright.errors import ScenarioError
-from armwright.simulation.integrators import rk3_step
-from armwright.simulation.plant import plant_derivative
+from armwright.simulation.integration.integrators import rk3_step
+from armwright.simulation.plant.plant import plant_derivative
+from armwright.simulation.sampling.sensors import Sensors
+from armwright.simulation.sampling.shaping import Shaping
+from armwright.simulation.sampling.timing import Timing
 from armwright.simulation.scenario import Scenario
-from armwright.simulation.sensors import Sensors
-from armwright.simulation.shaping import Shaping
-from armwright.simulation.timing import Timing
 from physics.arms import arm
 
 PERIOD = 2e-3
@@ -86,14 +86,14 @@ def accounted(model, law, reference, ticks, timing=None, shaping=None, substeps=
 
 
 def aw_measurement(y, applied, n):
-    from armwright.simulation.protocols import Measurement
+    from armwright.simulation.sampling.protocols import Measurement
 
     return Measurement(y[:n], y[n : 2 * n], y[2 * n :], applied)
 
 
 def references(model, ticks):
-    from armwright.simulation.law import reference_of
-    from armwright.simulation.references import reference_rows
+    from armwright.simulation.acting.references import reference_rows
+    from armwright.simulation.sampling.law import reference_of
 
     rows = reference_rows(model, swing, np.arange(ticks + 1) * PERIOD)
     return [reference_of(row, model.n) for row in rows]

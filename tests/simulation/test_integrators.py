@@ -8,9 +8,9 @@ from scipy.integrate import solve_ivp
 
 import armwright as aw
 from armwright.errors import ScenarioError
-from armwright.simulation.integrators import INTEGRATORS, semi_implicit_euler_step
+from armwright.simulation.integration.integrators import INTEGRATORS, semi_implicit_euler_step
+from armwright.simulation.plant.stability import Stability
 from armwright.simulation.simulator import compile_simulator
-from armwright.simulation.stability import Stability
 from physics.arms import arm
 from simulation.plants import ELASTIC, LUGRE, MOTOR, ON_MOTOR, chain
 

@@ -7,7 +7,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import ScenarioError
-from armwright.simulation.plant import Plant
+from armwright.simulation.plant.plant import Plant
 from physics.arms import arm
 from simulation.plants import BRAKE, ELASTIC, MOTOR, chain, pendulum
 

@@ -10,7 +10,7 @@ import armwright as aw
 from armwright.description.database import parse
 from armwright.dynamics import forward_arm
 from armwright.model import build_model
-from armwright.simulation.plant import Plant
+from armwright.simulation.plant.plant import Plant
 from physics.arms import arm, gradient, gripper
 
 

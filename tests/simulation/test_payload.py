@@ -11,7 +11,7 @@ from scipy.integrate import simpson, solve_ivp
 import armwright as aw
 from armwright import scalar
 from armwright.errors import ArmwrightError
-from armwright.simulation.plant import Plant
+from armwright.simulation.plant.plant import Plant
 from physics.arms import arm
 from simulation.plants import MOTOR, pendulum
 

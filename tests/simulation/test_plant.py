@@ -16,7 +16,7 @@ from armwright.kernels.batch import Kernel
 from armwright.kernels.target import select_target
 from armwright.model.vary import Varied
 from armwright.program import trace
-from armwright.simulation.plant import Plant
+from armwright.simulation.plant.plant import Plant
 from simulation.plants import BRAKE, COULOMB, ELASTIC, MANY, MOTOR, RK3, STOPS, SUPPLY, exact, pendulum, steps
 
 U = {"all": [12.0, 8.0]}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from armwright.simulation.plant import Plant
+from armwright.simulation.plant.plant import Plant
 from simulation.plants import BRAKE, ELASTIC, LUGRE, MOTOR, STOPS, SUPPLY, THERMAL, pendulum, steps
 
 N, KT, R, J = 50.0, 0.06, 1.2, 2500 * 2e-4  # of MOTOR; J the rotor at the joint

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.simulation.plant import Plant
+from armwright.simulation.plant.plant import Plant
 from simulation.energies import Balance
 from simulation.plants import COULOMB, ELASTIC, LUGRE, MANY, MOTOR, SUPPLY, chain, pendulum
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armwright.simulation.plant import Plant
+from armwright.simulation.plant.plant import Plant
 from simulation.plants import COGGING, MOTOR, ON_MOTOR, chain, pendulum, steps
 
 mujoco = pytest.importorskip("mujoco")

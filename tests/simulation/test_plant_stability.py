@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from armwright.errors import ScenarioError
-from armwright.simulation.integrators import INTEGRATORS
-from armwright.simulation.plant import Plant
-from armwright.simulation.stability import Stability
+from armwright.simulation.integration.integrators import INTEGRATORS
+from armwright.simulation.plant.plant import Plant
+from armwright.simulation.plant.stability import Stability
 from simulation.plants import COULOMB, ELASTIC, LUGRE, MANY, MOTOR, RK3, STOPS, pendulum, steps
 
 NOTHING = np.zeros(1)

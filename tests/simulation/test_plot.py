@@ -9,8 +9,8 @@ import pytest
 
 import armwright as aw
 from armwright.errors import OutputError
-from armwright.simulation.plot import COLOURS, FEW_LANES, draw, panels, plot
-from armwright.simulation.recording import in_order
+from armwright.simulation.results.plot import COLOURS, FEW_LANES, draw, panels, plot
+from armwright.simulation.results.recording import in_order
 from simulation.runs import invented, mixed_arm
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
@@ -80,7 +80,7 @@ def test_the_legend_covers_no_axes(name):
 
 
 def test_lines_tell_more_joints_apart_than_there_are_colours():
-    from armwright.simulation.plot import _style
+    from armwright.simulation.results.plot import _style
 
     styles = [tuple(_style(joint).values()) for joint in range(4 * len(COLOURS))]
     assert len(set(styles)) == len(styles)

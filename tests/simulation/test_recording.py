@@ -15,7 +15,7 @@ import pytest
 import xarray as xr
 
 from armwright.errors import OutputError, RunError
-from armwright.simulation.recording import ENDINGS, joint_units, load_run, make_dataset, run_units, save, wide
+from armwright.simulation.results.recording import ENDINGS, joint_units, load_run, make_dataset, run_units, save, wide
 from simulation.runs import invented, mixed_arm
 
 NEEDS_A_USER = pytest.mark.skipif(
@@ -193,7 +193,7 @@ def test_a_disk_that_fills_up(arm, folder, ending):
     script = f"""
 import resource, signal
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-from armwright.simulation.recording import load_run, save
+from armwright.simulation.results.recording import load_run, save
 from armwright.errors import OutputError
 run = load_run({str(folder / "whole.nc")!r})
 import pandas, h5netcdf
@@ -296,7 +296,7 @@ def test_what_belongs_to_a_lane_is_no_column_of_a_part(arm):
     ],
 )
 def test_what_is_no_run_is_refused(arm, folder, thing, message):
-    from armwright.simulation.plot import plot
+    from armwright.simulation.results.plot import plot
 
     for write, name in ((save, "run.csv"), (plot, "run.png")):
         with pytest.raises(RunError, match=re.escape(message)):

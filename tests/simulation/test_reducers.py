@@ -11,7 +11,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import RunError, ScenarioError
-from armwright.simulation.reducers import REDUCERS
+from armwright.simulation.results.reducers import REDUCERS
 from physics.arms import arm
 
 PERIOD = 2e-3
@@ -115,7 +115,7 @@ def test_a_lane_is_followed_from_where_it_began():
 
 
 def test_without_a_record_they_go_into_files(tmp_path):
-    from armwright.simulation.plot import plot
+    from armwright.simulation.results.plot import plot
 
     run = aw.simulate(scenario(reduce=["rms_error", "peak_voltage"], record="none", duration=0.1))
     aw.save(run, tmp_path / "run.nc")

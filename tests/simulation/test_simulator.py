@@ -11,7 +11,7 @@ from armwright.description.database import parse
 from armwright.errors import DivergenceError, ScenarioError
 from armwright.kernels.target import select_target
 from armwright.model import build_model
-from armwright.simulation.plant import plant_derivative
+from armwright.simulation.plant.plant import plant_derivative
 from armwright.simulation.simulator import compile_simulator
 
 LEVEL = {"xyz_m": [0, 0, 0], "rpy_rad": [0, 0, 0]}
@@ -249,7 +249,7 @@ def test_coulomb_friction_bounds_the_step():
 
 
 def _rk3():
-    from armwright.simulation.integrators import INTEGRATORS
+    from armwright.simulation.integration.integrators import INTEGRATORS
 
     return INTEGRATORS["rk3"]
 

@@ -14,8 +14,8 @@ from armwright.kernels.stages import LANDINGS, SECANTS, Adapt, Integrate
 from armwright.kernels.target import select_target
 from armwright.program import interpret, trace
 from armwright.simulation.compiled import compile_simulator
-from armwright.simulation.integrators import INTEGRATORS, rk4_step
-from armwright.simulation.switching import Watched, switching_programs
+from armwright.simulation.integration.integrators import INTEGRATORS, rk4_step
+from armwright.simulation.plant.switching import Watched, switching_programs
 from simulation.plants import COULOMB, ELASTIC, LUGRE, MOTOR, chain, pendulum
 
 STOPS = {"stiffness_n_m_per_rad": 400.0, "damping_n_m_s_per_rad": 6.0}

@@ -7,7 +7,7 @@ import pandas
 import pytest
 
 from armwright.errors import OutputError, ScheduleError
-from armwright.simulation.tables import joint_columns, read_table, write_table
+from armwright.simulation.results.tables import joint_columns, read_table, write_table
 
 NAMES = ["waist", "elbow"]
 WANTED = {"q": NAMES, "qd": NAMES}

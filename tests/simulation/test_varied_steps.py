@@ -8,8 +8,8 @@ import pytest
 import armwright as aw
 from armwright.control import JointPID
 from armwright.errors import ScenarioError
-from armwright.simulation.integrators import INTEGRATORS
-from armwright.simulation.varied_steps import VariedSteps
+from armwright.simulation.integration.integrators import INTEGRATORS
+from armwright.simulation.plant.varied_steps import VariedSteps
 from simulation.plants import MOTOR, chain
 
 NAME = "joint0.motor.resistance_ohm"

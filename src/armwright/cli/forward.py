@@ -22,8 +22,8 @@ def forward(robot: Robot, table: Table, output: Out = None) -> None:
     import armwright as aw
     from armwright.cli.progress import progress
     from armwright.output import check_destination
-    from armwright.simulation.recording import joint_units
-    from armwright.simulation.tables import joint_columns, read_table, write_table
+    from armwright.simulation.results.recording import joint_units
+    from armwright.simulation.results.tables import joint_columns, read_table, write_table
 
     arm = aw.load(robot)
     if output is not None:

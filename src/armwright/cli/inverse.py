@@ -26,8 +26,8 @@ def inverse(robot: Robot, table: Table, output: Out = None) -> None:
     from armwright.actuators import demanded_drive
     from armwright.cli.progress import progress
     from armwright.output import check_destination
-    from armwright.simulation.recording import joint_units
-    from armwright.simulation.tables import joint_columns, read_table, write_table
+    from armwright.simulation.results.recording import joint_units
+    from armwright.simulation.results.tables import joint_columns, read_table, write_table
 
     arm = aw.load(robot)
     if output is not None:

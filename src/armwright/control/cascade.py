@@ -15,7 +15,7 @@ from armwright.control.joint_pid import check_tracking
 from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
-from armwright.simulation.protocols import Measurement, Reference
+from armwright.simulation.sampling.protocols import Measurement, Reference
 from armwright.simulation.settings import check_choice
 
 GAINS = ("position_kp", "speed_feedforward", "speed_kp", "speed_ki", "current_kp", "current_ki", "slack")

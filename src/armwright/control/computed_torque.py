@@ -15,7 +15,7 @@ from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.model.simplify import simplified
 from armwright.scalar import Array, Scalar
-from armwright.simulation.protocols import Measurement, Reference
+from armwright.simulation.sampling.protocols import Measurement, Reference
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.model.simplify import simplified
 from armwright.scalar import Array, Scalar
-from armwright.simulation.protocols import Measurement, Reference
+from armwright.simulation.sampling.protocols import Measurement, Reference
 from armwright.simulation.settings import check_choice
 
 GAINS = ("kp", "ki", "kd", "speed_feedforward", "acceleration_feedforward", "slack")

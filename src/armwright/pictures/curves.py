@@ -10,10 +10,10 @@ import numpy as np
 
 from armwright.errors import RunError, nearest
 from armwright.pictures.page import Numbers
-from armwright.simulation.plot import BAND, COLOURS, FEW_LANES, HELD, panels
-from armwright.simulation.plot import TITLES as RUN_TITLES
-from armwright.simulation.recording import in_order, run_units
-from armwright.simulation.spoken import PARTIAL, QUANTITIES, joint_names, variables
+from armwright.simulation.results.plot import BAND, COLOURS, FEW_LANES, HELD, panels
+from armwright.simulation.results.plot import TITLES as RUN_TITLES
+from armwright.simulation.results.recording import in_order, run_units
+from armwright.simulation.results.spoken import PARTIAL, QUANTITIES, joint_names, variables
 
 if TYPE_CHECKING:
     import xarray as xr

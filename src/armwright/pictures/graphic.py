@@ -20,8 +20,8 @@ from armwright.output import check_destination, whole_file
 from armwright.pictures.animated import animated_arm
 from armwright.pictures.curves import partial_note, plot_data
 from armwright.pictures.page import embedded, packed, page
-from armwright.simulation.recording import in_order
-from armwright.simulation.spoken import PARTIAL
+from armwright.simulation.results.recording import in_order
+from armwright.simulation.results.spoken import PARTIAL
 
 if TYPE_CHECKING:
     import xarray as xr

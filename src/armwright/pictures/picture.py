@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.pictures.curves import Curve, CurvePanel, curve_panels, places
-from armwright.simulation.plot import COLOURS, FAINT, INK, LINES
+from armwright.simulation.results.plot import COLOURS, FAINT, INK, LINES
 
 if TYPE_CHECKING:
     import xarray as xr

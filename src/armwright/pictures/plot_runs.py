@@ -10,8 +10,8 @@ from armwright.output import check_destination, whole_file
 from armwright.pictures.curves import partial_note, plot_data, selected
 from armwright.pictures.page import embedded, page
 from armwright.pictures.picture import draw_runs
-from armwright.simulation.plot import BAND, FEW_LANES
-from armwright.simulation.spoken import variables
+from armwright.simulation.results.plot import BAND, FEW_LANES
+from armwright.simulation.results.spoken import variables
 
 if TYPE_CHECKING:
     import xarray as xr

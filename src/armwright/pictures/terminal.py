@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.pictures.curves import Curve, curve_panels, places, selected
-from armwright.simulation.plot import COLOURS
-from armwright.simulation.spoken import variables
+from armwright.simulation.results.plot import COLOURS
+from armwright.simulation.results.spoken import variables
 
 if TYPE_CHECKING:
     import xarray as xr

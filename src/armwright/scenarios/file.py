@@ -26,12 +26,12 @@ from armwright.scenarios.acting import brake_of, payload_fields, payloads_of, wr
 from armwright.scenarios.files import Files
 from armwright.scenarios.records import Kind, ScenarioTable
 from armwright.scenarios.varying import vary
-from armwright.simulation.recording import joint_units
+from armwright.simulation.acting.schedule import read_schedule
+from armwright.simulation.results.recording import joint_units
+from armwright.simulation.sampling.sensors import Sensors
+from armwright.simulation.sampling.shaping import Shaping
+from armwright.simulation.sampling.timing import Timing
 from armwright.simulation.scenario import Scenario
-from armwright.simulation.schedule import read_schedule
-from armwright.simulation.sensors import Sensors
-from armwright.simulation.shaping import Shaping
-from armwright.simulation.timing import Timing
 
 HOMES = {"controller": "armwright.control", "reference": "armwright.trajectory"}
 FITTED = {"controller": ("arm", "model", "signs", "period"), "reference": ("arm", "model")}  # what no file tells

@@ -15,8 +15,8 @@ from armwright.errors import RunError
 from armwright.scenarios.file import parse_scenario
 from armwright.scenarios.files import Files
 from armwright.simulation.groups import Progress
-from armwright.simulation.provenance import provenance
-from armwright.simulation.recording import load_run
+from armwright.simulation.results.provenance import provenance
+from armwright.simulation.results.recording import load_run
 from armwright.simulation.simulator import simulate
 
 if TYPE_CHECKING:

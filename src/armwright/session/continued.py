@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.session.state import State
-from armwright.simulation.spoken import PARTIAL
+from armwright.simulation.results.spoken import PARTIAL
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -92,7 +92,7 @@ def _goes_on(state: State, before: xr.Dataset) -> bool:
 
 def begun_anew(state: State, before: xr.Dataset) -> list[str]:
     """What does not go on, in words."""
-    from armwright.simulation.plant import Plant
+    from armwright.simulation.plant.plant import Plant
 
     found = []
     if was_moved(state, before) and Plant.of(state.arm).size > 2 * state.arm.n:

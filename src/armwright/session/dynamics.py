@@ -12,8 +12,8 @@ from armwright.errors import SessionError
 from armwright.model import Model
 from armwright.session import tied
 from armwright.session.listing import Line, Listing, Sheet, Shown, aligned, by_joint, significant
-from armwright.simulation.recording import joint_units
-from armwright.simulation.tables import joint_columns, read_table
+from armwright.simulation.results.recording import joint_units
+from armwright.simulation.results.tables import joint_columns, read_table
 from armwright.spatial import roll_pitch_yaw
 
 if TYPE_CHECKING:

@@ -13,9 +13,9 @@ from armwright.session.dynamics import by_row
 from armwright.session.listing import Drawing, Line, Listing, Shown, shortest
 from armwright.session.simulation import the_run
 from armwright.session.variables import joint_number, same
-from armwright.simulation.recording import in_order, run_units
-from armwright.simulation.spoken import QUANTITIES
-from armwright.simulation.tables import joint_columns
+from armwright.simulation.results.recording import in_order, run_units
+from armwright.simulation.results.spoken import QUANTITIES
+from armwright.simulation.results.tables import joint_columns
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -24,8 +24,8 @@ from armwright.session.continued import (
 from armwright.session.listing import Line, Shown, by_joint
 from armwright.session.state import State
 from armwright.session.wiring import law
-from armwright.simulation.recording import joint_units
-from armwright.simulation.schedule import Schedule
+from armwright.simulation.acting.schedule import Schedule
+from armwright.simulation.results.recording import joint_units
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -14,7 +14,7 @@ from armwright.model import Model
 from armwright.session import tied
 from armwright.session.state import State
 from armwright.session.values import number, vector
-from armwright.simulation.recording import joint_units
+from armwright.simulation.results.recording import joint_units
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from armwright.errors import SessionError, nearest
 from armwright.session.state import State, Wiring
 from armwright.session.values import number, split, vector
 from armwright.session.variables import lookup, same
-from armwright.simulation.recording import joint_units
+from armwright.simulation.results.recording import joint_units
 
 MADE = ("model", "period", "signs")  # fields that the loop fills in
 

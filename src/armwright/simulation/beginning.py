@@ -16,10 +16,10 @@ from armwright.kernels.stages import NEVER
 from armwright.kernels.target import select_target
 from armwright.program import Program, interpret, trace
 from armwright.scalar import Array
-from armwright.simulation.law import Law, hidden_state, measurement_of
-from armwright.simulation.protocols import UNTRACEABLE, why
+from armwright.simulation.sampling.law import Law, hidden_state, measurement_of
+from armwright.simulation.sampling.protocols import UNTRACEABLE, why
+from armwright.simulation.sampling.tick_parts import Parts, Sampling
 from armwright.simulation.scenario import Scenario
-from armwright.simulation.tick_parts import Parts, Sampling
 
 BEGUN = ("u_0", "y_0", "m_0", "s_0")
 FEW = 64  # lanes whose beginnings are interpreted sooner than compiled

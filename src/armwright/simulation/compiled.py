@@ -14,11 +14,11 @@ from armwright.model import Model
 from armwright.model.vary import Varied
 from armwright.program import Program, trace
 from armwright.scalar import Array
-from armwright.simulation.cycle import Cycle, make_cycle, plant_derivative, plant_step
-from armwright.simulation.plant import Plant
-from armwright.simulation.stability import Stability
-from armwright.simulation.stepping import Adaptivity
-from armwright.simulation.tick_parts import Parts
+from armwright.simulation.integration.stepping import Adaptivity
+from armwright.simulation.plant.plant import Plant
+from armwright.simulation.plant.stability import Stability
+from armwright.simulation.sampling.cycle import Cycle, make_cycle, plant_derivative, plant_step
+from armwright.simulation.sampling.tick_parts import Parts
 
 USUAL = ("qdd", "tau", "voltage", "current")  # what is told of every arm
 

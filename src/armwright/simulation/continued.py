@@ -8,7 +8,7 @@ import numpy as np
 
 from armwright.errors import ScenarioError
 from armwright.model import Model
-from armwright.simulation.plant import Plant
+from armwright.simulation.plant.plant import Plant
 
 
 def check_run(arm: Model, run: Any) -> None:

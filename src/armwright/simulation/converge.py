@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.errors import DivergenceError, ScenarioError
-from armwright.simulation.integrators import INTEGRATORS
+from armwright.simulation.integration.integrators import INTEGRATORS
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.simulator import simulate
 

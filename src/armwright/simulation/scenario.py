@@ -12,18 +12,18 @@ import numpy as np
 from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.model.vary import Varied
+from armwright.simulation.acting.inputs import Held, Told, brake_of, by_name, held, lanes_of, numbers_of, wrench_of
+from armwright.simulation.acting.payload import lanes_of as payload_lanes
+from armwright.simulation.acting.payload import payload_of
+from armwright.simulation.acting.schedule import Schedule
 from armwright.simulation.continued import last_row
-from armwright.simulation.events import EventFunction
-from armwright.simulation.inputs import Held, Told, brake_of, by_name, held, lanes_of, numbers_of, wrench_of
-from armwright.simulation.law import Law
-from armwright.simulation.payload import lanes_of as payload_lanes
-from armwright.simulation.payload import payload_of
+from armwright.simulation.integration.events import EventFunction
+from armwright.simulation.integration.stepping import Adaptivity
+from armwright.simulation.sampling.law import Law
+from armwright.simulation.sampling.sensors import Sensors
+from armwright.simulation.sampling.shaping import Shaping
+from armwright.simulation.sampling.timing import Timing
 from armwright.simulation.scenario_checks import check_scenario, is_time
-from armwright.simulation.schedule import Schedule
-from armwright.simulation.sensors import Sensors
-from armwright.simulation.shaping import Shaping
-from armwright.simulation.stepping import Adaptivity
-from armwright.simulation.timing import Timing
 
 MOST_STEPS = 2**53
 LANED = ("schedule", "command", "q0", "qd0", "initial_command", "wrench", "brake")  # that may be told a row a lane

@@ -11,11 +11,11 @@ import numpy as np
 from armwright.errors import ScenarioError, nearest
 from armwright.model import Model
 from armwright.simulation.continued import check_run
-from armwright.simulation.integrators import RULES
-from armwright.simulation.reducers import reducer
-from armwright.simulation.sensors import Sensors
-from armwright.simulation.shaping import Shaping
-from armwright.simulation.timing import Timing
+from armwright.simulation.integration.integrators import RULES
+from armwright.simulation.results.reducers import reducer
+from armwright.simulation.sampling.sensors import Sensors
+from armwright.simulation.sampling.shaping import Shaping
+from armwright.simulation.sampling.timing import Timing
 
 if TYPE_CHECKING:
     from armwright.simulation.scenario import Scenario

@@ -10,26 +10,26 @@ import numpy as np
 
 from armwright.errors import ScenarioError
 from armwright.kernels.loop import Lanes
+from armwright.simulation.acting.inputs import Held, rows_of
+from armwright.simulation.acting.landing import held_values, landing_rows
+from armwright.simulation.acting.references import reference_rows
 from armwright.simulation.beginning import Beginning
-from armwright.simulation.called_law import CalledLaw
 from armwright.simulation.compiled import Simulator
 from armwright.simulation.continued import last_state
-from armwright.simulation.cvodes import Cvodes, check_lanes
-from armwright.simulation.cycle import plant_derivative, plant_watched
 from armwright.simulation.groups import Progress, Work, handed_out, run_groups
-from armwright.simulation.inputs import Held, rows_of
-from armwright.simulation.integrators import INTEGRATORS
-from armwright.simulation.landing import held_values, landing_rows
-from armwright.simulation.plant import Plant
-from armwright.simulation.reducers import Reduction, check_known
-from armwright.simulation.references import reference_rows
-from armwright.simulation.run_dataset import run_dataset
+from armwright.simulation.integration.cvodes import Cvodes, check_lanes
+from armwright.simulation.integration.integrators import INTEGRATORS
+from armwright.simulation.integration.stepping import Account, begin_adaptive, state_parts
+from armwright.simulation.plant.plant import Plant
+from armwright.simulation.plant.stability import Stability, check_inertia
+from armwright.simulation.plant.varied_steps import VariedSteps
+from armwright.simulation.results.dataset import run_dataset
+from armwright.simulation.results.reducers import Reduction, check_known
+from armwright.simulation.sampling.called_law import CalledLaw
+from armwright.simulation.sampling.cycle import plant_derivative, plant_watched
+from armwright.simulation.sampling.tick_parts import Parts, Sampling
+from armwright.simulation.sampling.timing import Delays
 from armwright.simulation.scenario import Scenario
-from armwright.simulation.stability import Stability, check_inertia
-from armwright.simulation.stepping import Account, begin_adaptive, state_parts
-from armwright.simulation.tick_parts import Parts, Sampling
-from armwright.simulation.timing import Delays
-from armwright.simulation.varied_steps import VariedSteps
 
 if TYPE_CHECKING:
     import xarray

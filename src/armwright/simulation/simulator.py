@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from armwright.errors import Interrupted, ScenarioError
 from armwright.simulation.compiled import Simulator, compile_simulator
 from armwright.simulation.groups import Progress
-from armwright.simulation.provenance import provenance
+from armwright.simulation.results.provenance import provenance
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_checks import check_threads
 from armwright.simulation.scenario_run import compile_run, simulate_run

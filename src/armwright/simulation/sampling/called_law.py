@@ -15,8 +15,8 @@ from armwright import scalar
 from armwright.errors import ArmwrightError, ScenarioError, SymbolError
 from armwright.kernels.loop import Lanes
 from armwright.model import Model
-from armwright.simulation.law import Law, hidden_state, measurement_of, reference_of, wrong_shape
-from armwright.simulation.protocols import ControlLaw, Measurement, Reference
+from armwright.simulation.sampling.law import Law, hidden_state, measurement_of, reference_of, wrong_shape
+from armwright.simulation.sampling.protocols import ControlLaw, Measurement, Reference
 
 ELSEWHERE = 1e-3  # [rad | m] and so on: how far measurements are moved to ask a law something else
 

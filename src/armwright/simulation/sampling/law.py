@@ -14,7 +14,7 @@ from armwright.kernels.stages import NEXT
 from armwright.model import Model
 from armwright.program import Program, trace
 from armwright.scalar import Array
-from armwright.simulation.protocols import ControlLaw, Measurement, Reference, called
+from armwright.simulation.sampling.protocols import ControlLaw, Measurement, Reference, called
 
 LAW = "a function (t, r, y) → u, or an object with init(arm, y) and step(t, r, y, s) → u, s"
 TAKEN = {"init": ("arm", "y"), "step": ("t", "r", "y", "s"), "": ("t", "r", "y")}

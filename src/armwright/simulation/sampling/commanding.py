@@ -8,8 +8,8 @@ from armwright import scalar
 from armwright.kernels.stages import NEVER, NEXT, Call, Delay, Stage
 from armwright.program import trace
 from armwright.scalar import Array
-from armwright.simulation.shaping import Shaping
-from armwright.simulation.timing import Delays, lateness, planned
+from armwright.simulation.sampling.shaping import Shaping
+from armwright.simulation.sampling.timing import Delays, lateness, planned
 
 
 def commanding(n: int, period: float, shaping: Shaping, delays: Delays) -> list[Stage]:

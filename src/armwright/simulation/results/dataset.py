@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.model import Model
+from armwright.simulation.acting.landing import held_values
+from armwright.simulation.acting.references import reference_notes
 from armwright.simulation.compiled import USUAL
 from armwright.simulation.groups import Reached
-from armwright.simulation.landing import held_values
-from armwright.simulation.law import measurement_of, reference_of
-from armwright.simulation.notes import limit_notes
-from armwright.simulation.recording import bare_dataset, joint_units, make_dataset
-from armwright.simulation.reducers import Ends, reducer
-from armwright.simulation.references import reference_notes
-from armwright.simulation.stepping import Account
+from armwright.simulation.integration.stepping import Account
+from armwright.simulation.results.notes import limit_notes
+from armwright.simulation.results.recording import bare_dataset, joint_units, make_dataset
+from armwright.simulation.results.reducers import Ends, reducer
+from armwright.simulation.sampling.law import measurement_of, reference_of
 
 if TYPE_CHECKING:
     import xarray

@@ -24,13 +24,13 @@ from armwright.dynamics import forward_dynamics
 from armwright.errors import ModelError
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
-from armwright.simulation.exponential import Split
-from armwright.simulation.integrators import Integrator
-from armwright.simulation.joint_drive import at_rest, contact_depths
-from armwright.simulation.plant_flow import STIFF
-from armwright.simulation.plant_program import PlantProgram
-from armwright.simulation.plant_readings import PlantReadings
-from armwright.simulation.plant_state import parts_of
+from armwright.simulation.integration.exponential import Split
+from armwright.simulation.integration.integrators import Integrator
+from armwright.simulation.plant.flow import STIFF
+from armwright.simulation.plant.joint_drive import at_rest, contact_depths
+from armwright.simulation.plant.program import PlantProgram
+from armwright.simulation.plant.readings import PlantReadings
+from armwright.simulation.plant.state import parts_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,14 +26,14 @@ from armwright.errors import ScenarioError
 from armwright.kernels.stages import NEXT, Call, Delay, Draw, Integrate, Record, Rows, Stage, Table
 from armwright.program import Program, trace
 from armwright.scalar import Array
-from armwright.simulation.commanding import commanding
-from armwright.simulation.integrators import INTEGRATORS
-from armwright.simulation.law import traced_law
-from armwright.simulation.protocols import UNTRACEABLE, why
-from armwright.simulation.reducers import Reduction
-from armwright.simulation.stepping import adaptive_stage, speed_pairs, state_parts
-from armwright.simulation.switching import Watched, switching_programs
-from armwright.simulation.tick_parts import Parts, Sampling
+from armwright.simulation.integration.integrators import INTEGRATORS
+from armwright.simulation.integration.stepping import adaptive_stage, speed_pairs, state_parts
+from armwright.simulation.plant.switching import Watched, switching_programs
+from armwright.simulation.results.reducers import Reduction
+from armwright.simulation.sampling.commanding import commanding
+from armwright.simulation.sampling.law import traced_law
+from armwright.simulation.sampling.protocols import UNTRACEABLE, why
+from armwright.simulation.sampling.tick_parts import Parts, Sampling
 
 SENSING, TIMING = 0, 1  # channels of random numbers
 NOTHING: Mapping[str, tuple[int, ...]] = {}

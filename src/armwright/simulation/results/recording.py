@@ -20,7 +20,7 @@ import numpy as np
 from armwright.errors import OutputError, RunError
 from armwright.model import Model
 from armwright.output import check_destination, whole_file
-from armwright.simulation.tables import joint_columns, write_table
+from armwright.simulation.results.tables import joint_columns, write_table
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -13,7 +13,7 @@ import numpy as np
 
 from armwright.errors import ScenarioError
 from armwright.model import Model
-from armwright.simulation.schedule import Schedule
+from armwright.simulation.acting.schedule import Schedule
 
 
 @dataclass(frozen=True, eq=False)

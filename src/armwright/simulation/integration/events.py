@@ -19,8 +19,8 @@ from armwright.kernels.stages import NEXT
 from armwright.model import Model
 from armwright.program import Program, trace
 from armwright.scalar import Array, Scalar
-from armwright.simulation.dormand_prince import along
-from armwright.simulation.protocols import UNTRACEABLE, why
+from armwright.simulation.integration.dormand_prince import along
+from armwright.simulation.sampling.protocols import UNTRACEABLE, why
 
 EventFunction = Callable[[Any, Any], Any]  # (t, x) → g, with x.q, x.qd and what else the plant's state has
 Parts = Callable[[Array], Mapping[str, Array]]

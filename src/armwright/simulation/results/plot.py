@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.output import check_destination, whole_file
-from armwright.simulation.recording import in_order, run_units
+from armwright.simulation.results.recording import in_order, run_units
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -14,10 +14,10 @@ from armwright.model.vary import Varied
 from armwright.program import Program, interpret, trace
 from armwright.program.program import Port
 from armwright.scalar import Array
-from armwright.simulation.exponential import Split
-from armwright.simulation.integrators import Integrator
-from armwright.simulation.plant import Plant
-from armwright.simulation.stepping import speed_pairs
+from armwright.simulation.integration.exponential import Split
+from armwright.simulation.integration.integrators import Integrator
+from armwright.simulation.integration.stepping import speed_pairs
+from armwright.simulation.plant.plant import Plant
 
 POSES = 16  # drawn over the joints' ranges, always the same ones
 REACH = 4.0  # no explicit rule of order 3 or 4 is stable beyond |h λ| = 4

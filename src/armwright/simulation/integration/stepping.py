@@ -14,11 +14,11 @@ from armwright.kernels.loop import Lanes
 from armwright.kernels.stages import NEXT, Adapt
 from armwright.program import call, interpret, trace
 from armwright.scalar import Array
-from armwright.simulation.dormand_prince import trial_step
-from armwright.simulation.events import EventFunction, Parts, event_programs, event_values
-from armwright.simulation.exponential import Pairs
-from armwright.simulation.integrators import TOLERANCES
-from armwright.simulation.switching import Watched, switching_programs
+from armwright.simulation.integration.dormand_prince import trial_step
+from armwright.simulation.integration.events import EventFunction, Parts, event_programs, event_values
+from armwright.simulation.integration.exponential import Pairs
+from armwright.simulation.integration.integrators import TOLERANCES
+from armwright.simulation.plant.switching import Watched, switching_programs
 
 if TYPE_CHECKING:
     import xarray

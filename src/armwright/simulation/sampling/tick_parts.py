@@ -10,13 +10,13 @@ from armwright.model.carried import carrying
 from armwright.model.simplify import simplified
 from armwright.model.vary import Varied
 from armwright.scalar import Array
-from armwright.simulation.law import Law
-from armwright.simulation.plant import Plant
-from armwright.simulation.reducers import Reduction
-from armwright.simulation.sensors import Sensors
-from armwright.simulation.shaping import Shaping
-from armwright.simulation.stepping import Adaptivity
-from armwright.simulation.timing import Delays
+from armwright.simulation.integration.stepping import Adaptivity
+from armwright.simulation.plant.plant import Plant
+from armwright.simulation.results.reducers import Reduction
+from armwright.simulation.sampling.law import Law
+from armwright.simulation.sampling.sensors import Sensors
+from armwright.simulation.sampling.shaping import Shaping
+from armwright.simulation.sampling.timing import Delays
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.model.model import BASE, TENSOR
 from armwright.model.plausibility import IMPOSSIBLE
-from armwright.simulation.inputs import LaneRows
+from armwright.simulation.acting.inputs import LaneRows
 from armwright.spatial import displaced_inertia
 
 

@@ -12,8 +12,8 @@ from armwright.actuators.coupling import from_motors, to_joints, to_motors
 from armwright.dynamics import energy
 from armwright.kinematics import jacobian
 from armwright.scalar import Array, Scalar
-from armwright.simulation.joint_drive import stored
-from armwright.simulation.plant_flow import Flow, PlantFlow
+from armwright.simulation.plant.flow import Flow, PlantFlow
+from armwright.simulation.plant.joint_drive import stored
 
 TOLD = ("motor_q", "motor_qd", "bristle", "brake", "winding_temperature", "housing_temperature")  # states told as such
 

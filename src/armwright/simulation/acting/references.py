@@ -13,9 +13,9 @@ from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.program import interpret, trace
 from armwright.scalar import Array, Scalar
-from armwright.simulation.inputs import by_name
-from armwright.simulation.protocols import UNTRACEABLE, called, why
-from armwright.simulation.schedule import Schedule
+from armwright.simulation.acting.inputs import by_name
+from armwright.simulation.acting.schedule import Schedule
+from armwright.simulation.sampling.protocols import UNTRACEABLE, called, why
 
 FAR = 1e-9  # [rad | m] past a limit that is no rounding
 

@@ -14,8 +14,8 @@ from armwright.dynamics import bias_torques, forward_dynamics, mass_matrix
 from armwright.errors import ScenarioError
 from armwright.model import Body, Model
 from armwright.scalar import Array, Scalar
-from armwright.simulation.joint_drive import DrivenJoint, JointMotion, JointStates, driven_joint
-from armwright.simulation.plant_state import StatePart, contacts_of, has_extra
+from armwright.simulation.plant.joint_drive import DrivenJoint, JointMotion, JointStates, driven_joint
+from armwright.simulation.plant.state import StatePart, contacts_of, has_extra
 
 STIFF = ("current", "bristle", "brake", "bus_voltage")  # linear in themselves, and integrated exactly
 

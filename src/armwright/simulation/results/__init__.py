@@ -1,0 +1,1 @@
+"""What a run leaves: rows and reducers, datasets, files, statistics, pictures."""

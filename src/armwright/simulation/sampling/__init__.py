@@ -1,0 +1,1 @@
+"""What happens in a tick: measure, decide, shape, delay."""
