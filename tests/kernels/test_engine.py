@@ -126,7 +126,7 @@ def finish(script: str) -> str:
 
 CROWDED = """
 import mmap
-libm = ctypes.cast(ctypes.CDLL(None).tan, ctypes.c_void_p).value
+libm = ctypes.cast(ctypes.CDLL("libm.so.6").tan, ctypes.c_void_p).value  # CDLL(None) may hold a stub of it
 libc = ctypes.CDLL(None)
 libc.mmap.restype = ctypes.c_void_p
 libc.mmap.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_long]

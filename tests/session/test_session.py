@@ -279,7 +279,7 @@ def test_python_knows_the_same_names(session):
     assert session.state.u.tolist() == [2.0] * 6
     assert session.state.lines[-1] == "voltage = 2.0 2.0 2.0 2.0 2.0 2.0"
     for line, message in (
-        ("python 1/0", "ZeroDivisionError"), ("python theta = [1, 2]", "has shape (2,)"), ("python for", "invalid syntax"),
+        ("python 1/0", "ZeroDivisionError"), ("python theta = [1, 2]", "has shape (2,)"), ("python for", "SyntaxError"),
         ("python torque = 1; voltage = 2", "are tied"), ("python if 1:", "not finished"), ("python", "nobody is there"),
         ("python gravity = 'x'", "expected one number"), ("python theta = np.nan", "nan"),
     ):  # fmt: skip
