@@ -13,7 +13,7 @@ DEMO   := simulate cmu-dd --schedule examples/cmu-dd-feedforward.csv --q0 0,0.35
 ARGS   :=
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check bench docs pictures lock clean
+.PHONY: help demo test check frozen bench docs pictures lock clean
 .DELETE_ON_ERROR:
 
 help:  ## print this list
@@ -34,6 +34,9 @@ check: $(VENV)/.all  ## style, types, and which room imports which
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 	$(BIN)/python -m pytest -q tests/architecture
+
+frozen: $(VENV)/.all  ## compare kernels and reference runs with what is frozen (ARGS=--write: freeze anew)
+	PYTHONPATH=tests $(BIN)/python -m frozen $(ARGS)
 
 bench: $(VENV)/.all  ## time the kernels beside their peers
 	$(BIN)/python benchmarks/run.py $(ARGS)

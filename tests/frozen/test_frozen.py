@@ -1,0 +1,31 @@
+"""What must not change unnoticed: operations of every kernel of the built-in arms, and bits of reference runs.
+
+A change that is meant freezes anew with `make frozen ARGS=--write`, and its commit says what moved and why.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+import armwright as aw
+from armwright.description import builtin_names
+from frozen.programs import kernel_digests
+from frozen.records import differences, frozen, run_digests
+from frozen.runs import RUNS
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_kernels_do_the_same_operations(name):
+    assert differences(frozen()["programs"][name], kernel_digests(aw.load(name))) == []
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_reference_runs_have_the_same_bits(name):
+    assert differences(frozen()["runs"][name], run_digests(name)) == []
+
+
+def test_everything_that_is_frozen_is_compared():
+    kept = frozen()
+    assert set(kept["programs"]) == set(builtin_names())
+    assert set(kept["runs"]) == set(RUNS)
+    assert len(RUNS) >= 60
