@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from armwright.model import Model
     from armwright.model.load import load
     from armwright.modular import enumerate_assemblies, rank_assemblies, read_task
+    from armwright.parameters import Batch
     from armwright.pictures.graphic import write_graphic
     from armwright.pictures.plot_runs import plot_runs
     from armwright.pictures.show import show
@@ -92,6 +93,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.scenarios": ("read_scenario", "rerun"),
     "armwright.simulation.converge": ("converge",),
     "armwright.simulation.integration.events": ("joint_stops",),
+    "armwright.parameters": ("Batch",),
     "armwright.pictures.graphic": ("write_graphic",),
     "armwright.pictures.plot_runs": ("plot_runs",),
     "armwright.pictures.show": ("show",),
@@ -114,6 +116,7 @@ _CALLED = {"compile": "compile_arm"}  # inside, nothing is called like Python's 
 
 __all__ = [
     "ArmwrightError",
+    "Batch",
     "Cascade",
     "CompiledArm",
     "ComputedTorque",

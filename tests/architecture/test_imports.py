@@ -21,6 +21,7 @@ ORDER = (
     ("robots",),  # data files only; description reads them
     ("description",),
     ("model",),
+    ("parameters",),  # values that differ by lane
     ("kinematics",),
     ("actuators",),  # above dynamics: friction and gear loss are part of the inverse dynamics
     ("dynamics",),

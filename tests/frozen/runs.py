@@ -54,7 +54,7 @@ def laned(count: int, n: int, scale: float = 0.3) -> np.ndarray:
 def open_loop(name: str, rule: str, lanes: int | None = None) -> aw.Scenario:
     """Constant commands on a built-in arm."""
     model = arm(name)
-    start = wave(model.n) if lanes is None else laned(lanes, model.n)
+    start = wave(model.n) if lanes is None else aw.Batch(laned(lanes, model.n))
     return aw.Scenario(
         model, command=COMMANDS[name], duration=0.05, step=STEPS.get(name, 5e-4), integrator=rule, q0=start,
         qd0=wave(model.n, 0.5),
@@ -223,7 +223,7 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
     **{f"play {rule}": lambda rule=rule: play(rule) for rule in RULES},
     "rk45": lambda: adaptive("plain"),
     "rk45 all": lambda: adaptive("all"),
-    "rk45 events": lambda: adaptive("plain", events=joint_stops(MANY["plain"]), q0=laned(20, 1)),
+    "rk45 events": lambda: adaptive("plain", events=joint_stops(MANY["plain"]), q0=aw.Batch(laned(20, 1))),
     "cvodes plain": lambda: adaptive("plain", integrator="cvodes", rtol=None, atol=None),
     "cvodes all": lambda: adaptive("all", integrator="cvodes", rtol=None, atol=None),
     "scara": lambda: aw.Scenario(
@@ -238,7 +238,9 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
     ),
     "schedule a lane": lambda: aw.Scenario(
         arm("two-link"),
-        schedule=[aw.Schedule([0.0, 0.01 + 0.0007 * k], [[5, 1], [-5, k]], ["shoulder", "elbow"]) for k in range(11)],
+        schedule=aw.Batch(
+            [aw.Schedule([0.0, 0.01 + 0.0007 * k], [[5, 1], [-5, k]], ["shoulder", "elbow"]) for k in range(11)]
+        ),
         duration=0.03,
         step=1e-3,
         integrator="rk3",
@@ -261,7 +263,7 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
         q0=[0.3, -0.5],
     ),
     "payload a lane": lambda: two_link(
-        payload=[aw.Payload(np.linspace(0.01, 0.05, 5), np.linspace(0.5, 2.5, 5), [0, 0, 0.1], [0.01, 0.01, 0.01])]
+        payload=[aw.Payload(aw.Batch(np.linspace(0.01, 0.05, 5)), aw.Batch(np.linspace(0.5, 2.5, 5)), [0, 0, 0.1], [0.01, 0.01, 0.01])]
     ),
     "varied": lambda: aw.Scenario(
         GEARED,
@@ -270,9 +272,9 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
         step=5e-4,
         integrator="rk3",
         q0=wave(2),
-        vary={"rod1.mass_kg": np.linspace(0.5, 2.5, 17), "joint0.motor.resistance_ohm": 1.4},
+        vary={"rod1.mass_kg": aw.Batch(np.linspace(0.5, 2.5, 17)), "joint0.motor.resistance_ohm": 1.4},
     ),
-    "varied under control": lambda: two_link(vary={"forearm.mass_kg": np.linspace(0.5, 2.0, 70)}, reference=None),
+    "varied under control": lambda: two_link(vary={"forearm.mass_kg": aw.Batch(np.linspace(0.5, 2.0, 70))}, reference=None),
     "varied lugre": lambda: aw.Scenario(
         MANY["lugre"],
         command=[9.0],
@@ -280,7 +282,7 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
         step=1e-4,
         integrator="rk3",
         qd0=[0.5],
-        vary={"joint0.friction.bristle_stiffness_n_m_per_rad": np.linspace(1e3, 3e3, 5)},
+        vary={"joint0.friction.bristle_stiffness_n_m_per_rad": aw.Batch(np.linspace(1e3, 3e3, 5))},
     ),
     "function": controlled,
     "function rk4": lambda: controlled(integrator="rk4"),
@@ -289,11 +291,11 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
     "function cvodes": lambda: controlled(integrator="cvodes", substeps=1, duration=0.02),
     "with memory": lambda: controlled(controller=Integral()),
     "in Python": lambda: controlled(controller=stubborn, duration=0.04),
-    "in Python at once": lambda: controlled(controller=AtOnce(), q0=laned(5, 2, 0.1), duration=0.04),
+    "in Python at once": lambda: controlled(controller=AtOnce(), q0=aw.Batch(laned(5, 2, 0.1)), duration=0.04),
     "cmu-dd under control": lambda: aw.Scenario(
         arm("cmu-dd"),
         controller=six,
-        q0=laned(70, 6, 0.1),
+        q0=aw.Batch(laned(70, 6, 0.1)),
         sample_period=2e-3,
         substeps=2,
         integrator="rk3",
@@ -319,7 +321,7 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
         ),
         timing=aw.Timing("one-tick"),
     ),
-    "gains a lane": lambda: two_link(controller=JointPID(kp=40.0 + 10.0 * laned(6, 2, 1.0), kd=9.0)),
+    "gains a lane": lambda: two_link(controller=JointPID(kp=aw.Batch(40.0 + 10.0 * laned(6, 2, 1.0)), kd=9.0)),
     "cascade": current_cascade,
     "cascade of torques": lambda: two_link(
         controller=Cascade(
@@ -342,7 +344,7 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
     ),
     "observer": lambda: two_link(sensors=aw.Sensors(counts=4096, velocity="observer", cutoff_hz=60.0)),
     "noise": lambda: controlled(
-        sensors=aw.Sensors(position_noise=1e-4, velocity_noise=1e-3, current_noise=1e-2), seed=7, q0=laned(20, 2, 0.1)
+        sensors=aw.Sensors(position_noise=1e-4, velocity_noise=1e-3, current_noise=1e-2), seed=7, q0=aw.Batch(laned(20, 2, 0.1))
     ),
     "coupled encoders": lambda: aw.Scenario(
         MANY["all"],
@@ -362,21 +364,21 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
     "jitter and losses": lambda: controlled(
         timing=aw.Timing("one-tick", jitter=1.5e-3, measurement_loss=0.1, command_loss=0.1),
         seed=11,
-        q0=laned(9, 2, 0.1),
+        q0=aw.Batch(laned(9, 2, 0.1)),
     ),
     "drift": lambda: controlled(timing=aw.Timing(clock_drift=1e-2)),
     "delay a lane": lambda: controlled(
-        timing=aw.Timing(measurement_delay=np.linspace(0.0, 5e-3, 6), command_delay=np.linspace(6e-3, 0.0, 6))
+        timing=aw.Timing(measurement_delay=aw.Batch(np.linspace(0.0, 5e-3, 6)), command_delay=aw.Batch(np.linspace(6e-3, 0.0, 6)))
     ),
     "shaped": lambda: controlled(shaping=aw.Shaping(limit=30.0, rate=5e3, resolution=0.25)),
     "brake": braked,
     "brake observer": lambda: braked(
         sensors=aw.Sensors(counts=4096, velocity="observer", cutoff_hz=60.0), reference=[0.2]
     ),
-    "reduced": lambda: two_link(record="none", reduce=["rms_error", "peak_error", "overshoot"], q0=laned(9, 2)),
+    "reduced": lambda: two_link(record="none", reduce=["rms_error", "peak_error", "overshoot"], q0=aw.Batch(laned(9, 2))),
     "reduced and recorded": lambda: controlled(reduce=["rms_error", "peak_voltage", "energy"], record_every=10),
     "reference a lane": lambda: two_link(
-        reference=None, q0=laned(7, 2), qd0=None, wrench=[1.0, 2.0, 3.0, 0.0, 0.0, 0.0]
+        reference=None, q0=aw.Batch(laned(7, 2)), qd0=None, wrench=[1.0, 2.0, 3.0, 0.0, 0.0, 0.0]
     ),
     "continued": continued,
     "scenario file": lambda: aw.read_scenario(EXAMPLES / "swing.scenario.toml"),

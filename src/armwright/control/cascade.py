@@ -31,7 +31,7 @@ class Cascade:
         i = PI(ω - q̇)                  every `speed_every`-th tick; in V, A, N m or N, the command where no current loop is
         u = PI(i - measured current)   every tick, in V
 
-    Gains are one number, one for each joint, or a row a lane, and above 0 whatever a gear's sense. A stage's integrator
+    Gains are one number or one for each joint, or a `Batch` of such, and above 0 whatever a gear's sense. A stage's integrator
     waits, too, while the stage behind it is cut off.
 
     Args:

@@ -1,4 +1,4 @@
-"""Gains as a law takes them: one number for all joints, one for each, or a row a lane."""
+"""Gains as a controller takes them: one number for all joints or one for each; a `Batch` of such where lanes differ."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ import numpy as np
 
 from armwright.errors import ScenarioError
 from armwright.model import Model
+from armwright.parameters import Batch, lane_values
 from armwright.simulation.settings import shown
 
 
-def per_joint(arm: Model, law: str, name: str, value: Any, *, low: float = 0.0, limit: bool = False) -> np.ndarray:
-    """A gain as (n,), or as (lanes, n) where it was given a row a lane.
+def per_joint(arm: Model, law: str, name: str, value: Any, *, low: float = 0.0, limit: bool = False) -> Any:
+    """A gain as (n,), or a batch of such.
 
     Args:
         arm: the model.   law, name: who asks, for errors.
-        value: a number for all joints, (n,), (lanes, 1) or (lanes, n).
+        value: a number for all joints, (n,), or a `Batch` of either.
         low: the least that is allowed.   limit: whether it may be infinite, which None says too.
     Raises:
         ScenarioError: names the gain, its shape or value, and what was expected.
@@ -25,25 +26,28 @@ def per_joint(arm: Model, law: str, name: str, value: Any, *, low: float = 0.0, 
     n = arm.n
     value = np.inf if limit and value is None else value
     try:
-        array = np.asarray(value, dtype=float)
+        rows = np.asarray(lane_values(value))
+        array = None if rows.dtype.kind not in "iufO" else rows.astype(float)  # True would be a number to NumPy
     except (TypeError, ValueError):
         array = None
-    if array is None or np.asarray(value).dtype.kind not in "iufO":  # "20" and True would be numbers to NumPy
+    if array is None:
         raise ScenarioError(f"{law}: {name} = {shown(value)}: expected a number, or one for each joint")
-    if array.ndim > 2 or (array.ndim and array.shape[-1] not in ((n,) if array.ndim == 1 else (1, n))):
-        raise ScenarioError(
-            f"{law}: {name} has shape {array.shape}; expected one number, ({n},) or (lanes, {n}): {', '.join(arm.names)}"
-        )
-    rows = np.broadcast_to(array, (*array.shape[:-1], n)) if array.ndim else np.full(n, float(array))
+    if array.shape[1:] not in ((), (n,)):
+        told = f"one number or ({n},): {', '.join(arm.names)}; rows that differ by lane are a Batch"
+        raise ScenarioError(f"{law}: {name} has shape {array.shape[1:]}; expected {told}")
+    rows = np.array(np.broadcast_to(array.reshape(len(array), -1), (len(array), n)))
     wrong = ~(rows >= low) | (np.isinf(rows) & (not limit))
     if wrong.any():
-        at = tuple(np.argwhere(wrong)[0])
+        lane, joint = np.argwhere(wrong)[0]
         what = f"a number of {low:g} or more" if low == 0.0 else f"a number above {np.nextafter(low, 0):g}"
-        raise ScenarioError(f"{law}: {name} of joint {arm.names[at[-1]]!r} is {rows[at]:g}; expected {what}")
-    return np.ascontiguousarray(rows)
+        where = f" in lane {lane}" if isinstance(value, Batch) else ""
+        raise ScenarioError(
+            f"{law}: {name} of joint {arm.names[joint]!r}{where} is {rows[lane, joint]:g}; expected {what}"
+        )
+    return Batch(rows) if isinstance(value, Batch) else rows[0]
 
 
-def positive_limit(arm: Model, law: str, name: str, value: Any) -> np.ndarray:
+def positive_limit(arm: Model, law: str, name: str, value: Any) -> Any:
     """A limit as `per_joint` gives it, above 0; None: infinite."""
     return per_joint(arm, law, name, value, low=float(np.nextafter(0.0, 1.0)), limit=True)
 

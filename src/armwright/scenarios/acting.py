@@ -9,6 +9,7 @@ import numpy as np
 
 from armwright.errors import ScenarioError, nearest
 from armwright.model import Model
+from armwright.parameters import Batch, lane_values
 from armwright.scenarios.files import Files
 from armwright.scenarios.lanes import placed
 from armwright.scenarios.records import PayloadTable, Tensor
@@ -62,14 +63,14 @@ def vary_payload(name: str, column: np.ndarray, payloads: list[dict[str, Any]]) 
     key, entry, tensor = (None, None, None) if found is None else (found["key"], found["entry"], found["tensor"])
     whole = fields.get(FIELDS.get(str(key), ""))
     if key in ("time_s", "mass_kg") and entry is None and tensor is None:
-        fields[FIELDS[key]] = column
+        fields[FIELDS[key]] = Batch(column)
     elif key == "com_m" and entry is not None and int(entry) < 3 and whole is not None:
         fields["com"] = placed(whole, int(entry), column)
     elif key == "inertia_kg_m2" and tensor in ENTRIES and whole is not None:
-        rows = np.array(np.broadcast_to(whole, (len(column), 3, 3)))
+        rows = np.array(np.broadcast_to(lane_values(whole), (len(column), 3, 3)))
         i, j = ENTRIES[tensor]
         rows[:, i, j] = rows[:, j, i] = column
-        fields["inertia"] = rows
+        fields["inertia"] = Batch(rows)
     else:
         known = ["time_s", "mass_kg"]
         known += [f"com_m[{k}]" for k in range(3)] if fields["com"] is not None else []

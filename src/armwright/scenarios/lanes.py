@@ -11,6 +11,7 @@ from pydantic import BeforeValidator, Field, Strict, model_validator
 
 from armwright.description.quantity import Record
 from armwright.errors import ScenarioError
+from armwright.parameters import Batch, lane_values
 
 MOST_LANES = 10**8
 Number = Annotated[float, Strict()]  # no text, and no true or false
@@ -146,11 +147,11 @@ class Lanes(Record):
         return columns
 
 
-def placed(whole: Any, entry: int | None, column: np.ndarray) -> np.ndarray:
-    """A number, or one entry of several, that varies: (lanes,) or (lanes, k) with the other entries as they are."""
+def placed(whole: Any, entry: int | None, column: np.ndarray) -> Batch:
+    """A number, or one entry of several, that varies; the other entries stay as they are."""
     if entry is None:
-        return column
-    rows = np.atleast_2d(np.asarray(whole, dtype=float))
+        return Batch(column)
+    rows = np.asarray(lane_values(whole), dtype=float)
     rows = np.repeat(rows, len(column), axis=0) if len(rows) == 1 else rows.copy()
     rows[:, entry] = column
-    return rows
+    return Batch(rows)

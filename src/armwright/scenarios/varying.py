@@ -10,6 +10,7 @@ import numpy as np
 from armwright.errors import ScenarioError, nearest
 from armwright.model import Model
 from armwright.model.vary import Varied
+from armwright.parameters import Batch
 from armwright.scenarios.acting import vary_payload
 from armwright.scenarios.lanes import placed
 
@@ -33,7 +34,7 @@ def vary(name: str, column: np.ndarray, arm: Model, given: dict[str, Any], parts
             raise ScenarioError(f"lanes: no {name!r}; expected initial.q[0]{last}, or the same of initial.qd")
         given[key] = placed(np.zeros(arm.n) if given[key] is None else given[key], entry, column)
     elif head == "wrench":
-        if field or entry is None or entry > 5 or not isinstance(given["wrench"], np.ndarray):
+        if field or entry is None or entry > 5 or not isinstance(given["wrench"], (np.ndarray, Batch)):
             raise ScenarioError(f"lanes: no {name!r}; expected wrench[0] … wrench[5], beside six numbers of wrench")
         given["wrench"] = placed(given["wrench"], entry, column)
     elif head == "timing":
@@ -41,7 +42,7 @@ def vary(name: str, column: np.ndarray, arm: Model, given: dict[str, Any], parts
         if field not in parts["timing"] or entry is not None or field == "preset":
             known = [f"timing.{key}{'_s' * (key in TIMES)}" for key in parts["timing"] if key != "preset"]
             raise ScenarioError(f"lanes: no {name!r}; {nearest(name, known)}")
-        parts["timing"][field] = column
+        parts["timing"][field] = Batch(column)
     elif head == "controller":
         fields = parts["controller"] or {}
         if field not in fields:
@@ -52,12 +53,10 @@ def vary(name: str, column: np.ndarray, arm: Model, given: dict[str, Any], parts
         if entry is not None and entry >= arm.n:
             last = f" … controller.{field}[{arm.n - 1}]" if arm.n > 1 else ""
             raise ScenarioError(f"lanes: no {name!r}; expected controller.{field}[0]{last}")
-        if np.ndim(whole) == 0:
-            fields[field] = column.reshape(-1, 1) if entry is None else placed(np.full(arm.n, whole), entry, column)
-        elif entry is None:
-            fields[field] = np.multiply.outer(column, np.ones(arm.n))
+        if entry is None:
+            fields[field] = Batch(column)
         else:
-            fields[field] = placed(whole, entry, column)
+            fields[field] = placed(whole if np.ndim(whole) or isinstance(whole, Batch) else np.full(arm.n, whole), entry, column)
     elif head in parts:
         raise ScenarioError(
             f"lanes: {name!r} cannot differ by lane; expected a number of the robot, initial, timing, controller, wrench or "
@@ -69,4 +68,4 @@ def vary(name: str, column: np.ndarray, arm: Model, given: dict[str, Any], parts
         ).parameters  # refuses what is no number of the record, and lists those there are
         if len(parameters) > 1:
             raise ScenarioError(f"lanes: {name!r} is {len(parameters)} numbers; expected one, such as {name}[0]")
-        given["vary"] = {**given["vary"], name: column}
+        given["vary"] = {**given["vary"], name: Batch(column)}

@@ -49,7 +49,8 @@ def last_state(run: Any, plant: Plant) -> np.ndarray:
     Raises:
         ScenarioError: a state that the run has not recorded.
     """
-    x = plant.initial(last_row(run, "q"), last_row(run, "qd"))
+    start = zip(last_row(run, "q"), last_row(run, "qd"), strict=True)
+    x = np.array([plant.initial(q, qd) for q, qd in start], dtype=float)
     for part in plant.parts[2:]:
         if part.name not in run:
             if part.name == "brake":  # released until now: unloaded

@@ -12,8 +12,8 @@ import numpy as np
 from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.model.vary import Varied
-from armwright.simulation.acting.inputs import Held, Told, brake_of, by_name, held, lanes_of, numbers_of, wrench_of
-from armwright.simulation.acting.payload import lanes_of as payload_lanes
+from armwright.parameters import Batch, check_counts, lane_counts, lane_values
+from armwright.simulation.acting.inputs import Held, Told, brake_of, held, numbers_of, schedules_of, wrench_of
 from armwright.simulation.acting.payload import payload_of
 from armwright.simulation.acting.schedule import Schedule
 from armwright.simulation.continued import last_row
@@ -26,7 +26,9 @@ from armwright.simulation.sampling.timing import Timing
 from armwright.simulation.scenario_checks import check_scenario, is_time
 
 MOST_STEPS = 2**53
-LANED = ("schedule", "command", "q0", "qd0", "initial_command", "wrench", "brake")  # that may be told a row a lane
+BATCHED = (  # fields that may hold batches
+    *("schedule", "command", "q0", "qd0", "initial_command", "wrench", "brake", "payload", "timing", "vary", "reference"),
+)
 STEP = 1e-3  # [s] of an integrator that is not told another
 
 
@@ -34,28 +36,31 @@ STEP = 1e-3  # [s] of an integrator that is not told another
 class Scenario:
     """An arm, what drives it, from where, and for how long.
 
+    Lanes are simulations side by side that differ in some values. Such a value is given as a `Batch`: commands, schedules,
+    references, gains of a controller, initial states, delays, payloads, wrenches, brakes, and numbers of the record in `vary`.
+
     Args:
         arm: the model.
         duration: [s]; by default the time of the schedule's last row.
         step: [s] of the integrator, default 1 ms; with a `sample_period` it is that over `substeps`.
-        schedule: commands over time, held between rows; several of them run as lanes.
-        command: (n,) constant commands, each in its joint's own unit [V | A | N m | N]; (lanes, n) runs lanes.
+        schedule: commands over time, held between rows.
+        command: (n,) constant commands, each in its joint's own unit [V | A | N m | N].
         controller: a control law instead: a plain function (t, r, y) → u, or a `Controller` with memory.
         reference: where the controller is to bring the arm: a pose, rows, a Schedule of poses or a function of time;
             default: the initial position. Without a controller it is what `reduce` measures errors from.
         sample_period: [s] of the controller.   substeps: integration steps in each of its periods.
         sensors, shaping, timing: what is measured and how, what becomes of commands, and when; default: exactly and at once.
         initial_command: (n,) in force before the first tick; default: what holds the arm, within its drives' limits.
-        vary: numbers of the record by name, (lanes,) each, or one for all: `{"link6.mass_kg": [0.1, 0.2]}`.
-        wrench: of the environment on the tip, in base axes: (6,) [N, N m], (lanes, 6), or a Schedule with the columns
+        vary: numbers of the record by name: `{"link6.mass_kg": Batch([0.1, 0.2])}`.
+        wrench: of the environment on the tip, in base axes: (6,) [N, N m], or a Schedule with the columns
             `inputs.WRENCH`, held from row to row and landed on.
         payload: what the hand takes up and puts down: a `Payload` or several, in the order of their times.
         brake: 1 where the holding brakes of the record are applied, 0 where they are released: one for all, (brakes,),
-            (lanes, brakes), or a Schedule with a column for every joint that has one; absent: released.
+            or a Schedule with a column for every joint that has one; absent: released.
         seed: of noise, jitter and losses.
         document: the scenario file that it was read from, with all it named; a run keeps it, to be done again. None of what
             was made in Python, and of a copy that `dataclasses.replace` has changed.
-        q0: (n,) or (lanes, n) [rad | m], default 0.   qd0: the same [rad/s | m/s].
+        q0: (n,) [rad | m], default 0.   qd0: the same [rad/s | m/s].
         initial: a run in whose last row the plant begins instead, with all its states (motors behind elastic gears, currents,
             bristles, temperatures, bus) and the command then in force; time, controller and sensors begin anew.
         integrator: a name of `integrators.RULES`: "rk3", "rk4", "semi_implicit_euler"; "rk45", which chooses its own steps
@@ -75,7 +80,7 @@ class Scenario:
     arm: Model
     duration: float | None = None
     step: float | None = None
-    schedule: Schedule | Sequence[Schedule] | None = None
+    schedule: Schedule | Batch | None = None
     command: Any = None
     q0: Any = None
     qd0: Any = None
@@ -115,10 +120,7 @@ class Scenario:
         if self.controller is not None:
             return []
         if self.schedule is not None:
-            given = list(self.schedule) if isinstance(self.schedule, (list, tuple)) else [self.schedule]
-            if not given:
-                raise ScenarioError("schedule has no lanes; expected at least one")
-            return [by_name("schedule", schedule, self.arm.names) for schedule in given]
+            return schedules_of("schedule", self.schedule, self.arm.names)
         return held("command", self.command, self.arm.names)
 
     @property
@@ -193,19 +195,13 @@ class Scenario:
     def lanes(self) -> int | None:
         """Number of lanes, None for a single run without a lane axis."""
         counts: dict[str, int] = {}
-        told = {name: lanes_of(getattr(self, name)) for name in LANED}
-        told["payload"] = payload_lanes(self.payload)
-        told["initial"] = None if self.initial is None else self.initial.sizes.get("lane")
-        counts |= {name: lanes for name, lanes in told.items() if lanes is not None}
-        counts |= self.timing.lanes
-        counts |= {f"vary {name!r}": len(value) for name, value in self.vary.items() if self._rows(name, value)}
-        if self.law is not None and self.law.lanes is not None:
-            counts["controller"] = self.law.lanes
-        if len(set(counts.values())) > 1:
-            raise ScenarioError(f"lanes do not fit together: {', '.join(f'{v} of {k}' for k, v in counts.items())}")
-        if counts and next(iter(counts.values())) == 0:
-            raise ScenarioError(f"{next(iter(counts))} has no lanes; expected at least one")
-        return next(iter(counts.values()), None)
+        for name in BATCHED:
+            counts |= lane_counts(getattr(self, name), name)
+        if self.initial is not None and "lane" in self.initial.sizes:
+            counts["initial"] = self.initial.sizes["lane"]
+        if self.law is not None and self.law.varying:
+            counts["controller"] = len(self.law.values)
+        return check_counts(counts)
 
     @cached_property
     def law(self) -> Law | None:
@@ -223,26 +219,23 @@ class Scenario:
         if self.varied is None:
             return np.zeros((1, 0))
         rows = self.lanes or 1
-        columns = [np.asarray(value, dtype=float) for value in self.vary.values()]
-        wide = [
-            c.reshape(-1, 1) if c.ndim == 1 and len(c) == rows and self.lanes else np.atleast_2d(c) for c in columns
-        ]
-        values = np.concatenate([np.broadcast_to(c, (rows, c.shape[1])) for c in wide], axis=1)
+        columns = [self._column(name, value) for name, value in self.vary.items()]
+        values = np.concatenate([np.broadcast_to(c, (rows, c.shape[1])) for c in columns], axis=1)
         self.varied.check(values)
         return values
 
-    def _rows(self, name: str, value: Any) -> bool:
-        """Whether a varied parameter is given a row a lane: (lanes,) of one number, (lanes, k) of several."""
+    def _column(self, name: str, value: Any) -> np.ndarray:
+        """(lanes or 1, k) of a varied parameter that is k numbers."""
         try:
-            numbers_ = np.asarray(value, dtype=float)
+            rows = np.asarray(lane_values(value), dtype=float)
         except (TypeError, ValueError):
             raise ScenarioError(f"vary: {name} = {value!r}: expected numbers") from None
         k = len(Varied(self.arm, [name]).parameters)
-        own = () if k == 1 else (k,)
-        if numbers_.shape not in (own, (*np.shape(numbers_)[:1], *own)):
+        if rows.shape[1:] != (() if k == 1 else (k,)):
             expected = "one number" if k == 1 else f"{k} numbers"
-            raise ScenarioError(f"vary: {name} has shape {numbers_.shape}; expected {expected}, or as many a lane")
-        return numbers_.shape != own
+            more = "; those of lanes are a Batch" if rows.ndim == 2 and not isinstance(value, Batch) else ""
+            raise ScenarioError(f"vary: {name} has shape {rows.shape[1:]}; expected {expected}{more}")
+        return rows.reshape(len(rows), k)
 
     @cached_property
     def initial_state(self) -> np.ndarray:
@@ -250,7 +243,7 @@ class Scenario:
         if self.initial is not None:
             parts = [last_row(self.initial, name) for name in ("q", "qd")]
         else:
-            parts = [np.atleast_2d(self._vectors(name, getattr(self, name))) for name in ("q0", "qd0")]
+            parts = [self._vectors(name, getattr(self, name)) for name in ("q0", "qd0")]
         rows = self.lanes or 1
         return np.concatenate([np.broadcast_to(part, (rows, self.arm.n)) for part in parts], axis=1)
 
@@ -258,7 +251,7 @@ class Scenario:
     def first_command(self) -> np.ndarray | None:
         """(lanes or 1, n) in force before the first tick; None: what holds the arm."""
         if self.initial_command is not None:
-            return np.atleast_2d(numbers_of("initial_command", self.initial_command, self.arm.names))
+            return numbers_of("initial_command", self.initial_command, self.arm.names)
         if self.initial is None:
             return None
         last = last_row(self.initial, "u")
@@ -266,5 +259,5 @@ class Scenario:
 
     def _vectors(self, name: str, value: Any) -> np.ndarray:
         if value is None:
-            return np.zeros(self.arm.n)
+            return np.zeros((1, self.arm.n))
         return numbers_of(name, value, self.arm.names)

@@ -10,8 +10,10 @@ import numpy as np
 
 from armwright.errors import ScenarioError
 from armwright.kernels.loop import Lanes
-from armwright.simulation.acting.inputs import Held, rows_of
+from armwright.parameters import Batch
+from armwright.simulation.acting.inputs import Held, held, rows_of
 from armwright.simulation.acting.landing import held_values, landing_rows
+from armwright.simulation.acting.schedule import Schedule
 from armwright.simulation.acting.references import reference_rows
 from armwright.simulation.beginning import Beginning
 from armwright.simulation.compiled import Simulator
@@ -28,6 +30,7 @@ from armwright.simulation.results.reducers import Reduction, check_known
 from armwright.simulation.sampling.called_law import CalledLaw
 from armwright.simulation.sampling.cycle import plant_derivative, plant_watched
 from armwright.simulation.sampling.tick_parts import Parts, Sampling
+from armwright.simulation.sampling.law import Law
 from armwright.simulation.sampling.timing import Delays
 from armwright.simulation.scenario import Scenario
 
@@ -46,7 +49,6 @@ class ScenarioRun:
             reference that is another one in every lane.
         reference: (ticks + 1, 3n) what all lanes follow; None: each its own, or nobody asks.
         final: (lanes or 1, n) its last position.   carried: (lanes or 1, 10 hands) at the beginning.
-        continued: (lanes or 1, size) where a run went on from here; None: at rest as `Plant.initial` says.
         notes: what a user should know of how it is run.
         ending: of a single run, when it is over: what the controller remembers and what it had commanded before the last row.
         untraced: why the controller runs in Python; None where it is compiled, or there is none.
@@ -62,9 +64,10 @@ class ScenarioRun:
         self.reduction = Reduction.of(scenario.reduce, self.arm.n) if scenario.reduce else None
         self.reference, self.final = self._reference()
         parts = self._parts()
-        self.beginning = None if self.law is None else Beginning(scenario, parts, self.law)
-        if self.beginning is not None:
-            parts = replace(parts, sampling=self._sampling(self.beginning))
+        continued = None if scenario.initial is None else last_state(scenario.initial, parts.bare)
+        self.beginning = Beginning(scenario, parts, self.law, continued)
+        if self.law is not None:
+            parts = replace(parts, sampling=self._sampling(self.law, self.beginning))
         self.simulator = simulator or Simulator.of(parts, scenario.target, told=scenario.record == "all")
         self.parts, self.loops, self.plant = self.simulator.parts, self.simulator.loops, self.simulator.parts.bare
         self.untraced = self.simulator.cycle.untraced
@@ -75,7 +78,6 @@ class ScenarioRun:
                 f"controller {self.law.name!r} is not compiled ({self.untraced}): called in Python once a tick{lanes}, "
                 "which is slower"
             )
-        self.continued = None if scenario.initial is None else last_state(scenario.initial, self.plant)
         self.carried = held_values(self.held.get("payload", np.zeros((1, 0))), np.zeros(1), self.period)[:, 0]
         self.rows = {name: landing_rows(held, self.period) for name, held in self.held.items()}
         self.solver = self._solver() if scenario.integrator == "cvodes" else None
@@ -88,6 +90,8 @@ class ScenarioRun:
         start = scenario.initial_state[:, :n]
         if self.law is None and self.reduction is None:
             return None, start
+        if isinstance(scenario.reference, Batch):
+            return None, self._lane_references(scenario.reference)
         if scenario.reference is None and (start != start[0]).any():  # every lane stays where it began
             self.held["r"] = np.concatenate([start, np.zeros((len(start), 2 * n))], axis=1)
             return None, start
@@ -101,6 +105,19 @@ class ScenarioRun:
                 "there is memory for; expected a shorter run"
             ) from None
         return rows, rows[-1:, :n]
+
+    def _lane_references(self, given: Batch) -> np.ndarray:
+        """Poses or schedules of poses, one for each lane; returns where they end (lanes, n)."""
+        n = self.arm.n
+        rows = held("reference", given, self.arm.names)
+        if isinstance(rows, np.ndarray):
+            self.held["r"] = np.concatenate([rows, np.zeros((len(rows), 2 * n))], axis=1)
+            return rows
+        names = [f"{column}{k}" for column in ("q", "qd", "qdd") for k in range(n)]
+        self.held["r"] = [
+            Schedule(each.times, np.pad(each.commands, ((0, 0), (0, 2 * n))), tuple(names)) for each in rows
+        ]
+        return held_values(rows, np.array([float(self.ticks)]), self.period)[:, 0]
 
     def _parts(self) -> Parts:
         """What a tick is made of, but for what a controller adds."""
@@ -125,11 +142,11 @@ class ScenarioRun:
             apart="r" in self.held,
         )
 
-    def _sampling(self, beginning: Beginning) -> Sampling:
+    def _sampling(self, law: Law, beginning: Beginning) -> Sampling:
         scenario = self.scenario
         delays = Delays.of(scenario.timing, self.period)
         parts = (scenario.sensors, scenario.shaping, delays, self.period, beginning.untraced)
-        return Sampling(beginning.law, beginning.states, *parts)
+        return Sampling(law, beginning.states, *parts)
 
     def _solver(self) -> Cvodes:
         """CVODES for the plant."""
@@ -140,23 +157,16 @@ class ScenarioRun:
 
     def begin(self, lanes: Lanes) -> None:
         """Fills the blocks of a group of lanes with what is there before the first tick."""
-        scenario, n = self.scenario, self.arm.n
+        scenario = self.scenario
         for loop in self.loops:
             loop.extend(lanes)
         if self.solver is not None:
             self.solver.extend(lanes)
-        if self.continued is None:
-            start = lanes.own(scenario.initial_state)
-            x = self.plant.initial(start[:, :n], start[:, n:])
-        else:
-            x = lanes.own(self.continued)
-        values = {"x": x, "p": lanes.own(scenario.parameters), "q_first": self.plant.part(x, "q")}
-        values["r_final"] = lanes.own(self.final)
+        values = self.beginning.blocks(lanes, lanes.own(self.carried), self.parts.sampling)
+        x = values["x"]
+        values |= {"p": lanes.own(scenario.parameters), "q_first": self.plant.part(x, "q"), "r_final": lanes.own(self.final)}
         if self.reduction is not None:
             values["reduced"] = self.reduction.begin()
-        if self.beginning is not None:
-            assert self.parts.sampling is not None
-            values |= self.beginning.blocks(lanes, x, lanes.own(self.carried), self.parts.sampling)
         for name, given in values.items():
             if name in lanes.blocks:
                 lanes.set(name, given)
@@ -172,7 +182,7 @@ class ScenarioRun:
 
     def advance(self, lanes: Lanes, tick: int, last: int, record: np.ndarray | None, every: int) -> None:
         """Takes a group of lanes from tick to tick; behind the last one, what is recorded there."""
-        if last == self.ticks and self.beginning is not None and self.scenario.lanes is None:
+        if last == self.ticks and self.law is not None and self.scenario.lanes is None:
             self._take(lanes, tick, last, record, every)
             known = {"controller_memory": "s", "command_before": "u"}
             self.ending = {name: lanes.get(block)[0].copy() for name, block in known.items() if block in lanes.blocks}

@@ -9,6 +9,7 @@ import numpy as np
 
 from armwright.errors import ScenarioError, nearest
 from armwright.model import Model
+from armwright.parameters import Batch
 
 Fits = Callable[[np.ndarray], np.ndarray]
 
@@ -19,13 +20,16 @@ def check_numbers(place: str, name: str, value: Any, fits: Fits, expected: str, 
     Args:
         place, name: of the setting, for errors.   value: as it was given.
         fits: (k,) floats → (k,) whether each is one that may be.   expected: what is expected, in words.
-        among: what there may be one for each of, "joint" or "lane"; None: a single number alone.
+        among: what there may be one for each of, "joint" or, in a `Batch`, "lane"; None: a single number alone.
     Raises:
         ScenarioError: names the place, the first wrong number and what was expected.
     """
     more = "" if among is None else f", or one for each {among}"
     try:
-        numbers = np.asarray(value)
+        numbers = value.values if isinstance(value, Batch) and among == "lane" else np.asarray(value)
+        if among == "lane" and numbers.ndim and not isinstance(value, Batch):
+            raise ScenarioError(f"{place}: {name} = {shown(value)}: expected {expected}, or a Batch of such")
+        numbers = np.asarray(numbers)
     except ValueError:  # rows of unequal length
         numbers = np.asarray(None)
     if numbers.dtype.kind not in "iuf" or numbers.ndim > (among is not None):

@@ -1,6 +1,6 @@
 """What is done to an arm over time, held from row to row: commands, a wrench on its tip, its brakes.
 
-Each is told in one of the same ways: a `Schedule`, several as lanes, or constant numbers, a row a lane.
+Each is given in one of the same ways: a `Schedule`, or constant numbers; a `Batch` of either for lanes.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 
 from armwright.errors import ScenarioError
 from armwright.model import Model
+from armwright.parameters import Batch, lane_values
 from armwright.simulation.acting.schedule import Schedule
 
 
@@ -34,28 +35,28 @@ WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")  # [N] and [N m], in base axes
 
 
 def numbers_of(name: str, value: Any, columns: Sequence[str]) -> np.ndarray:
-    """(k,) or (lanes, k) finite numbers, one for each of k columns.
+    """(lanes or 1, k) finite numbers, one for each of k columns; a row a lane of a `Batch`.
 
     Raises:
         ScenarioError: names the field, and what its columns are.
     """
     n, told = len(columns), ", ".join(columns)
     try:
-        array = np.asarray(value, dtype=float)
+        rows = np.asarray(lane_values(value), dtype=float)
     except (TypeError, ValueError):
         raise ScenarioError(f"{name} = {value!r}: expected {n} numbers") from None
-    if array.shape[-1:] != (n,) or array.ndim > 2:
-        raise ScenarioError(f"{name} has shape {array.shape}, expected ({n},) or (lanes, {n}): {told}")
-    if not np.isfinite(array).all():
-        raise ScenarioError(f"{name} holds {array[~np.isfinite(array)][0]}, expected finite numbers")
-    return array
+    if rows.shape[1:] != (n,):
+        more = "; rows that differ by lane are a Batch" if rows.ndim == 3 and rows.shape[2] == n else ""
+        lane = " in each lane" if isinstance(value, Batch) else ""
+        raise ScenarioError(f"{name} has shape {rows.shape[1:]}{lane}, expected ({n},): {told}{more}")
+    if not np.isfinite(rows).all():
+        raise ScenarioError(f"{name} holds {rows[~np.isfinite(rows)][0]}, expected finite numbers")
+    return rows
 
 
 def is_scheduled(value: Any) -> bool:
-    """Whether an input is told by a schedule or several, not by numbers."""
-    return isinstance(value, Schedule) or (
-        isinstance(value, (list, tuple)) and any(isinstance(each, Schedule) for each in value)
-    )
+    """Whether an input is given by a schedule or a batch of schedules, not by numbers."""
+    return isinstance(value, Schedule) or (isinstance(value, Batch) and value.shape is None)
 
 
 def held(name: str, value: Any, columns: Sequence[str]) -> Told:
@@ -67,8 +68,17 @@ def held(name: str, value: Any, columns: Sequence[str]) -> Told:
         ScenarioError: names the field, its value and what was expected.
     """
     if not is_scheduled(value):
-        return np.atleast_2d(numbers_of(name, value, columns))
-    return [by_name(name, each, columns) for each in ([value] if isinstance(value, Schedule) else value)]
+        return numbers_of(name, value, columns)
+    return schedules_of(name, value, columns)
+
+
+def schedules_of(name: str, value: Any, columns: Sequence[str]) -> list[Schedule]:
+    """One schedule for all lanes, or one a lane of a `Batch`, with their columns in this order.
+
+    Raises:
+        ScenarioError: anything else.
+    """
+    return [by_name(name, each, columns) for each in (value.values if isinstance(value, Batch) else [value])]
 
 
 def rows_of(held: Held) -> np.ndarray:
@@ -76,16 +86,6 @@ def rows_of(held: Held) -> np.ndarray:
     if isinstance(held, LaneRows):
         return held.values.reshape(-1, held.values.shape[2])
     return held if isinstance(held, np.ndarray) else np.concatenate([schedule.commands for schedule in held])
-
-
-def lanes_of(value: Any) -> int | None:
-    """How many lanes an input is told for; None: for all alike."""
-    if isinstance(value, Schedule) or value is None:
-        return None
-    try:
-        return len(value) if is_scheduled(value) or np.ndim(value) == 2 else None
-    except ValueError:  # rows of unequal length, refused where they are read
-        return None
 
 
 def by_name(name: str, schedule: Any, columns: Sequence[str]) -> Schedule:
@@ -125,8 +125,11 @@ def brake_of(arm: Model, value: Any) -> Told:
     braked = [body.joint for body in arm.coordinates if body.brake is not None]
     if not braked:
         raise ScenarioError(f"brake: no joint of {arm.name} has a brake in its record")
-    single = not is_scheduled(value) and np.ndim(value) == 0
-    applied = held("brake", [value] * len(braked) if single else value, braked)
+    if isinstance(value, Batch) and value.shape == ():
+        value = Batch(np.repeat(value.values[:, None], len(braked), axis=1))
+    elif not isinstance(value, (Batch, Schedule)) and np.ndim(value) == 0:
+        value = [value] * len(braked)
+    applied = held("brake", value, braked)
     rows = rows_of(applied)
     odd = (rows != 0.0) & (rows != 1.0)
     if odd.any():

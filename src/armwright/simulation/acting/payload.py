@@ -16,6 +16,7 @@ from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.model.model import BASE, TENSOR
 from armwright.model.plausibility import IMPOSSIBLE
+from armwright.parameters import Batch, check_counts, lane_counts, lane_values
 from armwright.simulation.acting.inputs import LaneRows
 from armwright.spatial import displaced_inertia
 
@@ -31,7 +32,7 @@ class Payload:
         inertia: (3, 3) [kg m²] about the centre of mass, in the frame's axes, or three principal moments; zeros for a point mass.
         frame: name of the frame that carries it; by default the tip.
 
-    Time, mass, com and inertia may differ by lane: (lanes,), (lanes,), (lanes, 3) and (lanes, 3, 3).
+    Time, mass, com and inertia may each be a `Batch`, one value a lane.
     """
 
     time: Any
@@ -53,29 +54,11 @@ def payload_of(arm: Model, payloads: Any) -> tuple[tuple[str, ...], LaneRows]:
         raise ScenarioError(f"payload = {payloads!r}: expected Payload(time, mass, com, inertia), or a list of them")
     at = [_frame(arm, k, each) for k, each in enumerate(told)]
     times, loads = zip(*(_load(k, each) for k, each in enumerate(told)), strict=True)
-    lanes, frames = lanes_of(told) or 1, tuple(dict.fromkeys(at))
+    lanes, frames = check_counts(lane_counts(told, "payload")) or 1, tuple(dict.fromkeys(at))
     time = np.stack([np.broadcast_to(each, lanes) for each in times], axis=1)
     load = np.stack([np.broadcast_to(each, (lanes, 10)) for each in loads], axis=1)
     _check_order(at, time)
     return frames, _rows(time, load, np.array([frames.index(frame) for frame in at]), len(frames))
-
-
-def lanes_of(payloads: Any) -> int | None:
-    """How many lanes they are told for; None: for all alike.
-
-    Raises:
-        ScenarioError: different numbers of lanes.
-    """
-    found: dict[str, int] = {}
-    for k, each in enumerate([payloads] if isinstance(payloads, Payload) else payloads or ()):
-        shared = {"time": 0, "mass": 0, "com": 1, "inertia": 2}
-        for name, dimensions in shared.items():
-            value = getattr(each, name)
-            if value is not None and np.ndim(value) > dimensions:
-                found[f"payload[{k}].{name}"] = len(value)
-    if len(set(found.values())) > 1:
-        raise ScenarioError(f"lanes do not fit together: {', '.join(f'{v} of {k}' for k, v in found.items())}")
-    return next(iter(found.values()), None)
 
 
 def _frame(arm: Model, k: int, payload: Payload) -> str:
@@ -88,8 +71,8 @@ def _frame(arm: Model, k: int, payload: Payload) -> str:
 
 def _load(k: int, payload: Payload) -> tuple[np.ndarray, np.ndarray]:
     """When it is taken up, (lanes or 1,), and its numbers (lanes or 1, 10)."""
-    time = _numbers(k, "time", payload.time, (), "a time of 0 s or more, or one a lane")
-    mass = _numbers(k, "mass", payload.mass, (), "a mass of 0 kg or more, or one a lane")
+    time = _numbers(k, "time", payload.time, (), "a time of 0 s or more")
+    mass = _numbers(k, "mass", payload.mass, (), "a mass of 0 kg or more")
     for name, values, unit in (("time", time, "s"), ("mass", mass, "kg")):
         if (values < 0.0).any():
             lane = int(np.argmax(values < 0.0))
@@ -99,7 +82,7 @@ def _load(k: int, payload: Payload) -> tuple[np.ndarray, np.ndarray]:
         if (mass > 0.0).any():
             raise ScenarioError(f"payload[{k}]: {absent} is missing; expected one beside a mass above 0")
         return time, np.zeros((1, 10))
-    com = _numbers(k, "com", payload.com, (3,), "three numbers [m], or three a lane")
+    com = _numbers(k, "com", payload.com, (3,), "three numbers [m]")
     tensor = _tensor(k, payload.inertia)
     _check_tensor(k, tensor, mass)
     rows = max(len(mass), len(com), len(tensor))
@@ -111,21 +94,20 @@ def _load(k: int, payload: Payload) -> tuple[np.ndarray, np.ndarray]:
 def _numbers(k: int, name: str, value: Any, shape: tuple[int, ...], expected: str) -> np.ndarray:
     """(lanes or 1, *shape) finite numbers."""
     try:
-        found = np.asarray(value, dtype=float)
+        found = np.asarray(lane_values(value), dtype=float)
     except (TypeError, ValueError):
-        found = np.full((0,) * (len(shape) + 2), np.nan)
-    fits = found.ndim - len(shape) in (0, 1) and found.shape[found.ndim - len(shape) :] == shape and found.size
-    if not fits or not np.isfinite(found).all():
-        raise ScenarioError(f"payload[{k}].{name} = {value!r:.80}: expected {expected}")
-    return found.reshape(-1, *shape)
+        found = np.zeros(0)
+    if found.shape[1:] != shape or not found.size or not np.isfinite(found).all():
+        raise ScenarioError(f"payload[{k}].{name} = {value!r:.80}: expected {expected}, or a Batch of such")
+    return found
 
 
 def _tensor(k: int, value: Any) -> np.ndarray:
     """(lanes or 1, 3, 3), symmetric."""
-    expected = "a symmetric (3, 3) tensor or three moments [kg m²], zeros for a point mass, or a tensor a lane"
-    moments = np.shape(value) == (3,)
+    expected = "a symmetric (3, 3) tensor or three moments [kg m²], zeros for a point mass"
+    moments = (value.shape if isinstance(value, Batch) else np.shape(value)) == (3,)
     tensor = _numbers(k, "inertia", value, (3,) if moments else (3, 3), expected)
-    tensor = tensor[0] * np.eye(3)[None] if moments else tensor
+    tensor = tensor[:, None, :] * np.eye(3) if moments else tensor
     turned = tensor.transpose(0, 2, 1)
     if not np.allclose(tensor, turned, rtol=1e-9, atol=0.0):
         raise ScenarioError(f"payload[{k}].inertia = {value!r:.80}: expected {expected}")

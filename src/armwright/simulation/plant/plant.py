@@ -182,22 +182,18 @@ class Plant(PlantReadings):
     def _programs(self) -> dict[tuple[bool, bool], PlantProgram]:
         return {}
 
-    def initial(self, q: Any, qd: Any) -> np.ndarray:
+    def initial(self, q: Array, qd: Array) -> np.ndarray:
         """A state to begin in: motors where their links are, no current, ambient temperature, the bus full; bristles bent as
         in steady sliding, straight at rest, brakes unloaded.
 
         Args:
-            q: (…, n) [rad | m].   qd: (…, n) [rad/s | m/s].
+            q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
         Returns:
-            x: (…, size).
+            x: (size,).
         """
-        q, qd = np.broadcast_arrays(np.asarray(q, dtype=float), np.asarray(qd, dtype=float))
-        if len(self.parts) == 2:
-            return np.concatenate([q, qd], axis=-1)
-        q, qd = np.moveaxis(q, -1, 0), np.moveaxis(qd, -1, 0)
-        values = at_rest(self.model, q, qd, to_motors(self._shares, q), to_motors(self._shares, qd))
-        rows = [values[part.name][k] for part in self.parts for k in part.joints or (0,)]
-        return np.stack([np.broadcast_to(np.asarray(row, dtype=float), q.shape[1:]) for row in rows], axis=-1)
+        motor, motor_speed = to_motors(self._shares, q), to_motors(self._shares, qd)
+        values = at_rest(self.model, q, qd, motor, motor_speed)
+        return scalar.array([values[part.name][k] for part in self.parts for k in part.joints or (0,)])
 
 
 def _is_zero(value: Scalar) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
@@ -12,6 +13,7 @@ from armwright import scalar
 from armwright.errors import HiddenStateError, ScenarioError
 from armwright.kernels.stages import NEXT
 from armwright.model import Model
+from armwright.parameters import Batch, check_counts
 from armwright.program import Program, trace
 from armwright.scalar import Array
 from armwright.simulation.sampling.protocols import ControlLaw, Measurement, Reference, called
@@ -22,16 +24,21 @@ TAKEN = {"init": ("arm", "y"), "step": ("t", "r", "y", "s"), "": ("t", "r", "y")
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """A controller, taken apart: what varies by lane, and how long its state is."""
+    """A controller, taken apart: the fields that vary by lane, and the control law of one lane.
+
+    Attributes:
+        control: the controller.   varying: fields of it that are batches.   shapes: of one lane's value of each.
+        values: (lanes, k) of them, side by side; (1, 0) where nothing varies.
+    """
 
     control: ControlLaw
-    varying: tuple[str, ...]  # its fields that are given a row a lane
-    sizes: tuple[int, ...]
-    values: np.ndarray  # (lanes, sum of sizes)
+    varying: tuple[str, ...]
+    shapes: tuple[tuple[int, ...], ...]
+    values: np.ndarray
 
     @classmethod
     def of(cls, control: ControlLaw, arm: Model, period: float) -> Law:
-        """A plain function, or a frozen dataclass some of whose fields are (lanes, k) arrays; `fitted` where it can be.
+        """A plain function, or a frozen dataclass some of whose fields may be batches; `fitted` where it can be.
 
         Raises:
             ScenarioError: no controller, or one that takes other arguments; lanes of its gains that do not fit together.
@@ -39,16 +46,14 @@ class Law:
         _check_law(control)
         if hasattr(control, "fitted"):
             control = control.fitted(arm, period)
-        rows = {}
+        rows: dict[str, np.ndarray] = {}
         if is_dataclass(control) and not isinstance(control, type):
-            rows = {f.name: np.asarray(getattr(control, f.name)) for f in fields(control)}
-            rows = {name: value for name, value in rows.items() if value.ndim == 2 and value.dtype.kind in "fiu"}
-        counts = {len(value) for value in rows.values()}
-        if len(counts) > 1:
-            told = ", ".join(f"{len(value)} of {name}" for name, value in rows.items())
-            raise ScenarioError(f"controller {called(control)!r}: lanes do not fit together: {told}")
-        values = np.concatenate([*rows.values()], axis=1).astype(float) if rows else np.zeros((1, 0))
-        return cls(control, tuple(rows), tuple(value.shape[1] for value in rows.values()), values)
+            given = {f.name: getattr(control, f.name) for f in fields(control)}
+            rows = {name: _numbers(control, name, value) for name, value in given.items() if isinstance(value, Batch)}
+        check_counts({f"controller {called(control)!r}: {name}": len(value) for name, value in rows.items()})
+        flat = [value.reshape(len(value), -1) for value in rows.values()]
+        values = np.concatenate(flat, axis=1) if rows else np.zeros((1, 0))
+        return cls(control, tuple(rows), tuple(value.shape[1:] for value in rows.values()), values)
 
     @property
     def name(self) -> str:
@@ -69,8 +74,17 @@ class Law:
         """The controller of one lane."""
         if not self.varying:
             return self.control
-        parts = np.split(np.asarray(c, dtype=object), np.cumsum(self.sizes)[:-1])
-        return replace(self.control, **{n: scalar.array(part) for n, part in zip(self.varying, parts, strict=True)})
+        return replace(self.control, **self._fields(np.asarray(c, dtype=object)))
+
+    def _fields(self, rows: np.ndarray) -> dict[str, Any]:
+        """The varying fields from (…, k) values."""
+        ends = np.cumsum([math.prod(shape) for shape in self.shapes])
+        parts = np.split(rows, ends[:-1], axis=-1)
+        found = {
+            name: scalar.array(part.reshape(*rows.shape[:-1], *shape))
+            for name, part, shape in zip(self.varying, parts, self.shapes, strict=True)
+        }
+        return {name: value if value.ndim else value[()] for name, value in found.items()}
 
     def initial(self, arm: Model, y: Measurement, c: Array) -> np.ndarray:
         """Its state before the first tick (k,)."""
@@ -96,10 +110,18 @@ class Law:
 
     def of_group(self, first: int, count: int) -> ControlLaw:
         """The controller of some lanes at once, whose gains are (count, k)."""
-        if not self.varying:
-            return self.control
-        parts = np.split(self.values[first : first + count], np.cumsum(self.sizes)[:-1], axis=1)
-        return replace(self.control, **dict(zip(self.varying, parts, strict=True)))
+        return replace(self.control, **self._fields(self.values[first : first + count])) if self.varying else self.control
+
+
+def _numbers(control: ControlLaw, name: str, value: Batch) -> np.ndarray:
+    """(lanes, …) numbers of a field.
+
+    Raises:
+        ScenarioError: other values.
+    """
+    if value.shape is None:
+        raise ScenarioError(f"controller {called(control)!r}: {name} = {value!r}: expected numbers")
+    return value.values.astype(float)
 
 
 def hidden_state(name: str) -> ScenarioError:

@@ -35,7 +35,8 @@ class Measurement:
 class Controller(Protocol):
     """A control law with memory: `init` gives its state at the beginning, `step` what it commands and its next state.
 
-    A law without memory may be a plain function (t, r, y) → u. Fields of a dataclass that are (lanes, n) arrays are a row a lane.
+    A law without memory may be a plain function (t, r, y) → u. Fields of a dataclass may be of any shape; one that is
+    given as a `Batch` has a value a lane, and `init` and `step` see that of their lane.
     One that depends on the sample period, or checks its gains, may have `fitted(arm, period) → Controller`, asked first.
     One that has `vectorised = True` is not traced, but called in Python with all lanes at once: arrays are then (lanes, n).
     """

@@ -19,6 +19,7 @@ import numpy as np
 from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.kernels.stages import NEVER
+from armwright.parameters import lane_values
 from armwright.scalar import Array, Scalar
 from armwright.simulation.settings import check_choice, check_numbers
 
@@ -35,7 +36,7 @@ MOST_JITTER, UNDER_WAY = 64, "so many commands may be under way at once, and eac
 
 @dataclass(frozen=True)
 class Timing:
-    """Delays of the control loop; each number may be one for all lanes, or (lanes,).
+    """Delays of the control loop; each number may be a `Batch`, one for each lane.
 
     Args:
         preset: "ideal", "one-tick" or "sync": when a command acts if nothing delays it further.
@@ -68,12 +69,6 @@ class Timing:
 
         check_numbers("timing", TIMES.get(name, name), getattr(self, name), fits, expected, among="lane")
 
-    @property
-    def lanes(self) -> dict[str, int]:
-        """How many lanes each number is given for, where it is one a lane."""
-        names = ("measurement_delay", "command_delay", "jitter", "measurement_loss", "command_loss", "clock_drift")
-        return {f"timing.{name}": len(getattr(self, name)) for name in names if np.ndim(getattr(self, name))}
-
 
 @dataclass(frozen=True, eq=False)
 class Delays:
@@ -104,7 +99,7 @@ class Delays:
         """
 
         def each(value: Any) -> np.ndarray:
-            return np.atleast_1d(np.asarray(value, dtype=float))
+            return lane_values(value).astype(float)
 
         def ticks(name: str, most: int, why: str) -> np.ndarray:
             given = each(getattr(timing, name))
