@@ -20,19 +20,23 @@ class Batch:
     Args:
         values: (lanes, …) numbers, or a sequence of other values such as schedules.
     Raises:
-        ScenarioError: no lanes, or rows of unequal shape.
+        ScenarioError: no lanes, rows of unequal shape, or a batch inside.
     """
 
     values: Any
 
     def __post_init__(self) -> None:
         values = self.values
-        if isinstance(values, Batch) or isinstance(values, (str, bytes)):
+        if isinstance(values, (Batch, str, bytes)):
             raise ScenarioError(f"Batch({values!r:.60}): expected one value for each lane")
         try:
             array = np.asarray(values)
         except ValueError:
-            raise ScenarioError(f"Batch({values!r:.60}): rows of unequal shape; expected one shape for all lanes") from None
+            raise ScenarioError(
+                f"Batch({values!r:.60}): rows of unequal shape; expected one shape for all lanes"
+            ) from None
+        if array.dtype.kind == "O" and any(isinstance(each, Batch) for each in array.flat):
+            raise ScenarioError(f"Batch({values!r:.60}): holds a Batch; expected one value for each lane")
         if array.ndim == 0 or not len(array):
             raise ScenarioError(f"Batch({values!r:.60}): expected one value for each lane, and at least one lane")
         object.__setattr__(self, "values", array if array.dtype.kind in "iufb" else tuple(values))
@@ -76,7 +80,7 @@ def batches(value: Any, path: str) -> Iterator[tuple[str, Batch]]:
             yield from batches(getattr(value, field.name), f"{path}.{field.name}")
     elif isinstance(value, Mapping):
         for name, each in value.items():
-            yield from batches(each, f"{path} {name!r}")
+            yield from batches(each, f"{path}[{name!r}]")
     elif isinstance(value, (list, tuple)):
         for k, each in enumerate(value):
             if not isinstance(each, (int, float)):

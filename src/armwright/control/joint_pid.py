@@ -26,8 +26,8 @@ GAINS = ("kp", "ki", "kd", "speed_feedforward", "acceleration_feedforward", "sla
 class JointPID:
     """u = kp e + ki ∫ e dt + kd d + kv q̇_r + ka q̈_r + gravity, each in its joint's command unit U = V, A, N m or N.
 
-    Gains are one number or one for each joint, or a `Batch` of such. They are above 0 whatever a gear's sense: a voltage or current
-    through a negative ratio is turned round.
+    Gains are one number or one for each joint, or a `Batch` of such. They are above 0 whatever a gear's sense: a voltage or
+    current through a negative ratio is turned round.
 
     Args:
         kp: [U/rad | U/m].   ki: [U/(rad s) | U/(m s)].   kd: [U s/rad | U s/m].

@@ -56,7 +56,8 @@ def vary(name: str, column: np.ndarray, arm: Model, given: dict[str, Any], parts
         if entry is None:
             fields[field] = Batch(column)
         else:
-            fields[field] = placed(whole if np.ndim(whole) or isinstance(whole, Batch) else np.full(arm.n, whole), entry, column)
+            several = isinstance(whole, Batch) or np.ndim(whole) > 0
+            fields[field] = placed(whole if several else np.full(arm.n, whole), entry, column)
     elif head in parts:
         raise ScenarioError(
             f"lanes: {name!r} cannot differ by lane; expected a number of the robot, initial, timing, controller, wrench or "

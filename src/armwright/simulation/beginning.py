@@ -60,7 +60,9 @@ class Beginning:
         if self._given is not None:
             shapes["u"] = (n,)
 
-        def begin(law: Law | None, start: Array, c: Array, p: Array, payload: Array, *given: Array) -> tuple[Array, ...]:
+        def begin(
+            law: Law | None, start: Array, c: Array, p: Array, payload: Array, *given: Array
+        ) -> tuple[Array, ...]:
             plant = parts.plant({"p": p, "payload": payload})
             arm, x = plant.model, start if self._whole else plant.initial(start[:n], start[n:])
             if law is None:

@@ -27,7 +27,8 @@ from armwright.simulation.scenario_checks import check_scenario, is_time
 
 MOST_STEPS = 2**53
 BATCHED = (  # fields that may hold batches
-    *("schedule", "command", "q0", "qd0", "initial_command", "wrench", "brake", "payload", "timing", "vary", "reference"),
+    *("schedule", "command", "q0", "qd0", "initial_command"),
+    *("wrench", "brake", "payload", "timing", "vary", "reference"),
 )
 STEP = 1e-3  # [s] of an integrator that is not told another
 
@@ -200,7 +201,7 @@ class Scenario:
         if self.initial is not None and "lane" in self.initial.sizes:
             counts["initial"] = self.initial.sizes["lane"]
         if self.law is not None and self.law.varying:
-            counts["controller"] = len(self.law.values)
+            counts |= {f"controller.{name}": len(self.law.values) for name in self.law.varying}
         return check_counts(counts)
 
     @cached_property
@@ -233,7 +234,8 @@ class Scenario:
         k = len(Varied(self.arm, [name]).parameters)
         if rows.shape[1:] != (() if k == 1 else (k,)):
             expected = "one number" if k == 1 else f"{k} numbers"
-            more = "; those of lanes are a Batch" if rows.ndim == 2 and not isinstance(value, Batch) else ""
+            lanes = not isinstance(value, Batch) and rows.shape[2:] == (() if k == 1 else (k,)) and rows.ndim > 1
+            more = "; values that differ by lane are a Batch" if lanes else ""
             raise ScenarioError(f"vary: {name} has shape {rows.shape[1:]}; expected {expected}{more}")
         return rows.reshape(len(rows), k)
 

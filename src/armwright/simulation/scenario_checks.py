@@ -37,9 +37,7 @@ def check_scenario(scenario: Scenario) -> None:
             f"integrator = {scenario.integrator!r}: unknown; {nearest(str(scenario.integrator), RULES)}"
         )
     if not isinstance(scenario.vary, Mapping):
-        raise ScenarioError(
-            f"vary = {scenario.vary!r}: expected numbers by name, such as {{'link6.mass_kg': [0.1, 0.2]}}"
-        )
+        raise ScenarioError(f"vary = {scenario.vary!r}: expected numbers by name, such as {{'link6.mass_kg': 0.1}}")
     for name, kind in (("sensors", Sensors), ("shaping", Shaping), ("timing", Timing)):
         if not isinstance(getattr(scenario, name), kind):
             raise ScenarioError(f"{name} = {getattr(scenario, name)!r}: expected an aw.{kind.__name__}(…)")

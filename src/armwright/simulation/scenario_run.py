@@ -13,8 +13,8 @@ from armwright.kernels.loop import Lanes
 from armwright.parameters import Batch
 from armwright.simulation.acting.inputs import Held, held, rows_of
 from armwright.simulation.acting.landing import held_values, landing_rows
-from armwright.simulation.acting.schedule import Schedule
 from armwright.simulation.acting.references import reference_rows
+from armwright.simulation.acting.schedule import Schedule
 from armwright.simulation.beginning import Beginning
 from armwright.simulation.compiled import Simulator
 from armwright.simulation.continued import last_state
@@ -29,8 +29,8 @@ from armwright.simulation.results.dataset import run_dataset
 from armwright.simulation.results.reducers import Reduction, check_known
 from armwright.simulation.sampling.called_law import CalledLaw
 from armwright.simulation.sampling.cycle import plant_derivative, plant_watched
-from armwright.simulation.sampling.tick_parts import Parts, Sampling
 from armwright.simulation.sampling.law import Law
+from armwright.simulation.sampling.tick_parts import Parts, Sampling
 from armwright.simulation.sampling.timing import Delays
 from armwright.simulation.scenario import Scenario
 
@@ -164,7 +164,11 @@ class ScenarioRun:
             self.solver.extend(lanes)
         values = self.beginning.blocks(lanes, lanes.own(self.carried), self.parts.sampling)
         x = values["x"]
-        values |= {"p": lanes.own(scenario.parameters), "q_first": self.plant.part(x, "q"), "r_final": lanes.own(self.final)}
+        values |= {
+            "p": lanes.own(scenario.parameters),
+            "q_first": self.plant.part(x, "q"),
+            "r_final": lanes.own(self.final),
+        }
         if self.reduction is not None:
             values["reduced"] = self.reduction.begin()
         for name, given in values.items():

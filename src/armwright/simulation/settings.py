@@ -24,15 +24,13 @@ def check_numbers(place: str, name: str, value: Any, fits: Fits, expected: str, 
     Raises:
         ScenarioError: names the place, the first wrong number and what was expected.
     """
-    more = "" if among is None else f", or one for each {among}"
+    more = {None: "", "joint": ", or one for each joint", "lane": ", or a Batch of such"}[among]
+    batch = among == "lane" and isinstance(value, Batch)
     try:
-        numbers = value.values if isinstance(value, Batch) and among == "lane" else np.asarray(value)
-        if among == "lane" and numbers.ndim and not isinstance(value, Batch):
-            raise ScenarioError(f"{place}: {name} = {shown(value)}: expected {expected}, or a Batch of such")
-        numbers = np.asarray(numbers)
+        numbers = np.asarray(value.values if batch else value)
     except ValueError:  # rows of unequal length
         numbers = np.asarray(None)
-    if numbers.dtype.kind not in "iuf" or numbers.ndim > (among is not None):
+    if numbers.dtype.kind not in "iuf" or numbers.ndim > (batch or among == "joint"):
         raise ScenarioError(f"{place}: {name} = {shown(value)}: expected {expected}{more}")
     right = np.atleast_1d(fits(numbers.astype(float)))
     if not right.all():

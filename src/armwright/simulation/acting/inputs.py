@@ -96,7 +96,7 @@ def by_name(name: str, schedule: Any, columns: Sequence[str]) -> Schedule:
     """
     if not isinstance(schedule, Schedule):
         raise ScenarioError(
-            f"{name} = {schedule!r}: expected a Schedule, as Schedule(...) or read_schedule(path, names) make"
+            f"{name} = {schedule!r}: expected a Schedule, as Schedule(...) or read_schedule(path, names) make, or a Batch of such"
         )
     if tuple(schedule.names) == tuple(columns):
         return schedule

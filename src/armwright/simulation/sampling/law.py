@@ -13,7 +13,7 @@ from armwright import scalar
 from armwright.errors import HiddenStateError, ScenarioError
 from armwright.kernels.stages import NEXT
 from armwright.model import Model
-from armwright.parameters import Batch, check_counts
+from armwright.parameters import Batch, batches, check_counts
 from armwright.program import Program, trace
 from armwright.scalar import Array
 from armwright.simulation.sampling.protocols import ControlLaw, Measurement, Reference, called
@@ -50,7 +50,8 @@ class Law:
         if is_dataclass(control) and not isinstance(control, type):
             given = {f.name: getattr(control, f.name) for f in fields(control)}
             rows = {name: _numbers(control, name, value) for name, value in given.items() if isinstance(value, Batch)}
-        check_counts({f"controller {called(control)!r}: {name}": len(value) for name, value in rows.items()})
+        check_counts({f"controller.{name}": len(value) for name, value in rows.items()})
+        _check_place(control)
         flat = [value.reshape(len(value), -1) for value in rows.values()]
         values = np.concatenate(flat, axis=1) if rows else np.zeros((1, 0))
         return cls(control, tuple(rows), tuple(value.shape[1:] for value in rows.values()), values)
@@ -110,7 +111,9 @@ class Law:
 
     def of_group(self, first: int, count: int) -> ControlLaw:
         """The controller of some lanes at once, whose gains are (count, k)."""
-        return replace(self.control, **self._fields(self.values[first : first + count])) if self.varying else self.control
+        return (
+            replace(self.control, **self._fields(self.values[first : first + count])) if self.varying else self.control
+        )
 
 
 def _numbers(control: ControlLaw, name: str, value: Batch) -> np.ndarray:
@@ -122,6 +125,17 @@ def _numbers(control: ControlLaw, name: str, value: Batch) -> np.ndarray:
     if value.shape is None:
         raise ScenarioError(f"controller {called(control)!r}: {name} = {value!r}: expected numbers")
     return value.values.astype(float)
+
+
+def _check_place(control: ControlLaw) -> None:
+    """Refuses batches that are not fields of the controller itself, such as one in a part of it.
+
+    Raises:
+        ScenarioError: names the place.
+    """
+    for path, _ in batches(control, "controller"):
+        if path.count(".") != 1 or "[" in path:
+            raise ScenarioError(f"{path} is a Batch: expected it as a field of the controller itself")
 
 
 def hidden_state(name: str) -> ScenarioError:
