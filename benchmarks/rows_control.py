@@ -111,7 +111,7 @@ def crowd_records(quick: bool, repetitions: int) -> list[Record]:
                 reference=np.zeros(arm.n),
                 sample_period=STEP,
                 duration=ticks * STEP,
-                q0=q0,
+                q0=aw.Batch(q0),
                 record="none",
                 reduce=["rms_error"],
             )
@@ -140,7 +140,7 @@ def control_records(quick: bool, repetitions: int) -> list[Record]:
     steps = round(duration / STEP)
     random = np.random.default_rng(3)
     kp = random.uniform(0.8, 1.2, (lanes, 1)) * np.array([60.0, 120.0, 60.0, 30.0, 30.0, 30.0])
-    control = aw.JointPID(kp=kp, ki=2.0 * kp, kd=0.1 * kp)
+    control = aw.JointPID(kp=aw.Batch(kp), ki=aw.Batch(2.0 * kp), kd=aw.Batch(0.1 * kp))
     common = {"reference": aw.Sine(np.zeros(6), AMPLITUDE, 1.0), "sample_period": STEP, "duration": duration}
 
     def scenario(effect: dict[str, Any], record: str, **more: Any) -> aw.Scenario:
@@ -184,8 +184,8 @@ def notes(quick: bool) -> dict[str, list[str]]:
     return {
         "control": [
             f"{ROBOT} with its motors, without friction: {lanes:,} lanes of {duration:g} s, RK3 and controller at {1e3 * STEP:g} "
-            f"ms, gains a row a lane; ours is a whole compiled run, threads=1; {MuJoCoArm.name} runs {count} lanes by rollout, "
-            "one thread, with the commands that our controller gave: no controller of its own, and no effect",
+            f"ms, gains of its own in every lane; ours is a whole compiled run, threads=1; {MuJoCoArm.name} runs {count} lanes "
+            "by rollout, one thread, with the commands that our controller gave: no controller of its own, and no effect",
             "error: our final states against MuJoCo's under the same commands; where delays, sensors or drives make another "
             "motion, that it is finite; inductance, friction, gears and temperature are those of all six joints",
         ]

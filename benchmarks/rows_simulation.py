@@ -59,7 +59,7 @@ def simulation_records(work: str, quick: bool, repetitions: int) -> list[Record]
 
         def run() -> Any:
             scenario = aw.Scenario(
-                arm, duration=duration, step=STEP, command=commands, record_every=every, record="state"
+                arm, duration=duration, step=STEP, command=aw.Batch(commands), record_every=every, record="state"
             )
             return aw.simulate(scenario, simulator=simulator, threads=1)
 

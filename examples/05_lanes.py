@@ -25,7 +25,7 @@ def disturbed():
     return aw.Schedule(meant.times + late, meant.commands * random.normal(1.0, 0.05, arm.n), arm.names)
 
 
-scenario = aw.Scenario(arm, schedule=[disturbed() for _ in range(1000)], duration=1.5, record_every=10)
+scenario = aw.Scenario(arm, schedule=aw.Batch([disturbed() for _ in range(1000)]), duration=1.5, record_every=10)
 start = time.perf_counter()
 run = aw.simulate(scenario)
 spent = time.perf_counter() - start

@@ -20,7 +20,7 @@ delays = {"at once": 0.0, "4 ms late": 4e-3, "8 ms late": 8e-3}
 run = aw.simulate(
     aw.Scenario(
         arm, controller=law, reference=motion, sample_period=1e-3, duration=1.5,
-        timing=aw.Timing(command_delay=list(delays.values())), reduce=["rms_error", "peak_voltage"],
+        timing=aw.Timing(command_delay=aw.Batch(list(delays.values()))), reduce=["rms_error", "peak_voltage"],
     )
 )  # fmt: skip
 

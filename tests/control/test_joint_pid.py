@@ -122,20 +122,22 @@ def test_a_limit_of_its_own_is_kept():
     assert np.abs(run.u_issued.values).max() == 5.0
 
 
-def test_gains_may_be_a_row_a_lane():
-    kp = np.array([[50.0], [100.0], [200.0]])
+def test_gains_may_be_a_batch():
+    kp = np.array([50.0, 100.0, 200.0])
     common = {"reference": np.full(6, 0.1), "sample_period": PERIOD, "duration": 0.1}
-    many = aw.simulate(aw.Scenario(arm("cmu-dd"), controller=JointPID(kp=kp, kd=20.0), **common))
+    many = aw.simulate(aw.Scenario(arm("cmu-dd"), controller=JointPID(kp=aw.Batch(kp), kd=20.0), **common))
     assert many.sizes["lane"] == 3
     for lane in range(3):
-        one = aw.simulate(aw.Scenario(arm("cmu-dd"), controller=JointPID(kp=kp[lane, 0], kd=20.0), **common))
+        one = aw.simulate(aw.Scenario(arm("cmu-dd"), controller=JointPID(kp=kp[lane], kd=20.0), **common))
         np.testing.assert_allclose(many.q.values[lane], one.q.values, atol=1e-11)
 
 
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"kp": [1.0, 2.0]}, r"JointPID: kp has shape \(2,\); expected one number, \(6,\) or \(lanes, 6\): joint1, joint2"),
+        ({"kp": [1.0, 2.0]}, r"JointPID: kp has shape \(2,\); expected one number or \(6,\): joint1, joint2"),
+        ({"kp": np.ones((3, 6))}, r"JointPID: kp has shape \(3, 6\); .* Batch"),
+        ({"kp": aw.Batch([1.0, -2.0])}, "kp of joint 'joint1' in lane 1 is -2; expected"),
         ({"kp": "much"}, "kp = 'much': expected a number"),
         ({"kp": True}, "kp = True: expected a number"),
         ({"kp": "20"}, "kp = '20': expected a number"),

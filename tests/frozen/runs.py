@@ -263,7 +263,14 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
         q0=[0.3, -0.5],
     ),
     "payload a lane": lambda: two_link(
-        payload=[aw.Payload(aw.Batch(np.linspace(0.01, 0.05, 5)), aw.Batch(np.linspace(0.5, 2.5, 5)), [0, 0, 0.1], [0.01, 0.01, 0.01])]
+        payload=[
+            aw.Payload(
+                aw.Batch(np.linspace(0.01, 0.05, 5)),
+                aw.Batch(np.linspace(0.5, 2.5, 5)),
+                [0, 0, 0.1],
+                [0.01, 0.01, 0.01],
+            )
+        ]
     ),
     "varied": lambda: aw.Scenario(
         GEARED,
@@ -274,7 +281,9 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
         q0=wave(2),
         vary={"rod1.mass_kg": aw.Batch(np.linspace(0.5, 2.5, 17)), "joint0.motor.resistance_ohm": 1.4},
     ),
-    "varied under control": lambda: two_link(vary={"forearm.mass_kg": aw.Batch(np.linspace(0.5, 2.0, 70))}, reference=None),
+    "varied under control": lambda: two_link(
+        vary={"forearm.mass_kg": aw.Batch(np.linspace(0.5, 2.0, 70))}, reference=None
+    ),
     "varied lugre": lambda: aw.Scenario(
         MANY["lugre"],
         command=[9.0],
@@ -344,7 +353,9 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
     ),
     "observer": lambda: two_link(sensors=aw.Sensors(counts=4096, velocity="observer", cutoff_hz=60.0)),
     "noise": lambda: controlled(
-        sensors=aw.Sensors(position_noise=1e-4, velocity_noise=1e-3, current_noise=1e-2), seed=7, q0=aw.Batch(laned(20, 2, 0.1))
+        sensors=aw.Sensors(position_noise=1e-4, velocity_noise=1e-3, current_noise=1e-2),
+        seed=7,
+        q0=aw.Batch(laned(20, 2, 0.1)),
     ),
     "coupled encoders": lambda: aw.Scenario(
         MANY["all"],
@@ -368,14 +379,18 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
     ),
     "drift": lambda: controlled(timing=aw.Timing(clock_drift=1e-2)),
     "delay a lane": lambda: controlled(
-        timing=aw.Timing(measurement_delay=aw.Batch(np.linspace(0.0, 5e-3, 6)), command_delay=aw.Batch(np.linspace(6e-3, 0.0, 6)))
+        timing=aw.Timing(
+            measurement_delay=aw.Batch(np.linspace(0.0, 5e-3, 6)), command_delay=aw.Batch(np.linspace(6e-3, 0.0, 6))
+        )
     ),
     "shaped": lambda: controlled(shaping=aw.Shaping(limit=30.0, rate=5e3, resolution=0.25)),
     "brake": braked,
     "brake observer": lambda: braked(
         sensors=aw.Sensors(counts=4096, velocity="observer", cutoff_hz=60.0), reference=[0.2]
     ),
-    "reduced": lambda: two_link(record="none", reduce=["rms_error", "peak_error", "overshoot"], q0=aw.Batch(laned(9, 2))),
+    "reduced": lambda: two_link(
+        record="none", reduce=["rms_error", "peak_error", "overshoot"], q0=aw.Batch(laned(9, 2))
+    ),
     "reduced and recorded": lambda: controlled(reduce=["rms_error", "peak_voltage", "energy"], record_every=10),
     "reference a lane": lambda: two_link(
         reference=None, q0=aw.Batch(laned(7, 2)), qd0=None, wrench=[1.0, 2.0, 3.0, 0.0, 0.0, 0.0]

@@ -94,7 +94,8 @@ def test_a_lane_does_not_depend_on_the_others():
 
     def run(order, threads):
         return aw.simulate(
-            aw.Scenario(model, command=commands[order], q0=START["q0"], qd0=START["qd0"], **common), threads=threads
+            aw.Scenario(model, command=aw.Batch(commands[order]), q0=START["q0"], qd0=START["qd0"], **common),
+            threads=threads,
         )
 
     all_of_them = run(np.arange(lanes), 1)
@@ -111,7 +112,7 @@ def test_a_lane_does_not_depend_on_the_others():
 
 
 def test_a_lane_has_the_same_bits_in_narrower_tiles():
-    common = {"duration": 0.05, "step": 0.01, "integrator": "rk45", "command": np.eye(3)[:, :2] * 50, **START}
+    common = {"duration": 0.05, "step": 0.01, "integrator": "rk45", "command": aw.Batch(np.eye(3)[:, :2] * 50), **START}
     wide = aw.simulate(aw.Scenario(arm("two-link"), **common))
     narrow = aw.simulate(aw.Scenario(arm("two-link"), **common, target="x86-64-v3"))
     np.testing.assert_array_equal(wide.q.values, narrow.q.values)
@@ -135,7 +136,7 @@ def test_events_happen_when_closed_forms_say():
         "clock": lambda t, x: scalar.sin(10 * np.pi * (t - 0.05)),
     }
     run = aw.simulate(
-        aw.Scenario(motor_alone(), duration=1.5, step=0.025, command=volts, integrator="rk45", events=events,
+        aw.Scenario(motor_alone(), duration=1.5, step=0.025, command=aw.Batch(volts), integrator="rk45", events=events,
                     rtol=1e-11, atol=1e-12)
     )  # fmt: skip
     assert run.event.values.tolist() == ["a turn", "fast", "clock"]
@@ -183,7 +184,7 @@ def test_joint_stops_are_events_of_joints_with_limits():
 def test_a_lane_without_enough_steps_is_frozen_and_marked_and_the_others_go_on():
     model = motor_alone()
     run = aw.simulate(
-        aw.Scenario(model, duration=0.1, step=0.02, command=[[0.0], [6.0]], qd0=[[0.0], [30.0]],
+        aw.Scenario(model, duration=0.1, step=0.02, command=aw.Batch([[0.0], [6.0]]), qd0=aw.Batch([[0.0], [30.0]]),
                     integrator="rk45", rtol=1e-9, most_steps=2)
     )  # fmt: skip
     assert np.isnan(run.stalled_at.values[0])
@@ -198,8 +199,8 @@ def test_a_lane_without_enough_steps_is_frozen_and_marked_and_the_others_go_on()
 
 def test_a_lane_that_diverges_is_told_apart():
     run = aw.simulate(
-        aw.Scenario(motor_alone(), duration=0.01, command=[[1.0], [1.0]], q0=[[1e308], [0.0]], qd0=[[1e308], [0.0]],
-                    integrator="rk45", most_steps=20)
+        aw.Scenario(motor_alone(), duration=0.01, command=[1.0], q0=aw.Batch([[1e308], [0.0]]),
+                    qd0=aw.Batch([[1e308], [0.0]]), integrator="rk45", most_steps=20)
     )  # fmt: skip
     assert run.diverged_at.values[0] == 0.0
     assert np.isnan(run.stalled_at.values).all()
@@ -224,7 +225,7 @@ def test_events_that_cannot_be_watched_are_refused(event, said):
 def test_events_are_found_under_a_controller_too():
     model = arm("two-link")
     common = {"controller": lambda t, r, y: 200.0 * (r.q - y.q) - 20.0 * y.qd, "reference": [0.6, 0.1], "duration": 0.2}
-    common |= {"sample_period": 4e-3, "q0": [0.4, 0.4], "qd0": np.array([[0.5, 0.5], [0.0, 0.0]])}
+    common |= {"sample_period": 4e-3, "q0": [0.4, 0.4], "qd0": aw.Batch([[0.5, 0.5], [0.0, 0.0]])}
     events = {"there": lambda t, x: x.q[0] - 0.42}
     run = aw.simulate(aw.Scenario(model, integrator="rk45", events=events, **common))
     fine = aw.simulate(aw.Scenario(model, integrator="rk4", substeps=4, **common))
@@ -235,7 +236,7 @@ def test_events_are_found_under_a_controller_too():
         np.testing.assert_allclose(run.q.values[lane], fine.q.values[lane], atol=1e-7)
 
 
-@pytest.mark.parametrize("command", [[90.0, 20.0], [[90.0, 20.0], [0.0, 0.0]]], ids=["single", "lanes"])
+@pytest.mark.parametrize("command", [[90.0, 20.0], aw.Batch([[90.0, 20.0], [0.0, 0.0]])], ids=["single", "lanes"])
 def test_runs_with_events_are_kept_drawn_and_written(command, tmp_path):
     run = aw.simulate(
         aw.Scenario(arm("two-link"), duration=0.02, command=command, integrator="rk45", rtol=1e-7,
@@ -248,7 +249,7 @@ def test_runs_with_events_are_kept_drawn_and_written(command, tmp_path):
     assert kept.attrs["rtol"] == 1e-7
     aw.save(run, tmp_path / "run.csv")
     aw.plot(run, tmp_path / "run.png")
-    assert (tmp_path / "run.csv").read_text().startswith("lane,t [s]" if np.ndim(command) > 1 else "t [s]")
+    assert (tmp_path / "run.csv").read_text().startswith("lane,t [s]" if isinstance(command, aw.Batch) else "t [s]")
 
 
 def test_a_drive_with_windings_bristles_and_a_spring_is_followed():

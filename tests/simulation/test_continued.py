@@ -45,7 +45,7 @@ def law(t, r, y):
 def test_lanes_go_on_under_another_controller():
     """With the command in force, what the controller is told first is what the drives did last."""
     model = arm("cmu-dd")
-    q0 = np.random.default_rng(0).uniform(-0.2, 0.2, (5, 6))
+    q0 = aw.Batch(np.random.default_rng(0).uniform(-0.2, 0.2, (5, 6)))
     common = {"reference": np.full(6, 0.1), "sample_period": 2e-3}
     whole = aw.simulate(aw.Scenario(model, controller=law, q0=q0, duration=0.2, **common))
     first = aw.simulate(aw.Scenario(model, controller=law, q0=q0, duration=0.1, **common))
@@ -56,7 +56,7 @@ def test_lanes_go_on_under_another_controller():
     one = aw.simulate(aw.Scenario(model, controller=law, initial=first.isel(lane=3), duration=0.1, **common))
     np.testing.assert_array_equal(one.q.values, second.q.values[3])
     spread = aw.simulate(
-        aw.Scenario(model, controller=aw.JointPID(kp=[[100.0], [200.0]]), initial=one, duration=0.01, **common)
+        aw.Scenario(model, controller=aw.JointPID(kp=aw.Batch([100.0, 200.0])), initial=one, duration=0.01, **common)
     )
     np.testing.assert_array_equal(spread.q.values[:, 0], np.broadcast_to(one.q.values[-1], (2, 6)))
     middle = aw.simulate(aw.Scenario(model, controller=law, initial=whole.isel(time=slice(51)), duration=0.1, **common))
@@ -96,7 +96,8 @@ def test_states_that_were_not_recorded_are_asked_for():
 
 
 def test_a_lane_that_diverged_is_no_beginning():
-    run = aw.simulate(aw.Scenario(arm("two-link"), command=np.zeros(2), qd0=[[0.0, 0.0], [1e200, 0.0]], duration=0.01))
+    qd0 = aw.Batch([[0.0, 0.0], [1e200, 0.0]])
+    run = aw.simulate(aw.Scenario(arm("two-link"), command=np.zeros(2), qd0=qd0, duration=0.01))
     with pytest.raises(ScenarioError, match="initial: lane 1 stopped at t = 0 s"):
         aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01, initial=run)
     aw.simulate(aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01, initial=run.isel(lane=0)))

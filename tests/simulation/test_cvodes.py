@@ -67,7 +67,7 @@ TIMINGS = {
 def test_a_controlled_arm_is_what_small_steps_come_to(timing):
     """Same sensors, draws and changes: only the integration differs, and rk4's error is known to vanish."""
     common = {"controller": pd, "reference": [0.6, 0.2], "sample_period": PERIOD, "duration": 20 * PERIOD}
-    common |= {"timing": timing, "seed": 3, **START, "vary": {"forearm.mass_kg": [8.0, 10.0, 15.0]}}
+    common |= {"timing": timing, "seed": 3, **START, "vary": {"forearm.mass_kg": aw.Batch([8.0, 10.0, 15.0])}}
     model = arm("two-link")
     exact = aw.simulate(aw.Scenario(model, integrator="cvodes", **common))
     stepped = aw.simulate(aw.Scenario(model, integrator="rk4", substeps=16, **common))
@@ -87,7 +87,13 @@ PUSHED = aw.Schedule(
 def test_a_wrench_under_a_controller_is_what_small_steps_come_to(timing):
     """Held from row to row as commands are, and landed on where it changes within a tick; parameters vary beside it."""
     common = {"controller": pd, "reference": [0.6, 0.2], "sample_period": PERIOD, "duration": 20 * PERIOD}
-    common |= {"timing": timing, "seed": 3, **START, "vary": {"forearm.mass_kg": [8.0, 15.0]}, "wrench": PUSHED}
+    common |= {
+        "timing": timing,
+        "seed": 3,
+        **START,
+        "vary": {"forearm.mass_kg": aw.Batch([8.0, 15.0])},
+        "wrench": PUSHED,
+    }
     model = arm("two-link")
     exact = aw.simulate(aw.Scenario(model, integrator="cvodes", **common))
     stepped = aw.simulate(aw.Scenario(model, integrator="rk4", substeps=32, **common))
@@ -99,7 +105,7 @@ def test_a_wrench_under_a_controller_is_what_small_steps_come_to(timing):
 
 def test_parameters_vary_without_a_controller():
     common = {"duration": 0.05, "step": 5e-3, "command": [90.0, 20.0], "wrench": PUSHED, **START}
-    varied = {"forearm.mass_kg": [8.0, 15.0]}
+    varied = {"forearm.mass_kg": aw.Batch([8.0, 15.0])}
     exact = aw.simulate(aw.Scenario(arm("two-link"), integrator="cvodes", vary=varied, **common))
     stepped = aw.simulate(aw.Scenario(arm("two-link"), integrator="rk4", vary=varied, **(common | {"step": 2e-4})))
     np.testing.assert_allclose(stepped.qd.values[:, ::25], exact.qd.values, atol=1e-9)
@@ -120,7 +126,7 @@ def test_a_controller_in_python_runs_with_it():
 def test_lanes_are_those_of_single_runs():
     commands = np.array([[90.0, 20.0], [0.0, 0.0]])
     common = {"duration": 0.05, "step": 5e-3, "integrator": "cvodes", **START}
-    both = aw.simulate(aw.Scenario(arm("two-link"), command=commands, **common))
+    both = aw.simulate(aw.Scenario(arm("two-link"), command=aw.Batch(commands), **common))
     for lane in range(2):
         one = aw.simulate(aw.Scenario(arm("two-link"), command=commands[lane], **common))
         np.testing.assert_array_equal(both.q.values[lane], one.q.values)
@@ -136,15 +142,15 @@ def test_fewer_rows_are_the_same_rows():
 
 
 def test_too_many_lanes_are_refused():
+    many = aw.Scenario(arm("two-link"), duration=0.1, command=aw.Batch(np.zeros((1001, 2))), integrator="cvodes")
     with pytest.raises(ScenarioError, match="1001 lanes; expected at most 1000, or integrator = 'rk45'"):
-        aw.simulate(aw.Scenario(arm("two-link"), duration=0.1, command=np.zeros((1001, 2)), integrator="cvodes"))
+        aw.simulate(many)
 
 
 def test_a_lane_that_has_no_solution_is_marked_and_the_others_go_on(capfd):
     common = {"duration": 0.01, "integrator": "cvodes"}
-    run = aw.simulate(
-        aw.Scenario(motor_alone(), command=[[1.0], [1.0]], q0=[[1e308], [0.0]], qd0=[[1e308], [0.0]], **common)
-    )
+    far = aw.Batch([[1e308], [0.0]])
+    run = aw.simulate(aw.Scenario(motor_alone(), command=[1.0], q0=far, qd0=far, **common))
     assert run.diverged_at.values[0] == 0.0
     assert np.isnan(run.diverged_at.values[1])
     with pytest.raises(DivergenceError, match="left the finite numbers at t = 0 s"):

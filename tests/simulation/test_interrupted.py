@@ -22,7 +22,8 @@ def stopping_at(share):
 
 def scenarios(lanes, duration):
     model = arm("two-link")
-    q0 = np.random.default_rng(1).uniform(-0.2, 0.2, (lanes, 2) if lanes else 2)
+    q0 = np.random.default_rng(1).uniform(-0.2, 0.2, (lanes or 1, 2))
+    q0 = aw.Batch(q0) if lanes else q0[0]
     controlled = aw.Scenario(
         model, controller=lambda t, r, y: 20.0 * (r.q - y.q) - 5.0 * y.qd, reference=np.zeros(2), q0=q0,
         sample_period=PERIOD, duration=duration, record_every=100, reduce=["rms_error"],

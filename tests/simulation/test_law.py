@@ -103,7 +103,7 @@ class Counts:
 
 def test_state_that_is_handed_on_is_not_hidden():
     q0 = np.array([[0.1, 0.0], [0.0, -0.2], [0.3, 0.3]])
-    run = simulated(Counts(), q0=q0)
+    run = simulated(Counts(), q0=aw.Batch(q0))
     assert run.attrs["controller"].startswith("called in Python")
     for lane, q in enumerate(q0):
         np.testing.assert_array_equal(simulated(Counts(), q0=q).q.values, run.q.values[lane])
@@ -124,7 +124,7 @@ def selecting(t, r, y):
 def test_a_law_in_python_means_in_lanes_what_it_means_alone(lanes):
     q0 = np.linspace([0.1, 0.0], [0.2, 0.1], 5)[:lanes]
     q0[-1] = [0.2, 0.1]
-    called, compiled = simulated(branching, q0=q0), simulated(selecting, q0=q0)
+    called, compiled = simulated(branching, q0=aw.Batch(q0)), simulated(selecting, q0=aw.Batch(q0))
     assert called.attrs["controller"].startswith("called in Python once a tick: SymbolError")
     assert "called in Python once a tick for every lane" in called.attrs["notes"]
     assert compiled.attrs["controller"] == "compiled"
@@ -136,9 +136,9 @@ def test_a_law_in_python_means_in_lanes_what_it_means_alone(lanes):
 
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """A law in Python, whose gains are a row a lane; `vectorised` where it is to have all of them at once."""
+    """A law in Python, whose gains may be a batch; `vectorised` where it is to have all of them at once."""
 
-    kp: np.ndarray
+    kp: np.ndarray | aw.Batch
     vectorised: bool = False
 
     def init(self, arm, y):
@@ -152,7 +152,7 @@ class Gains:
 
 def test_all_lanes_may_be_called_at_once_where_a_law_asks_for_it():
     gains, q0 = np.linspace([10.0, 5.0], [30.0, 9.0], 7), np.random.default_rng(0).uniform(-0.2, 0.2, (7, 2))
-    one_by_one, at_once = (simulated(Gains(gains, each), q0=q0) for each in (False, True))
+    one_by_one, at_once = (simulated(Gains(aw.Batch(gains), each), q0=aw.Batch(q0)) for each in (False, True))
     assert at_once.attrs["controller"] == "called in Python once a tick: it asks for all lanes at once"
     np.testing.assert_array_equal(one_by_one.q.values, at_once.q.values)
 
@@ -171,7 +171,7 @@ def test_a_lane_that_diverged_is_not_asked_again():
             asked.append(float(t))
         return [np.nan if y.q[0] > 0.25 else 0.0, 0.0]
 
-    run = simulated(law, q0=[[0.0, 0.0], [0.3, 0.0], [0.1, 0.0]])
+    run = simulated(law, q0=aw.Batch([[0.0, 0.0], [0.3, 0.0], [0.1, 0.0]]))
     np.testing.assert_array_equal(run.diverged_at.values, [np.nan, 0.0, np.nan])
     assert asked == [0.0]
 

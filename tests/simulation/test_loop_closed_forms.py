@@ -106,7 +106,7 @@ def test_delayed_feedback(name):
     run = aw.simulate(
         aw.Scenario(
             model, controller=law, sample_period=PERIOD, substeps=40, duration=TICKS * PERIOD, integrator="rk4",
-            timing=aw.Timing(command_delay=commands, measurement_delay=measurements), initial_command=[0.0],
+            timing=aw.Timing(command_delay=aw.Batch(commands), measurement_delay=aw.Batch(measurements)), initial_command=[0.0],
         )
     )  # fmt: skip
     assert run.attrs["controller"] == "compiled"

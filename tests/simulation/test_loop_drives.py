@@ -102,7 +102,7 @@ def test_brakes_differ_by_lane_and_bits_do_not():
     model = chain([joint, joint], gravity=0.0)
     common = {"controller": PID, "reference": [0.5, -0.3], "sample_period": PERIOD, "duration": 0.5}
     rows = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
-    many = aw.simulate(aw.Scenario(model, brake=rows, **common))
+    many = aw.simulate(aw.Scenario(model, brake=aw.Batch(rows), **common))
     for lane, row in enumerate(rows):
         np.testing.assert_array_equal(
             aw.simulate(aw.Scenario(model, brake=row, **common)).q.values, many.q.values[lane]

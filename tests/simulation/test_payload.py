@@ -203,9 +203,13 @@ def test_a_lane_has_the_same_bits_wherever_it_stands(driven):
     )
 
     def run(lanes, threads=None):
-        payload = [aw.Payload(time[lanes], mass[lanes], com[lanes], tensor[lanes]), aw.Payload(0.06, 0.0)]
+        numbers = [each[lanes] for each in (time, mass, com, tensor, q0)]
+        if isinstance(lanes, slice):
+            numbers = [aw.Batch(each) for each in numbers]
+        *body, start = numbers
+        payload = [aw.Payload(*body), aw.Payload(0.06, 0.0)]
         scenario = aw.Scenario(
-            arm("two-link"), payload=payload, q0=q0[lanes], duration=0.08, reduce=["peak_torque"], **drive
+            arm("two-link"), payload=payload, q0=start, duration=0.08, reduce=["peak_torque"], **drive
         )
         return aw.simulate(scenario, threads=threads)
 
@@ -223,8 +227,8 @@ def test_with_numbers_that_vary_and_a_controller_in_python():
     """The arm's own parameters vary beside what it carries; a controller that cannot be traced changes nothing."""
     masses = np.array([2.0, 4.0])
     common = {"reference": [0.4, -0.4], "sample_period": 1e-3, "duration": 0.1, **START}
-    payload = [aw.Payload(0.03, [1.0, 2.0], COM, TENSOR)]
-    varied = {"vary": {"forearm.mass_kg": masses}, "payload": payload, **common}
+    payload = [aw.Payload(0.03, aw.Batch([1.0, 2.0]), COM, TENSOR)]
+    varied = {"vary": {"forearm.mass_kg": aw.Batch(masses)}, "payload": payload, **common}
     traced = aw.simulate(aw.Scenario(arm("two-link"), controller=law, **varied))
 
     def untraced(t, r, y):
@@ -235,7 +239,7 @@ def test_with_numbers_that_vary_and_a_controller_in_python():
     for lane in range(2):
         own = arm("two-link").with_values({"forearm.mass_kg": masses[lane]})
         one = aw.simulate(
-            aw.Scenario(own, controller=law, payload=aw.Payload(0.03, payload[0].mass[lane], COM, TENSOR), **common)
+            aw.Scenario(own, controller=law, payload=aw.Payload(0.03, [1.0, 2.0][lane], COM, TENSOR), **common)
         )
         np.testing.assert_allclose(traced.q.values[lane], one.q.values, atol=1e-12)
 
@@ -262,7 +266,8 @@ BODY = (1.0, [0, 0, 0.1], [0.01, 0.01, 0.01])
         ([], r"payload = \[\]: expected Payload"),
         ([aw.Payload(0.1, *BODY), 3.0], "expected Payload"),
         (aw.Payload(0.1, -1.0, *BODY[1:]), r"payload\[0\].mass = -1 kg: expected 0 or more"),
-        (aw.Payload(0.1, [1.0, -2.0], *BODY[1:]), r"payload\[0\].mass in lane 1 = -2 kg: expected 0 or more"),
+        (aw.Payload(0.1, [1.0, 2.0], *BODY[1:]), r"payload\[0\].mass = .* or a Batch"),
+        (aw.Payload(0.1, aw.Batch([1.0, -2.0]), *BODY[1:]), r"payload\[0\].mass in lane 1 = -2 kg: expected 0 or more"),
         (aw.Payload(-0.1, *BODY), r"payload\[0\].time = -0.1 s: expected 0 or more"),
         (aw.Payload(0.1, 1.0), r"payload\[0\]: com is missing; expected one beside a mass above 0"),
         (aw.Payload(0.1, 1.0, [0, 0, 0]), r"payload\[0\]: inertia is missing"),
@@ -274,10 +279,16 @@ BODY = (1.0, [0, 0, 0.1], [0.01, 0.01, 0.01])
         (aw.Payload(0.1, 1.0, [0, 0, 0], [[0, 1, 0], [0, 0, 0], [0, 0, 0]]), "expected a symmetric"),
         (aw.Payload(0.1, 0.0, [0, 0, 0], [0.1, 0.1, 0.1]), r"payload\[0\].mass = 0 kg with an inertia"),
         ([aw.Payload(0.2, *BODY), aw.Payload(0.1, 0.0)], r"payload\[1\].time = 0.1 s: expected one after payload\[0\]'s 0.2 s"),
-        ([aw.Payload([0.1, 0.2], *BODY), aw.Payload([0.2, 0.2], 0.0)], r"payload\[1\].time in lane 1 = 0.2 s: expected one"),
+        (
+            [aw.Payload(aw.Batch([0.1, 0.2]), *BODY), aw.Payload(aw.Batch([0.2, 0.2]), 0.0)],
+            r"payload\[1\].time in lane 1 = 0.2 s: expected one",
+        ),
         (aw.Payload(0.1, *BODY, "hand9"), "no frame 'hand9'"),
         (aw.Payload(0.1, *BODY, "base"), r"payload\[0\]: frame 'base' stands still with the base"),
-        ([aw.Payload([0.1, 0.2], *BODY), aw.Payload(0.3, [0.0, 0.0, 0.0])], "lanes do not fit together: 2 of .*time, 3 of"),
+        (
+            [aw.Payload(aw.Batch([0.1, 0.2]), *BODY), aw.Payload(0.3, aw.Batch([0.0, 0.0, 0.0]))],
+            r"2 of payload\[0\].time, 3 of payload\[1\].mass",
+        ),
     ],
 )  # fmt: skip
 def test_bodies_that_cannot_be_are_refused(payload, said):

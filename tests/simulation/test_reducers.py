@@ -22,7 +22,7 @@ def scenario(**fields):
     goal = np.array([0.5, 0.0, -0.2, 0.1, 0.2, 0.3])
     q0 = np.random.default_rng(0).uniform(-0.2, 0.2, (19, 6))
     law = aw.JointPID(kp=[400.0, 900, 300, 150, 30, 20], kd=[40.0, 60, 30, 8, 2, 1], gravity=True)
-    common = {"q0": q0, "reference": goal, "sample_period": PERIOD, "duration": 1.0, "controller": law}
+    common = {"q0": aw.Batch(q0), "reference": goal, "sample_period": PERIOD, "duration": 1.0, "controller": law}
     return aw.Scenario(arm("cmu-dd"), **(common | fields))
 
 
@@ -71,7 +71,7 @@ def test_without_a_record_they_are_the_same():
     assert set(alone.data_vars) == {*ALL, "diverged_at"}
     for name in ALL:
         np.testing.assert_array_equal(alone[name].values, whole[name].values)
-    single = aw.simulate(scenario(reduce=ALL, record="none", q0=scenario().q0[3]))
+    single = aw.simulate(scenario(reduce=ALL, record="none", q0=scenario().q0.values[3]))
     np.testing.assert_allclose(single.rms_error.values, whole.rms_error.values[3], rtol=1e-12)
     assert single.rms_error.dims == ("joint",)
     assert single.rms_error.attrs["units"] == "rad"
@@ -86,7 +86,7 @@ def test_commands_over_time_are_followed_too():
     common = {"controller": None, "schedule": rows, "sample_period": None, "step": PERIOD, "reduce": ALL, "q0": base.q0}
     for reference in (base.reference, None):
         run = aw.simulate(scenario(**common, reference=reference))
-        goal = base.q0 if reference is None else np.broadcast_to(reference, base.q0.shape)
+        goal = base.q0.values if reference is None else np.broadcast_to(reference, base.q0.values.shape)
         told = run.assign(q_reference=run.q * 0 + goal[:, None, :])
         with np.errstate(divide="ignore", invalid="ignore"):
             expected = recorded(told, 0.02)
@@ -109,7 +109,9 @@ def test_a_lane_is_followed_from_where_it_began():
     many = aw.simulate(scenario(controller=law, reference=None, reduce=["peak_error"]))
     np.testing.assert_array_equal(many.q_reference.values[:, -1], many.q.values[:, 0])
     for lane in (0, 3):
-        one = aw.simulate(scenario(controller=law, reference=None, reduce=["peak_error"], q0=scenario().q0[lane]))
+        one = aw.simulate(
+            scenario(controller=law, reference=None, reduce=["peak_error"], q0=scenario().q0.values[lane])
+        )
         np.testing.assert_array_equal(one.q.values, many.q.values[lane])
         np.testing.assert_array_equal(one.peak_error.values, many.peak_error.values[lane])
 
@@ -130,7 +132,7 @@ def test_without_a_record_they_go_into_files(tmp_path):
 
 def test_the_highest_temperature_is_that_of_the_record():
     model = aw.load(Path(__file__).parents[2] / "examples" / "hot-lift.toml")
-    law = aw.JointPID(kp=[[80.0], [120.0]], kd=8.0, gravity=True)
+    law = aw.JointPID(kp=aw.Batch([80.0, 120.0]), kd=8.0, gravity=True)
     run = aw.simulate(
         aw.Scenario(
             model, controller=law, reference=aw.Sine([0.0], [0.6], 2.0), sample_period=PERIOD, duration=2.0,
@@ -157,7 +159,7 @@ def test_where_the_controller_runs_in_python_they_are_the_same():
 
 
 def test_a_lane_that_diverges_is_followed_until_then():
-    gains = np.array([[20.0], [2e8]])
+    gains = aw.Batch([20.0, 2e8])
     law = aw.ComputedTorque(kp=gains, kd=gains)
     run = aw.simulate(
         aw.Scenario(
@@ -196,7 +198,7 @@ import numpy as np
 import armwright as aw
 lanes = int(sys.argv[1])
 arm = aw.load("two-link")
-gains = np.linspace(50.0, 150.0, lanes)[:, None]
+gains = aw.Batch(np.linspace(50.0, 150.0, lanes))
 law = aw.JointPID(kp=gains, kd=20.0, gravity=True)
 run = aw.simulate(aw.Scenario(arm, controller=law, reference=[0.3, 0.2], sample_period=2e-3, duration=0.02,
                               timing=aw.Timing("one-tick"), record="none", reduce=["rms_error", "overshoot"]))

@@ -150,18 +150,20 @@ def test_bits_do_not_depend_on_lanes_threads_or_width(cmu):
     arm, simulator = cmu
     rng = np.random.default_rng(5)
     command, q0 = rng.uniform(-5, 5, (37, 6)), rng.uniform(-1, 1, (37, 6))
-    whole = aw.simulate(aw.Scenario(arm, duration=0.1, command=command, q0=q0), simulator=simulator)
+    whole = aw.simulate(aw.Scenario(arm, duration=0.1, command=aw.Batch(command), q0=aw.Batch(q0)), simulator=simulator)
     for lane in (0, 7, 8, 36):
         alone = aw.simulate(aw.Scenario(arm, duration=0.1, command=command[lane], q0=q0[lane]), simulator=simulator)
         assert np.array_equal(final(alone), final(whole)[lane])
         assert np.array_equal(alone.qdd.values, whole.qdd.values[lane])
-    many = aw.Scenario(arm, duration=0.1, command=np.tile(command, (8, 1)), q0=np.tile(q0, (8, 1)), record_every=0)
+    tiled = {"command": aw.Batch(np.tile(command, (8, 1))), "q0": aw.Batch(np.tile(q0, (8, 1)))}
+    many = aw.Scenario(arm, duration=0.1, record_every=0, **tiled)
     for threads in (1, 2, 3):
         assert np.array_equal(
             final(aw.simulate(many, simulator=simulator, threads=threads)), np.tile(final(whole), (8, 1))
         )
     if select_target().width == 8:
-        narrow = aw.simulate(aw.Scenario(arm, duration=0.1, command=command, q0=q0, target="x86-64-v3"))
+        lanes = {"command": aw.Batch(command), "q0": aw.Batch(q0)}
+        narrow = aw.simulate(aw.Scenario(arm, duration=0.1, target="x86-64-v3", **lanes))
         assert np.array_equal(narrow.q.values, whole.q.values)
 
 
@@ -194,7 +196,7 @@ def test_schedules_a_lane(cmu):
         )
         for k in range(11)
     ]
-    together = aw.simulate(aw.Scenario(arm, duration=0.1, schedule=schedules), simulator=simulator)
+    together = aw.simulate(aw.Scenario(arm, duration=0.1, schedule=aw.Batch(schedules)), simulator=simulator)
     for lane in (0, 1, 5, 10):
         alone = aw.simulate(aw.Scenario(arm, duration=0.1, schedule=schedules[lane]), simulator=simulator)
         assert np.array_equal(alone.q.values, together.q.values[lane])
@@ -213,9 +215,9 @@ def test_diverged_lane_is_frozen_and_the_rest_go_on():
     """A lane with an absurd speed leaves the finite numbers; its neighbours keep their bits."""
     arm = aw.load("two-link")
     qd0 = np.random.default_rng(8).normal(size=(10, 2))
-    clean = aw.simulate(aw.Scenario(arm, duration=0.05, command=np.zeros(2), qd0=qd0))
+    clean = aw.simulate(aw.Scenario(arm, duration=0.05, command=np.zeros(2), qd0=aw.Batch(qd0)))
     qd0[3] = 1e200
-    run = aw.simulate(aw.Scenario(arm, duration=0.05, command=np.zeros(2), qd0=qd0))
+    run = aw.simulate(aw.Scenario(arm, duration=0.05, command=np.zeros(2), qd0=aw.Batch(qd0)))
     assert np.isfinite(run.q.values).all()
     assert run.diverged_at.values[3] == 0.0
     assert np.isnan(np.delete(run.diverged_at.values, 3)).all()
@@ -269,9 +271,8 @@ def test_limits_clip_and_are_reported():
 def test_a_limit_does_not_hide_a_diverged_lane():
     """Clipping keeps NaN: a lane that is lost is found by its state, not kept alive by its voltage limit."""
     arm = motor_alone(limits={"voltage_v": 4.0})
-    run = aw.simulate(
-        aw.Scenario(arm, duration=0.01, command=[[1.0], [1.0]], qd0=[[1e308], [0.0]], q0=[[1e308], [0.0]])
-    )
+    far = aw.Batch([[1e308], [0.0]])
+    run = aw.simulate(aw.Scenario(arm, duration=0.01, command=[1.0], qd0=far, q0=far))
     assert run.diverged_at.values[0] >= 0.0
     assert np.isnan(run.diverged_at.values[1])
 
@@ -306,7 +307,7 @@ def test_progress_counts_all_steps(cmu):
     arm, simulator = cmu
     for threads in (1, 2):
         seen = []
-        scenario = aw.Scenario(arm, duration=0.1, command=np.zeros((600, 6)), record_every=0)
+        scenario = aw.Scenario(arm, duration=0.1, command=aw.Batch(np.zeros((600, 6))), record_every=0)
         aw.simulate(
             scenario, simulator=simulator, threads=threads, progress=lambda *steps, seen=seen: seen.append(steps)
         )
@@ -326,14 +327,14 @@ def test_progress_counts_all_steps(cmu):
         ({"command": [0, 0], "duration": 1.0, "record_every": 3}, "record_every = 3 does not divide the 1000 steps"),
         ({"command": [0, 0], "duration": 1.0, "record_every": -1}, "record_every = -1"),
         ({"command": [0, 0], "duration": 1.0, "record": "some"}, "record = 'some'"),
-        ({"command": [0, 0, 0], "duration": 1.0}, r"command has shape \(3,\), expected \(2,\) or \(lanes, 2\)"),
+        ({"command": [0, 0, 0], "duration": 1.0}, r"command has shape \(3,\), expected \(2,\)"),
+        ({"command": np.zeros((3, 2)), "duration": 1.0}, r"command has shape \(3, 2\), expected \(2,\): .* Batch"),
         ({"command": [0, float("nan")], "duration": 1.0}, "command holds nan"),
         ({"command": ["a", "b"], "duration": 1.0}, "expected 2 numbers"),
         (
-            {"command": [0, 0], "duration": 1.0, "q0": np.zeros((3, 2)), "qd0": np.zeros((4, 2))},
-            "lanes do not fit together",
+            {"command": [0, 0], "duration": 1.0, "q0": aw.Batch(np.zeros((3, 2))), "qd0": aw.Batch(np.zeros((4, 2)))},
+            "lanes do not fit together: 3 of q0, 4 of qd0",
         ),
-        ({"command": np.zeros((0, 2)), "duration": 1.0}, "command has no lanes"),
         ({"command": [0, 0], "duration": 1.0, "integrator": "rk33"}, "integrator = 'rk33': unknown; did you mean rk3"),
         (
             {"schedule": aw.Schedule.constant(["a"], [1.0]), "duration": 1.0},
@@ -440,7 +441,7 @@ def test_ctrl_c_comes_back_soon(cmu):
     import time
 
     arm, simulator = cmu
-    scenario = aw.Scenario(arm, duration=400.0, command=np.zeros((600, 6)), record_every=0)
+    scenario = aw.Scenario(arm, duration=400.0, command=aw.Batch(np.zeros((600, 6))), record_every=0)
     start = time.perf_counter()
 
     def interrupt(done, total):
@@ -455,7 +456,7 @@ def test_parameters_may_vary_by_lane_without_a_controller():
     arm = aw.load("cmu-dd")
     masses = np.array([1.0, 2.0, 3.0])
     common = {"command": [8, 6, 4, 2, 1, 0.5], "duration": 0.1}
-    many = aw.simulate(aw.Scenario(arm, vary={"link6.mass_kg": masses}, **common))
+    many = aw.simulate(aw.Scenario(arm, vary={"link6.mass_kg": aw.Batch(masses)}, **common))
     assert many.sizes["lane"] == 3
     for lane, mass in enumerate(masses):
         one = aw.simulate(aw.Scenario(arm, vary={"link6.mass_kg": mass}, **common))

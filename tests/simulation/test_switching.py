@@ -155,7 +155,7 @@ def test_a_lane_does_not_depend_on_its_neighbours(integrator):
     arm, draw, count = arm_with_contacts(), np.random.default_rng(1), 29
     q0, qd0, u = draw.uniform(-0.28, 0.3, (count, 2)), draw.uniform(-1, 1, (count, 2)), draw.uniform(-9, 9, (count, 2))
     common = {"duration": 0.2, "step": 5e-4, "integrator": integrator, "record_every": 40, "record": "state"}
-    many = aw.simulate(aw.Scenario(arm, command=u, q0=q0, qd0=qd0, **common), threads=2)
+    many = aw.simulate(aw.Scenario(arm, command=aw.Batch(u), q0=aw.Batch(q0), qd0=aw.Batch(qd0), **common), threads=2)
     assert many.q.values.max() > 0.351  # some are in a stop
     for lane in (0, 7, 16, 28):
         for target in (None, "x86-64-v3"):
@@ -169,9 +169,8 @@ def test_a_lane_does_not_depend_on_its_neighbours(integrator):
 def test_a_joint_that_leans_on_its_stop_comes_to_rest_there():
     """And one that begins exactly on it: p = load / stiffness, at no more than one landing or two."""
     arm = pendulum(motor=MOTOR, friction=COULOMB, stops=STOPS, limits={"position_rad": [-1.0, 0.0]})
-    run = aw.simulate(
-        aw.Scenario(arm, command=[0.0], q0=[[0.0], [-0.1]], duration=8.0, step=1e-3, record_every=0, record="state")
-    )
+    common = {"duration": 8.0, "step": 1e-3, "record_every": 0, "record": "state"}
+    run = aw.simulate(aw.Scenario(arm, command=[0.0], q0=aw.Batch([[0.0], [-0.1]]), **common))
     deep = run.q.values[:, -1, 0]
     load = float(aw.gravity_torques(arm, deep[:1])[0])
     np.testing.assert_allclose(deep, abs(load) / STOPS["stiffness_n_m_per_rad"], rtol=1e-3)
@@ -214,8 +213,8 @@ def test_no_contact_is_lost_in_rounding():
     arm = pendulum(motor=MOTOR, friction={"viscous_n_m_s_per_rad": 0.8}, elasticity={**ELASTIC, "backlash_rad": 1e-3})
     draw, count = np.random.default_rng(2), 160
     common = {
-        "command": draw.uniform(3.0, 9.0, (count, 1)), "q0": draw.uniform(1.0, 1.5, (count, 1)), "duration": 0.03,
-        "record_every": 0, "record": "state",
+        "command": aw.Batch(draw.uniform(3.0, 9.0, (count, 1))), "q0": aw.Batch(draw.uniform(1.0, 1.5, (count, 1))),
+        "duration": 0.03, "record_every": 0, "record": "state",
     }  # fmt: skip
     coarse, fine = (aw.simulate(aw.Scenario(arm, step=step, integrator="rk4", **common)) for step in (1e-4, 4e-6))
     np.testing.assert_allclose(fine.qd.values, coarse.qd.values, atol=2e-6)

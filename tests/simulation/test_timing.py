@@ -104,7 +104,7 @@ def test_a_synchronous_drive_acts_at_the_first_sync_behind_the_arrival_however_l
 
 def test_lanes_with_and_without_jitter_are_split_each_by_itself():
     delay, jitter = np.array([0.0, 0.5, 3.0, 3.4, 3.4]), np.array([0.0, 0.0, 0.0, 0.0, 0.2])
-    delays = Delays.of(Timing("sync", command_delay=delay * PERIOD, jitter=jitter * PERIOD), PERIOD)
+    delays = Delays.of(Timing("sync", command_delay=aw.Batch(delay * PERIOD), jitter=aw.Batch(jitter * PERIOD)), PERIOD)
     np.testing.assert_array_equal(delays.commanded, [1.0, 1.0, 3.0, 4.0, 3.0])
     np.testing.assert_allclose(delays.later, [0.0, 0.0, 0.0, 0.0, 1.4])
 
@@ -133,7 +133,7 @@ def test_a_long_synchronous_delay_is_that_many_ticks_in_the_run():
             r"timing: jitter \(jitter_s in a file\) = 2 s is 1000 periods of 0.002 s; expected at most 64 periods, 0.128 s",
         ),
         ({"jitter": 1e6, "preset": "sync"}, r"jitter_s in a file\) = 1e\+06 s is 5e\+08 periods"),
-        ({"jitter": [0.0, 0.2]}, r"jitter_s in a file\) = 0.2 s is 100 periods"),
+        ({"jitter": aw.Batch([0.0, 0.2])}, r"jitter_s in a file\) = 0.2 s is 100 periods"),
         (
             {"command_delay": 1e5},
             r"command_delay_s in a file\) = 100000 s is 5e\+07 periods .* at most 1000000 periods, 2000 s",
@@ -171,9 +171,10 @@ def test_a_drive_with_its_own_clock_acts_at_its_own_ticks():
         ({"measurement_delay": "late"}, "expected a time"),
         ({"clock_drift": 0.5}, "within ±0.1"),
         (
-            {"command_delay": np.array([0.0, -1.0])},
+            {"command_delay": aw.Batch([0.0, -1.0])},
             r"command_delay_s in a file\) = -1 of lane 1: expected a time of 0 s or more",
         ),
+        ({"jitter": [0.0, 0.2]}, r"timing: jitter .* or a Batch"),
         ({"jitter": np.zeros((1, 2))}, r"timing: jitter \(jitter_s in a file\) = \[\[0.0, 0.0\]\]: expected"),
         ({"command_loss": True}, "timing: command_loss = True: expected a probability"),
         ({"preset": 5}, "timing: preset = 5: unknown"),

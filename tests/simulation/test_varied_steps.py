@@ -38,12 +38,13 @@ def test_a_varied_number_is_refused_as_the_records_own(arm):
 def test_the_lane_is_found_among_many_and_named(arm):
     values = np.full(100_000, float(MOTOR["resistance_ohm"]))
     values[54_321] = LOW
-    assert f"(in lane 54321, with {NAME} = {LOW:g})" in refusal(arm, vary={NAME: values}, record_every=0)
+    assert f"(in lane 54321, with {NAME} = {LOW:g})" in refusal(arm, vary={NAME: aw.Batch(values)}, record_every=0)
 
 
 def test_lanes_that_all_do_are_run(arm):
     resistance = float(MOTOR["resistance_ohm"])
-    run = aw.simulate(aw.Scenario(arm, command=[1.0], duration=0.02, vary={NAME: resistance * np.linspace(1, 2, 40)}))
+    varied = {NAME: aw.Batch(resistance * np.linspace(1, 2, 40))}
+    run = aw.simulate(aw.Scenario(arm, command=[1.0], duration=0.02, vary=varied))
     assert np.isfinite(run.q).all()
 
 

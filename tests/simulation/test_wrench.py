@@ -77,9 +77,9 @@ def test_commands_over_time_need_no_controller(integrator):
 
 def test_lanes_and_python_and_reducers():
     rows = np.stack([FORCE, 0.0 * FORCE, 2.0 * FORCE])
-    many = aw.simulate(scenario(wrench=rows, reduce=["peak_error"]))
+    many = aw.simulate(scenario(wrench=aw.Batch(rows), reduce=["peak_error"]))
     called = aw.simulate(
-        scenario(wrench=rows, controller=lambda t, r, y: np.zeros(np.shape(np.asarray(y.q, dtype=float))))
+        scenario(wrench=aw.Batch(rows), controller=lambda t, r, y: np.zeros(np.shape(np.asarray(y.q, dtype=float))))
     )
     assert called.attrs["controller"].startswith("called in Python")
     np.testing.assert_allclose(called.q.values, many.q.values, atol=1e-12)
@@ -91,12 +91,13 @@ def test_lanes_and_python_and_reducers():
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"wrench": np.zeros(3)}, r"wrench has shape \(3,\), expected \(6,\) or \(lanes, 6\): fx, fy"),
+        ({"wrench": np.zeros(3)}, r"wrench has shape \(3,\), expected \(6,\): fx, fy"),
+        ({"wrench": np.zeros((3, 6))}, r"wrench has shape \(3, 6\), expected \(6,\): .* Batch"),
         (
             {"wrench": aw.Schedule(np.zeros(1), np.zeros((1, 2)), ("a", "b"))},
             "wrench: the schedule is for a, b; expected fx, fy",
         ),
-        ({"wrench": np.zeros((3, 6)), "q0": np.zeros((2, 2))}, "lanes do not fit together"),
+        ({"wrench": aw.Batch(np.zeros((3, 6))), "q0": aw.Batch(np.zeros((2, 2)))}, "2 of q0, 3 of wrench"),
     ],
 )
 def test_wrenches_that_do_not_fit_are_refused(fields, said):
