@@ -27,10 +27,14 @@ class Terminal:
         if pid == 0:
             os.chdir(folder)
             import fcntl
+            import signal
             import struct
             import termios
 
             fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("HHHH", 60, width, 0, 0))
+            # Tests that run in the background are started with Ctrl-C ignored, which a terminal's own session is not.
+            for number in (signal.SIGINT, signal.SIGHUP):
+                signal.signal(number, signal.SIG_DFL)
             keep = {
                 name: value for name, value in os.environ.items() if not name.startswith(("PYTEST", "COLUMNS", "LINES"))
             }
