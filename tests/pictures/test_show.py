@@ -161,7 +161,7 @@ def test_a_sliding_joint_stands_on_a_rail_from_its_zero():
     assert near[:, 2].min() == pytest.approx(low, abs=1e-9)
     assert near[:, 2].max() >= high - 1e-9
     lengths = [
-        np.ptp(np.vstack([s.positions for s in body_shapes(model, travel)[parent]])[:, 2])
+        np.ptp(np.vstack([s.positions for s in body_shapes(model, travel)[0][parent]])[:, 2])
         for travel in ({}, {quill: (0.1, 0.2)}, {quill: (-0.1, 0.2)})
     ]
     assert lengths[0] < lengths[1] < lengths[2]

@@ -55,7 +55,7 @@ def animated_arm(
         nodes[_node(body.parent)].setdefault("children", []).append(_node(k))
     everywhere = np.vstack(list(motions.values()))
     travel = {k: (float(q.min()), float(q.max())) for k, q in enumerate(everywhere.T)}
-    for body, shapes in body_shapes(arm, travel).items():
+    for body, shapes in body_shapes(arm, travel)[0].items():
         nodes[_node(body)]["mesh"] = len(meshes)
         name = "base" if body == BASE else arm.bodies[body].link
         meshes.append({"name": name, "primitives": [_primitive(shape, arrays, materials) for shape in shapes]})

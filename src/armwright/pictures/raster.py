@@ -1,6 +1,8 @@
 """Which triangle is seen at every pixel, and where on it: a depth buffer in NumPy, all triangles at once.
 
-Every triangle is cut into rows of pixels, every row into pixels, and the nearest of all points at a pixel is kept.
+Every triangle is cut into rows of pixels, every row into pixels, and the nearest of all points at a pixel is kept. No library
+does it here: trimesh's pictures and pyrender need OpenGL and a display, VTK is a hundred megabytes, and matplotlib sorts whole
+triangles by depth, so that long ones hide what is before them.
 """
 
 from __future__ import annotations

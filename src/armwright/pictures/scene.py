@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from armwright.description.robot import Link
+from armwright.description.solids.surface import AROUND, surface
 from armwright.description.solids.visual import Visual
 from armwright.errors import DescriptionError, RunError
 from armwright.model import BASE, Model
-from armwright.pictures.holes import Patch, bored, cuttable, holes_of
-from armwright.pictures.surfaces import AROUND, surface
+from armwright.pictures.holes import GROWN, Patch, bored, holes_of
 from armwright.spatial import Placement, rotation_to_axis
 
 CREASE = radians(30)  # faces that meet at less are shaded as one smooth surface
@@ -33,7 +33,9 @@ class Shape:
     colour: tuple[float, float, float]  # red, green, blue, 0 to 1, as on a screen (sRGB)
 
 
-def body_shapes(arm: Model, travel: Mapping[int, tuple[float, float]] | None = None) -> dict[int, list[Shape]]:
+def body_shapes(
+    arm: Model, travel: Mapping[int, tuple[float, float]] | None = None
+) -> tuple[dict[int, list[Shape]], tuple[str, ...]]:
     """What is drawn of each body, one shape a colour; holes are taken out of what they go through.
 
     Args:
@@ -41,43 +43,53 @@ def body_shapes(arm: Model, travel: Mapping[int, tuple[float, float]] | None = N
         travel: body → the least and the greatest position [m] that its joint has; a drawn sliding joint has a rail so long.
     Returns:
         shapes: body (BASE: what does not move) → shapes in the body's frame.
+        notes: what could not be drawn as the record has it, a sentence each.
     Raises:
         RunError: a visual's mesh that is missing or cannot be read.
     """
-    pieces = _of_visuals(arm) or _figure(arm, travel or {})
-    return {body: [_merged(own, colour) for colour, own in colours.items()] for body, colours in sorted(pieces.items())}
+    pieces, notes = _of_visuals(arm)
+    pieces = pieces or _figure(arm, travel or {})
+    shapes = {
+        body: [_merged(own, colour) for colour, own in colours.items()] for body, colours in sorted(pieces.items())
+    }
+    return shapes, tuple(notes)
 
 
 Pieces = dict[int, dict[tuple[float, float, float], list[Patch]]]
 
 
-def _of_visuals(arm: Model) -> Pieces:
+def _of_visuals(arm: Model) -> tuple[Pieces, list[str]]:
     pieces: Pieces = defaultdict(lambda: defaultdict(list))
+    notes = []
     for link in arm.description.links if arm.description is not None else ():
         frame = arm.frames[link.name]
         for visual in link.visuals:
             if visual.hole:
                 continue
             patch = _patch(arm, link, visual)
-            holes = holes_of(link, visual)
-            if holes:
-                cut = [
-                    cuttable(_patch(arm, link, v), v.solid, frame.placement @ v.placement()) for v in (visual, *holes)
-                ]
-                patch = bored(cut[0], cut[1:])
+            if holes := holes_of(link, visual):
+                try:
+                    patch = bored(patch, [_patch(arm, link, hole, GROWN) for hole in holes])
+                except DescriptionError as error:
+                    notes.append(f"{_place(arm, link, visual)}: {error}; drawn without its holes")
             pieces[frame.body][_rgb(visual.colour)].append(patch)
-    return pieces
+    return pieces, notes
 
 
-def _patch(arm: Model, link: Link, visual: Visual) -> Patch:
-    """The surface of a visual, in the frame of the body that carries it."""
+def _patch(arm: Model, link: Link, visual: Visual, grown: float = 0.0) -> Patch:
+    """The surface of a visual, in the frame of the body that carries it; outward by so many metres."""
     try:
-        mesh = surface(visual.solid).copy()
+        mesh = surface(visual.solid)
     except DescriptionError as error:
-        called = repr(visual.name) if visual.name else f"number {link.visuals.index(visual) + 1}"
-        raise RunError(f"{arm.name}: link {link.name!r}, visual {called}: {error}") from None
+        raise RunError(f"{_place(arm, link, visual)}: {error}") from None
     mesh.apply_transform((arm.frames[link.name].placement @ visual.placement()).matrix())
+    mesh.vertices += grown * mesh.vertex_normals
     return _smooth(mesh)
+
+
+def _place(arm: Model, link: Link, visual: Visual) -> str:
+    called = repr(visual.name) if visual.name else f"number {link.visuals.index(visual) + 1}"
+    return f"{arm.name}: link {link.name!r}, visual {called}"
 
 
 def _rgb(colour: Any) -> tuple[float, float, float]:
@@ -150,10 +162,12 @@ def _put(pieces: Pieces, body: int, colour: tuple[float, float, float], mesh: An
 
 
 def _smooth(mesh: Any) -> Patch:
-    """The triangles of a surface; vertices on a crease are there once for each side of it."""
+    """The triangles of a surface; vertices on a crease are there once for each side of it.
+
+    Triangles of no area stay: without them a closed surface may be open, and could not be cut.
+    """
     from trimesh.graph import smooth_shade
 
-    mesh.update_faces(mesh.nondegenerate_faces())
     smooth = smooth_shade(mesh, angle=CREASE)
     own = np.asarray(smooth.vertex_normals, dtype=float)
     length = np.linalg.norm(own, axis=1, keepdims=True)

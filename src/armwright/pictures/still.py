@@ -56,11 +56,10 @@ def still(arm: Model, q: Any = None) -> Still:
         raise ShapeError(f"show: q has shape {pose.shape} or is not finite; expected {expected}")
     moved = pose if arm.mimics is None else arm.mimics.positions(pose)
     travel = {k: (float(position), float(position)) for k, position in enumerate(moved)}
-    notes: tuple[str, ...] = ()
     try:
-        shapes = body_shapes(arm, travel)
+        shapes, notes = body_shapes(arm, travel)
     except RunError as error:  # a mesh that is missing, or of a format that needs more than is installed
-        shapes = body_shapes(dataclasses.replace(arm, description=None), travel)
+        shapes, _ = body_shapes(dataclasses.replace(arm, description=None), travel)
         notes = (f"{error}; drawn as a figure of its joints instead",)
     return Still(arm, shapes, body_placements(arm, pose), notes)
 
