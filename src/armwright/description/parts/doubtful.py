@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from armwright.description.parts.containment import bounds
 from armwright.description.parts.weighing import WeighedLink
 from armwright.description.solids.mesh import Mesh
 
@@ -30,6 +29,6 @@ def doubtful_sections(link: WeighedLink) -> Iterator[str]:
             elif section.density > HEAVIEST:
                 yield f"{told}: a density of {section.density:g} kg/m³, more than any material's: g/m³ for kg/m³?"
             if isinstance(section.section.solid, Mesh):
-                size = float(np.ptp(bounds(section.section.solid), axis=0).max())
+                size = float(np.ptp(section.section.solid.surface().bounds, axis=0).max())
                 if size > LONGEST:
                     yield f"{told}: a mesh of {size:.4g} m: millimetres for metres? expected scale = 0.001"

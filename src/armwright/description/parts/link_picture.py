@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import io
-from typing import Any
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armwright.description.parts.section_faces import faces
 from armwright.description.parts.weighing import WeighedLink
+from armwright.description.solids.surface import surface
+
+if TYPE_CHECKING:
+    import trimesh
 
 COLOURS = ("#4878a8", "#d08740", "#5d9b63", "#b65c5c", "#8d76b0", "#8a6d5c", "#c985b5", "#7f7f7f", "#a8a444", "#4aa7b5")
 AXES = (("x", "#c23b3b"), ("y", "#3b8f3b"), ("z", "#3b5bc2"))
 HOLE = "#c0202080"
+MOST_FACES = 4000  # of a mesh that is drawn
 
 
 def colour_of_part(k: int) -> str:
@@ -38,19 +43,18 @@ def link_picture(link: WeighedLink) -> bytes:
     corners = [np.zeros((1, 3))]
     for k, part in enumerate(link.parts):
         for section in part.sections:
+            faces = _faces(surface(section.section.solid))
             for placement in section.placements:
                 at = part.placement @ placement
-                polygons = _alike([face @ at.rotation.T + at.position for face in faces(section.section.solid)])
+                polygons = [face @ at.rotation.T + at.position for face in faces]
                 if section.section.hole:
-                    axes.add_collection3d(
-                        Line3DCollection(polygons, colors=HOLE, linewidths=0.3, zorder=2), autolim=False
-                    )
+                    lines = Line3DCollection(polygons, colors=HOLE, linewidths=0.3, zorder=2)
+                    axes.add_collection3d(lines, autolim=False)
                     continue
                 corners += polygons
-                colour = colour_of_part(k)
                 shown = Poly3DCollection(
                     polygons,
-                    facecolors=colour,
+                    facecolors=colour_of_part(k),
                     edgecolors="#00000018",
                     linewidths=0.3,
                     alpha=0.62,
@@ -76,7 +80,24 @@ def link_picture(link: WeighedLink) -> bytes:
     return file.getvalue()
 
 
-def _alike(polygons: list[np.ndarray]) -> list[np.ndarray]:
-    """The same polygons with equally many corners, some of them twice: matplotlib fills what is missing with anything."""
-    most = max(map(len, polygons))
-    return [polygon[np.arange(most) * len(polygon) // most] for polygon in polygons]
+def _faces(boundary: trimesh.Trimesh) -> list[np.ndarray]:
+    """Flat faces (k, 3) [m] of a surface, all with equally many corners, as matplotlib draws them.
+
+    Triangles in one plane are one polygon, since matplotlib sorts by depth what it draws, and long triangles badly; around a
+    hole they stay triangles.
+    """
+    if len(boundary.faces) > MOST_FACES:
+        return list(boundary.triangles[:: 1 + len(boundary.faces) // MOST_FACES])
+    alone, loops = np.ones(len(boundary.faces), dtype=bool), []
+    for facet in boundary.facets:
+        edges = {(int(a), int(b)) for k in facet for a, b in pairwise(boundary.faces[k][[0, 1, 2, 0]])}
+        rim = [(a, b) for a, b in edges if (b, a) not in edges]
+        after, loop = dict(rim), [rim[0][0]]
+        for _ in rim[1:]:
+            loop.append(after[loop[-1]])
+        if len(set(loop)) == len(rim):
+            loops.append(loop)
+            alone[facet] = False
+    loops += boundary.faces[alone].tolist()
+    most = max(map(len, loops))  # corners twice: matplotlib would fill what is missing with anything
+    return [boundary.vertices[np.array(loop)[np.arange(most) * len(loop) // most]] for loop in loops]

@@ -94,7 +94,7 @@ class Mesh(SolidRecord):
         if crossing is not None:
             one, two = (surface.triangles[face].mean(axis=0).round(6).tolist() for face in crossing)
             raise DescriptionError(f"{self.file}: faces cross near {one} and {two} m; expected a surface that does not")
-        misplaced = misplaced_shell(np.asarray(surface.triangles), np.asarray(surface.face_adjacency))
+        misplaced = misplaced_shell(surface)
         if misplaced is not None:
             place, number = misplaced[0].round(6).tolist(), misplaced[1]
             told = (

@@ -1,4 +1,8 @@
-"""Plane polygons: whether an outline is simple, and its area with first and second moments. [Steger1996]"""
+"""Plane polygons: whether an outline is simple, and its area with first and second moments. [Steger1996]
+
+No library does the first: triangulators accept outlines that cross themselves and return something, and shapely, which finds
+crossings, names a point and not the edges of the file that meet there.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Whether the faces of a mesh pass through each other: every edge against every face near it. [Ericson2004]"""
+"""Whether the faces of a mesh pass through each other: every edge against every face near it. [Ericson2004]
+
+Ours, as neither trimesh nor manifold3d finds crossings: two boxes that pass through each other, and a box twisted through
+itself, are sound bodies to manifold3d 3.5, the second with half of its volume.
+"""
 
 from __future__ import annotations
 
