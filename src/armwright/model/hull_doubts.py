@@ -7,13 +7,12 @@ a large one.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armwright.description.robot import Link, RobotDescription
-from armwright.description.solids.mesh import Mesh
-from armwright.description.solids.shapes import Box, Cylinder, Ellipsoid, Sphere, Tube
+from armwright.description.solids.surface import surface
 from armwright.errors import DescriptionError
 from armwright.model.doubts import about_origin, is_fit
 from armwright.spatial import parallel_axes
@@ -94,42 +93,16 @@ def _units(factor: float) -> str:
 
 
 def _hull(link: Link) -> trimesh.Trimesh | None:
-    """The convex hull of a link's visuals in its frame; None where a shape has no points to hull, or they are flat."""
+    """Convex hull of a link's visuals in its frame; None where they are flat."""
     import trimesh
 
-    clouds = []
+    clouds = [np.zeros((0, 3))]
     for visual in link.visuals:
-        if visual.hole:
-            continue
-        points = _points(visual.solid)
-        if points is None:
-            return None
-        at = visual.placement()
-        clouds.append(points @ at.rotation.T + at.position)
+        if not visual.hole:
+            at = visual.placement()
+            clouds.append(surface(visual.solid).vertices @ at.rotation.T + at.position)
     points = np.concatenate(clouds)
-    if np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-6) < 3:
+    if len(points) < 4 or np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-6) < 3:
         return None
     hull = trimesh.convex.convex_hull(points)
     return hull if hull.volume > 0 else None
-
-
-def _points(solid: Any) -> np.ndarray | None:
-    """Points (k, 3) [m] whose convex hull is the solid's."""
-    corners = np.array(np.meshgrid((-1, 1), (-1, 1), (-1, 1))).reshape(3, -1).T
-    if isinstance(solid, Mesh):
-        return np.asarray(solid.surface().vertices)
-    if isinstance(solid, Box):
-        return 0.5 * corners * np.array(solid.size_m)
-    if isinstance(solid, (Cylinder, Tube)):
-        radius = float(solid.radius_m if isinstance(solid, Cylinder) else solid.outer_radius_m)
-        angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
-        rim = np.stack(
-            [radius * np.cos(angle), radius * np.sin(angle), np.full_like(angle, 0.5 * float(solid.length_m))]
-        )
-        return np.concatenate([rim.T, rim.T * (1, 1, -1)])
-    if isinstance(solid, (Sphere, Ellipsoid)):
-        import trimesh
-
-        size = float(solid.radius_m) if isinstance(solid, Sphere) else np.array(solid.semi_axes_m)
-        return np.asarray(trimesh.creation.icosphere(subdivisions=2).vertices) * size
-    return None
