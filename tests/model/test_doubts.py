@@ -17,6 +17,7 @@ from armwright.model.hull_doubts import hull_doubts
 from armwright.model.unit_doubts import unit_doubts
 from armwright.spatial import parallel_axes
 from description.urdf_files import AXIS, joint, link, one_joint, robot, written
+from physics.arms import workshop
 
 ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
@@ -191,6 +192,28 @@ def test_against_the_hull(tmp_path, mass, tensor, named):
     told = hull_doubts(aw.load(path, on_impossible="warn").description)
     assert bool(told) == (named is not None)
     assert named is None or any(named in sentence for sentence in told)
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [
+        {"shape": "cone", "bottom_radius_m": 0.05, "top_radius_m": 0.0, "length_m": 0.1},
+        {"shape": "semi-cylinder", "radius_m": 0.05, "length_m": 0.1},
+        {"shape": "prism", "outline_m": [[0, 0], [0.1, 0], [0, 0.1]], "length_m": 0.1},
+        {"shape": "tube", "outer_radius_m": 0.05, "inner_radius_m": 0.04, "length_m": 0.1},
+        {"shape": "box", "size_m": [0.1, 0.1, 0.1]},
+    ],
+    ids=lambda solid: solid["shape"],
+)
+def test_every_solid_has_a_hull(solid):
+    """Masses are held against any shape; a hole is none."""
+    data = workshop()
+    one = data["links"][0]
+    place = {"xyz_m": [0.0, 0.0, 0.0], "rpy_rad": [0.0, 0.0, 0.0]}
+    one.update(mass_kg=100.0, visuals=[{"solid": solid, **place}])
+    assert any(f"link {one['name']}: 100 kg in a hull of" in told for told in hull_doubts(parse(data, "x")))
+    one["visuals"][0]["hole"] = True
+    assert not any("in a hull of" in told for told in hull_doubts(parse(data, "x")))
 
 
 def test_a_mesh_that_cannot_be_opened_is_told(tmp_path):
