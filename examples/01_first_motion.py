@@ -22,4 +22,4 @@ for joint in arm.names:
     print(f"  {joint}  q = {q:7.4f} rad   qd = {qd:7.4f} rad/s")
 
 aw.save(run, folder / "first_motion.nc")  # or .csv, .parquet
-aw.plot(run, folder / "first_motion.png")  # or .svg, .pdf
+aw.plot(run, folder / "first_motion.png")  # or .svg, .pdf, .html

@@ -34,4 +34,4 @@ print(f"{run.sizes['lane']} lanes of {scenario.ticks} steps, compiled and run in
 low, middle, high = run.q.isel(time=-1).quantile([0.05, 0.5, 0.95], dim="lane").values
 for joint, a, b, c in zip(arm.names, low, middle, high, strict=True):
     print(f"  {joint}  q(1.5 s) = {b:7.3f} rad, nine of ten within [{a:7.3f}, {c:7.3f}]")
-aw.plot(run, folder / "lanes.png")  # of many lanes: the median, and the band of nine out of ten
+aw.plot(run, folder / "lanes.png")  # of many lanes: the median, and the bands of half and nine out of ten

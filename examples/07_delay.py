@@ -28,7 +28,7 @@ for lane, name in enumerate(delays):
     error = 1e3 * run.rms_error.values[lane].max()
     shaking = np.ptp(run.voltage.values[lane, -300:], axis=0).max()  # the motion is over for 0.4 s
     print(f"{name:9}  tracking error {error:5.2f} mrad, voltages at rest swing by {shaking:5.1f} V")
-aw.plot_runs(
+aw.plot(
     {name: run.isel(lane=lane).sel(time=slice(0.0, 0.6)) for lane, name in enumerate(delays) if lane != 1},
     folder / "delay.png", joints=["joint3"], quantities=["q", "voltage"],
 )  # fmt: skip

@@ -32,4 +32,4 @@ for name, (law, volts) in cases.items():
     over, settled = (float(runs[name][what].values[0]) for what in scenario.reduce)
     told = f"within 5 % after {settled:.2f} s" if settled < 4.0 else "not within 5 % yet"
     print(f"{name:22} overshoot {over:3.0%}, {told}")
-aw.plot_runs(runs, folder / "windup.png", joints=["joint1"], quantities=["q", "voltage"])
+aw.plot(runs, folder / "windup.png", joints=["joint1"], quantities=["q", "voltage"])

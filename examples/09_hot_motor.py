@@ -31,4 +31,4 @@ for start in (2.0, 60.0, 120.0, 238.0):  # [s] of one cycle each
 print(f"{float(run.energy[0]):.0f} J went into the motor, the winding reached {float(run.peak_temperature[0]):.0f} °C")
 cold, hot = run.sel(time=slice(2.0, 6.0)), run.sel(time=slice(234.0, 238.0))
 beside = {"at first": cold, "four minutes later": hot.assign_coords(time=hot.time - 232.0)}
-aw.plot_runs(beside, folder / "hot_motor.png", quantities=["q", "voltage", "current", "winding_temperature"])
+aw.plot(beside, folder / "hot_motor.png", quantities=["q", "voltage", "current", "winding_temperature"])

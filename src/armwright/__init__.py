@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from armwright.modular import enumerate_assemblies, rank_assemblies, read_task
     from armwright.parameters import Batch
     from armwright.pictures.graphic import write_graphic
-    from armwright.pictures.plot_runs import plot_runs
     from armwright.pictures.show import show
     from armwright.record import check, convert, diff
     from armwright.scenarios import read_scenario, rerun
@@ -95,7 +94,6 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.simulation.integration.events": ("joint_stops",),
     "armwright.parameters": ("Batch",),
     "armwright.pictures.graphic": ("write_graphic",),
-    "armwright.pictures.plot_runs": ("plot_runs",),
     "armwright.pictures.show": ("show",),
     "armwright.record": ("check", "convert", "diff"),
     "armwright.simulation.acting.payload": ("Payload",),
@@ -170,7 +168,6 @@ __all__ = [
     "motor_voltage",
     "operational_inertia",
     "plot",
-    "plot_runs",
     "potential_energy",
     "rank_assemblies",
     "read_modules",

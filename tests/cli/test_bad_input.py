@@ -54,7 +54,7 @@ REFUSED = [
     ((*SIMULATE, "--record-every", "1.5"), "Invalid value for '--record-every'"),
     ((*SIMULATE, "-o", "run.mat"), "run.mat: the ending '.mat' is not offered; expected .nc, .csv or .parquet"),
     ((*SIMULATE, "-o", "nowhere/run.nc"), "nowhere/run.nc: there is no folder 'nowhere'"),
-    ((*SIMULATE, "--plot", "run.gif"), "run.gif: the ending '.gif' is not offered; expected .png, .svg or .pdf"),
+    ((*SIMULATE, "--plot", "run.gif"), "run.gif: the ending '.gif' is not offered; expected .png, .svg, .pdf or .html"),
     ((*SIMULATE, "-o", "run.nc", "--plot", "nowhere/run.png"), "nowhere/run.png: there is no folder"),
     (("simulate", "cmu-dd", "--voltage", "1", "--duration", "1", "--step", "0.1"), "step = 0.1 s is too large"),
 ]

@@ -55,7 +55,7 @@ def test_runs_of_one_name_are_told_apart_by_their_folder(runs):
         (("before.nc", "before.nc"), "before.nc: named twice"),
         (("before.nc", "--joints", "elbo"), "before.nc: no joint 'elbo'; did you mean elbow?"),
         (("before.nc", "--quantities", "q,,u"), "--quantities q,,u: an empty name"),
-        (("before.nc", "-o", "x.gif"), "x.gif: the ending '.gif' is not offered; expected .html, .png, .svg or .pdf"),
+        (("before.nc", "-o", "x.gif"), "x.gif: the ending '.gif' is not offered; expected .png, .svg, .pdf or .html"),
         ((), "Missing argument 'RUN"),
     ],
 )

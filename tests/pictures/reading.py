@@ -34,10 +34,6 @@ class Page:
         """The numbers at a place."""
         return self.numbers[place[0] : place[0] + place[1]]
 
-    def series(self, title: str) -> list[dict[str, Any]]:
-        """The curves of a panel."""
-        return next(panel["series"] for panel in self.plot["panels"] if panel["title"] == title)
-
     def fetched(self) -> list[str]:
         """Whatever the page would ask the network or the disk for."""
         asked = re.findall(

@@ -30,7 +30,7 @@ def player(run, tmp_path_factory):
 @pytest.fixture(scope="module")
 def curves(run, tmp_path_factory):
     path = tmp_path_factory.mktemp("curves") / "run.html"
-    aw.plot_runs({"run": run}, path)
+    aw.plot({"run": run}, path)
     return path
 
 
@@ -150,7 +150,7 @@ def names(browser):
 
 
 def test_of_one_joint_the_colours_are_runs(run, browser, tmp_path):
-    aw.plot_runs({"whole": run, "half": run.isel(time=slice(0, 501))}, tmp_path / "two.html", joints=["joint2"])
+    aw.plot({"whole": run, "half": run.isel(time=slice(0, 501))}, tmp_path / "two.html", joints=["joint2"])
     browser.open(tmp_path / "two.html", "#light", (1000, 900))
     assert names(browser) == ["whole", "half"]
     picture = browser.picture()
@@ -159,15 +159,17 @@ def test_of_one_joint_the_colours_are_runs(run, browser, tmp_path):
     wide = browser.value(f"document.querySelector('{CANVAS}').clientWidth") - LEFT - RIGHT
     for part, half in ((0.25, True), (0.75, False)):  # where a run has ended it has no value
         browser.mouse(CANVAS, LEFT + part * wide, 60, "mouseMoved")
-        row = browser.text(".panel .tip tr:nth-child(2)").split()
-        assert row[0] == "joint2"
-        assert (row[2] != "—") == half
+        head, whole, short = (browser.text(f".panel .tip tr:nth-child({k})").split() for k in (1, 2, 3))
+        assert head[-2:] == ["joint2", "[rad]"]
+        assert (whole[0], short[0]) == ("whole", "half")
+        assert whole[1] != "—"
+        assert (short[1] != "—") == half
     assert browser.faults() == []
 
 
 def test_references_are_named_and_hidden(run, browser, tmp_path):
     only = run.assign(q_reference=2.0 * run["q"])
-    aw.plot_runs({"run": only}, tmp_path / "reference.html", joints=["joint2"])
+    aw.plot({"run": only}, tmp_path / "reference.html", joints=["joint2"])
     browser.open(tmp_path / "reference.html", "#light", (1000, 900))
     assert names(browser) == ["joint2", "reference"]
     browser.mouse(CANVAS, LEFT + 200, 60, "mouseMoved")
@@ -177,7 +179,7 @@ def test_references_are_named_and_hidden(run, browser, tmp_path):
     assert "reference" not in browser.text(".panel .tip")
     browser.value("document.querySelectorAll('.legend button')[1].dispatchEvent(new Event('dblclick'))")
     browser.mouse(CANVAS, LEFT + 202, 60, "mouseMoved")
-    assert browser.text(".panel .tip tr:nth-child(1)").split()[-2] == "reference"
+    assert [line.split()[0] for line in browser.text(".panel .tip").splitlines()] == ["t", "reference"]
     assert browser.faults() == []
 
 
@@ -218,7 +220,7 @@ def test_all_samples_count_where_many_share_a_pixel(browser, tmp_path):
     run = invented(arm, rows=150_001)
     run["q"].values[:, 0] = 0.0
     run["q"].values[77_777, 0] = 1.0  # one sample of many in its column
-    aw.plot_runs({"run": run}, tmp_path / "spike.html", joints=[arm.names[0]], quantities=["q"])
+    aw.plot({"run": run}, tmp_path / "spike.html", joints=[arm.names[0]], quantities=["q"])
     browser.open(tmp_path / "spike.html", "#light", (800, 420))
     blue = np.abs(browser.picture() - [0x00, 0x72, 0xB2]).max(axis=2) < 60
     assert blue[140:290].any(axis=1).mean() > 0.9  # up and down again

@@ -71,7 +71,7 @@ def test_what_makes_a_picture_another_one(run, tmp_path, ending):
         "name": run.assign_coords(joint=["shoulder", "wristwatch"]), "size": run.drop_vars("qd"),
     }  # fmt: skip
     for name, changed in changes.items():
-        aw.plot_runs({"run": changed.assign_attrs(run.attrs)}, tmp_path / f"{name}{ending}")
+        aw.plot({"run": changed.assign_attrs(run.attrs)}, tmp_path / f"{name}{ending}")
     told = {name: unlike(tmp_path / f"{name}{ending}", tmp_path / f"kept{ending}") for name in changes}
     assert told.pop("kept") is told.pop("same") is None
     assert None not in told.values(), told

@@ -78,7 +78,7 @@ def test_every_joint_has_its_row_in_its_unit(run, width):
 def test_runs_and_references_are_named(run):
     text = shown({"before.nc": run, "after.nc": run.assign(q_reference=run["q"])}, 120, joints=["turn"])
     assert "before.nc" in text
-    assert "after.nc reference" in text
+    assert "reference of after.nc" in text
 
 
 def test_strips_of_a_joint_have_one_scale(run):

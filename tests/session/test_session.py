@@ -325,7 +325,7 @@ def test_a_part_of_a_simulation_is_drawn(session, tmp_path, monkeypatch):
     assert (drawing.joints, drawing.quantities) == (["joint2", "joint5"], ["q", "current"])
     session.run("plot-simulation run.html what=voltage joints=3")
     page = Page(tmp_path / "run.html")
-    assert page.plot["joints"] == ["joint3"]
+    assert [entry["name"] for entry in page.plot["legend"]] == ["joint3"]
     assert [panel["symbol"] for panel in page.plot["panels"]] == ["V"]
     assert "no quantity 'volts'" in refused(session, "plot-simulation what=volts")
     assert "no joint 'elbow'" in refused(session, "plot-simulation joints=elbow")

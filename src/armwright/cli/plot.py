@@ -49,18 +49,17 @@ def plot(
     """
     import armwright as aw
     from armwright.cli.tables import console_for_tables
-    from armwright.output import check_destination
-    from armwright.pictures.plot_runs import ENDINGS
     from armwright.pictures.terminal import show_runs
+    from armwright.simulation.results.plot import check_plot
 
     if output is not None:
-        check_destination(output, ENDINGS)
+        check_plot(output)
     named = _called(runs)
     chosen = {"joints": _names("--joints", joints), "quantities": _names("--quantities", quantities)}
     if output is None:
         show_runs(named, console_for_tables(), **chosen)
     else:
-        aw.plot_runs(named, output, **chosen)
+        aw.plot(named, output, **chosen)
         typer.echo(f"wrote {output}")
 
 

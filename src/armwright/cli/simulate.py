@@ -56,7 +56,9 @@ def simulate(
     output: Annotated[
         Path | None, option("--output -o", "FILE", "Where the run goes: .nc (NetCDF), .csv or .parquet.")
     ] = None,
-    plot: Annotated[Path | None, option("--plot", "FILE", "Where its picture goes: .png, .svg or .pdf.")] = None,
+    plot: Annotated[
+        Path | None, option("--plot", "FILE", "Where its plot goes: .png, .svg, .pdf, or .html to zoom into.")
+    ] = None,
 ) -> None:
     """Move an arm: drive commands in, motion out; or run a scenario file.
 
@@ -75,13 +77,13 @@ def simulate(
       armwright simulate swing.scenario.toml -o run.nc
     """
     import armwright as aw
-    from armwright.simulation.results.plot import check_picture
+    from armwright.simulation.results.plot import check_plot
     from armwright.simulation.results.recording import check_recording, joint_units
 
     if output is not None:
         check_recording(output)
     if plot is not None:
-        check_picture(plot)
+        check_plot(plot)
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
         given = {**constants, "schedule": schedule, "duration": duration, "integrator": integrator}

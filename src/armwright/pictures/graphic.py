@@ -1,6 +1,6 @@
-"""The graphic file of a run: the arm as it moved, in real time.
+"""Graphic file of a run: the motion of the arm in real time.
 
-| ending | what is written                                                        | read by                                   |
+| ending | content                                                                | read by                                   |
 |--------|------------------------------------------------------------------------|-------------------------------------------|
 | .glb   | glTF 2.0: the arm's bodies and the motion of its joints                | Blender, three.js, 3-D viewers of systems |
 | .html  | a page that plays it, with the reference as a ghost and curves below   | any browser of 2023 or later, offline     |
@@ -18,8 +18,9 @@ from armwright.errors import RunError
 from armwright.model import Model
 from armwright.output import check_destination, whole_file
 from armwright.pictures.animated import animated_arm
-from armwright.pictures.curves import partial_note, plot_data
-from armwright.pictures.page import embedded, packed, page
+from armwright.simulation.results.plot_curves import describe
+from armwright.simulation.results.plot_page import PAGES as PLOT_PAGES
+from armwright.simulation.results.plot_page import Numbers, embedded, packed, page, plot_data
 from armwright.simulation.results.recording import in_order
 from armwright.simulation.results.spoken import PARTIAL
 
@@ -27,11 +28,16 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ENDINGS = (".glb", ".html")
-SCRIPTS = ("unpack.js", "charts.js", "gltf.js", "stage.js", "player.js")
+PAGES = Path(__file__).parent / "pages"
+SCRIPTS = (
+    *(PLOT_PAGES / name for name in ("unpack.js", "charts.js")),
+    *(PAGES / name for name in ("gltf.js", "stage.js", "player.js")),
+)
+STYLES = (PLOT_PAGES / "page.css", PAGES / "player.css")
 
 
 def write_graphic(run: xr.Dataset, arm: Model, path: str | os.PathLike[str], *, lane: int | None = None) -> None:
-    """Writes the arm as it moved through a run, as animated glTF or as a page that plays it; whole or not at all.
+    """Writes the arm's motion through a run, as animated glTF or as a page that plays it; whole or not at all.
 
     Bodies look like the visuals of the arm's links; an arm without any is drawn as a figure of its joints. Between
     keyframes the tip is within 10 µm of the motion that the run's rows describe. In the file the arm is called by its name,
@@ -58,7 +64,7 @@ def write_graphic(run: xr.Dataset, arm: Model, path: str | os.PathLike[str], *, 
 
 
 def check_graphic(path: str | os.PathLike[str]) -> Path:
-    """The path, if a graphic file can be written there; to be asked before a long simulation.
+    """The path, if a graphic file can be written there; for a check before a long simulation.
 
     Raises:
         OutputError: as `write_graphic`.
@@ -126,10 +132,10 @@ def _check_finite(t: np.ndarray, q: np.ndarray, joints: list[str]) -> None:
 
 
 def _player(run: xr.Dataset, arm: Model, t: np.ndarray, glb: bytes, lane: int | None) -> str:
-    plot, numbers = plot_data({"run": run})
-    about: dict[str, Any] = {**plot, "start": float(t[0]), "duration": float(t[-1] - t[0])}
+    plot, numbers = describe(run), Numbers()
+    about: dict[str, Any] = {**plot_data(plot, numbers), "start": float(t[0]), "duration": float(t[-1] - t[0])}
     title = "" if arm.description is None or not arm.description.title else arm.description.title
-    subtitle = " · ".join(filter(None, (title, "" if lane is None else f"lane {lane}", partial_note({"run": run}))))
+    subtitle = " · ".join(filter(None, (title, "" if lane is None else f"lane {lane}", plot.note)))
     words = {"title": f"{arm.name} in motion", "heading": arm.name, "subtitle": subtitle}
-    data = {"plot": embedded(about), "numbers": numbers, "arm": packed(glb)}
-    return page("player.html", SCRIPTS, ("page.css", "player.css"), words, **data)
+    data = {"plot": embedded(about), "numbers": numbers.text(), "arm": packed(glb)}
+    return page(PAGES / "player.html", SCRIPTS, STYLES, words, **data)

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armwright.pictures.curves import Curve, curve_panels, places, selected
-from armwright.simulation.results.plot import COLOURS
-from armwright.simulation.results.spoken import variables
+from armwright.simulation.results.plot_curves import INK, Curve, describe
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,46 +24,47 @@ NUMBERS = 46  # characters that four numbers need
 
 
 def show_runs(
-    runs: Mapping[str, xr.Dataset],
+    runs: xr.Dataset | Mapping[str, xr.Dataset],
     console: Console,
     *,
     joints: Sequence[str] | None = None,
     quantities: Sequence[str] | None = None,
 ) -> None:
-    """Prints a table a quantity, a row a joint and run. Of lanes the whole breadth is filled.
+    """Prints a table for each panel of the plot, with a row for each joint and run.
+
+    A few lanes fill the breadth they have, many the band that holds nine out of ten of them.
 
     Args:
-        runs: what each is called → the run.   console: where to.
-        joints: names; None: all.   quantities: such as ("q", "tau"); None: what `plot` draws.
+        runs, joints, quantities: as `plot` takes them.   console: where to.
     Raises:
-        RunError: no run, a joint or a quantity that it has not, runs of arms with different joints.
+        RunError: as `plot`.
     """
     from rich.table import Table
     from rich.text import Text
 
-    chosen, quantities = selected(runs, joints, quantities), variables(quantities)
-    times = [run["time"].values for run in chosen.values()]
-    first = next(iter(chosen.values()))
-    names, spans = [str(joint) for joint in first["joint"].values], [(t[0], t[-1]) for t in times]
-    whole = (min(t for t, _ in spans), max(t for _, t in spans))
-    for k, panel in enumerate(curve_panels(chosen, quantities)):
+    plot = describe(runs, joints, quantities)
+    whole = (min(t[0] for t in plot.times), max(t[-1] for t in plot.times))
+    if plot.note:
+        console.print(Text(f"{plot.note}\n"))
+    for k, panel in enumerate(plot.panels):
         rows = _rows(panel.curves)
         scales = _scales(rows)
-        who = [_who(curve, list(chosen)) for curve in rows]
-        room = console.width - NUMBERS - max(map(len, names)) - 2 - (max(map(len, who)) + 2 if any(who) else 0)
-        width = int(np.clip(room, NARROWEST, WIDEST))
+        told_apart = len({curve.series for curve in rows}) > 1
+        wide = max(len(curve.joint) for curve in rows) + told_apart * (2 + max(len(curve.series) for curve in rows))
+        width = int(np.clip(console.width - NUMBERS - 2 - wide, NARROWEST, WIDEST))
         table = Table(box=None, header_style="dim", pad_edge=False, padding=(0, 2, 0, 0))
-        for head in ("joint", *(["run"] if any(who) else []), f"{whole[0]:g} … {whole[1]:g} s"):
+        for head in ("joint", *(["run"] if told_apart else []), f"{whole[0]:g} … {whole[1]:g} s"):
             table.add_column(head, no_wrap=True)
         for head in ("first", "least", "greatest", "last"):
             table.add_column(head, justify="right", vertical="middle", no_wrap=True)
-        for curve, called in zip(rows, who, strict=True):
-            colour = COLOURS[places(first)[curve.joint] % len(COLOURS)]
-            lines = strip(times[curve.run], _low(curve), _high(curve), whole, width, scales[curve.joint])
+        for curve in rows:
+            colour = "" if curve.style.colour == INK else curve.style.colour
+            lines = strip(plot.times[curve.run], *_extent(curve), whole, width, scales[curve.joint])
             known = curve.values[np.isfinite(curve.values)]
-            ends = (known[0], np.nanmin(_low(curve)), np.nanmax(_high(curve)), known[-1])
-            picture = Text("\n".join(lines), style="" if colour == "#000000" else colour)
-            table.add_row(Text(names[curve.joint]), *([Text(called)] if any(who) else []), picture, *map(_number, ends))
+            low, high = _extent(curve)
+            ends = (known[0], np.nanmin(low), np.nanmax(high), known[-1])
+            names = [Text(curve.joint), *([Text(curve.series)] if told_apart else [])]
+            table.add_row(*names, Text("\n".join(lines), style=colour), *map(_number, ends))
         if k:
             console.print()
         console.print(Text(f"{panel.title} [{panel.unit}]", style="bold"))
@@ -76,48 +75,38 @@ def _number(value: float) -> str:
     return f"{value + 0.0:.4g}".replace("-", "−")
 
 
-def _who(curve: Curve, runs: list[str]) -> str:
-    """What tells this row from the others of its joint."""
-    named = runs[curve.run] if len(runs) > 1 else ""
-    return " ".join(filter(None, (named, "reference" if curve.kind == "reference" else "")))
-
-
-def _rows(curves: list[Curve]) -> list[Curve]:
-    """A curve a joint and run, lanes joined to a band; joints stay together."""
-    rows: dict[tuple[int, int, str], list[Curve]] = {}
+def _rows(curves: Sequence[Curve]) -> list[Curve]:
+    """Curves, with the few lanes of a joint and run joined to one: their median, and a band from the least to the greatest."""
+    rows: dict[tuple[str, str], list[Curve]] = {}
     for curve in curves:
-        rows.setdefault((curve.joint, curve.run, curve.kind), []).append(curve)
+        rows.setdefault((curve.joint, curve.series), []).append(curve)
     found = []
     for own in rows.values():
         lanes = np.array([curve.values for curve in own])
         if len(own) > 1:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", RuntimeWarning)  # a row that no lane knows stays unknown
+                warnings.simplefilter("ignore", RuntimeWarning)  # a time at which no lane is finite stays NaN
                 low, middle, high = np.nanmin(lanes, axis=0), np.nanmedian(lanes, axis=0), np.nanmax(lanes, axis=0)
-            found.append(replace(own[0], values=middle, low=low, high=high))
+            found.append(replace(own[0], values=middle, bands=((low, high),)))
         else:
             found.append(own[0])
-    return sorted(found, key=lambda curve: (curve.joint, curve.run, curve.kind == "reference"))
+    return found
 
 
-def _low(curve: Curve) -> np.ndarray:
-    return curve.values if curve.low is None else curve.low
+def _extent(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper edge of what is drawn of a curve, (k,) each."""
+    return curve.bands[0] if curve.bands else (curve.values, curve.values)
 
 
-def _high(curve: Curve) -> np.ndarray:
-    return curve.values if curve.high is None else curve.high
-
-
-def _scales(rows: list[Curve]) -> dict[int, tuple[float, float]]:
+def _scales(rows: list[Curve]) -> dict[str, tuple[float, float]]:
     """Joint → the least and the greatest value of all its rows, so that these can be compared by eye."""
-    scales: dict[int, tuple[float, float]] = {}
+    scales: dict[str, tuple[float, float]] = {}
     for curve in rows:
-        known = [own[np.abs(own) < HUGE] for own in (_low(curve), _high(curve))]
+        known = [edge[np.abs(edge) < HUGE] for edge in _extent(curve)]
+        least, most = scales.get(curve.joint, (np.inf, -np.inf))
         if len(known[0]) and len(known[1]):
-            least, most = scales.get(curve.joint, (np.inf, -np.inf))
-            scales[curve.joint] = (min(least, float(known[0].min())), max(most, float(known[1].max())))
-        else:
-            scales.setdefault(curve.joint, (np.inf, -np.inf))
+            least, most = min(least, float(known[0].min())), max(most, float(known[1].max()))
+        scales[curve.joint] = (least, most)
     return scales
 
 

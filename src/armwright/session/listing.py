@@ -47,7 +47,7 @@ class Sheet:
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """A run, to be drawn where it is shown; joints, quantities: which, as `plot_runs` takes them."""
+    """A run, to be drawn where it is shown; joints, quantities: which, as `plot` takes them."""
 
     run: xr.Dataset
     joints: Sequence[str] | None = None

@@ -42,7 +42,7 @@ def plot_simulation(session: Session, given: dict[str, Any]) -> list[Shown]:
     joints = None if given["joints"] is None else _joints(session, run, given["joints"])
     if given["file"] is None:
         return [Drawing(run, joints, quantities)]
-    aw.plot_runs({str(run.attrs.get("robot", "run")): run}, given["file"], joints=joints, quantities=quantities)
+    aw.plot(run, given["file"], joints=joints, quantities=quantities)
     return [Line(f"wrote {given['file']}", "good")]
 
 

@@ -35,8 +35,7 @@ class Screen:
         elif isinstance(shown, Drawing):
             from armwright.pictures.terminal import show_runs
 
-            runs = {str(shown.run.attrs.get("robot", "run")): shown.run}
-            show_runs(runs, self.console, joints=shown.joints, quantities=shown.quantities)
+            show_runs(shown.run, self.console, joints=shown.joints, quantities=shown.quantities)
         elif self.console.is_terminal:
             self.console.print(_table(shown, self.console.width))
             self.console.print()

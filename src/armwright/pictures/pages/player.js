@@ -86,7 +86,7 @@ class Player {
     this.at("time").value = this.duration ? this.t / this.duration : 0;
     this.at("now").textContent = `${(this.start + this.t).toFixed(this.duration < 20 ? 3 : 2)} s`;
     this.charts.cursor = this.start + this.t;
-    this.charts.draw();
+    this.charts.mark();
     this.draw();
   }
 
