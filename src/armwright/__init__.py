@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from armwright.model.load import load
     from armwright.modular import enumerate_assemblies, rank_assemblies, read_task
     from armwright.parameters import Batch
-    from armwright.pictures.graphic import write_graphic
+    from armwright.pictures.animate import animate
     from armwright.pictures.show import show
     from armwright.record import check, convert, diff
     from armwright.scenarios import read_scenario, rerun
@@ -93,7 +93,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.simulation.converge": ("converge",),
     "armwright.simulation.integration.events": ("joint_stops",),
     "armwright.parameters": ("Batch",),
-    "armwright.pictures.graphic": ("write_graphic",),
+    "armwright.pictures.animate": ("animate",),
     "armwright.pictures.show": ("show",),
     "armwright.record": ("check", "convert", "diff"),
     "armwright.simulation.acting.payload": ("Payload",),
@@ -134,6 +134,7 @@ __all__ = [
     "Sine",
     "Step",
     "Timing",
+    "animate",
     "articulated_body",
     "assemble",
     "bias_torques",
@@ -182,7 +183,6 @@ __all__ = [
     "simulate",
     "statistics",
     "to_toml",
-    "write_graphic",
     "write_parts",
     "write_toml",
 ]

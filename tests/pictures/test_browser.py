@@ -23,7 +23,7 @@ def run():
 @pytest.fixture(scope="module")
 def player(run, tmp_path_factory):
     path = tmp_path_factory.mktemp("player") / "run.html"
-    aw.write_graphic(run.assign(q_reference=0.7 * run["q"]), aw.load("cmu-dd"), path)
+    aw.animate(run.assign(q_reference=0.7 * run["q"]), aw.load("cmu-dd"), path)
     return path
 
 
@@ -190,7 +190,7 @@ def test_the_whole_motion_just_fills_the_picture(browser, tmp_path, size):
     q = np.linspace(0.0, 2.0 * np.pi, 400)
     run = invented(arm, rows=400)
     run["q"].values[:] = np.stack([q, 0.0 * q], axis=1)
-    aw.write_graphic(run, arm, tmp_path / "round.html")
+    aw.animate(run, arm, tmp_path / "round.html")
     browser.open(tmp_path / "round.html", "#t=1000&pause&light", size)
     for view in ("home", "front", "side", "top"):
         browser.value(f"document.getElementById('view').value = '{view}'; document.getElementById('view').onchange()")
@@ -231,7 +231,7 @@ def test_the_path_of_a_long_run_is_round(browser, tmp_path):
     run = aw.simulate(aw.Scenario(arm, command=[0, 0], duration=20.0, step=5e-3))
     turns = 2 * np.pi * 10 * run["time"].values  # ten rounds a second: 3 of 600 points each would be a zigzag
     run["q"].values[:] = np.column_stack([turns, 0 * turns])
-    aw.write_graphic(run, arm, tmp_path / "run.html")
+    aw.animate(run, arm, tmp_path / "run.html")
     browser.open(tmp_path / "run.html", "#t=20&pause&light")
     trace = browser.value(
         "new Promise((done) => { const draw = Player.prototype.draw; Player.prototype.draw = function () {"
@@ -245,6 +245,6 @@ def test_the_path_of_a_long_run_is_round(browser, tmp_path):
     assert (np.diff(times) > 0).all()
     assert times[-1] == pytest.approx(20.0)
     run["q"].values[:] = 0.0
-    aw.write_graphic(run, arm, tmp_path / "still.html")
+    aw.animate(run, arm, tmp_path / "still.html")
     browser.open(tmp_path / "still.html", "#t=20&pause&light")
     assert browser.faults() == []

@@ -51,7 +51,7 @@ def played(tmp_path_factory):
     folder = tmp_path_factory.mktemp("three")
     arm = aw.load("cmu-dd")
     run = aw.simulate(aw.Scenario(arm, command=[8, 12, 8, 4, 2, 1], duration=1.0, step=1e-3))
-    aw.write_graphic(run, arm, folder / "run.glb")
+    aw.animate(run, arm, folder / "run.glb")
     data = base64.b64encode((folder / "run.glb").read_bytes()).decode()
     (folder / "page.html").write_text(
         PAGE.replace("%s", "\0", 2).replace("\0", library(), 1).replace("\0", data, 1), "utf-8"

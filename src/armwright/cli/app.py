@@ -14,6 +14,7 @@ import typer
 from typer.core import TyperGroup
 
 from armwright import __version__
+from armwright.cli.animate import animate
 from armwright.cli.assemble import assemble
 from armwright.cli.check import check
 from armwright.cli.converge import converge
@@ -21,7 +22,6 @@ from armwright.cli.convert import convert
 from armwright.cli.diff import diff
 from armwright.cli.export import export
 from armwright.cli.forward import forward
-from armwright.cli.graphic import graphic
 from armwright.cli.info import info
 from armwright.cli.inverse import inverse
 from armwright.cli.parts import parts
@@ -139,7 +139,7 @@ for command in (
     forward,
     simulate,
     plot,
-    graphic,
+    animate,
     converge,
     rerun,
     assemble,

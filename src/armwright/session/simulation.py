@@ -233,7 +233,7 @@ def the_run(session: Session, command: str) -> xr.Dataset:
 def write_graphic_file(session: Session, given: dict[str, Any]) -> list[Shown]:
     """`write-graphic-file FILE`: the arm in motion, as a file that shows it."""
     run = the_run(session, "write-graphic-file")
-    aw.write_graphic(run, session.state.arm, given["file"])
+    aw.animate(run, session.state.arm, given["file"])
     return [Line(f"wrote {given['file']}", "good")]
 
 

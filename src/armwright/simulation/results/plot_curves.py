@@ -1,6 +1,6 @@
 """Panels, curves, names, units, colours and notes of a plot of runs: the one description that every plot is drawn from.
 
-Still pictures (`plot`), pages (`plot_page`, `pictures.graphic`) and the terminal (`pictures.terminal`) add nothing to it.
+Still pictures (`plot`), pages (`plot_page`, `pictures.animate`) and the terminal (`pictures.terminal`) add nothing to it.
 The colours are those of Okabe and Ito, which colour-blind readers can tell apart. [OkabeIto2008]
 """
 

@@ -1,4 +1,4 @@
-"""Graphic file of a run: the motion of the arm in real time.
+"""Animation of an arm through a run, in real time.
 
 | ending | content                                                                | read by                                   |
 |--------|------------------------------------------------------------------------|-------------------------------------------|
@@ -36,7 +36,7 @@ SCRIPTS = (
 STYLES = (PLOT_PAGES / "page.css", PAGES / "player.css")
 
 
-def write_graphic(run: xr.Dataset, arm: Model, path: str | os.PathLike[str], *, lane: int | None = None) -> None:
+def animate(run: xr.Dataset, arm: Model, path: str | os.PathLike[str], *, lane: int | None = None) -> None:
     """Writes the arm's motion through a run, as animated glTF or as a page that plays it; whole or not at all.
 
     Bodies look like the visuals of the arm's links; an arm without any is drawn as a figure of its joints. Between
@@ -63,11 +63,11 @@ def write_graphic(run: xr.Dataset, arm: Model, path: str | os.PathLike[str], *, 
         temporary.write_bytes(content)
 
 
-def check_graphic(path: str | os.PathLike[str]) -> Path:
-    """The path, if a graphic file can be written there; for a check before a long simulation.
+def check_animation(path: str | os.PathLike[str]) -> Path:
+    """The path, if an animation can be written there; for a check before a long simulation.
 
     Raises:
-        OutputError: as `write_graphic`.
+        OutputError: as `animate`.
     """
     return check_destination(path, ENDINGS)
 

@@ -1,4 +1,4 @@
-"""`armwright graphic`: a run as an arm that moves."""
+"""`armwright animate`: a run as an arm that moves."""
 
 import numpy as np
 import pytest
@@ -22,9 +22,9 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_glb_is_what_the_function_writes(folder):
-    assert run("graphic", "run.nc", "--robot", "two-link", "-o", "run.glb").stdout == "wrote run.glb\n"
+    assert run("animate", "run.nc", "--robot", "two-link", "-o", "run.glb").stdout == "wrote run.glb\n"
     arm, recorded = aw.load("two-link"), aw.load_run("run.nc")
-    aw.write_graphic(recorded, arm, "same.glb")
+    aw.animate(recorded, arm, "same.glb")
     assert (folder / "run.glb").read_bytes() == (folder / "same.glb").read_bytes()
     gltf = Gltf((folder / "run.glb").read_bytes())
     hand = pose_of(gltf, "run", f"tip {arm.tip}", 2.0)
@@ -33,13 +33,13 @@ def test_glb_is_what_the_function_writes(folder):
 
 
 def test_a_built_in_arm_need_not_be_named(folder):
-    run("graphic", "run.nc", "-o", "one.glb")
-    run("graphic", "run.nc", "--robot", "two-link", "-o", "two.glb")
+    run("animate", "run.nc", "-o", "one.glb")
+    run("animate", "run.nc", "--robot", "two-link", "-o", "two.glb")
     assert (folder / "one.glb").read_bytes() == (folder / "two.glb").read_bytes()
 
 
 def test_a_lane_as_a_page(folder):
-    run("graphic", "batch.nc", "--robot", "two-link", "--lane", "2", "-o", "lane.html")
+    run("animate", "batch.nc", "--robot", "two-link", "--lane", "2", "-o", "lane.html")
     text = (folder / "lane.html").read_text(encoding="utf-8")
     assert text.startswith("<!DOCTYPE html>")
     assert "lane 2" in text
@@ -61,7 +61,7 @@ def test_a_lane_as_a_page(folder):
     ],
 )
 def test_refused(folder, arguments, words):
-    told = run("graphic", *arguments, code=2)
+    told = run("animate", *arguments, code=2)
     assert words in told.stderr
     assert told.stderr.count("\n") == 1
     assert sorted(entry.name for entry in folder.iterdir()) == ["batch.nc", "run.nc", "unnamed.nc"]

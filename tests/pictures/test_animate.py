@@ -1,4 +1,4 @@
-"""The graphic file of a run: which run, which arm, which lane; and one line where it cannot be."""
+"""The animation of a run: which run, which arm, which lane; and one line where it cannot be."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def hand(path, animation="run", t=2.0):
 def test_simulated_run_ends_where_kinematics_says(tmp_path):
     arm = aw.load("cmu-dd")
     run = aw.simulate(aw.Scenario(arm, command=[8, 12, 8, 4, 2, 1], duration=0.5))
-    aw.write_graphic(run, arm, tmp_path / "run.glb")
+    aw.animate(run, arm, tmp_path / "run.glb")
     gltf = Gltf((tmp_path / "run.glb").read_bytes())
     assert len(gltf.animation("run")["channels"]) == 6
     last = TO_Z_UP @ pose_of(gltf, "run", "tip hand", 0.5)
@@ -34,8 +34,8 @@ def test_simulated_run_ends_where_kinematics_says(tmp_path):
 def test_page_plays_the_same_file(arm, tmp_path):
     run = invented(arm)
     run = run.assign(q_reference=run["q"] * 0.5)
-    aw.write_graphic(run, arm, tmp_path / "run.html")
-    aw.write_graphic(run, arm, tmp_path / "run.glb")
+    aw.animate(run, arm, tmp_path / "run.html")
+    aw.animate(run, arm, tmp_path / "run.glb")
     page = Page(tmp_path / "run.html")
     assert page.unpacked("arm") == (tmp_path / "run.glb").read_bytes()
     assert page.fetched() == []
@@ -47,17 +47,17 @@ def test_page_plays_the_same_file(arm, tmp_path):
 def test_a_lane_of_many(arm, tmp_path):
     run = invented(arm, lanes=5)
     run["q"].values[2] = np.nan
-    aw.write_graphic(run, arm, tmp_path / "lane.glb", lane=3)
+    aw.animate(run, arm, tmp_path / "lane.glb", lane=3)
     expected = aw.forward_kinematics(arm, run["q"].values[3, -1])
     assert np.abs(hand(tmp_path / "lane.glb") - expected).max() < 1e-5
     with pytest.raises(RunError, match="the run has 5 lanes; expected lane = one of 0 … 4"):
-        aw.write_graphic(run, arm, tmp_path / "x.glb")
+        aw.animate(run, arm, tmp_path / "x.glb")
     with pytest.raises(RunError, match="lane = 7: no such lane; expected one of 0 … 4"):
-        aw.write_graphic(run, arm, tmp_path / "x.glb", lane=7)
+        aw.animate(run, arm, tmp_path / "x.glb", lane=7)
     with pytest.raises(RunError, match="q of 'turn' is nan from t = 0 s on"):
-        aw.write_graphic(run, arm, tmp_path / "x.glb", lane=2)
+        aw.animate(run, arm, tmp_path / "x.glb", lane=2)
     with pytest.raises(RunError, match="lane = 0: this run has no lanes"):
-        aw.write_graphic(invented(arm), arm, tmp_path / "x.glb", lane=0)
+        aw.animate(invented(arm), arm, tmp_path / "x.glb", lane=0)
     assert [entry.name for entry in tmp_path.iterdir()] == ["lane.glb"]
 
 
@@ -71,7 +71,7 @@ def test_a_lane_of_many(arm, tmp_path):
 )
 def test_paths_that_cannot_be_written(arm, tmp_path, path, words):
     with pytest.raises(OutputError) as told:
-        aw.write_graphic(invented(arm), arm, tmp_path / path)
+        aw.animate(invented(arm), arm, tmp_path / path)
     assert words in str(told.value)
     assert list(tmp_path.iterdir()) == []
 
@@ -93,7 +93,7 @@ def test_runs_that_are_none_of_this_arm(arm, tmp_path):
         (run.to_dataframe(), "a DataFrame is no run"),
     ):
         with pytest.raises(RunError) as told:
-            aw.write_graphic(bad, arm, tmp_path / "run.glb")
+            aw.animate(bad, arm, tmp_path / "run.glb")
         assert words in str(told.value)
         assert "\n" not in str(told.value)
     assert list(tmp_path.iterdir()) == []
@@ -110,7 +110,7 @@ def test_a_mesh_that_has_gone(tmp_path):
     (tmp_path / "lathe.toml").write_text(MIXED + visual, encoding="utf-8")
     arm = aw.load(tmp_path / "lathe.toml")
     with pytest.raises(RunError) as told:
-        aw.write_graphic(invented(arm), arm, tmp_path / "run.glb")
+        aw.animate(invented(arm), arm, tmp_path / "run.glb")
     assert str(told.value).startswith("lathe: link 'hand', visual 'cover': ")
     assert "gone.stl: cannot be read" in str(told.value)
     assert [entry.name for entry in tmp_path.iterdir()] == ["lathe.toml"]
@@ -118,6 +118,6 @@ def test_a_mesh_that_has_gone(tmp_path):
 
 def test_a_part_of_a_run_starts_at_0(arm, tmp_path):
     run = invented(arm)
-    aw.write_graphic(run.sel(time=slice(1.0, None)), arm, tmp_path / "run.glb")
+    aw.animate(run.sel(time=slice(1.0, None)), arm, tmp_path / "run.glb")
     expected = aw.forward_kinematics(arm, run["q"].values[20])
     assert np.abs(hand(tmp_path / "run.glb", t=0.0) - expected).max() < 1e-5

@@ -1,4 +1,4 @@
-"""`armwright graphic`: a run as an arm that moves."""
+"""`armwright animate`: a run as an arm that moves."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 
-def graphic(
+def animate(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Run saved as .nc.", show_default=False)],
     output: Annotated[
         Path,
@@ -35,15 +35,15 @@ def graphic(
 
     \b
     Examples:
-      armwright graphic run.nc -o run.html
-      armwright graphic run.nc -o run.glb
-      armwright graphic batch.nc --robot my-arm.toml --lane 3 -o lane3.html
+      armwright animate run.nc -o run.html
+      armwright animate run.nc -o run.glb
+      armwright animate batch.nc --robot my-arm.toml --lane 3 -o lane3.html
     """
     import armwright as aw
     from armwright.errors import RunError
-    from armwright.pictures.graphic import check_graphic
+    from armwright.pictures.animate import check_animation
 
-    check_graphic(output)
+    check_animation(output)
     loaded = aw.load_run(run)
     if robot is None:
         robot = str(loaded.attrs.get("robot", ""))
@@ -51,5 +51,5 @@ def graphic(
             raise RunError(
                 f"{run}: is of {robot or 'an arm without a name'}, which is not built in; expected --robot FILE"
             )
-    aw.write_graphic(loaded, aw.load(robot), output, lane=lane)
+    aw.animate(loaded, aw.load(robot), output, lane=lane)
     typer.echo(f"wrote {output}")
