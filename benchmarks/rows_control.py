@@ -15,7 +15,6 @@ import armwright as aw
 from armwright.description.database import parse
 from armwright.description.writer import to_toml
 from armwright.model import build_model
-from armwright.simulation.scenario_run import compile_run, simulate_run
 
 ROBOT = "puma560"
 CROWD = "two-link"
@@ -104,7 +103,7 @@ def crowd_records(quick: bool, repetitions: int) -> list[Record]:
     entries = []
     for lanes in (1000, 10_000) if quick else (100_000, 1_000_000):
         q0 = np.random.default_rng(4).uniform(-0.5, 0.5, (lanes, arm.n))
-        made = compile_run(
+        made = aw.Simulation(
             aw.Scenario(
                 arm,
                 controller=control,
@@ -121,7 +120,7 @@ def crowd_records(quick: bool, repetitions: int) -> list[Record]:
             errors = run["rms_error"].values
             return Check(0.0 if errors.shape == (lanes, arm.n) and np.isfinite(errors).all() else float("nan"), EXACT)
 
-        run = partial(simulate_run, made, None, 1)
+        run = partial(made.run, threads=1, keep_state=False)
         labels = {
             "arm": CROWD,
             "joints": arm.n,
@@ -154,7 +153,7 @@ def control_records(quick: bool, repetitions: int) -> list[Record]:
         return Check(relative_error(states, ends, 1) if np.isfinite(states).all() else float("nan"), tolerance)
 
     def ours(effect: str) -> Contestant:
-        made = compile_run(scenario(effects[effect], "state", record_every=0))
+        made = aw.Simulation(scenario(effects[effect], "state", record_every=0))
 
         def checked(run: Any) -> Check:
             states = np.concatenate([run["q"].values[:count, -1], run["qd"].values[:count, -1]], axis=-1)
@@ -162,7 +161,7 @@ def control_records(quick: bool, repetitions: int) -> list[Record]:
                 return check(states, EXACT)
             return Check(0.0 if np.isfinite(states).all() else float("nan"), EXACT)  # another motion: finite is all
 
-        return Contestant(effect, lambda: simulate_run(made, None, 1), lanes * steps, checked)
+        return Contestant(effect, partial(made.run, threads=1, keep_state=False), lanes * steps, checked)
 
     def peer(integrator: str) -> Contestant:
         engine, tolerance = MuJoCoArm(arm, integrator, STEP), FIRST_ORDER if integrator == "Euler" else EXACT

@@ -14,7 +14,7 @@ from timing import Check, Contestant, Entry, race, relative_error
 import armwright as aw
 from armwright.errors import ModelError
 from armwright.kernels.target import select_target
-from armwright.simulation.simulator import compile_simulator
+from armwright.simulation.loop.compiled import compile_loop
 
 ROBOT = "cmu-dd"
 NARROW = "x86-64-v3"
@@ -55,13 +55,13 @@ def simulation_records(work: str, quick: bool, repetitions: int) -> list[Record]
         return Check(relative_error(states[:count], truth if every else truth[:, -1], 1 + every), tolerance)
 
     def ours(name: str, target: str | None) -> Contestant:
-        simulator = compile_simulator(arm, target=target)
+        simulator = compile_loop(arm, target=target)
 
         def run() -> Any:
             scenario = aw.Scenario(
                 arm, duration=duration, step=STEP, command=aw.Batch(commands), record_every=every, record="state"
             )
-            return aw.simulate(scenario, simulator=simulator, threads=1)
+            return aw.simulate(scenario, loop=simulator, threads=1)
 
         def checked(run: Any) -> Check:
             states = np.concatenate([run["q"].values, run["qd"].values], axis=-1)

@@ -17,7 +17,7 @@ from armwright.description.brushless import DC_EQUIVALENT
 from armwright.description.paths import quantities
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.kinematics.reach import reach
-from armwright.simulation.results.recording import LONG_NAMES, UNITS
+from armwright.model.joint_signals import LONG_NAMES, UNITS
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:

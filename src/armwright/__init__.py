@@ -41,6 +41,7 @@ if TYPE_CHECKING:
         regressor_drive,
     )
     from armwright.errors import ArmwrightError
+    from armwright.interfaces import Controller, JointReference, Measurement, Sensor, Trajectory
     from armwright.kernels.compiled import CompiledArm
     from armwright.kernels.compiled import compile_arm as compile
     from armwright.kinematics import forward_kinematics, jacobian, jacobian_dot_qd
@@ -52,19 +53,20 @@ if TYPE_CHECKING:
     from armwright.pictures.show import show
     from armwright.record import check, convert, diff
     from armwright.scenarios import read_scenario, rerun
-    from armwright.simulation.acting.payload import Payload
-    from armwright.simulation.acting.schedule import Schedule, read_schedule
+    from armwright.signals import Layout, Signal
     from armwright.simulation.converge import converge
-    from armwright.simulation.integration.events import joint_stops
+    from armwright.simulation.inputs.payload import Payload
+    from armwright.simulation.inputs.schedule import Schedule, read_schedule
+    from armwright.simulation.integrate.events import joint_stops
+    from armwright.simulation.loop.sensors import Sensors
+    from armwright.simulation.loop.shaping import Shaping
+    from armwright.simulation.loop.state import LoopState
+    from armwright.simulation.loop.timing import Timing
     from armwright.simulation.results.plot import plot
     from armwright.simulation.results.recording import load_run, save
     from armwright.simulation.results.statistics import statistics
-    from armwright.simulation.sampling.protocols import Controller, Measurement, Reference
-    from armwright.simulation.sampling.sensors import Sensors
-    from armwright.simulation.sampling.shaping import Shaping
-    from armwright.simulation.sampling.timing import Timing
     from armwright.simulation.scenario import Scenario
-    from armwright.simulation.simulator import simulate
+    from armwright.simulation.simulation import Simulation, simulate
     from armwright.trajectory import Quintic, Ramp, Sine, Step
 
 __version__ = "0.1.0"
@@ -91,22 +93,24 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.modular": ("enumerate_assemblies", "rank_assemblies", "read_task"),
     "armwright.scenarios": ("read_scenario", "rerun"),
     "armwright.simulation.converge": ("converge",),
-    "armwright.simulation.integration.events": ("joint_stops",),
+    "armwright.simulation.integrate.events": ("joint_stops",),
     "armwright.parameters": ("Batch",),
     "armwright.pictures.animate": ("animate",),
     "armwright.pictures.show": ("show",),
     "armwright.record": ("check", "convert", "diff"),
-    "armwright.simulation.acting.payload": ("Payload",),
+    "armwright.simulation.inputs.payload": ("Payload",),
     "armwright.simulation.results.plot": ("plot",),
-    "armwright.simulation.sampling.protocols": ("Controller", "Measurement", "Reference"),
+    "armwright.interfaces": ("Controller", "JointReference", "Measurement", "Sensor", "Trajectory"),
     "armwright.simulation.results.recording": ("load_run", "save"),
     "armwright.simulation.scenario": ("Scenario",),
-    "armwright.simulation.acting.schedule": ("Schedule", "read_schedule"),
-    "armwright.simulation.sampling.sensors": ("Sensors",),
-    "armwright.simulation.sampling.shaping": ("Shaping",),
-    "armwright.simulation.simulator": ("simulate",),
+    "armwright.simulation.inputs.schedule": ("Schedule", "read_schedule"),
+    "armwright.signals": ("Layout", "Signal"),
+    "armwright.simulation.loop.state": ("LoopState",),
+    "armwright.simulation.loop.sensors": ("Sensors",),
+    "armwright.simulation.loop.shaping": ("Shaping",),
+    "armwright.simulation.simulation": ("Simulation", "simulate"),
     "armwright.simulation.results.statistics": ("statistics",),
-    "armwright.simulation.sampling.timing": ("Timing",),
+    "armwright.simulation.loop.timing": ("Timing",),
     "armwright.trajectory": ("Quintic", "Ramp", "Sine", "Step"),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
@@ -120,20 +124,26 @@ __all__ = [
     "ComputedTorque",
     "Controller",
     "JointPID",
+    "JointReference",
+    "Layout",
+    "LoopState",
     "Measurement",
     "Model",
     "Payload",
     "Quintic",
     "Ramp",
-    "Reference",
     "RobotDescription",
     "Scenario",
     "Schedule",
+    "Sensor",
     "Sensors",
     "Shaping",
+    "Signal",
+    "Simulation",
     "Sine",
     "Step",
     "Timing",
+    "Trajectory",
     "animate",
     "articulated_body",
     "assemble",

@@ -1,13 +1,16 @@
-"""Values that differ by lane: `Batch`, wherever a scenario or one of its parts takes a number or an array."""
+"""Values that differ by lane: a `Batch`, wherever a scenario or one of its parts takes a number or an array."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass
+import copy
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
 import numpy as np
 
+from armwright import scalar
 from armwright.errors import ScenarioError
 
 
@@ -29,14 +32,14 @@ class Batch:
         values = self.values
         if isinstance(values, (Batch, str, bytes)):
             raise ScenarioError(f"Batch({values!r:.60}): expected one value for each lane")
+        if isinstance(values, (list, tuple)) and any(isinstance(each, Batch) for each in values):
+            raise ScenarioError(f"Batch({values!r:.60}): holds a Batch; expected one value for each lane")
         try:
-            array = np.asarray(values)
+            array = np.array(values)
         except ValueError:
             raise ScenarioError(
                 f"Batch({values!r:.60}): rows of unequal shape; expected one shape for all lanes"
             ) from None
-        if array.dtype.kind == "O" and any(isinstance(each, Batch) for each in array.flat):
-            raise ScenarioError(f"Batch({values!r:.60}): holds a Batch; expected one value for each lane")
         if array.ndim == 0 or not len(array):
             raise ScenarioError(f"Batch({values!r:.60}): expected one value for each lane, and at least one lane")
         object.__setattr__(self, "values", array if array.dtype.kind in "iufb" else tuple(values))
@@ -52,9 +55,8 @@ class Batch:
         """Shape of one lane's value; None of values that are no numbers."""
         return self.values.shape[1:] if isinstance(self.values, np.ndarray) else None
 
-    def map(self, function: Callable[[Any], Any]) -> Batch:
-        """The batch of `function(value)` of every lane."""
-        return Batch([function(value) for value in self.values])
+    def __array__(self, *args: Any, **kwargs: Any) -> Any:
+        raise ScenarioError(f"{self!r} used as one array; expected code that takes one lane's value")
 
 
 def lane_values(value: Any) -> Any:
@@ -76,8 +78,8 @@ def batches(value: Any, path: str) -> Iterator[tuple[str, Batch]]:
     if isinstance(value, Batch):
         yield path, value
     elif is_dataclass(value) and not isinstance(value, type):
-        for field in fields(value):
-            yield from batches(getattr(value, field.name), f"{path}.{field.name}")
+        for each in fields(value):
+            yield from batches(getattr(value, each.name), f"{path}.{each.name}")
     elif isinstance(value, Mapping):
         for name, each in value.items():
             yield from batches(each, f"{path}[{name!r}]")
@@ -98,3 +100,63 @@ def check_counts(counts: Mapping[str, int]) -> int | None:
     if len(set(counts.values())) > 1:
         raise ScenarioError(f"lanes do not fit together: {', '.join(f'{v} of {k}' for k, v in counts.items())}")
     return next(iter(counts.values()), None)
+
+
+@dataclass(frozen=True, eq=False)
+class LaneFields:
+    """An object whose fields may be batches, told apart: the fields that vary, and their values side by side.
+
+    Attributes:
+        owner: the object, such as a controller.   names: of its fields that are batches.   shapes: of one lane's value of each.
+        values: (lanes, k) of them, side by side; (1, 0) where nothing varies.
+    """
+
+    owner: Any
+    names: tuple[str, ...] = ()
+    shapes: tuple[tuple[int, ...], ...] = ()
+    values: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)))
+
+    @classmethod
+    def of(cls, owner: Any, place: str) -> LaneFields:
+        """The batches of a dataclass; of anything else, none.
+
+        Args:
+            owner: the object.   place: what errors call it.
+        Raises:
+            ScenarioError: a batch of no numbers, or batches of different numbers of lanes.
+        """
+        if not is_dataclass(owner) or isinstance(owner, type):
+            return cls(owner)
+        rows: dict[str, np.ndarray] = {}
+        for each in fields(owner):
+            value = getattr(owner, each.name)
+            if isinstance(value, Batch):
+                if value.shape is None:
+                    raise ScenarioError(f"{place}: {each.name} = {value!r}: expected a batch of numbers")
+                rows[each.name] = value.values.astype(float)
+        inner = [path for path, _ in batches(owner, place) if path not in {f"{place}.{name}" for name in rows}]
+        if inner:
+            raise ScenarioError(f"{inner[0]} is a Batch: expected it as a field of the {place} itself")
+        if not rows:
+            return cls(owner)
+        check_counts({f"{place}.{name}": len(value) for name, value in rows.items()})
+        flat = [value.reshape(len(value), -1) for value in rows.values()]
+        shapes = tuple(value.shape[1:] for value in rows.values())
+        return cls(owner, tuple(rows), shapes, np.concatenate(flat, axis=1))
+
+    @property
+    def lanes(self) -> int | None:
+        """Number of lanes; None where nothing varies."""
+        return len(self.values) if self.names else None
+
+    def with_values(self, rows: Any) -> Any:
+        """The object with (…, k) values, numbers or symbols, in place of its batches; its own checks are not made again."""
+        if not self.names:
+            return self.owner
+        rows = np.asarray(rows)
+        ends = np.cumsum([math.prod(shape) for shape in self.shapes])
+        changed = copy.copy(self.owner)
+        for name, part, shape in zip(self.names, np.split(rows, ends[:-1], axis=-1), self.shapes, strict=True):
+            value = scalar.array(part.reshape(*rows.shape[:-1], *shape))
+            object.__setattr__(changed, name, value if value.ndim else value[()])
+        return changed

@@ -17,11 +17,13 @@ ORDER = (
     ("scalar",),
     ("expressions",),
     ("output",),
+    ("signals",),  # named layouts of vectors
     ("spatial",),
     ("robots",),  # data files only; description reads them
     ("description",),
     ("model",),
     ("parameters",),  # values that differ by lane
+    ("interfaces",),  # what users write themselves
     ("kinematics",),
     ("actuators",),  # above dynamics: friction and gear loss are part of the inverse dynamics
     ("dynamics",),

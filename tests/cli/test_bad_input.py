@@ -144,6 +144,6 @@ def test_what_the_machine_cannot_do(error, message, monkeypatch):
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr("armwright.simulation.simulator.simulate", fail)
+    monkeypatch.setattr("armwright.simulation.simulation.simulate", fail)
     monkeypatch.setattr("armwright.simulate", fail, raising=False)
     assert message in refused(SIMULATE)

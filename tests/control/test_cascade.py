@@ -11,7 +11,7 @@ import armwright as aw
 from armwright import scalar
 from armwright.control import Cascade
 from armwright.errors import ScenarioError
-from armwright.simulation.sampling.protocols import Measurement, Reference
+from armwright.interfaces import JointReference, Measurement
 from physics.arms import arm
 
 PERIOD = 5e-4
@@ -68,7 +68,7 @@ def test_loops_have_their_turn_at_their_ticks():
     y = Measurement(*np.zeros((4, 2)))
     s, found = law.init(model, y), []
     for k in range(9):
-        u, s = law.step(k * PERIOD, Reference(np.full(2, k + 1.0), np.zeros(2), np.zeros(2)), y, s)
+        u, s = law.step(k * PERIOD, JointReference(np.full(2, k + 1.0), np.zeros(2), np.zeros(2)), y, s)
         found.append(u[0])
     assert found == [0.0, 0.0, 3.0, 3.0, 3.0, 6.0, 6.0, 6.0, 9.0]
 
@@ -94,7 +94,7 @@ def test_an_integrator_waits_while_the_stage_behind_it_is_cut_off():
     model, law = arm("cmu-dd"), Cascade(position_kp=1.0, speed_kp=1.0, speed_ki=5.0, current_kp=1.0, voltage_limit=0.5)
     law = law.fitted(model, PERIOD)
     y = Measurement(*np.zeros((4, 6)))
-    r = Reference(np.full(6, 2.0), np.zeros(6), np.zeros(6))
+    r = JointReference(np.full(6, 2.0), np.zeros(6), np.zeros(6))
     _, first = law.step(0.0, r, y, law.init(model, y))
     _, second = law.step(PERIOD, r, y, first)
     np.testing.assert_allclose(first[N : 2 * N], 5.0 * 2.0 * PERIOD)

@@ -8,7 +8,7 @@ import pytest
 import armwright as aw
 from armwright.control import JointPID
 from armwright.errors import ScenarioError
-from armwright.simulation.sampling.protocols import Measurement, Reference
+from armwright.interfaces import JointReference, Measurement
 from armwright.trajectory import Step
 from physics.arms import arm
 
@@ -18,7 +18,7 @@ N = 6
 
 def told(seed=0):
     r = np.random.default_rng(seed)
-    return Reference(*r.normal(size=(3, N))), Measurement(*r.normal(size=(4, N)))
+    return JointReference(*r.normal(size=(3, N))), Measurement(*r.normal(size=(4, N)))
 
 
 def test_all_terms_are_what_the_equation_says():
@@ -47,7 +47,7 @@ def test_the_derivative_of_the_measurement_knows_no_reference():
 def test_a_filtered_derivative_tends_to_the_slope_of_the_positions():
     model, cutoff, slope = arm("cmu-dd"), 30.0, 0.8
     law = JointPID(kp=0.0, kd=1.0, cutoff_hz=cutoff).fitted(model, PERIOD)
-    still = Reference(*np.zeros((3, N)))
+    still = JointReference(*np.zeros((3, N)))
     at = lambda k: Measurement(np.full(N, slope * k * PERIOD), np.zeros(N), np.zeros(N), np.zeros(N))  # noqa: E731
     s = law.init(model, at(0))
     keep = np.exp(-2.0 * np.pi * cutoff * PERIOD)

@@ -18,7 +18,7 @@ from armwright import scalar
 from armwright.control import Cascade, ComputedTorque, JointPID
 from armwright.description.database import read_toml
 from armwright.model import Model, build_model
-from armwright.simulation.integration.events import joint_stops
+from armwright.simulation.integrate.events import joint_stops
 from physics.arms import arm
 from simulation.plants import BRAKE, COULOMB, ELASTIC, MANY, MOTOR, STOPS, chain, pendulum
 
@@ -205,7 +205,7 @@ def continued() -> aw.Scenario:
     """A run that goes on from another one's last row."""
     model = MANY["all"]
     common = {"command": wave(2, 9.0), "duration": 0.01, "step": 1e-4, "integrator": "rk3"}
-    return aw.Scenario(model, **common, initial=aw.simulate(aw.Scenario(model, q0=wave(2), **common)))
+    return aw.Scenario(model, **common, start=aw.simulate(aw.Scenario(model, q0=wave(2), **common)))
 
 
 HELD = (2.0, [0.05, -0.02, 0.1], [[0.012, 0.001, -0.002], [0.001, 0.01, 0.0005], [-0.002, 0.0005, 0.009]])

@@ -21,7 +21,7 @@ from armwright.kernels.cuda_machine import BITS, CUDA
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.program import Program, trace
 from armwright.program.operations import OPERATIONS
-from armwright.simulation.simulator import compile_simulator
+from armwright.simulation.loop.compiled import compile_loop
 from kernels.c_compilers import FMA, build, compiler
 from kernels.harness import same_bits
 from kernels.test_operations import COMPUTED, arguments, compiled
@@ -97,8 +97,8 @@ def test_trajectories_have_the_bits_of_the_simulator(tmp_path, name):
     u = np.random.default_rng(0).normal(size=(lanes, model.n))
     q0 = np.random.default_rng(1).normal(size=(lanes, model.n))
     scenario = aw.Scenario(model, command=aw.Batch(u), q0=aw.Batch(q0), duration=ticks * 1e-3, record_every=every)
-    simulator = compile_simulator(model)
-    expected = aw.simulate(scenario, simulator=simulator)
+    simulator = compile_loop(model)
+    expected = aw.simulate(scenario, loop=simulator)
     record, frozen = trajectory(tmp_path, simulator.step, np.hstack([q0, 0 * q0]), u, 1e-3, ticks, every)
     assert np.array_equal(record[:, :, : model.n].transpose(1, 0, 2), expected["q"])
     assert np.array_equal(record[:, :, model.n :].transpose(1, 0, 2), expected["qd"])
@@ -242,8 +242,8 @@ def test_on_a_gpu():
     q, qd, qdd = np.random.default_rng(0).normal(size=(3, 10_000, 6))
     found = CudaKernel(trace_kernel(model, SIGNATURES["inverse_dynamics"]))(q, qd, qdd)
     assert np.array_equal(cupy.asnumpy(found), aw.compile(model).inverse_dynamics(q, qd, qdd))
-    simulator = compile_simulator(model)
+    simulator = compile_loop(model)
     scenario = aw.Scenario(model, command=np.ones(6), q0=aw.Batch(q[:100]), duration=0.05, record_every=5)
     record, _ = CudaTrajectory(simulator.step)(np.hstack([q[:100], 0 * q[:100]]), np.ones(6), 1e-3, 50, 5)
-    expected = aw.simulate(scenario, simulator=simulator)["q"]
+    expected = aw.simulate(scenario, loop=simulator)["q"]
     assert np.array_equal(cupy.asnumpy(record)[:, :, :6].transpose(1, 0, 2), expected)

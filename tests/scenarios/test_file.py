@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import armwright as aw
 from armwright.errors import ArmwrightError, RunError
-from armwright.simulation.acting.inputs import rows_of
+from armwright.simulation.inputs.acting import rows_of
 
 HEAD = """
 robot = "cmu-dd"

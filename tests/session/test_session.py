@@ -20,7 +20,7 @@ from armwright.session.listing import Drawing, Line, Sheet, significant
 from armwright.session.simulation import held
 from armwright.session.variables import TABLE as ALL_VARIABLES
 from armwright.session.variables import VARIABLES, same
-from armwright.simulation.acting.schedule import Schedule
+from armwright.simulation.inputs.schedule import Schedule
 from pictures.reading import Page
 from session.walks import refused, write_files
 

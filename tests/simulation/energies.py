@@ -12,9 +12,9 @@ from armwright.kernels.stages import Integrate
 from armwright.kernels.target import select_target
 from armwright.model import Model
 from armwright.program import trace
-from armwright.simulation.integration.exponential import Split
-from armwright.simulation.integration.integrators import INTEGRATORS
-from armwright.simulation.integration.stepping import Adaptivity, adaptive_stage, speed_pairs
+from armwright.simulation.integrate.exponential import Split
+from armwright.simulation.integrate.integrators import INTEGRATORS
+from armwright.simulation.integrate.stepping import Adaptivity, adaptive_stage, speed_pairs
 from armwright.simulation.plant.plant import Plant
 from armwright.simulation.plant.switching import Watched, switching_programs
 

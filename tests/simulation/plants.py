@@ -10,8 +10,9 @@ from scipy.integrate import solve_ivp
 from armwright.description.database import parse
 from armwright.model import Model, build_model
 from armwright.program import trace
-from armwright.simulation.integration.integrators import INTEGRATORS, Integrator
-from armwright.simulation.integration.stepping import speed_pairs
+from armwright.simulation.integrate.integrators import INTEGRATORS, Integrator
+from armwright.simulation.integrate.stepping import speed_pairs
+from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
 
 RK3 = INTEGRATORS["rk3"]
@@ -105,9 +106,9 @@ def chain(joints: list[dict[str, Any]], gravity: float = 9.81, robot: dict[str, 
 
 def steps(plant: Plant, x0: Any, u: Any, h: float, count: int, brake: Any = None, rule: Integrator = RK3) -> np.ndarray:
     """The states (count + 1, size) of so many steps; u (n,), or (count, n) that changes."""
-    rule = rule.paired(speed_pairs({part.name: part.place for part in plant.parts}))
+    rule = rule.paired(speed_pairs(plant.layout))
     sizes = {"x": (plant.size,), "u": (plant.model.n,)} | ({} if brake is None else {"brake": (len(brake),)})
-    program = trace("step", lambda x, u, *b: plant.step(rule, x, u, h, None, *b), sizes, ("x_next",))
+    program = trace("step", lambda x, u, *b: plant.step(rule, x, PlantInputs(u, brake=b[0] if b else None), h), sizes, ("x_next",))
     given = [np.asarray(value, dtype=float) for value in ([u] if brake is None else [u, brake])]
     held = [value.T if value.ndim == 2 else np.tile(value.reshape(-1, 1), count) for value in given]
     states = program.graph.mapaccum("run", count)(np.asarray(x0, dtype=float), *held)

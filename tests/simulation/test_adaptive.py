@@ -12,10 +12,10 @@ from armwright import scalar
 from armwright.errors import DivergenceError, ScenarioError
 from armwright.kernels.loop import Loop
 from armwright.kernels.target import select_target
-from armwright.simulation.integration import dormand_prince
-from armwright.simulation.integration.cvodes import Cvodes
-from armwright.simulation.integration.dormand_prince import along, trial_step
-from armwright.simulation.integration.stepping import (
+from armwright.simulation.integrate import dormand_prince
+from armwright.simulation.integrate.cvodes import Cvodes
+from armwright.simulation.integrate.dormand_prince import along, trial_step
+from armwright.simulation.integrate.stepping import (
     Adaptivity,
     adaptive_stage,
     begin_adaptive,

@@ -9,7 +9,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import ScenarioError
-from armwright.simulation.integration.integrators import INTEGRATORS
+from armwright.simulation.integrate.integrators import INTEGRATORS
 from physics.arms import arm
 from simulation.plants import MOTOR, STOPS, pendulum
 

@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 
 import armwright as aw
 from armwright.errors import DivergenceError, ScenarioError
+from armwright.simulation.loop.timing import Timing
 from armwright.simulation.plant.plant import plant_derivative
-from armwright.simulation.sampling.timing import Timing
 from physics.arms import arm
 from simulation.test_simulator import motor_alone
 

@@ -7,14 +7,14 @@ from decimal import Decimal, getcontext
 import numpy as np
 import pytest
 
-from armwright.simulation.integration.exponential import (
+from armwright.simulation.integrate.exponential import (
     Split,
     phi,
     rk3_exponential,
     rk4_exponential,
     semi_implicit_euler_exponential,
 )
-from armwright.simulation.integration.integrators import rk3_step, rk4_step, semi_implicit_euler_step
+from armwright.simulation.integrate.integrators import rk3_step, rk4_step, semi_implicit_euler_step
 
 NOTHING = np.zeros(0)
 

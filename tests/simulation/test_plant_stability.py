@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armwright.errors import ScenarioError
-from armwright.simulation.integration.integrators import INTEGRATORS
+from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.plant.plant import Plant
 from armwright.simulation.plant.stability import Stability
 from simulation.plants import COULOMB, ELASTIC, LUGRE, MANY, MOTOR, RK3, STOPS, pendulum, steps

@@ -15,7 +15,8 @@ import pytest
 import xarray as xr
 
 from armwright.errors import OutputError, RunError
-from armwright.simulation.results.recording import ENDINGS, joint_units, load_run, make_dataset, run_units, save, wide
+from armwright.model.joint_signals import joint_units
+from armwright.simulation.results.recording import ENDINGS, load_run, make_dataset, run_units, save, wide
 from simulation.runs import invented, mixed_arm
 
 NEEDS_A_USER = pytest.mark.skipif(

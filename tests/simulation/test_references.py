@@ -8,7 +8,7 @@ import pytest
 import armwright as aw
 from armwright import scalar
 from armwright.errors import ScenarioError
-from armwright.simulation.acting.references import reference_notes, reference_rows
+from armwright.simulation.loop.references import reference_notes, reference_rows
 from physics.arms import arm
 
 T = np.linspace(0.0, 1.0, 11)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from armwright.errors import ScheduleError
-from armwright.simulation.acting.schedule import Schedule, read_schedule
+from armwright.simulation.inputs.schedule import Schedule, read_schedule
 
 NAMES = ("waist", "elbow")
 

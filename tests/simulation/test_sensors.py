@@ -7,7 +7,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import ScenarioError
-from armwright.simulation.sampling.sensors import Sensors
+from armwright.simulation.loop.sensors import Sensors
 from physics.arms import arm
 
 

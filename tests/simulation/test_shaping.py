@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import armwright as aw
 from armwright.errors import ScenarioError
-from armwright.simulation.sampling.shaping import Shaping
+from armwright.simulation.loop.shaping import Shaping
 from physics.arms import arm
 
 PERIOD = 1e-3

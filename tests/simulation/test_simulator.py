@@ -11,8 +11,8 @@ from armwright.description.database import parse
 from armwright.errors import DivergenceError, ScenarioError
 from armwright.kernels.target import select_target
 from armwright.model import build_model
+from armwright.simulation.loop.compiled import compile_loop
 from armwright.simulation.plant.plant import plant_derivative
-from armwright.simulation.simulator import compile_simulator
 
 LEVEL = {"xyz_m": [0, 0, 0], "rpy_rad": [0, 0, 0]}
 DISC = {"xx": 0.01, "xy": 0, "xz": 0, "yy": 0.01, "yz": 0, "zz": 0.02}
@@ -54,7 +54,7 @@ def final(run) -> np.ndarray:
 def cmu():
     """The CMU arm and its compiled simulator."""
     arm = aw.load("cmu-dd")
-    return arm, compile_simulator(arm)
+    return arm, compile_loop(arm)
 
 
 def test_motor_reaches_the_speed_its_constants_say():
@@ -78,7 +78,7 @@ def test_against_scipy(cmu):
     """The whole CMU arm with motors, DOP853 at 1e-11, tolerance of RK3 at 1 ms."""
     arm, simulator = cmu
     u = np.array([20.0, -15.0, 8.0, 5.0, -2.0, 1.5])
-    run = aw.simulate(aw.Scenario(arm, duration=0.6, command=u), simulator=simulator)
+    run = aw.simulate(aw.Scenario(arm, duration=0.6, command=u), loop=simulator)
     exact = solve_ivp(
         lambda t, x: plant_derivative(arm, x, u), (0, 0.6), np.zeros(12), "DOP853", rtol=1e-11, atol=1e-12
     )
@@ -100,7 +100,7 @@ def driven(request):
     arm = aw.load(request.param)
     command, qd0 = DRIVEN[request.param]
     q0 = np.array([np.clip(0.4, *body.limits.position) for body in arm.bodies])
-    return arm, compile_simulator(arm), {"command": command, "q0": q0, "qd0": qd0}
+    return arm, compile_loop(arm), {"command": command, "q0": q0, "qd0": qd0}
 
 
 def test_every_arm_is_driven():
@@ -112,7 +112,7 @@ def test_order_three(driven):
     """Halving the step divides RK3's error by 8."""
     arm, simulator, start = driven
     ends = {
-        h: final(aw.simulate(aw.Scenario(arm, duration=0.064, step=h, **start, record_every=0), simulator=simulator))
+        h: final(aw.simulate(aw.Scenario(arm, duration=0.064, step=h, **start, record_every=0), loop=simulator))
         for h in (5e-4, 2.5e-4, 1.25e-4, 7.8125e-6)
     }
     errors = [np.abs(ends[h] - ends[7.8125e-6]).max() for h in (5e-4, 2.5e-4, 1.25e-4)]
@@ -127,7 +127,7 @@ def test_energy_balance(driven):
     from armwright.actuators import friction_torques
 
     arm, simulator, start = driven
-    run = aw.simulate(aw.Scenario(arm, duration=0.2, step=1e-4, **start), simulator=simulator)
+    run = aw.simulate(aw.Scenario(arm, duration=0.2, step=1e-4, **start), loop=simulator)
     q, qd, tau = (run[name].values for name in ("q", "qd", "tau"))
     energy = [aw.kinetic_energy(arm, q[k], qd[k]) + aw.potential_energy(arm, q[k]) for k in (0, -1)]
     into = simpson(np.sum(tau * qd, axis=1), x=run.time.values)
@@ -139,7 +139,7 @@ def test_energy_balance(driven):
 def test_electrical_power_is_heat_and_motion(cmu):
     """V i = R i² + tau q̇, row by row."""
     arm, simulator = cmu
-    run = aw.simulate(aw.Scenario(arm, duration=0.2, command=np.full(6, 5.0)), simulator=simulator)
+    run = aw.simulate(aw.Scenario(arm, duration=0.2, command=np.full(6, 5.0)), loop=simulator)
     resistance = np.array([body.drive.resistance for body in arm.bodies])
     v, i, tau, qd = (run[name].values for name in ("voltage", "current", "tau", "qd"))
     assert np.allclose(v * i, resistance * i**2 + tau * qd, rtol=0, atol=1e-10 * np.abs(v * i).max())
@@ -150,17 +150,15 @@ def test_bits_do_not_depend_on_lanes_threads_or_width(cmu):
     arm, simulator = cmu
     rng = np.random.default_rng(5)
     command, q0 = rng.uniform(-5, 5, (37, 6)), rng.uniform(-1, 1, (37, 6))
-    whole = aw.simulate(aw.Scenario(arm, duration=0.1, command=aw.Batch(command), q0=aw.Batch(q0)), simulator=simulator)
+    whole = aw.simulate(aw.Scenario(arm, duration=0.1, command=aw.Batch(command), q0=aw.Batch(q0)), loop=simulator)
     for lane in (0, 7, 8, 36):
-        alone = aw.simulate(aw.Scenario(arm, duration=0.1, command=command[lane], q0=q0[lane]), simulator=simulator)
+        alone = aw.simulate(aw.Scenario(arm, duration=0.1, command=command[lane], q0=q0[lane]), loop=simulator)
         assert np.array_equal(final(alone), final(whole)[lane])
         assert np.array_equal(alone.qdd.values, whole.qdd.values[lane])
     tiled = {"command": aw.Batch(np.tile(command, (8, 1))), "q0": aw.Batch(np.tile(q0, (8, 1)))}
     many = aw.Scenario(arm, duration=0.1, record_every=0, **tiled)
     for threads in (1, 2, 3):
-        assert np.array_equal(
-            final(aw.simulate(many, simulator=simulator, threads=threads)), np.tile(final(whole), (8, 1))
-        )
+        assert np.array_equal(final(aw.simulate(many, loop=simulator, threads=threads)), np.tile(final(whole), (8, 1)))
     if select_target().width == 8:
         lanes = {"command": aw.Batch(command), "q0": aw.Batch(q0)}
         narrow = aw.simulate(aw.Scenario(arm, duration=0.1, target="x86-64-v3", **lanes))
@@ -173,7 +171,7 @@ def test_schedule_rows_are_landed_on(cmu):
     times = np.array([0.0, 0.01234321, 0.01236789, 0.05, 0.0876543, 0.1])
     commands = np.random.default_rng(6).uniform(-8, 8, (6, 6))
     schedule = aw.Schedule(times, commands, tuple(arm.names))
-    run = aw.simulate(aw.Scenario(arm, duration=0.12, step=1e-4, schedule=schedule), simulator=simulator)
+    run = aw.simulate(aw.Scenario(arm, duration=0.12, step=1e-4, schedule=schedule), loop=simulator)
     x = np.zeros(12)
     for first, last, u in zip(times, [*times[1:], 0.12], commands, strict=True):
         x = solve_ivp(
@@ -196,9 +194,9 @@ def test_schedules_a_lane(cmu):
         )
         for k in range(11)
     ]
-    together = aw.simulate(aw.Scenario(arm, duration=0.1, schedule=aw.Batch(schedules)), simulator=simulator)
+    together = aw.simulate(aw.Scenario(arm, duration=0.1, schedule=aw.Batch(schedules)), loop=simulator)
     for lane in (0, 1, 5, 10):
-        alone = aw.simulate(aw.Scenario(arm, duration=0.1, schedule=schedules[lane]), simulator=simulator)
+        alone = aw.simulate(aw.Scenario(arm, duration=0.1, schedule=schedules[lane]), loop=simulator)
         assert np.array_equal(alone.q.values, together.q.values[lane])
         assert np.array_equal(alone.u.values, together.u.values[lane])
 
@@ -247,11 +245,11 @@ def test_coulomb_friction_bounds_the_step():
     with pytest.raises(ScenarioError, match="friction slope included"):
         aw.simulate(aw.Scenario(arm, duration=0.1, command=[1.0]))
     limit = 2.5127 * (0.02 + 25e-4) * 1e-4 / 2.0
-    assert compile_simulator(arm).stability.largest_step(_rk3(), np.zeros(1)) == pytest.approx(limit, rel=0.01)
+    assert compile_loop(arm).stability.largest_step(_rk3(), np.zeros(1)) == pytest.approx(limit, rel=0.01)
 
 
 def _rk3():
-    from armwright.simulation.integration.integrators import INTEGRATORS
+    from armwright.simulation.integrate.integrators import INTEGRATORS
 
     return INTEGRATORS["rk3"]
 
@@ -290,10 +288,10 @@ def test_position_limit_is_reported():
 def test_record_every_and_state_only(cmu):
     """Fewer rows are the same rows."""
     arm, simulator = cmu
-    full = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6)), simulator=simulator)
-    tenth = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6), record_every=10), simulator=simulator)
+    full = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6)), loop=simulator)
+    tenth = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6), record_every=10), loop=simulator)
     ends = aw.simulate(
-        aw.Scenario(arm, duration=0.06, command=np.ones(6), record_every=0, record="state"), simulator=simulator
+        aw.Scenario(arm, duration=0.06, command=np.ones(6), record_every=0, record="state"), loop=simulator
     )
     assert np.array_equal(tenth.q.values, full.q.values[::10])
     assert np.array_equal(tenth.time.values, full.time.values[::10])
@@ -308,9 +306,7 @@ def test_progress_counts_all_steps(cmu):
     for threads in (1, 2):
         seen = []
         scenario = aw.Scenario(arm, duration=0.1, command=aw.Batch(np.zeros((600, 6))), record_every=0)
-        aw.simulate(
-            scenario, simulator=simulator, threads=threads, progress=lambda *steps, seen=seen: seen.append(steps)
-        )
+        aw.simulate(scenario, loop=simulator, threads=threads, progress=lambda *steps, seen=seen: seen.append(steps))
         assert seen[-1][0] == seen[-1][1] > 0
 
 
@@ -353,7 +349,7 @@ def test_a_simulator_serves_its_own_arm_only(cmu):
     arm, simulator = cmu
     for other in (aw.load("two-link"), arm.replace(gravity=[0, 0, 0])):
         with pytest.raises(ScenarioError, match="the simulator was compiled for arm"):
-            aw.simulate(aw.Scenario(other, duration=0.1, command=np.zeros(other.n)), simulator=simulator)
+            aw.simulate(aw.Scenario(other, duration=0.1, command=np.zeros(other.n)), loop=simulator)
 
 
 def test_gear_loss_under_load_bounds_the_step():
@@ -388,14 +384,14 @@ def test_steep_sigmoid_bounds_the_step():
     }
     arm = motor_alone(friction=law)
     limit = 2.5127 * (0.02 + 25e-4) / (5.0 * 1000.0 / 4)
-    assert compile_simulator(arm).stability.largest_step(_rk3(), np.zeros(1)) == pytest.approx(limit, rel=0.01)
+    assert compile_loop(arm).stability.largest_step(_rk3(), np.zeros(1)) == pytest.approx(limit, rel=0.01)
 
 
 def test_uneven_coulomb_friction_bounds_the_step_by_its_steeper_side():
     """Fc is the larger of the two."""
     arm = motor_alone(friction={"coulomb_positive_n_m": 1.0, "coulomb_negative_n_m": 5.0, "smoothing_rad_per_s": 1e-2})
     limit = 2.5127 * (0.02 + 25e-4) / (5.0 / 1e-2 + 25 * 0.05**2 / 0.8)
-    assert compile_simulator(arm).stability.largest_step(_rk3(), np.zeros(1)) == pytest.approx(limit, rel=0.01)
+    assert compile_loop(arm).stability.largest_step(_rk3(), np.zeros(1)) == pytest.approx(limit, rel=0.01)
 
 
 def test_columns_go_by_name():
@@ -433,7 +429,7 @@ def test_too_much_to_record(cmu):
     arm, simulator = cmu
     for duration in (1e12, 1e300):
         with pytest.raises(ScenarioError, match=r"record_every above 1|more than can be counted"):
-            aw.simulate(aw.Scenario(arm, duration=duration, command=np.zeros(6)), simulator=simulator)
+            aw.simulate(aw.Scenario(arm, duration=duration, command=np.zeros(6)), loop=simulator)
 
 
 def test_ctrl_c_comes_back_soon(cmu):
@@ -448,7 +444,7 @@ def test_ctrl_c_comes_back_soon(cmu):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        aw.simulate(scenario, simulator=simulator, threads=2, progress=interrupt)
+        aw.simulate(scenario, loop=simulator, threads=2, progress=interrupt)
     assert time.perf_counter() - start < 5.0  # the whole run takes a quarter of a minute
 
 

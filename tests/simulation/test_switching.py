@@ -13,8 +13,8 @@ from armwright.kernels.loop import Loop
 from armwright.kernels.stages import LANDINGS, SECANTS, Adapt, Integrate
 from armwright.kernels.target import select_target
 from armwright.program import interpret, trace
-from armwright.simulation.compiled import compile_simulator
-from armwright.simulation.integration.integrators import INTEGRATORS, rk4_step
+from armwright.simulation.integrate.integrators import INTEGRATORS, rk4_step
+from armwright.simulation.loop.compiled import compile_loop
 from armwright.simulation.plant.switching import Watched, switching_programs
 from simulation.plants import COULOMB, ELASTIC, LUGRE, MOTOR, chain, pendulum
 
@@ -48,10 +48,10 @@ def test_a_joint_between_stops_bounces_as_in_closed_form(name):
     arm = pendulum("torque", gravity=0.0, stops=STOPS, limits={"position_rad": [-0.1, 0.1]})
     inertia, duration = float(aw.mass_matrix(arm, np.zeros(1))[0, 0]), 2.0
     exact = np.array(bounced(inertia, 0.1, 1.0, duration))
-    simulator, errors = compile_simulator(arm, name), []
+    simulator, errors = compile_loop(arm, name), []
     for k in range(4):
         common = {"command": [0.0], "qd0": [1.0], "duration": duration, "record_every": 0}
-        run = aw.simulate(aw.Scenario(arm, step=4e-3 / 2**k, integrator=name, **common), simulator=simulator)
+        run = aw.simulate(aw.Scenario(arm, step=4e-3 / 2**k, integrator=name, **common), loop=simulator)
         errors.append(np.abs([run.q.values[-1, 0], run.qd.values[-1, 0]] - exact).max())
     assert np.log2(errors[0] / errors[-1]) / 3 == pytest.approx(INTEGRATORS[name].order, abs=0.3), errors
 
@@ -198,13 +198,11 @@ def test_stops_under_a_controller_with_delays():
 
 
 def test_an_arm_without_contacts_has_nothing_of_it():
-    step = next(
-        stage for stage in compile_simulator(aw.load("two-link")).loops[-1].stages if isinstance(stage, Integrate)
-    )
+    step = next(stage for stage in compile_loop(aw.load("two-link")).loops[-1].stages if isinstance(stage, Integrate))
     assert step.landing == ()
-    assert "left" not in compile_simulator(aw.load("two-link")).loops[-1].sizes
+    assert "left" not in compile_loop(aw.load("two-link")).loops[-1].sizes
     adapt = aw.Scenario(aw.load("two-link"), command=[0.0, 0.0], duration=0.1, integrator="rk45").adaptivity
-    stages = compile_simulator(aw.load("two-link"), "rk45", adaptivity=adapt).loops[-1].stages
+    stages = compile_loop(aw.load("two-link"), "rk45", adaptivity=adapt).loops[-1].stages
     assert next(stage for stage in stages if isinstance(stage, Adapt)).landing == ()
 
 

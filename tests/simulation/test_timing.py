@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import armwright as aw
 from armwright.errors import ScenarioError
 from armwright.kernels.stages import NEVER
-from armwright.simulation.sampling.timing import Delays, Timing, lateness, planned
+from armwright.simulation.loop.timing import Delays, Timing, lateness, planned
 from physics.arms import arm
 
 PERIOD = 2e-3

@@ -8,7 +8,7 @@ import pytest
 import armwright as aw
 from armwright.control import JointPID
 from armwright.errors import ScenarioError
-from armwright.simulation.integration.integrators import INTEGRATORS
+from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.plant.varied_steps import VariedSteps
 from simulation.plants import MOTOR, chain
 

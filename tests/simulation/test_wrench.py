@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 import armwright as aw
 from armwright import scalar
 from armwright.errors import ScenarioError
-from armwright.simulation.acting.inputs import WRENCH
+from armwright.simulation.inputs.acting import WRENCH
 from physics.arms import arm
 
 PERIOD = 1e-3

@@ -7,7 +7,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import ScenarioError
-from armwright.simulation.acting.references import reference_rows
+from armwright.simulation.loop.references import reference_rows
 from armwright.trajectory import Quintic, Ramp, Sine, Step
 from physics.arms import arm
 

@@ -64,7 +64,7 @@ def converge(
     """
     import armwright as aw
     from armwright.cli.progress import progress
-    from armwright.simulation.results.recording import joint_units
+    from armwright.model.joint_signals import joint_units
 
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):

@@ -25,8 +25,8 @@ def inverse(robot: Robot, table: Table, output: Out = None) -> None:
     import armwright as aw
     from armwright.actuators import demanded_drive
     from armwright.cli.progress import progress
+    from armwright.model.joint_signals import joint_units
     from armwright.output import check_destination
-    from armwright.simulation.results.recording import joint_units
     from armwright.simulation.results.tables import joint_columns, read_table, write_table
 
     arm = aw.load(robot)

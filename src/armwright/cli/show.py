@@ -42,7 +42,7 @@ def show(
     """
     import armwright as aw
     from armwright.cli.progress import progress
-    from armwright.simulation.results.recording import joint_units
+    from armwright.model.joint_signals import joint_units
 
     arm = aw.load(robot, on_impossible="warn")
     pose = None if q is None else vector("--q", q, arm.names, joint_units(arm, "q"))

@@ -77,8 +77,9 @@ def simulate(
       armwright simulate swing.scenario.toml -o run.nc
     """
     import armwright as aw
+    from armwright.model.joint_signals import joint_units
     from armwright.simulation.results.plot import check_plot
-    from armwright.simulation.results.recording import check_recording, joint_units
+    from armwright.simulation.results.recording import check_recording
 
     if output is not None:
         check_recording(output)
@@ -143,7 +144,7 @@ def driven_by(arm: Model, schedule: Path | None, constants: dict[str, str | None
         ScenarioError: none, or more than one, or one that the arm's drives do not take.
     """
     import armwright as aw
-    from armwright.simulation.results.recording import joint_units
+    from armwright.model.joint_signals import joint_units
 
     units = joint_units(arm, "u")
     given = [f"--{name}" for name, text in constants.items() if text is not None] + ["--schedule"] * (

@@ -13,9 +13,9 @@ from armwright.control.commands import command_signs
 from armwright.control.gains import check_whole, per_joint, positive_limit
 from armwright.control.joint_pid import check_tracking
 from armwright.errors import ScenarioError
+from armwright.interfaces import JointReference, Measurement
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
-from armwright.simulation.sampling.protocols import Measurement, Reference
 from armwright.simulation.settings import check_choice
 
 GAINS = ("position_kp", "speed_feedforward", "speed_kp", "speed_ki", "current_kp", "current_ki", "slack")
@@ -81,7 +81,7 @@ class Cascade:
         if self.current_kp is None and self.voltage_limit is not None:
             raise ScenarioError("Cascade: voltage_limit goes with a current loop; expected current_kp beside it")
 
-    def fitted(self, arm: Model, period: float) -> Cascade:
+    def configure(self, arm: Model, period: float) -> Cascade:
         """The law for an arm and a sample period [s]: gains one a joint.
 
         Args:
@@ -111,7 +111,7 @@ class Cascade:
         parts = [scalar.zeros(n), scalar.zeros(n), self.signs * held, scalar.zeros(n), scalar.zeros(n)]
         return scalar.array(np.concatenate([*parts, *[y.applied] * (1 + self.delay_ticks)]))
 
-    def step(self, t: Scalar, r: Reference, y: Measurement, s: Array) -> tuple[Array, Array]:
+    def step(self, t: Scalar, r: JointReference, y: Measurement, s: Array) -> tuple[Array, Array]:
         """One tick: commands (n,) and the next state."""
         assert self.period is not None
         n, signs = len(r.q), self.signs

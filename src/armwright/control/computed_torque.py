@@ -12,10 +12,10 @@ from armwright.control.commands import torque_commands
 from armwright.control.gains import check_model, per_joint
 from armwright.dynamics import inverse_dynamics
 from armwright.errors import ScenarioError
+from armwright.interfaces import JointReference, Measurement
 from armwright.model import Model
 from armwright.model.simplify import simplified
 from armwright.scalar import Array, Scalar
-from armwright.simulation.sampling.protocols import Measurement, Reference
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class ComputedTorque:
     def __post_init__(self) -> None:
         check_model("ComputedTorque", self.model)
 
-    def fitted(self, arm: Model, period: float) -> ComputedTorque:
+    def configure(self, arm: Model, period: float) -> ComputedTorque:
         """The law for an arm and a sample period [s]: gains one a joint.
 
         Args:
@@ -60,7 +60,7 @@ class ComputedTorque:
         """The integral of the error at 0."""
         return scalar.zeros(arm.n)
 
-    def step(self, t: Scalar, r: Reference, y: Measurement, s: Array) -> tuple[Array, Array]:
+    def step(self, t: Scalar, r: JointReference, y: Measurement, s: Array) -> tuple[Array, Array]:
         """One tick: commands (n,) and the next state."""
         assert self.model is not None
         assert self.period is not None

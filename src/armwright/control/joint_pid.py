@@ -13,10 +13,10 @@ from armwright.control.commands import command_signs, torque_commands
 from armwright.control.gains import check_model, check_time, check_whole, per_joint, positive_limit
 from armwright.dynamics import gravity_torques
 from armwright.errors import ScenarioError
+from armwright.interfaces import JointReference, Measurement
 from armwright.model import Model
 from armwright.model.simplify import simplified
 from armwright.scalar import Array, Scalar
-from armwright.simulation.sampling.protocols import Measurement, Reference
 from armwright.simulation.settings import check_choice
 
 GAINS = ("kp", "ki", "kd", "speed_feedforward", "acceleration_feedforward", "slack")
@@ -72,7 +72,7 @@ class JointPID:
             check_time("JointPID", "cutoff_hz", self.cutoff_hz)
         check_tracking("JointPID", self.anti_windup, self.tracking_time)
 
-    def fitted(self, arm: Model, period: float) -> JointPID:
+    def configure(self, arm: Model, period: float) -> JointPID:
         """The law for an arm and a sample period [s]: gains one a joint.
 
         Args:
@@ -91,7 +91,7 @@ class JointPID:
             parts += [y.q, y.qd]
         return scalar.array(np.concatenate(parts))
 
-    def step(self, t: Scalar, r: Reference, y: Measurement, s: Array) -> tuple[Array, Array]:
+    def step(self, t: Scalar, r: JointReference, y: Measurement, s: Array) -> tuple[Array, Array]:
         """One tick: commands (n,) and the next state."""
         assert self.model is not None
         assert self.period is not None

@@ -71,6 +71,19 @@ class Lanes:
         block = self.blocks[name]
         return block.transpose(0, 2, 1).reshape(self.tiles * self.width, block.shape[1])[: self.count]
 
+    def get_ring(self, name: str) -> np.ndarray:
+        """A delay's ring as (lanes, length, entries)."""
+        ring = self.rings[name]
+        rows = ring.transpose(0, 3, 1, 2).reshape(self.tiles * self.width, *ring.shape[1:3])
+        return rows[: self.count]
+
+    def set_ring(self, name: str, values: np.ndarray) -> None:
+        """Fills a delay's ring from (lanes, length, entries)."""
+        ring = self.rings[name]
+        more = np.broadcast_to(values[:1], (self.tiles * self.width - self.count, *ring.shape[1:3]))
+        padded = np.concatenate([values, more]).reshape(self.tiles, self.width, *ring.shape[1:3])
+        ring[...] = padded.transpose(0, 2, 3, 1)
+
     def fill_ring(self, name: str, values: np.ndarray) -> None:
         """Fills every slot of a delay's ring from (lanes, entries): what was before the first tick."""
         ring = self.rings[name]
@@ -107,17 +120,24 @@ class Loop:
             if isinstance(stage, Delay) and stage.to not in lanes.rings:
                 lanes.rings[stage.to] = _aligned((lanes.tiles, stage.length, stage.entries, lanes.width))
 
-    def begin_rows(self, lanes: Lanes, name: str, schedules: Schedules) -> None:
-        """Sets the cursors of a schedule stage to every lane's first row."""
+    def begin_rows(self, lanes: Lanes, name: str, schedules: Schedules, tick: int = 0) -> None:
+        """Sets the cursors of a schedule stage to the first row of every lane that does not come before a tick.
+
+        The block holds the row in force until then, if there is one.
+        """
         group = slice(lanes.first, lanes.first + lanes.count)
         first, end = (
             np.broadcast_to(each, max(len(each), lanes.first + lanes.count))[group]
             for each in (schedules.first, schedules.end)
         )
-        none = first >= end
-        at = np.minimum(first, len(schedules.tick) - 1)
+        early = np.concatenate([[0], np.cumsum(schedules.tick < tick)])
+        row = first + early[end] - early[first]  # rows of a lane are in the order of their times
+        if (row > first).any():
+            lanes.set(name, np.where((row > first)[:, None], schedules.values[np.maximum(row - 1, 0)], lanes.get(name)))
+        none = row >= end
+        at = np.minimum(row, len(schedules.tick) - 1)
         due = np.where(none, NEVER, schedules.tick[at])
-        for part, values in zip(CURSOR, (due, schedules.offset[at], first, end), strict=True):
+        for part, values in zip(CURSOR, (due, schedules.offset[at], row, end), strict=True):
             lanes.set(f"{name}.{part}", values.reshape(-1, 1))
 
     def run(
@@ -129,6 +149,7 @@ class Loop:
         last: int = ENDLESS,
         every: int = ENDLESS,
         seed: int = 0,
+        origin: int = 0,
         tables: Mapping[str, np.ndarray] | None = None,
         schedules: Mapping[str, Schedules] | None = None,
         records: Mapping[str, np.ndarray] | None = None,
@@ -139,6 +160,7 @@ class Loop:
             lanes: the group.   h: [s].   ticks: from the first of them up to, not including, the second.
             last: in this tick and behind it nothing is integrated, nor anything done that comes behind in the stages.
             every: ticks from one recorded row to the next.   seed: of random draws.
+            origin: the tick that tables and records begin with.
             tables: (ticks, entries) by block.   schedules: by block.
             records: by name, (rows, tiles · W, entries) of this group, contiguous along the last two axes.
         """
@@ -152,6 +174,7 @@ class Loop:
             "h": struct.unpack("<q", struct.pack("<d", h))[0],
             "lane0": lanes.first,
             "seed": seed,
+            "origin": origin,
         }
         found = [numbers[name] for name in NUMBERS]
         kept: list[np.ndarray] = []

@@ -27,7 +27,7 @@ from armwright.kernels.stages import (
 from armwright.kernels.tiles import store_tile
 from armwright.program import Program
 
-NUMBERS = ("tile0", "tile1", "tick0", "tick1", "last", "every", "h", "lane0", "seed")
+NUMBERS = ("tile0", "tile1", "tick0", "tick1", "last", "every", "h", "lane0", "seed", "origin")
 PROGRAM = "program"  # in the text, the number of one
 
 
@@ -106,6 +106,7 @@ class _Printer(IntegrationPrinter):
         m.begin("ticks")
         self._out("  %k = phi i64 [ %tick0, %tiles ], [ %k.next, %tick.end ]")
         self._out("  %tick = sitofp i64 %k to double")
+        self._out("  %row = sub i64 %k, %origin")
         if "tick" in self.sizes:
             self._store("tick", 0, self._splat("%tick"))
         if SINCE in self.sizes:
@@ -136,7 +137,7 @@ class _Printer(IntegrationPrinter):
 
     def _table(self, stage: Table, label: str) -> None:
         m = self.m
-        first = m.emit(f"mul i64 %k, {stage.entries}")
+        first = m.emit(f"mul i64 %row, {stage.entries}")
         for entry in range(stage.entries):
             index = m.emit(f"add i64 {first}, {entry}")
             place = m.emit(f'getelementptr double, ptr %"{stage.block}.table", i64 {index}')
@@ -220,12 +221,12 @@ class _Printer(IntegrationPrinter):
 
     def _record(self, stage: Record, label: str) -> None:
         m = self.m
-        phase = m.emit("urem i64 %k, %every")
+        phase = m.emit("urem i64 %row, %every")
         due = m.emit(f"icmp eq i64 {phase}, 0")
         self._out(f"  br i1 {due}, label %{label}.write, label %{label}.end")
         m.begin(f"{label}.write")
         entries = [(block, entry) for block in stage.blocks for entry in range(self.sizes[block])]
-        row = m.emit("udiv i64 %k, %every")
+        row = m.emit("udiv i64 %row, %every")
         offset = m.emit(f'mul i64 {row}, %"{stage.name}.stride"')
         tile = m.emit(f"mul i64 %tile, {len(entries) * self.w}")
         index = m.emit(f"add i64 {offset}, {tile}")

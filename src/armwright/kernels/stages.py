@@ -5,11 +5,11 @@ of traced programs, whose inputs and outputs are blocks by name. The others are 
 lane in tick k of h seconds, with `b` the dict of its blocks:
 
     Call(program):             b.update(program(**b)); an output called "m_next" is the new b["m"]
-    Table("r", 6):             b["r"] = table[k]                                        (the same for all lanes)
+    Table("r", 6):             b["r"] = table[k - origin]                               (the same for all lanes)
     Rows("u", 6):              while due <= (k, 0): b["u"], due = next row              (a schedule of the lane's own)
     Draw("w", 2, channel=0):   b["w"] = philox(seed, lane, k, channel)                  in (0, 1)
     Delay("y", "y_old", …):    ring[k % length] = b["y"]; b["y_old"] = ring[(k - b["lag"]) % length]
-    Record("run", ("x", "u"), …): if k % every == 0: run[k // every] = b["x"], b["u"]
+    Record("run", ("x", "u"), …): row = k - origin; if row % every == 0: run[row // every] = b["x"], b["u"]
     Integrate(step):           t = 0
                                while t < h:
                                    rows that are due at (k, t) replace their blocks
@@ -191,6 +191,45 @@ class Adapt:
 
 
 Stage = Call | Table | Rows | Draw | Delay | Record | Integrate | Adapt
+
+
+def state_blocks(stages: tuple[Stage, ...]) -> set[str]:
+    """Names of the blocks that carry something from tick to tick: read before they are written, and written by some stage.
+
+    What a schedule's rows hold, and where its cursor stands, follows from the time; both are left out.
+    """
+    written: set[str] = set()
+    early: set[str] = set()
+    scheduled = {stage.block for stage in stages if isinstance(stage, Rows)}
+    for stage in stages:
+        reads, writes = _uses(stage)
+        early |= reads - written
+        written |= writes
+    return (early & written) - scheduled - {"tick", SINCE}
+
+
+def _uses(stage: Stage) -> tuple[set[str], set[str]]:
+    """Blocks that a stage reads, and those that it writes for later ones."""
+    if isinstance(stage, Call):
+        names = {port.name for port in stage.program.outputs}
+        return {port.name for port in stage.program.inputs}, names | {name.removesuffix(NEXT) for name in names}
+    if isinstance(stage, Delay):
+        return {stage.block, stage.by}, {stage.to}
+    if isinstance(stage, Record):
+        return set(stage.blocks), set()
+    if not isinstance(stage, (Integrate, Adapt)):
+        return set(), {stage.block}
+    inside = {port.name.removesuffix(NEXT) for program in stage.landing for port in program.outputs} | {"h"}
+    reads = ({port.name for port in stage.step.inputs} | {"frozen"}) - inside
+    writes = {"x", "frozen"}
+    if isinstance(stage, Adapt):
+        kept = {"h_try", "trials", "stalled"} | ({"side", "event_first", "event_count"} if stage.watching else set())
+        reads, writes = reads | kept, writes | kept
+    if stage.planned:
+        reads, writes = reads | {"u_plan", "u_from"}, writes | {"u"}
+    if stage.seen:
+        reads, writes = reads | {"see_at", "x_seen"}, writes | {"x_seen"}
+    return reads, writes
 
 
 def block_sizes(stages: tuple[Stage, ...]) -> dict[str, int]:

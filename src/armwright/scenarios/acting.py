@@ -13,9 +13,9 @@ from armwright.parameters import Batch, lane_values
 from armwright.scenarios.files import Files
 from armwright.scenarios.lanes import placed
 from armwright.scenarios.records import PayloadTable, Tensor
-from armwright.simulation.acting.inputs import WRENCH
-from armwright.simulation.acting.payload import Payload
-from armwright.simulation.acting.schedule import Schedule, read_schedule
+from armwright.simulation.inputs.acting import WRENCH
+from armwright.simulation.inputs.payload import Payload
+from armwright.simulation.inputs.schedule import Schedule, read_schedule
 
 ENTRIES = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
 FIELDS = {"time_s": "time", "mass_kg": "mass", "com_m": "com", "inertia_kg_m2": "inertia"}

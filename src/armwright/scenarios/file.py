@@ -20,21 +20,21 @@ from armwright.description.refusal import refusal
 from armwright.errors import ArmwrightError, DescriptionError, ScenarioError, nearest
 from armwright.expressions import expression
 from armwright.model import Model, build_model
+from armwright.model.joint_signals import joint_units
 from armwright.model.vary import Varied
 from armwright.scalar import Scalar
 from armwright.scenarios.acting import brake_of, payload_fields, payloads_of, wrench_of
 from armwright.scenarios.files import Files
 from armwright.scenarios.records import Kind, ScenarioTable
 from armwright.scenarios.varying import vary
-from armwright.simulation.acting.schedule import read_schedule
-from armwright.simulation.results.recording import joint_units
-from armwright.simulation.sampling.sensors import Sensors
-from armwright.simulation.sampling.shaping import Shaping
-from armwright.simulation.sampling.timing import Timing
+from armwright.simulation.inputs.schedule import read_schedule
+from armwright.simulation.loop.sensors import Sensors
+from armwright.simulation.loop.shaping import Shaping
+from armwright.simulation.loop.timing import Timing
 from armwright.simulation.scenario import Scenario
 
 HOMES = {"controller": "armwright.control", "reference": "armwright.trajectory"}
-FITTED = {"controller": ("arm", "model", "signs", "period"), "reference": ("arm", "model")}  # what no file tells
+CONFIGURED = {"controller": ("arm", "model", "signs", "period"), "reference": ("arm", "model")}  # what no file tells
 OTHERS = {"limit": np.inf, "rate": np.inf, "speed_limit": np.inf, "effort_limit": np.inf, "voltage_limit": np.inf}
 FAULTS = (
     "no table of its own; [timing] has delays, jitter, losses and drift, [sensors] noise and counts, wrench and [[payload]] what "
@@ -193,7 +193,7 @@ def _built(place: str, kind: str, values: Mapping[str, Any], arm: Model) -> Any:
         extra = ["pose", "schedule", "expression"] if place == "reference" else []
         raise ScenarioError(f"{place}: kind = {kind!r}: unknown; {nearest(kind, [*kinds, *extra])}")
     names = [f.name for f in dataclasses.fields(kinds[kind]) if f.init]
-    told = [name for name in names if name not in FITTED[place]]
+    told = [name for name in names if name not in CONFIGURED[place]]
     for name in values:
         if name not in told:
             raise ScenarioError(f"{place}: {kind} has no {name!r}; {nearest(name, told)}")

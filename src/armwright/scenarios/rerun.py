@@ -14,10 +14,10 @@ import numpy as np
 from armwright.errors import RunError
 from armwright.scenarios.file import parse_scenario
 from armwright.scenarios.files import Files
-from armwright.simulation.groups import Progress
+from armwright.simulation.batch_runner import Progress
 from armwright.simulation.results.provenance import provenance
 from armwright.simulation.results.recording import load_run
-from armwright.simulation.simulator import simulate
+from armwright.simulation.simulation import simulate
 
 if TYPE_CHECKING:
     import xarray as xr

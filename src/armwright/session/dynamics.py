@@ -10,9 +10,9 @@ import armwright as aw
 from armwright.actuators import demanded_drive
 from armwright.errors import SessionError
 from armwright.model import Model
+from armwright.model.joint_signals import joint_units
 from armwright.session import tied
 from armwright.session.listing import Line, Listing, Sheet, Shown, aligned, by_joint, significant
-from armwright.simulation.results.recording import joint_units
 from armwright.simulation.results.tables import joint_columns, read_table
 from armwright.spatial import roll_pitch_yaw
 

@@ -10,22 +10,21 @@ import numpy as np
 
 import armwright as aw
 from armwright.errors import ScenarioError, SessionError
+from armwright.model.joint_signals import joint_units
 from armwright.session.continued import (
     PARTIAL,
     WIRED,
-    beginning,
     begun_anew,
     joined_runs,
     part_notes,
-    resumed,
+    start_of,
     wiring_told,
     world_told,
 )
 from armwright.session.listing import Line, Shown, by_joint
 from armwright.session.state import State
 from armwright.session.wiring import law
-from armwright.simulation.acting.schedule import Schedule
-from armwright.simulation.results.recording import joint_units
+from armwright.simulation.inputs.schedule import Schedule
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -85,8 +84,7 @@ def scenario_of(
         rows = None if schedule is None else aw.read_schedule(schedule, arm.names, ["V"] * arm.n)
         asked = state.dac * scale if rows is None else Schedule(rows.times, rows.commands * scale, rows.names)
         drive = {
-            **resumed(state, law(state), before), "reference": asked, "sample_period": state.dac_period,
-            "substeps": _substeps(state),
+            "controller": law(state), "reference": asked, "sample_period": state.dac_period, "substeps": _substeps(state),
         }  # fmt: skip
         steps = None if steps is None else _whole_samples(state, steps, "steps")
     if steps is None:
@@ -98,7 +96,18 @@ def scenario_of(
     rows_every = every or 1
     if every is not None and state.wiring is not None:
         rows_every = _whole_samples(state, every, "every") // _substeps(state)
-    return aw.Scenario(arm, duration=duration, record_every=rows_every, **beginning(state, before), **drive)
+    start = start_of(state, before, state.step if state.wiring is None else state.dac_period)
+    if rows is not None and "start" in start:  # its times count from here
+        key = "schedule" if state.wiring is None else "reference"
+        drive[key] = _later(drive[key], start["start"].time)
+    return aw.Scenario(arm, duration=duration, record_every=rows_every, **start, **drive)
+
+
+def _later(rows: Schedule, by: float) -> Schedule:
+    """The schedule `by` seconds later; its first row holds until then."""
+    if by == 0.0:
+        return rows
+    return Schedule(np.append(0.0, rows.times + by), np.vstack([rows.commands[:1], rows.commands]), rows.names)
 
 
 def _check_every(every: int | None, steps: int) -> None:

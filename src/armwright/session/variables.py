@@ -11,10 +11,10 @@ import numpy as np
 
 from armwright.errors import ArmwrightError, SessionError, nearest
 from armwright.model import Model
+from armwright.model.joint_signals import joint_units
 from armwright.session import tied
 from armwright.session.state import State
 from armwright.session.values import number, vector
-from armwright.simulation.results.recording import joint_units
 
 
 @dataclass(frozen=True)

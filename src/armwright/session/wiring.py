@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from armwright.errors import SessionError, nearest
+from armwright.model.joint_signals import joint_units
 from armwright.session.state import State, Wiring
 from armwright.session.values import number, split, vector
 from armwright.session.variables import lookup, same
-from armwright.simulation.results.recording import joint_units
 
 MADE = ("model", "period", "signs")  # fields that the loop fills in
 
@@ -79,8 +79,8 @@ def _built(state: State, wiring: Wiring) -> Any:
     if needed:
         raise SessionError(f"controller {wiring.kind}: {needed[0]} is missing; expected {needed[0]}=…")
     built = kind(**values)
-    if hasattr(built, "fitted"):
-        built.fitted(state.arm, state.dac_period)  # refuses now what the loop would refuse
+    if hasattr(built, "configure"):
+        built.configure(state.arm, state.dac_period)  # refuses now what the loop would refuse
     return built
 
 

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.errors import DivergenceError, ScenarioError
-from armwright.simulation.integration.integrators import INTEGRATORS
+from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.scenario import Scenario
-from armwright.simulation.simulator import simulate
+from armwright.simulation.simulation import simulate
 
 if TYPE_CHECKING:
     import xarray
@@ -152,7 +152,7 @@ def _quantised(scenario: Scenario) -> list[str]:
     """Names of results that have steps, and are the same to the last bit where the same step is read."""
     if scenario.controller is None:
         return []
-    counts, resolution = scenario.sensors.counts, scenario.shaping.resolution
+    counts, resolution = scenario.joint_sensors.counts, scenario.shaping.resolution
     return ["q_measured"] * (counts is not None) + ["u_issued"] * (resolution is not None)
 
 

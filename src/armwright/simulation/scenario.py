@@ -10,20 +10,23 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ScenarioError
+from armwright.interfaces import Sensor
 from armwright.model import Model
+from armwright.model.joint_signals import joint_signal
 from armwright.model.vary import Varied
-from armwright.parameters import Batch, check_counts, lane_counts, lane_values
-from armwright.simulation.acting.inputs import Held, Told, brake_of, held, numbers_of, schedules_of, wrench_of
-from armwright.simulation.acting.payload import payload_of
-from armwright.simulation.acting.schedule import Schedule
-from armwright.simulation.continued import last_row
-from armwright.simulation.integration.events import EventFunction
-from armwright.simulation.integration.stepping import Adaptivity
-from armwright.simulation.sampling.law import Law
-from armwright.simulation.sampling.sensors import Sensors
-from armwright.simulation.sampling.shaping import Shaping
-from armwright.simulation.sampling.timing import Timing
-from armwright.simulation.scenario_checks import check_scenario, is_time
+from armwright.parameters import Batch, LaneFields, check_counts, lane_counts, lane_values
+from armwright.signals import Layout
+from armwright.simulation.inputs.acting import Held, Told, brake_of, held, numbers_of, schedules_of, wrench_of
+from armwright.simulation.inputs.payload import payload_of
+from armwright.simulation.inputs.schedule import Schedule
+from armwright.simulation.integrate.events import EventFunction
+from armwright.simulation.integrate.stepping import Adaptivity
+from armwright.simulation.loop.controller import configured
+from armwright.simulation.loop.sensors import Sensors
+from armwright.simulation.loop.shaping import Shaping
+from armwright.simulation.loop.state import LoopState
+from armwright.simulation.loop.timing import Timing
+from armwright.simulation.scenario_checks import check_scenario, is_time, start_state
 
 MOST_STEPS = 2**53
 BATCHED = (  # fields that may hold batches
@@ -47,10 +50,11 @@ class Scenario:
         schedule: commands over time, held between rows.
         command: (n,) constant commands, each in its joint's own unit [V | A | N m | N].
         controller: a control law instead: a plain function (t, r, y) → u, or a `Controller` with memory.
-        reference: where the controller is to bring the arm: a pose, rows, a Schedule of poses or a function of time;
-            default: the initial position. Without a controller it is what `reduce` measures errors from.
+        reference: where the controller is to bring the arm: a pose, rows, a Schedule of poses or a `Trajectory`, a function of
+            time; default: the initial position. Without a controller it is what `reduce` measures errors from.
         sample_period: [s] of the controller.   substeps: integration steps in each of its periods.
-        sensors, shaping, timing: what is measured and how, what becomes of commands, and when; default: exactly and at once.
+        sensors: an `aw.Sensors`, or several sensors; default: joint positions, velocities and currents, exactly.
+        shaping, timing: what becomes of commands, and when; default: nothing, at once.
         initial_command: (n,) in force before the first tick; default: what holds the arm, within its drives' limits.
         vary: numbers of the record by name: `{"link6.mass_kg": Batch([0.1, 0.2])}`.
         wrench: of the environment on the tip, in base axes: (6,) [N, N m], or a Schedule with the columns
@@ -62,8 +66,8 @@ class Scenario:
         document: the scenario file that it was read from, with all it named; a run keeps it, to be done again. None of what
             was made in Python, and of a copy that `dataclasses.replace` has changed.
         q0: (n,) [rad | m], default 0.   qd0: the same [rad/s | m/s].
-        initial: a run in whose last row the plant begins instead, with all its states (motors behind elastic gears, currents,
-            bristles, temperatures, bus) and the command then in force; time, controller and sensors begin anew.
+        start: a run, or the `LoopState` of a `Simulation`, that goes on: time, plant, commands on their way, sensors, random
+            numbers, and the controller if it is the same one. In place of q0 and qd0.
         integrator: a name of `integrators.RULES`: "rk3", "rk4", "semi_implicit_euler"; "rk45", which chooses its own steps
             within each tick; or "cvodes", slow and accurate, for some lanes.
         rtol, atol: of "rk45" and "cvodes": what each entry of the state may be wrong by in a step; default `TOLERANCES`.
@@ -85,7 +89,7 @@ class Scenario:
     command: Any = None
     q0: Any = None
     qd0: Any = None
-    initial: Any = None
+    start: Any = None
     integrator: str = "rk3"
     record_every: int = 1
     record: str = "all"
@@ -94,7 +98,7 @@ class Scenario:
     reference: Any = None
     sample_period: float | None = None
     substeps: int = 1
-    sensors: Sensors = field(default_factory=Sensors)
+    sensors: Sensors | Sequence[Sensor] = field(default_factory=Sensors)
     shaping: Shaping = field(default_factory=Shaping)
     timing: Timing = field(default_factory=Timing)
     initial_command: Any = None
@@ -112,13 +116,13 @@ class Scenario:
 
     def __post_init__(self) -> None:
         check_scenario(self)
-        _ = self.commands, self.inputs, self.ticks, self.lanes, self.initial_state, self.adaptivity
+        _ = self.started, self.commands, self.inputs, self.ticks, self.lanes, self.initial_state, self.adaptivity
         _ = self.first_command
 
     @cached_property
     def commands(self) -> Told:
-        """Commands over time, for all lanes or a lane each; none where a controller commands."""
-        if self.controller is not None:
+        """Commands over time, for all lanes or a lane each; none where a controller commands, or someone from outside."""
+        if self.sampled:
             return []
         if self.schedule is not None:
             return schedules_of("schedule", self.schedule, self.arm.names)
@@ -146,7 +150,34 @@ class Scenario:
         return None if self.payload is None else payload_of(self.arm, self.payload)
 
     @property
-    def hands(self) -> tuple[str, ...]:
+    def external(self) -> bool:
+        """Whether nothing of the scenario drives the arm: `Simulation.step` is given the commands."""
+        return self.controller is None and self.command is None and self.schedule is None
+
+    @property
+    def sampled(self) -> bool:
+        """Whether the loop has sensors and a controller, or someone in its place."""
+        return self.controller is not None or self.external
+
+    @cached_property
+    def sensor_list(self) -> tuple[Sensor, ...]:
+        """All sensors, those of the joints first."""
+        given = (self.sensors,) if isinstance(self.sensors, Sensors) else tuple(self.sensors)
+        joints = [each for each in given if isinstance(each, Sensors)] or [Sensors()]
+        return (joints[0], *(each for each in given if each is not joints[0]))
+
+    @property
+    def joint_sensors(self) -> Sensors:
+        """Sensors of the joints."""
+        return next(each for each in self.sensor_list if isinstance(each, Sensors))
+
+    @property
+    def command_layout(self) -> Layout:
+        """Layout of the commands u."""
+        return Layout((joint_signal(self.arm, "u"),))
+
+    @property
+    def payload_frames(self) -> tuple[str, ...]:
         """Frames that payloads hang on."""
         return () if self._payload is None else self._payload[0]
 
@@ -160,7 +191,7 @@ class Scenario:
     @property
     def tick(self) -> float:
         """[s] of the loop: the integrator's step, or the controller's sample period."""
-        if self.controller is None:
+        if not self.sampled:
             return self.integration_step
         return self.integration_step * self.substeps if self.sample_period is None else float(self.sample_period)
 
@@ -168,6 +199,8 @@ class Scenario:
     def ticks(self) -> int:
         """Number of steps, or of sample periods where a controller commands; the duration must hold a whole number of them."""
         duration, tick = self.duration, self.tick
+        if duration is None and self.external:
+            return 1
         if duration is None and self.controller is not None:
             raise ScenarioError("duration: expected one, since a controller does not say when to stop")
         if duration is None:
@@ -178,7 +211,7 @@ class Scenario:
                 )
         if not (is_time(duration)):
             raise ScenarioError(f"duration = {duration!r}: expected a time above 0 s")
-        what = "step" if self.controller is None else "sample_period"
+        what = "sample_period" if self.sampled else "step"
         ticks = round(duration / tick)
         if ticks < 1 or abs(ticks * tick - duration) > 1e-6 * tick:
             raise ScenarioError(
@@ -198,16 +231,22 @@ class Scenario:
         counts: dict[str, int] = {}
         for name in BATCHED:
             counts |= lane_counts(getattr(self, name), name)
-        if self.initial is not None and "lane" in self.initial.sizes:
-            counts["initial"] = self.initial.sizes["lane"]
-        if self.law is not None and self.law.varying:
-            counts |= {f"controller.{name}": len(self.law.values) for name in self.law.varying}
+        if self.started is not None and not self.started.single:
+            counts["start"] = self.started.lanes
+        if self.controller_fields.lanes is not None:
+            fields = self.controller_fields
+            counts |= {f"controller.{name}": len(fields.values) for name in fields.names}
         return check_counts(counts)
 
     @cached_property
-    def law(self) -> Law | None:
-        """The controller, taken apart."""
-        return None if self.controller is None else Law.of(self.controller, self.arm, self.tick)
+    def controller_fields(self) -> LaneFields:
+        """The controller, configured for the arm and its sample period, with its fields that vary by lane."""
+        return LaneFields(None) if self.controller is None else configured(self.controller, self.arm, self.tick)
+
+    @cached_property
+    def started(self) -> LoopState | None:
+        """The state that the scenario starts from; None: at q0 and qd0, at rest as `Plant.initial` says."""
+        return None if self.start is None else start_state(self)
 
     @cached_property
     def varied(self) -> Varied | None:
@@ -242,11 +281,10 @@ class Scenario:
     @cached_property
     def initial_state(self) -> np.ndarray:
         """(lanes or 1, 2n) positions, then speeds."""
-        if self.initial is not None:
-            parts = [last_row(self.initial, name) for name in ("q", "qd")]
-        else:
-            parts = [self._vectors(name, getattr(self, name)) for name in ("q0", "qd0")]
+        if self.started is not None:
+            return self.started.blocks["x"][:, : 2 * self.arm.n]  # what every plant's state begins with
         rows = self.lanes or 1
+        parts = [self._vectors(name, getattr(self, name)) for name in ("q0", "qd0")]
         return np.concatenate([np.broadcast_to(part, (rows, self.arm.n)) for part in parts], axis=1)
 
     @property
@@ -254,10 +292,7 @@ class Scenario:
         """(lanes or 1, n) in force before the first tick; None: what holds the arm."""
         if self.initial_command is not None:
             return numbers_of("initial_command", self.initial_command, self.arm.names)
-        if self.initial is None:
-            return None
-        last = last_row(self.initial, "u")
-        return last if np.isfinite(last).all() else None
+        return None if self.started is None else self.started.blocks.get("u")
 
     def _vectors(self, name: str, value: Any) -> np.ndarray:
         if value is None:

@@ -10,12 +10,13 @@ import numpy as np
 
 from armwright.errors import ScenarioError, nearest
 from armwright.model import Model
-from armwright.simulation.continued import check_run
-from armwright.simulation.integration.integrators import RULES
+from armwright.simulation.integrate.integrators import RULES
+from armwright.simulation.loop.sensors import Sensors
+from armwright.simulation.loop.shaping import Shaping
+from armwright.simulation.loop.state import LoopState
+from armwright.simulation.loop.timing import Timing
+from armwright.simulation.plant.plant import Plant
 from armwright.simulation.results.reducers import reducer
-from armwright.simulation.sampling.sensors import Sensors
-from armwright.simulation.sampling.shaping import Shaping
-from armwright.simulation.sampling.timing import Timing
 
 if TYPE_CHECKING:
     from armwright.simulation.scenario import Scenario
@@ -38,29 +39,84 @@ def check_scenario(scenario: Scenario) -> None:
         )
     if not isinstance(scenario.vary, Mapping):
         raise ScenarioError(f"vary = {scenario.vary!r}: expected numbers by name, such as {{'link6.mass_kg': 0.1}}")
-    for name, kind in (("sensors", Sensors), ("shaping", Shaping), ("timing", Timing)):
+    for name, kind in (("shaping", Shaping), ("timing", Timing)):
         if not isinstance(getattr(scenario, name), kind):
             raise ScenarioError(f"{name} = {getattr(scenario, name)!r}: expected an aw.{kind.__name__}(…)")
-    scenario.sensors.check(scenario.arm)
+    _check_sensors(scenario)
     scenario.shaping.check(scenario.arm)
     if not _is_whole(scenario.seed, 0) or scenario.seed >= 2**63:
         raise ScenarioError(f"seed = {scenario.seed!r}: expected a whole number, 0 or more, of 63 bits")
     _check_loop(scenario)
     _check_record(scenario)
     drivers = [name for name in ("schedule", "command", "controller") if getattr(scenario, name) is not None]
-    if len(drivers) != 1:
-        raise ScenarioError(
-            f"expected one of schedule, command and controller, not {' and '.join(drivers)}"
-            if drivers
-            else "nothing drives the arm: expected a schedule, constant commands or a controller"
-        )
-    if scenario.controller is None:
+    if len(drivers) > 1:
+        raise ScenarioError(f"expected one of schedule, command and controller, not {' and '.join(drivers)}")
+    if scenario.controller is None and drivers:
         _check_driven(scenario)
-    if scenario.initial is not None:
-        for name in ("q0", "qd0"):
-            if getattr(scenario, name) is not None:
-                raise ScenarioError(f"{name} and initial: expected one of them; a run tells where the arm begins")
-        check_run(scenario.arm, scenario.initial)
+    for name in ("q0", "qd0"):
+        if scenario.start is not None and getattr(scenario, name) is not None:
+            raise ScenarioError(f"{name} and start: expected one of them; a run or state says where the arm begins")
+
+
+def _check_sensors(scenario: Scenario) -> None:
+    """Refuses what is no sensor, or several that measure the joints."""
+    given = scenario.sensors
+    each = [given] if isinstance(given, Sensors) else list(given) if isinstance(given, (list, tuple)) else None
+    if each is None or not all(
+        isinstance(s, Sensors) or (hasattr(s, "signals") and hasattr(s, "measure")) for s in each
+    ):
+        raise ScenarioError(
+            f"sensors = {given!r}: expected an aw.Sensors(…), or a list of sensors with the methods signals and measure"
+        )
+    joints = [sensor for sensor in each if isinstance(sensor, Sensors)]
+    if len(joints) > 1:
+        raise ScenarioError("sensors: two aw.Sensors; expected one, and other sensors beside it")
+    for sensor in joints:
+        sensor.check(scenario.arm)
+
+
+def start_state(scenario: Scenario) -> LoopState:
+    """The state that a scenario starts from, given as it is or as the run that ended in it.
+
+    Raises:
+        ScenarioError: no state, one of another arm or period, or one of a lane that did not come to its end.
+    """
+    import xarray
+
+    state, arm = scenario.start, scenario.arm
+    if isinstance(state, xarray.Dataset):
+        joints = [str(name) for name in state["joint"].values] if "joint" in state.coords else None
+        if joints is not None and joints != arm.names:
+            raise ScenarioError(f"start: a run of the joints {', '.join(joints)}; expected {', '.join(arm.names)}")
+        state = LoopState.of_run(state)
+        if state is None:
+            raise ScenarioError(
+                "start: a dataset without loop_state; expected a run, as simulate returns with record = 'all'"
+            )
+    if not isinstance(state, LoopState):
+        raise ScenarioError(f"start: of type {type(state).__name__}; expected a run or the state of a Simulation")
+    check_state(scenario, state)
+    return state
+
+
+def check_state(scenario: Scenario, state: LoopState) -> None:
+    """Refuses a state that a scenario cannot go on from.
+
+    Raises:
+        ScenarioError: a state of another plant or another period, or one of a lane that did not come to its end.
+    """
+    size = Plant.of(scenario.arm, brakes=scenario.brake is not None).size
+    if state.blocks["x"].shape[1] != size:
+        raise ScenarioError(
+            f"start: a state of {state.blocks['x'].shape[1]} numbers; expected the {size} of {scenario.arm.name} with its drives"
+        )
+    if abs(state.period - scenario.tick) > 1e-9 * scenario.tick:
+        raise ScenarioError(f"start: ticks of {state.period:g} s; expected those of the scenario, {scenario.tick:g} s")
+    frozen = state.blocks["frozen"][:, 0] >= 0.0
+    if frozen.any():
+        lane = int(np.argmax(frozen))
+        at = state.blocks["frozen"][lane, 0] * state.period
+        raise ScenarioError(f"start: lane {lane} stopped at t = {at:g} s; expected lanes that came to their end")
 
 
 def check_threads(threads: Any) -> None:

@@ -8,43 +8,38 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ScenarioError
+from armwright.parameters import Batch, lane_values
 
 
-def pose(reference: str, name: str, value: Any) -> np.ndarray:
-    """Positions (n,) [rad | m] of all joints.
+def check_poses(reference: str, **poses: Any) -> None:
+    """Refuses what is no pose (n,) [rad | m], or a `Batch` of poses, and poses of different lengths.
 
     Args:
-        reference, name: who asks, for errors.   value: n numbers.
+        reference: who asks, for errors.   poses: values by the name of their field.
     Raises:
         ScenarioError: names the field, its value and what was expected.
     """
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        array = np.zeros(0)
-    if array.ndim != 1 or not array.size or not np.isfinite(array).all():
-        raise ScenarioError(f"{reference}: {name} = {value!r}: expected finite numbers, one for each joint")
-    return array
-
-
-def check_alike(reference: str, **poses: Any) -> None:
-    """Refuses poses of different lengths.
-
-    Raises:
-        ScenarioError: names them.
-    """
-    sizes = {name: len(pose(reference, name, value)) for name, value in poses.items()}
+    sizes = {}
+    for name, value in poses.items():
+        try:
+            rows = np.asarray(lane_values(value), dtype=float)
+        except (TypeError, ValueError):
+            rows = np.zeros(0)
+        if rows.ndim != 2 or not rows.size or not np.isfinite(rows).all():
+            raise ScenarioError(f"{reference}: {name} = {value!r}: expected finite numbers, one for each joint")
+        sizes[name] = rows.shape[-1]
     if len(set(sizes.values())) > 1:
         told = ", ".join(f"{count} of {name}" for name, count in sizes.items())
         raise ScenarioError(f"{reference}: numbers of joints do not fit together: {told}")
 
 
 def check_number(reference: str, name: str, value: Any, *, above: float = -np.inf) -> None:
-    """Refuses what is no finite number above a bound.
+    """Refuses what is no finite number above a bound, nor a `Batch` of such.
 
     Raises:
         ScenarioError: names the field, its value and what was expected.
     """
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not above < float(value) < np.inf:
-        what = "a finite number" if above == -np.inf else f"a number above {above:g}"
-        raise ScenarioError(f"{reference}: {name} = {value!r}: expected {what}")
+    for each in value.values if isinstance(value, Batch) else [value]:
+        if isinstance(each, (bool, np.bool_)) or not isinstance(each, numbers.Real) or not above < float(each) < np.inf:
+            what = "a finite number" if above == -np.inf else f"a number above {above:g}"
+            raise ScenarioError(f"{reference}: {name} = {each!r}: expected {what}")

@@ -7,7 +7,7 @@ from typing import Any
 
 from armwright import scalar
 from armwright.scalar import Array, Scalar
-from armwright.trajectory.poses import check_alike, check_number, pose
+from armwright.trajectory.poses import check_number, check_poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,6 +15,8 @@ class Quintic:
     """q(t) = start + (10 s³ - 15 s⁴ + 6 s⁵)(goal - start),  s = (t - time) / duration within 0 and 1.
 
     Speed and acceleration are 0 at both ends.
+
+    Each field may be a `Batch`.
 
     Args:
         start, goal: (n,) [rad | m].   duration: [s].   time: [s] of its beginning.
@@ -28,13 +30,13 @@ class Quintic:
     time: float = 0.0
 
     def __post_init__(self) -> None:
-        check_alike("Quintic", start=self.start, goal=self.goal)
+        check_poses("Quintic", start=self.start, goal=self.goal)
         check_number("Quintic", "duration", self.duration, above=0.0)
         check_number("Quintic", "time", self.time)
 
     def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:
         """q (n,) [rad | m], q̇ and q̈ at t [s]."""
-        start, goal = pose("Quintic", "start", self.start), pose("Quintic", "goal", self.goal)
+        start, goal = scalar.array(self.start), scalar.array(self.goal)
         way, s = goal - start, scalar.clip((t - self.time) / self.duration, 0.0, 1.0)
         path = s * s * s * (10.0 + s * (-15.0 + 6.0 * s))
         speed = 30.0 * s * s * (1.0 + s * (-2.0 + s)) / self.duration

@@ -9,12 +9,14 @@ import numpy as np
 
 from armwright import scalar
 from armwright.scalar import Array, Scalar
-from armwright.trajectory.poses import check_alike, check_number, pose
+from armwright.trajectory.poses import check_number, check_poses
 
 
 @dataclass(frozen=True, eq=False)
 class Ramp:
     """q(t) = start + s (goal - start) with s from 0 at `time` to 1 a `duration` later, in proportion to time.
+
+    Each field may be a `Batch`.
 
     Args:
         start, goal: (n,) [rad | m].   duration: [s].   time: [s] of its beginning.
@@ -28,13 +30,13 @@ class Ramp:
     time: float = 0.0
 
     def __post_init__(self) -> None:
-        check_alike("Ramp", start=self.start, goal=self.goal)
+        check_poses("Ramp", start=self.start, goal=self.goal)
         check_number("Ramp", "duration", self.duration, above=0.0)
         check_number("Ramp", "time", self.time)
 
     def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:
         """q (n,) [rad | m], q̇ and q̈ at t [s]."""
-        start, goal = pose("Ramp", "start", self.start), pose("Ramp", "goal", self.goal)
+        start, goal = scalar.array(self.start), scalar.array(self.goal)
         s = scalar.clip((t - self.time) / self.duration, 0.0, 1.0)
         moving = scalar.less_equal(0.0, t - self.time) * scalar.less(t - self.time, self.duration)
         speed = (goal - start) / self.duration

@@ -9,12 +9,14 @@ import numpy as np
 
 from armwright import scalar
 from armwright.scalar import Array, Scalar
-from armwright.trajectory.poses import check_alike, check_number, pose
+from armwright.trajectory.poses import check_number, check_poses
 
 
 @dataclass(frozen=True, eq=False)
 class Sine:
     """q(t) = centre + amplitude sin(2π f t + phase).
+
+    Each field may be a `Batch`.
 
     Args:
         centre, amplitude: (n,) [rad | m].   frequency_hz: f.   phase: [rad].
@@ -28,13 +30,13 @@ class Sine:
     phase: float = 0.0
 
     def __post_init__(self) -> None:
-        check_alike("Sine", centre=self.centre, amplitude=self.amplitude)
+        check_poses("Sine", centre=self.centre, amplitude=self.amplitude)
         check_number("Sine", "frequency_hz", self.frequency_hz, above=0.0)
         check_number("Sine", "phase", self.phase)
 
     def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:
         """q (n,) [rad | m], q̇ and q̈ at t [s]."""
-        centre, amplitude = pose("Sine", "centre", self.centre), pose("Sine", "amplitude", self.amplitude)
+        centre, amplitude = scalar.array(self.centre), scalar.array(self.amplitude)
         w = 2.0 * np.pi * self.frequency_hz
         s, c = scalar.sin(w * t + self.phase), scalar.cos(w * t + self.phase)
         return (

@@ -9,7 +9,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.scalar import Array, Scalar
-from armwright.trajectory.poses import check_alike, check_number, pose
+from armwright.trajectory.poses import check_number, check_poses
 
 ROUNDING = 1e-12  # of a time: a tick this near the jump is on it
 
@@ -17,6 +17,8 @@ ROUNDING = 1e-12  # of a time: a tick this near the jump is on it
 @dataclass(frozen=True, eq=False)
 class Step:
     """q(t) = start before `time`, goal from then on; speed and acceleration 0.
+
+    Each field may be a `Batch`.
 
     Args:
         start, goal: (n,) [rad | m].   time: [s].
@@ -29,12 +31,12 @@ class Step:
     time: float = 0.0
 
     def __post_init__(self) -> None:
-        check_alike("Step", start=self.start, goal=self.goal)
+        check_poses("Step", start=self.start, goal=self.goal)
         check_number("Step", "time", self.time)
 
     def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:
         """q (n,) [rad | m], q̇ and q̈ at t [s]."""
-        start, goal = pose("Step", "start", self.start), pose("Step", "goal", self.goal)
+        start, goal = scalar.array(self.start), scalar.array(self.goal)
         jumped = scalar.less_equal(self.time, t * (1.0 + ROUNDING))
         still = np.zeros(len(start))
         return scalar.array([scalar.where(jumped, b, a) for a, b in zip(start, goal, strict=True)]), still, still

@@ -14,8 +14,10 @@ from armwright.dynamics import bias_torques, forward_dynamics, mass_matrix
 from armwright.errors import ScenarioError
 from armwright.model import Body, Model
 from armwright.scalar import Array, Scalar
+from armwright.signals import Layout
+from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.joint_drive import DrivenJoint, JointMotion, JointStates, driven_joint
-from armwright.simulation.plant.state import StatePart, contacts_of, has_extra
+from armwright.simulation.plant.state import contacts_of, has_extra
 
 STIFF = ("current", "bristle", "brake", "bus_voltage")  # linear in themselves, and integrated exactly
 
@@ -26,7 +28,7 @@ class Flow:
 
     qdd: Array  # (n,) [rad/s² | m/s²]
     joints: list[DrivenJoint]
-    change: dict[str, list[Scalar]]  # d/dt of each part of the state
+    change: dict[str, list[Scalar]]  # d/dt of each signal of the state
     rates: list[Scalar]  # [1/s] of the stiff entries, in the order of x
     fed: Bus | None  # what happens on the bus, where the arm has one
 
@@ -36,27 +38,28 @@ class PlantFlow:
     """The equations of an arm with its drives.
 
     Attributes:
-        model: the arm.   parts: of the state x, in order.   brakes: whether `brake` is an input of derivative and step.
+        model: the arm.   layout: of the state x.   brakes: whether the brakes take part.
     """
 
     model: Model
-    parts: tuple[StatePart, ...]
+    layout: Layout
     brakes: bool = False
 
     @property
     def size(self) -> int:
         """Entries of x."""
-        return sum(len(part.units) for part in self.parts)
+        return self.layout.size
 
     @cached_property
     def is_plain(self) -> bool:
         """Whether x is (q, q̇) and each drive acts on its joint alone: then `forward_dynamics` says all."""
-        return len(self.parts) == 2 and not any(has_extra(body) for body in self.model.coordinates)
+        return len(self.layout.signals) == 2 and not any(has_extra(body) for body in self.model.coordinates)
 
     @cached_property
     def stiff(self) -> tuple[int, ...]:
         """Places in x of what is integrated exactly."""
-        return tuple(k for part in self.parts if part.name in STIFF for k in range(part.start, part.place.stop))
+        places = [self.layout.place(name) for name in self.layout.names if name in STIFF]
+        return tuple(k for place in places for k in range(place.start, place.stop))
 
     def part(self, x: Array, name: str) -> Array:
         """Entries of x (…, size) by the name of their part.
@@ -64,12 +67,9 @@ class PlantFlow:
         Raises:
             ScenarioError: the plant has no such part.
         """
-        for part in self.parts:
-            if part.name == name:
-                return x[..., part.place]
-        raise ScenarioError(
-            f"{self.model.name}: no state {name!r}; it has {', '.join(part.name for part in self.parts)}"
-        )
+        if name not in self.layout:
+            raise ScenarioError(f"{self.model.name}: no state {name!r}; it has {', '.join(self.layout.names)}")
+        return x[..., self.layout.place(name)]
 
     @cached_property
     def contacts(self) -> tuple[int, ...]:
@@ -81,23 +81,22 @@ class PlantFlow:
         """Joints whose brakes take part, in the order of `brake`."""
         return tuple(i for i, body in enumerate(self.model.coordinates) if self.brakes and body.brake is not None)
 
-    def _flow(
-        self, x: Array, u: Array, wrench: Array | None, brake: Array | None, touching: Array | None = None
-    ) -> Flow:
+    def _flow(self, x: Array, inputs: PlantInputs) -> Flow:
         """Every joint's drive, then the arm they move, then what all that makes of the state."""
         model, n = self.model, self.model.n
         q, qd = x[:n], x[n : 2 * n]
-        joints = self._driven(x, u, brake, touching)
+        joints = self._driven(x, inputs)
         if self.is_plain:
-            qdd = forward_dynamics(model, q, qd, scalar.array([joint.tau for joint in joints]), wrench)
+            qdd = forward_dynamics(model, q, qd, scalar.array([joint.tau for joint in joints]), inputs.wrench)
         else:
-            pushed = to_joints(self._shares, [joint.gear for joint in joints])
-            qdd = self._accelerations(q, qd, pushed + scalar.array([joint.direct for joint in joints]), wrench)
+            pushed = to_joints(self.shares, [joint.gear for joint in joints])
+            qdd = self._accelerations(q, qd, pushed + scalar.array([joint.direct for joint in joints]), inputs.wrench)
         change, rates, fed = self._of_drives(x, joints)
         return Flow(qdd, joints, {"q": list(qd), "qd": list(qdd), **change}, rates, fed)
 
-    def _driven(self, x: Array, u: Array, brake: Array | None, touching: Array | None = None) -> list[DrivenJoint]:
+    def _driven(self, x: Array, inputs: PlantInputs) -> list[DrivenJoint]:
         """Every joint's drive by itself."""
+        u, touching, brake = inputs.command, inputs.contacts, inputs.brake
         ends = np.cumsum(self.contacts)
         of = [None if touching is None else touching[end - k : end] for end, k in zip(ends, self.contacts, strict=True)]
         volts = self.part(x, "bus_voltage")[0] if self.model.supply is not None else None
@@ -114,7 +113,8 @@ class PlantFlow:
         change: dict[str, list[Scalar]] = {}
         rates: list[Scalar] = []
         fed = None
-        for part in self.parts[2:]:
+        for part in self.layout.signals[2:]:
+            joints_of = part.joints or ()
             if part.name == "bus_voltage":
                 assert self.model.supply is not None
                 fed = bus(self.model.supply, self.part(x, "bus_voltage")[0], sum(joint.power for joint in joints))
@@ -122,16 +122,16 @@ class PlantFlow:
             elif part.name == "motor_q":
                 change[part.name] = list(self.part(x, "motor_qd"))
             elif part.name == "motor_qd":
-                change[part.name] = [joints[i].acceleration for i in part.joints]
+                change[part.name] = [joints[i].acceleration for i in joints_of]
             else:
-                change[part.name] = [joints[i].change[part.name] for i in part.joints]
-                rates += [joints[i].rates[part.name] for i in part.joints if part.name in STIFF]
+                change[part.name] = [joints[i].change[part.name] for i in joints_of]
+                rates += [joints[i].rates[part.name] for i in joints_of if part.name in STIFF]
         return change, rates, fed
 
     def _accelerations(self, q: Array, qd: Array, torque: Array, wrench: Array | None) -> Array:
         """q̈ for torques on the joints [N m | N], the rotors of rigid gears carried along."""
         links = self._links(rotors=True)
-        if not any(self._shares):
+        if not any(self.shares):
             return forward_dynamics(links, q, qd, torque, wrench)
         return scalar.solve_symmetric(self.inertia(q), torque - bias_torques(links, q, qd, wrench))
 
@@ -144,48 +144,46 @@ class PlantFlow:
             M: (n, n) [kg m² | kg m | kg].
         """
         inertia = mass_matrix(self._links(rotors=True), q)
-        if not any(self._shares):
+        if not any(self.shares):
             return inertia
-        return scalar.array(inertia + reflected_inertia(self.model, self._shares))
+        return scalar.array(inertia + reflected_inertia(self.model, self.shares))
 
     @cached_property
-    def _shares(self) -> Shares:
+    def shares(self) -> Shares:
         """Which other joints turn each motor."""
         return shares_of(self.model)
 
     def _motors(self, x: Array) -> tuple[Array, Array]:
         """Positions and speeds of all motors, θ_motor / n."""
         n = self.model.n
-        q, qd = to_motors(self._shares, x[:n]), to_motors(self._shares, x[n : 2 * n])
-        if not any(part.name == "motor_q" for part in self.parts):
+        q, qd = to_motors(self.shares, x[:n]), to_motors(self.shares, x[n : 2 * n])
+        if "motor_q" not in self.layout:
             return q, qd
         q, qd = list(q), list(qd)
-        for part in self.parts:
-            for k, i in enumerate(part.joints):
-                if part.name in ("motor_q", "motor_qd"):
-                    value = x[part.start + k] / self.model.coordinates[i].drive.gear_ratio
-                    (q if part.name == "motor_q" else qd)[i] = value
+        for name, values in (("motor_q", q), ("motor_qd", qd)):
+            for i, value in zip(self.layout[name].joints or (), self.part(x, name), strict=True):
+                values[i] = value / self.model.coordinates[i].drive.gear_ratio
         return scalar.array(q), scalar.array(qd)
 
     def _motions(self, x: Array) -> list[JointMotion]:
         """How every joint stands and moves."""
         n = self.model.n
         q, qd = x[:n], x[n : 2 * n]
-        columns = (q, qd, *self._motors(x), to_motors(self._shares, q), to_motors(self._shares, qd))
+        columns = (q, qd, *self._motors(x), to_motors(self.shares, q), to_motors(self.shares, qd))
         return [JointMotion(*row) for row in zip(*columns, strict=True)]
 
     def _states(self, x: Array, joint: int) -> JointStates:
         """What the drive of one joint has of the state."""
         own = {
-            part.name: x[part.start + part.joints.index(joint)]
-            for part in self.parts[2:]
-            if joint in part.joints and not part.name.startswith("motor")
+            part.name: self.part(x, part.name)[part.joints.index(joint)]
+            for part in self.layout.signals[2:]
+            if part.joints is not None and joint in part.joints and not part.name.startswith("motor")
         }
         return JointStates(**own)
 
     def _links(self, *, rotors: bool) -> Model:
         """The arm without drives but for the rotors of rigid gears, which `forward_dynamics` can carry where none is coupled."""
-        carried = rotors and not any(self._shares)
+        carried = rotors and not any(self.shares)
 
         def bare(body: Body) -> Body:
             inertia = body.drive.rotor_inertia if carried and body.elasticity is None else 0.0

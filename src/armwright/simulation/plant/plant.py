@@ -11,7 +11,7 @@ an elastic one has its motor's own  n² J_m θ̈ = e tau_m - f_m - ∂δ/∂θ �
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,13 +23,14 @@ from armwright.dynamics import forward_dynamics
 from armwright.errors import ModelError
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
-from armwright.simulation.integration.exponential import Split
-from armwright.simulation.integration.integrators import Integrator
+from armwright.simulation.integrate.exponential import Split
+from armwright.simulation.integrate.integrators import Integrator
 from armwright.simulation.plant.flow import STIFF
+from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.joint_drive import at_rest, contact_depths
 from armwright.simulation.plant.program import PlantProgram
 from armwright.simulation.plant.readings import PlantReadings
-from armwright.simulation.plant.state import parts_of
+from armwright.simulation.plant.state import state_layout
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,7 @@ class Plant(PlantReadings):
     """An arm with its drives, as its record describes them.
 
     Attributes:
-        model: the arm.   parts: of the state x, in order.   brakes: whether `brake` is an input of derivative and step.
+        model: the arm.   layout: of the state x.   brakes: whether the brakes take part.
     """
 
     @classmethod
@@ -57,7 +58,7 @@ class Plant(PlantReadings):
                     "expected an arm with its rotors"
                 )
         own = brakes and any(body.brake is not None for body in model.coordinates)
-        return cls(model, parts_of(model, own), own)
+        return cls(model, state_layout(model, own), own)
 
     def depths(self, x: Array) -> np.ndarray:
         """How deep every contact is, (contacts,) [rad | m]: a joint in its stops, flanks in each other; below 0 outside."""
@@ -68,117 +69,84 @@ class Plant(PlantReadings):
         """Which contacts there are in a state, (contacts,): 1 where the depth is not below 0, else 0."""
         return scalar.array([scalar.less_equal(0.0, depth) for depth in self.depths(x)])
 
-    def corners(
-        self, x: Array, u: Array, brake: Array | None = None, touching: Array | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def corners(self, x: Array, inputs: PlantInputs | Array) -> tuple[np.ndarray, np.ndarray]:
         """Numbers that change their sign where the derivative bends: beside `depths`, which make it jump.
 
         Args:
-            x, u, brake, touching: as `derivative`.
+            x, inputs: as `derivative`.
         Returns:
             corners: (k,) how hard contacts push that there are [N m | N]; speeds of joints and motors whose friction has a corner
             at rest [rad/s | m/s].   least: (k,) in their units: one changes from a to b where a b < -least².
         """
-        found = [corner for joint in self._driven(x, u, brake, touching) for corner in joint.corners]
+        found = [corner for joint in self._driven(x, PlantInputs.of(inputs)) for corner in joint.corners]
         return scalar.array([corner.value for corner in found]), scalar.array([corner.least for corner in found])
 
-    def derivative(
-        self,
-        x: Array,
-        u: Array,
-        wrench: Array | None = None,
-        brake: Array | None = None,
-        touching: Array | None = None,
-    ) -> np.ndarray:
+    def derivative(self, x: Array, inputs: PlantInputs | Array) -> np.ndarray:
         """dx/dt of all states.
 
         Args:
-            x: (size,).   u: (n,) commands [V | A | N m | N].   wrench: (6,) [N, N m] on the tip, in base axes.
-            brake: (brakes,) 1 where a brake is applied, 0 where it is released; absent: all released.
-            touching: (contacts,) 1 where a contact counts as made; absent: as `touching` says of x.
+            x: (size,).   inputs: what acts on the plant; an array (n,) stands for commands alone.
         Returns:
             xd: (size,), units of x a second.
         Raises:
             ModelError: a drive without the constants that its command needs.
         """
-        return self.split(x, u, wrench, brake, touching)[0]
+        return self.split(x, inputs)[0]
 
-    def split(
-        self,
-        x: Array,
-        u: Array,
-        wrench: Array | None = None,
-        brake: Array | None = None,
-        touching: Array | None = None,
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def split(self, x: Array, inputs: PlantInputs | Array) -> tuple[np.ndarray, np.ndarray]:
         """dx/dt (size,), and λ [1/s] of the entries `stiff`, which have  ż = λ z + what does not depend on z."""
+        inputs = PlantInputs.of(inputs)
         if self.is_plain:
             n = self.model.n
             q, qd = x[:n], x[n:]
-            qdd = forward_dynamics(self.model, q, qd, limited_drive(self.model, qd, u).tau, wrench)
+            qdd = forward_dynamics(self.model, q, qd, limited_drive(self.model, qd, inputs.command).tau, inputs.wrench)
             return scalar.array(np.concatenate([qd, qdd])), scalar.zeros(0)
-        flow = self._flow(x, u, wrench, brake, touching)
-        return scalar.array([value for part in self.parts for value in flow.change[part.name]]), scalar.array(
-            flow.rates
-        )
+        flow = self._flow(x, inputs)
+        change = [value for name in self.layout.names for value in flow.change[name]]
+        return scalar.array(change), scalar.array(flow.rates)
 
-    def fast(
-        self,
-        x: Array,
-        u: Array,
-        wrench: Array | None = None,
-        brake: Array | None = None,
-        touching: Array | None = None,
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def fast(self, x: Array, inputs: PlantInputs | Array) -> tuple[np.ndarray, np.ndarray]:
         """ż and λ [1/s] of the entries `stiff` alone: what `split` says of them, without the arm's dynamics."""
-        change, rates, _ = self._of_drives(x, self._driven(x, u, brake, touching))
-        fast = [value for part in self.parts if part.name in STIFF for value in change[part.name]]
+        change, rates, _ = self._of_drives(x, self._driven(x, PlantInputs.of(inputs)))
+        fast = [value for name in self.layout.names if name in STIFF for value in change[name]]
         return scalar.array(fast), scalar.array(rates)
 
-    def step(
-        self,
-        rule: Integrator,
-        x: Array,
-        u: Array,
-        h: Scalar,
-        wrench: Array | None = None,
-        brake: Array | None = None,
-        touching: Array | None = None,
-    ) -> np.ndarray:
-        """The state one step later, u, wrench and brakes held: stiff parts exactly, the rest by the rule.
+    def step(self, rule: Integrator, x: Array, inputs: PlantInputs | Array, h: Scalar) -> np.ndarray:
+        """The state one step later, inputs held: stiff parts exactly, the rest by the rule.
 
         In a trace the derivative is one program that the rule calls at each of its stages. Contacts are held too, so that no
         stage sees another side of them; `switching` ends steps where they change.
 
         Args:
-            rule: of `integrators.INTEGRATORS`.   x: (size,).   u: (n,).   h: () [s].
-            wrench, brake, touching: as `derivative`.
+            rule: of `integrators.INTEGRATORS`.   x: (size,).   inputs: as `derivative`.   h: () [s].
         Returns:
             x_next: (size,).
         """
-        traced = scalar.is_symbolic(x, u, h)
-        split = self.program(wrench is not None, brake is not None).split if traced else self.split
-        if touching is None and any(self.contacts):
-            touching = self.touching(x)
-        held = (wrench, brake, touching)
+        inputs = PlantInputs.of(inputs)
+        if inputs.contacts is None and any(self.contacts):
+            inputs = replace(inputs, contacts=self.touching(x))
+        split = self.program(inputs).split if scalar.is_symbolic(x, inputs.command, h) else self.split
+
+        def held(command: Array) -> PlantInputs:
+            return replace(inputs, command=command)
+
         if not self.stiff:
-            return rule.step(lambda at, command: split(at, command, *held)[0], x, u, h)
+            return rule.step(lambda at, command: split(at, held(command))[0], x, inputs.command, h)
+        exact = Split(
+            lambda at, command: split(at, held(command)), lambda at, command: self.fast(at, held(command)), self.stiff
+        )
+        return rule.exponential(exact, x, inputs.command, h)
 
-        def fast(at: Array, command: Array) -> tuple[Array, Array]:
-            return self.fast(at, command, *held)
-
-        return rule.exponential(Split(lambda at, command: split(at, command, *held), fast, self.stiff), x, u, h)
-
-    def program(self, wrench: bool = False, brake: bool = False) -> PlantProgram:
-        """The derivative as one program that traces call, not copy; with those inputs beside x and u."""
-        if (wrench, brake) not in self._programs:
-            sizes = {"x": self.size, "u": self.model.n}
-            more = {"wrench": 6 * wrench, "brake": len(self.braked) * brake, "touching": sum(self.contacts)}
-            self._programs[wrench, brake] = PlantProgram(self, sizes | {name: k for name, k in more.items() if k})
-        return self._programs[wrench, brake]
+    def program(self, inputs: PlantInputs) -> PlantProgram:
+        """The derivative as one program that traces call, not copy, with those inputs that are given."""
+        names = tuple(name for name in ("wrench", "brake", "contacts") if getattr(inputs, name) is not None)
+        if names not in self._programs:
+            sizes = {"x": self.size, "command": self.model.n}
+            self._programs[names] = PlantProgram(self, sizes | {name: len(getattr(inputs, name)) for name in names})
+        return self._programs[names]
 
     @cached_property
-    def _programs(self) -> dict[tuple[bool, bool], PlantProgram]:
+    def _programs(self) -> dict[tuple[str, ...], PlantProgram]:
         return {}
 
     def initial(self, q: Array, qd: Array) -> np.ndarray:
@@ -190,9 +158,9 @@ class Plant(PlantReadings):
         Returns:
             x: (size,).
         """
-        motor, motor_speed = to_motors(self._shares, q), to_motors(self._shares, qd)
+        motor, motor_speed = to_motors(self.shares, q), to_motors(self.shares, qd)
         values = at_rest(self.model, q, qd, motor, motor_speed)
-        return scalar.array([values[part.name][k] for part in self.parts for k in part.joints or (0,)])
+        return scalar.array([values[part.name][k] for part in self.layout for k in part.joints or (0,)])
 
 
 def _is_zero(value: Scalar) -> bool:

@@ -10,12 +10,13 @@ import numpy as np
 from armwright.program import Program, call
 from armwright.program.program import Port
 from armwright.scalar import Array, Symbol
+from armwright.simulation.plant.inputs import PlantInputs
+
+FREE = "parameters"  # the input of what is symbolic in the model itself
 
 
 class _Split(Protocol):
-    def split(
-        self, x: Array, u: Array, wrench: Array | None, brake: Array | None, touching: Array | None
-    ) -> tuple[Array, Array]: ...
+    def split(self, x: Array, inputs: PlantInputs) -> tuple[Array, Array]: ...
 
 
 class PlantProgram:
@@ -26,8 +27,7 @@ class PlantProgram:
 
     def __init__(self, plant: _Split, sizes: dict[str, int]):
         symbols = {name: _named(name, size) for name, size in sizes.items()}
-        given = [symbols.get(name) for name in ("wrench", "brake", "touching")]
-        derivative, rates = plant.split(symbols["x"], symbols["u"], *given)
+        derivative, rates = plant.split(symbols["x"], PlantInputs.named(symbols["command"], symbols))
         self.rates = rates
         outputs = {"xd": _column(derivative)}
         if any(isinstance(rate, Symbol) for rate in rates):
@@ -37,7 +37,7 @@ class PlantProgram:
         free = [s for s in casadi.symvar(casadi.vertcat(*outputs.values())) if s.element_hash() not in known]
         self.free = [Symbol(entry) for entry in free]
         if free:
-            inputs["parameters"] = casadi.vertcat(*free)
+            inputs[FREE] = casadi.vertcat(*free)
         graph = casadi.Function(
             "plant", list(inputs.values()), casadi.cse(list(outputs.values())), list(inputs), list(outputs),
             {"never_inline": True},
@@ -47,11 +47,9 @@ class PlantProgram:
         ]
         self.program = Program("plant", ports[0], ports[1], graph)
 
-    def split(
-        self, x: Array, u: Array, wrench: Array | None, brake: Array | None, touching: Array | None = None
-    ) -> tuple[Array, Array]:
-        """As the plant's own, by a call; `touching` where the plant has contacts."""
-        given = [array for array in (x, u, wrench, brake, touching) if array is not None]
+    def split(self, x: Array, inputs: PlantInputs) -> tuple[Array, Array]:
+        """As the plant's own, by a call."""
+        given = [x, *(getattr(inputs, port.name) for port in self.program.inputs[1:] if port.name != FREE)]
         free = [np.array(self.free, dtype=object)] if self.free else []
         results = call(self.program, *given, *free)
         if len(self.program.outputs) == 1:

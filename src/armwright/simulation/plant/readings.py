@@ -13,6 +13,7 @@ from armwright.dynamics import energy
 from armwright.kinematics import jacobian
 from armwright.scalar import Array, Scalar
 from armwright.simulation.plant.flow import Flow, PlantFlow
+from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.joint_drive import stored
 
 TOLD = ("motor_q", "motor_qd", "bristle", "brake", "winding_temperature", "housing_temperature")  # states told as such
@@ -22,13 +23,11 @@ TOLD = ("motor_q", "motor_qd", "bristle", "brake", "winding_temperature", "housi
 class PlantReadings(PlantFlow):
     """What follows from a state."""
 
-    def outputs(
-        self, x: Array, u: Array, wrench: Array | None = None, brake: Array | None = None
-    ) -> dict[str, np.ndarray]:
+    def outputs(self, x: Array, inputs: PlantInputs | Array) -> dict[str, np.ndarray]:
         """What is known beside the state, each (n,) but for the bus; NaN for joints whose record cannot say it.
 
         Args:
-            x: (size,).   u: (n,) [V | A | N m | N].   wrench, brake: as `derivative`.
+            x: (size,).   inputs: as `derivative`.
         Returns:
             qdd [rad/s² | m/s²], tau: Nᵀ Kt i [N m | N], voltage [V] averaged over the PWM, current [A].
             tau_link [N m | N]: what leaves the gear, as a torque sensor reads it; friction of rigid gears before it,
@@ -38,11 +37,11 @@ class PlantReadings(PlantFlow):
             bus_voltage [V]: where they are states.
         """
         model = self.model
-        flow = self._flow(x, u, wrench, brake)
+        flow = self._flow(x, PlantInputs.of(inputs))
         joints, gear = flow.joints, self._link_torques(flow)
         rows = {
             "qdd": flow.qdd,
-            "tau": to_joints(self._shares, [joint.tau for joint in joints]),
+            "tau": to_joints(self.shares, [joint.tau for joint in joints]),
             "voltage": [joint.voltage for joint in joints],
             "current": [joint.current for joint in joints],
             "tau_link": gear,
@@ -50,12 +49,11 @@ class PlantReadings(PlantFlow):
             "friction_loss": [joint.loss + loss for joint, loss in zip(joints, self._followers_loss(x), strict=True)],
             "electrical_power": [joint.power for joint in joints],
         }
-        states = {part.name: part for part in self.parts}
         for name in TOLD:
-            if name in states:
-                values = dict(zip(states[name].joints, self.part(x, name), strict=True))
+            if name in self.layout:
+                values = dict(zip(self.layout[name].joints or (), self.part(x, name), strict=True))
                 rows[name] = [values.get(i, np.nan) for i in range(model.n)]
-        if "bus_voltage" in states:
+        if "bus_voltage" in self.layout:
             rows["bus_voltage"] = self.part(x, "bus_voltage")
         return {name: scalar.array(list(values)) for name, values in rows.items()}
 
@@ -80,7 +78,7 @@ class PlantReadings(PlantFlow):
         Returns:
             q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
         """
-        shares = self._shares if side == "motor" else []
+        shares = self.shares if side == "motor" else []
         return from_motors(shares, q), from_motors(shares, qd)
 
     def applied(self, x: Array, u: Array) -> np.ndarray:
@@ -97,29 +95,22 @@ class PlantReadings(PlantFlow):
         """Torques, voltages and currents of the motors."""
         if self.is_plain:
             return limited_drive(self.model, x[self.model.n :], u)
-        joints = self._driven(x, u, None)
+        joints = self._driven(x, PlantInputs(u))
         columns = zip(*((joint.tau, joint.voltage, joint.current) for joint in joints), strict=True)
         return DriveOutput(*(scalar.array(list(column)) for column in columns))
 
     def _link_torques(self, flow: Flow) -> Array:
         """What leaves the gears (n,), referred to the joints."""
-        motors = to_motors(self._shares, flow.qdd)
+        motors = to_motors(self.shares, flow.qdd)
         rigid = [body.elasticity is None for body in self.model.coordinates]
         leaves = [
             joint.gear - body.drive.reflected * motors[i] if rigid[i] else joint.gear
             for i, (joint, body) in enumerate(zip(flow.joints, self.model.coordinates, strict=True))
         ]
         own = [joint.friction if rigid[i] else 0.0 for i, joint in enumerate(flow.joints)]
-        return to_joints(self._shares, leaves) - scalar.array(own)
+        return to_joints(self.shares, leaves) - scalar.array(own)
 
-    def energy_rates(
-        self,
-        x: Array,
-        u: Array,
-        wrench: Array | None = None,
-        brake: Array | None = None,
-        touching: Array | None = None,
-    ) -> dict[str, Scalar]:
+    def energy_rates(self, x: Array, inputs: PlantInputs | Array) -> dict[str, Scalar]:
         """Powers [W]; what comes in is  electrical = heat + friction + mechanical + d/dt `stored_energy`.
 
         Returns:
@@ -127,7 +118,8 @@ class PlantReadings(PlantFlow):
             heat: in windings, source and braking resistor.   friction: in all that rubs, dampens or slips, bent bristles
             included.   mechanical: into the environment, against the wrench.
         """
-        flow = self._flow(x, u, wrench, brake, touching)
+        inputs = PlantInputs.of(inputs)
+        flow, wrench = self._flow(x, inputs), inputs.wrench
         n = self.model.n
         heat = sum(joint.heat for joint in flow.joints if joint.heat is not None)
         power = sum(joint.power for joint in flow.joints)

@@ -14,9 +14,10 @@ from armwright.model.vary import Varied
 from armwright.program import Program, interpret, trace
 from armwright.program.program import Port
 from armwright.scalar import Array
-from armwright.simulation.integration.exponential import Split
-from armwright.simulation.integration.integrators import Integrator
-from armwright.simulation.integration.stepping import speed_pairs
+from armwright.simulation.integrate.exponential import Split
+from armwright.simulation.integrate.integrators import Integrator
+from armwright.simulation.integrate.stepping import speed_pairs
+from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
 
 POSES = 16  # drawn over the joints' ranges, always the same ones
@@ -118,7 +119,7 @@ class Stability:
         swinging = np.abs(values)[(-values.real <= np.abs(values.imag)) & (np.abs(values) > 0.0)]
         high = min(LONGEST, TURNING / swinging.max() if swinging.size else np.inf)
         growing = np.maximum(values.real.max(axis=1), 0.0)
-        rule = integrator.paired(speed_pairs({part.name: part.place for part in self.plant.parts})).exponential
+        rule = integrator.paired(speed_pairs(self.plant.layout)).exponential
 
         def holds(step: float) -> bool:
             for slope, rate, grows in zip(slopes, fast, growing, strict=True):
@@ -169,7 +170,7 @@ def linearised(model: Model, varied: Varied | None = None) -> Program:
     def plant(x: Array, u: Array, *rest: Array) -> tuple[np.ndarray, np.ndarray]:
         told = dict(zip(list(names)[2:], rest, strict=True))
         own = bare if varied is None else Plant.of(varied.model(told["p"]), brakes=True)
-        return own.split(x, u, None, told.get("brake"))
+        return own.split(x, PlantInputs.named(u, told))
 
     split = trace("plant", plant, names, ("xd", "fast"))
     symbols = [casadi.SX.sym(name, shape[0]) for name, shape in names.items()]  # type: ignore[arg-type]

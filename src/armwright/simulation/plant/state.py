@@ -1,42 +1,19 @@
-"""What the state of a plant consists of: positions and speeds, then only what the record's drives ask for."""
+"""The state of a plant: positions and speeds, then only what the record's drives ask for."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from armwright.model import Body, Model
+from armwright.model.joint_signals import joint_signal
+from armwright.signals import Layout, Signal
 
 
-@dataclass(frozen=True)
-class StatePart:
-    """Entries of the plant's state that belong together.
-
-    Attributes:
-        name: such as "q" or "current".   joints: which joints have it, by index; none for the bus.
-        units: of each entry.   start: where they begin in x.
-    """
-
-    name: str
-    joints: tuple[int, ...]
-    units: tuple[str, ...]
-    start: int
-
-    @property
-    def place(self) -> slice:
-        """Where they stand in x."""
-        return slice(self.start, self.start + len(self.units))
-
-
-def parts_of(model: Model, brakes: bool) -> tuple[StatePart, ...]:
-    """The parts of an arm's state, in order; with or without its brakes."""
-    slides = [body.kind == "prismatic" for body in model.coordinates]
+def state_layout(model: Model, brakes: bool) -> Layout:
+    """The layout of an arm's state, with or without its brakes."""
 
     def which(has: Callable[[Body], bool]) -> tuple[int, ...]:
         return tuple(i for i, body in enumerate(model.coordinates) if has(body))
-
-    def lengths(joints: tuple[int, ...], ending: str = "") -> tuple[str, ...]:
-        return tuple(("m" if slides[i] else "rad") + ending for i in joints)
 
     every, elastic = which(lambda body: True), which(lambda body: body.elasticity is not None)
     wound = which(lambda body: body.drive.inductance is not None)
@@ -44,24 +21,26 @@ def parts_of(model: Model, brakes: bool) -> tuple[StatePart, ...]:
     held = which(lambda body: brakes and body.brake is not None)
     warm = which(lambda body: body.drive.thermal is not None)
     housed = which(lambda body: body.drive.thermal is not None and body.drive.thermal.housing is not None)
-    told = [
-        ("q", every, lengths(every)),
-        ("qd", every, lengths(every, "/s")),
-        ("motor_q", elastic, ("rad",) * len(elastic)),  # θ_motor itself, in the motor's own radians
-        ("motor_qd", elastic, ("rad/s",) * len(elastic)),
-        ("current", wound, ("A",) * len(wound)),
-        ("bristle", bristle, lengths(bristle)),
-        ("brake", held, lengths(held)),
-        ("winding_temperature", warm, ("°C",) * len(warm)),
-        ("housing_temperature", housed, ("°C",) * len(housed)),
-        ("bus_voltage", (), ("V",) if model.supply is not None else ()),
-    ]
-    parts, start = [], 0
-    for name, joints, units in told:
-        if units:
-            parts.append(StatePart(name, joints, units, start))
-            start += len(units)
-    return tuple(parts)
+    rows = (
+        ("q", "q", every, ""),
+        ("qd", "qd", every, ""),
+        (
+            "motor_q",
+            "rad",
+            elastic,
+            "position of the motor behind its elastic gear",
+        ),  # θ_motor, in the motor's own radians
+        ("motor_qd", "rad/s", elastic, "velocity of the motor behind its elastic gear"),
+        ("current", "current", wound, ""),
+        ("bristle", "q", bristle, "deflection of the bristles"),
+        ("brake", "q", held, "how far the brake gave way"),
+        ("winding_temperature", "°C", warm, "temperature of the motor's winding"),
+        ("housing_temperature", "°C", housed, "temperature of the motor's housing"),
+    )
+    signals = [joint_signal(model, name, quantity, about, joints) for name, quantity, joints, about in rows if joints]
+    if model.supply is not None:
+        signals.append(Signal("bus_voltage", "V", (1,), about="voltage of the supply's bus"))
+    return Layout.of(signals)
 
 
 def contacts_of(body: Body) -> int:

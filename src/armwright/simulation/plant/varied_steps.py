@@ -9,7 +9,7 @@ import numpy as np
 from armwright.errors import ScenarioError
 from armwright.model.vary import Varied
 from armwright.program import Program, interpret
-from armwright.simulation.integration.integrators import Integrator
+from armwright.simulation.integrate.integrators import Integrator
 from armwright.simulation.plant.stability import Stability, linearised
 
 LOOKED_AT = 256  # lanes, beside those with the least and the most of every parameter

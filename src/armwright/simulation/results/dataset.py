@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armwright.model import Model
-from armwright.simulation.acting.landing import held_values
-from armwright.simulation.acting.references import reference_notes
-from armwright.simulation.compiled import USUAL
-from armwright.simulation.groups import Reached
-from armwright.simulation.integration.stepping import Account
+from armwright.model.joint_signals import joint_units
+from armwright.signals import Signal
+from armwright.simulation.batch_runner import Reached
+from armwright.simulation.inputs.schedule_ticks import held_values
+from armwright.simulation.integrate.stepping import Account
+from armwright.simulation.loop.config import LoopConfig
+from armwright.simulation.loop.tick import USUAL
 from armwright.simulation.results.notes import limit_notes
-from armwright.simulation.results.recording import bare_dataset, joint_units, make_dataset
+from armwright.simulation.results.recording import bare_dataset, make_dataset
 from armwright.simulation.results.reducers import Ends, reducer
-from armwright.simulation.sampling.law import measurement_of, reference_of
 
 if TYPE_CHECKING:
     import xarray
 
-    from armwright.simulation.scenario_run import ScenarioRun
+    from armwright.simulation.simulation import Simulation
 
-MORE = {  # what else is recorded: whose unit it has, and what it is
-    "q_measured": ("q", "measured position"),
-    "qd_measured": ("qd", "measured velocity"),
-    "q_reference": ("q", "reference position"),
-    "qd_reference": ("qd", "reference velocity"),
-    "u_issued": ("u", "command as it left the controller"),
+FURTHER = {  # what the plant tells beside the usual: whose unit it has, and what it is
     "tau_link": ("tau", "torque behind the gear, as a joint torque sensor reads it"),
     "heat": ("W", "heat in the motor's winding"),
     "friction_loss": ("W", "power that rubs and damps away"),
@@ -41,85 +39,141 @@ MORE = {  # what else is recorded: whose unit it has, and what it is
     "housing_temperature": ("°C", "temperature of the motor's housing"),
     "bus_voltage": ("V", "voltage of the supply's bus"),
 }
+UNSTORED = ("applied", "current", "qdd")  # measured or followed signals that other variables hold already
+MOTION = {"q": "position", "qd": "velocity"}
 WHOLE = ("bus_voltage",)  # of the whole arm, not of a joint
 
 
-def run_dataset(
-    run: ScenarioRun, record: np.ndarray | None, every: int, account: Account, held: np.ndarray, reached: Reached
-) -> xarray.Dataset:
-    """The dataset of a run.
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """What the compiled loop left of a run.
 
-    Args:
-        run: what was run.   record: (rows, lanes in whole tiles, entries), None: nothing was recorded.
-        every: ticks from row to row.   account: what the lanes tell.   held: (lanes, k) by the reducers.
-        reached: which lanes came how far.
+    Attributes:
+        rows: (rows, lanes in whole tiles, entries); None: nothing was recorded.   every: ticks from row to row.
+        reached: which lanes came how far.   account: what became of them.   reduced: (lanes, k) by the reducers.
+        origin: the tick of the first row.
     """
-    scenario, arm = run.scenario, run.arm
+
+    rows: np.ndarray | None
+    every: int
+    reached: Reached
+    account: Account
+    reduced: np.ndarray
+    origin: int
+
+    def last_row(self, simulation: Simulation) -> str:
+        """The end of a single run that diverged, in words: where it was, and what the controller asked for."""
+        if self.rows is None:
+            return ""
+        parts = _parts(simulation, self.rows[-1, 0])
+        asked = parts.get("u_issued", np.zeros(0))
+        wrong = "" if np.isfinite(asked).all() else f", where the controller commanded {_shown(asked)}"
+        return f"last state q = {_shown(parts['x'][: simulation.arm.n])}{wrong}"
+
+
+def _shown(values: np.ndarray) -> str:
+    return np.array2string(values, precision=4, max_line_width=10**6)
+
+
+def _parts(simulation: Simulation, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """The recorded blocks by name from rows (…, entries)."""
+    sizes = {name: layout.size for name, layout in simulation.config.recorded.items()}
+    return dict(zip(sizes, np.split(rows, np.cumsum(list(sizes.values()))[:-1], axis=-1), strict=True))
+
+
+def run_dataset(simulation: Simulation, recorded: Recorded) -> xarray.Dataset:
+    """The dataset of a run."""
+    scenario, arm, reached = simulation.scenario, simulation.arm, recorded.reached
     attrs: dict[str, Any] = {"integrator": scenario.integrator, "step_s": scenario.integration_step}
-    if run.law is not None:
-        attrs["sample_period_s"] = run.period
-        why = run.untraced
+    if scenario.sampled:
+        attrs["sample_period_s"] = simulation.period
+        why = simulation.untraced
         attrs["controller"] = "compiled" if why is None else f"called in Python once a tick: {why}"
-        attrs |= {name: values for name, values in run.ending.items() if values.size}
-    notes = list(run.notes)
-    if run.reference is not None:
-        notes += reference_notes(arm, run.reference, np.arange(run.ticks + 1) * run.period)
+    notes = [*simulation.notes, *(() if simulation.reference is None else simulation.reference.notes)]
     numbers = None if scenario.lanes is None else reached.lanes
-    if record is None:
+    if recorded.rows is None:
         dataset = bare_dataset(arm, attrs | {"notes": notes}, None if numbers is None else len(numbers))
     else:
-        dataset = _recorded(run, record, every, reached, attrs, notes)
+        dataset = _with_rows(simulation, recorded, recorded.rows, attrs, notes)
     if numbers is not None and reached.stopped:
         dataset = dataset.assign_coords(lane=("lane", numbers, dataset["lane"].attrs))
-    if reached.ticks == run.ticks and run.reduction is not None:
-        _reduced(run, dataset, account, held, reached.lanes)
-    account.of_lanes(reached.lanes).tell(dataset, run.period, scenario.adaptivity, scenario.lanes is None)
+    if reached.ticks == scenario.ticks and simulation.reduction is not None:
+        _reduced(simulation, dataset, recorded)
+    account = recorded.account.of_lanes(reached.lanes)
+    account.tell(dataset, simulation.period, scenario.adaptivity, scenario.lanes is None)
     return dataset
 
 
-def _recorded(
-    run: ScenarioRun, record: np.ndarray, every: int, reached: Reached, attrs: dict[str, Any], notes: list[str]
+def _with_rows(
+    simulation: Simulation, recorded: Recorded, record: np.ndarray, attrs: dict[str, Any], notes: list[str]
 ) -> xarray.Dataset:
     """Rows of the lanes that came that far, with what follows from them."""
-    scenario, arm, n = run.scenario, run.arm, run.arm.n
+    scenario, arm, n, reached = simulation.scenario, simulation.arm, simulation.arm.n, recorded.reached
 
     def own(values: np.ndarray) -> np.ndarray:
         return values[reached.lanes] if reached.stopped and len(values) > 1 else values
 
-    there = reached.rows(every, len(record))
-    ticks = np.arange(len(record))[there] * every
-    t, rows = ticks * run.period, own(record[there, : run.count].transpose(1, 0, 2))
-    sizes = run.parts.recorded
-    parts = dict(zip(sizes, np.split(rows, np.cumsum(list(sizes.values()))[:-1], axis=2), strict=True))
+    there = reached.rows(recorded.every, len(record))
+    ticks = recorded.origin + np.arange(len(record))[there] * recorded.every
+    t, rows = ticks * simulation.period, own(record[there, : simulation.count].transpose(1, 0, 2))
+    parts = _parts(simulation, rows)
     x = parts["x"]
-    acting = {name: own(held_values(held, ticks, run.period)) for name, held in run.held.items() if name != "r"}
+    acting = {name: own(held_values(held, ticks, simulation.period)) for name, held in simulation.inputs.items()}
     u = parts.get("u", acting.pop("u", np.full((1, 1, n), np.nan)))
     u = np.broadcast_to(u, (len(rows), len(t), n))
     outputs: dict[str, np.ndarray] = {}
     if scenario.record == "all":
-        given = [x, u, *(acting[name] for name in run.parts.inputs)]
+        given = [x, u, *(acting[name] for name in simulation.config.inputs)]
         given += [own(scenario.parameters)[:, None, :]] if scenario.varied is not None else []
-        kernel = run.simulator.outputs
+        kernel = simulation.loop.outputs
         assert kernel is not None
-        outputs = dict(zip(run.simulator.names, kernel(*given, threads=os.cpu_count() or 1), strict=True))
+        outputs = dict(zip(simulation.loop.names, kernel(*given, threads=os.cpu_count() or 1), strict=True))
     squeeze = (lambda v: v[0]) if scenario.lanes is None else (lambda v: v)
-    q, qd = run.plant.part(x, "q"), run.plant.part(x, "qd")
+    q, qd = simulation.plant.part(x, "q"), simulation.plant.part(x, "qd")
     attrs["notes"] = [*notes, *limit_notes(arm, q, qd, u, outputs, t)]
     known = {name: squeeze(values) for name, values in outputs.items() if name in USUAL}
     dataset = make_dataset(arm, t, squeeze(q), squeeze(qd), squeeze(u), **known, attrs=attrs)
-    extra = {name: values for name, values in outputs.items() if name not in USUAL}
+    for name, values in outputs.items():
+        if name not in USUAL:
+            _add_output(dataset, arm, name, squeeze(values))
     if "y" in parts:
-        y, r = measurement_of(parts["y"], n), reference_of(parts["r"], n)
-        extra |= {"q_measured": y.q, "qd_measured": y.qd, "q_reference": r.q, "qd_reference": r.qd}
-        extra["u_issued"] = parts["u_issued"]
-    for name, values in extra.items():
-        add_output(dataset, arm, name, squeeze(values))
+        _add_signals(dataset, simulation.config, parts, squeeze)
     return dataset
 
 
-def add_output(dataset: xarray.Dataset, arm: Model, name: str, values: np.ndarray) -> None:
+def _add_signals(
+    dataset: xarray.Dataset,
+    config: LoopConfig,
+    parts: Mapping[str, np.ndarray],
+    squeeze: Callable[[np.ndarray], np.ndarray],
+) -> None:
+    """Adds what was measured, what was to be followed, and the commands as they left the controller."""
+    for block, ending in (("y", "measured"), ("r", "reference")):
+        for signal in config.recorded[block]:
+            if signal.name not in UNSTORED:
+                values = config.recorded[block].part(parts[block], signal.name)
+                about = signal.about if block == "y" or signal.joints is None else f"reference {MOTION[signal.name]}"
+                _add_signal(dataset, f"{signal.name}_{ending}", replace(signal, about=about), squeeze(values))
+    issued = replace(config.recorded["u_issued"]["u"], about="command as it left the controller")
+    _add_signal(dataset, "u_issued", issued, squeeze(parts["u_issued"]))
+
+
+def _add_signal(dataset: xarray.Dataset, name: str, signal: Signal, values: np.ndarray) -> None:
+    """Adds the values (…, *shape) of a signal: with the dimension joint, or with one of its own for entries with labels."""
+    dims = tuple(dataset["q"].dims[:-1])
+    if signal.joints is not None:
+        dims = (*dims, "joint")
+    else:
+        own = tuple(f"{name}_{k}" if k + 1 < len(signal.shape) else name for k in range(len(signal.shape)))
+        dims = (*dims, *(f"{each}_entry" for each in own))
+        if signal.labels is not None:
+            dataset.coords[dims[-1]] = (dims[-1], list(signal.labels))
+    dataset[name] = (dims, values, {"units": signal.unit, "long_name": signal.about or name})
+
+
+def _add_output(dataset: xarray.Dataset, arm: Model, name: str, values: np.ndarray) -> None:
     """Adds what the plant tells beside the usual: (…, n) one a joint, or (…, 1) of the whole arm."""
-    quantity, about = MORE[name]
+    quantity, about = FURTHER[name]
     attributes = {"units": _unit(arm, quantity), "long_name": about}
     dims = dataset["q"].dims
     if name in WHOLE:
@@ -127,16 +181,20 @@ def add_output(dataset: xarray.Dataset, arm: Model, name: str, values: np.ndarra
     dataset[name] = (dims, values, attributes)
 
 
-def _reduced(run: ScenarioRun, dataset: xarray.Dataset, account: Account, held: np.ndarray, lanes: np.ndarray) -> None:
+def _reduced(simulation: Simulation, dataset: xarray.Dataset, recorded: Recorded) -> None:
     """Adds what the reducers came to, (lane, joint) or (joint,) each."""
-    assert run.reduction is not None
-    first = run.scenario.initial_state[:, : run.arm.n]
-    held, first, final = (v if len(v) in (1, len(lanes)) else v[lanes] for v in (held, first, run.final))
-    ends = Ends(held[:, -1:], run.period, first, final, account.frozen[lanes][:, None] >= 0.0)
-    for name, values in run.reduction.results(held, ends).items():
+    assert simulation.reduction is not None
+    assert simulation.reference is not None
+    assert simulation.reference.final is not None
+    lanes, scenario = recorded.reached.lanes, simulation.scenario
+    first, final = scenario.initial_state[:, : simulation.arm.n], simulation.reference.final
+    held, first, final = (v if len(v) in (1, len(lanes)) else v[lanes] for v in (recorded.reduced, first, final))
+    stopped = recorded.account.frozen[lanes][:, None] >= 0.0
+    ends = Ends(held[:, -1:], simulation.period, first, final, stopped)
+    for name, values in simulation.reduction.results(held, ends).items():
         about = reducer(name)
-        attributes = {"units": _unit(run.arm, about.unit), "long_name": about.about}
-        single = run.scenario.lanes is None
+        attributes = {"units": _unit(simulation.arm, about.unit), "long_name": about.about}
+        single = scenario.lanes is None
         dataset[name] = (("joint",), values[0], attributes) if single else (("lane", "joint"), values, attributes)
 
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from armwright.errors import OutputError, RunError
 from armwright.model import Model
+from armwright.model.joint_signals import LONG_NAMES, UNITS, command_unit, joint_units
 from armwright.output import check_destination, whole_file
 from armwright.simulation.results.tables import joint_columns, write_table
 
@@ -27,35 +28,6 @@ if TYPE_CHECKING:
 
 ENDINGS = (".nc", ".csv", ".parquet")
 DIMENSIONS = ("lane", "time", "joint", "event")  # of a run, in order; the last where events were watched
-
-UNITS = {  # of a revolute and of a prismatic joint; a command's unit is its drive's
-    "q": ("rad", "m"),
-    "qd": ("rad/s", "m/s"),
-    "qdd": ("rad/s²", "m/s²"),
-    "tau": ("N m", "N"),
-    "voltage": ("V", "V"),
-    "current": ("A", "A"),
-}
-LONG_NAMES = {
-    "q": "joint position",
-    "qd": "joint velocity",
-    "qdd": "joint acceleration",
-    "u": "drive command",
-    "tau": "motor torque referred to the joint",
-    "voltage": "motor voltage",
-    "current": "motor current",
-}
-
-
-def joint_units(arm: Model, quantity: str) -> list[str]:
-    """The unit of a quantity for each joint: `joint_units(arm, "q")` → ["rad", "m", …]."""
-    if quantity == "u":
-        return [_command_unit(body.drive.command, body.kind == "prismatic") for body in arm.coordinates]
-    return [UNITS[quantity][body.kind == "prismatic"] for body in arm.coordinates]
-
-
-def _command_unit(command: str, linear: bool) -> str:
-    return {"voltage": "V", "current": "A"}.get(command) or UNITS["tau"][linear]
 
 
 def make_dataset(
@@ -209,7 +181,7 @@ def run_units(run: xr.Dataset, name: str) -> list[str]:
     linear = [kind == "prismatic" for kind in run["kind"].values]
     if name == "u":
         commands = [str(command) for command in run["command"].values]
-        return [_command_unit(command, k) for command, k in zip(commands, linear, strict=True)]
+        return [command_unit(command, k) for command, k in zip(commands, linear, strict=True)]
     if name in UNITS:
         return [UNITS[name][k] for k in linear]
     return [str(run[name].attrs.get("units", "-"))] * len(linear)

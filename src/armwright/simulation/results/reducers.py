@@ -25,6 +25,7 @@ from armwright.errors import ScenarioError, nearest
 from armwright.model import Model
 from armwright.program import Program, trace
 from armwright.scalar import Array, Scalar
+from armwright.simulation.plant.inputs import PlantInputs
 
 CLIPPED = 1e-9  # of a command: less is no clipping
 BAND = 0.02  # of the step, if a settling time says nothing else
@@ -194,16 +195,9 @@ class Reduction:
         values = [np.full(self.n, value) for each in self.reducers.values() for value in each.begin]
         return np.concatenate([*values, [0.0]])
 
-    def program(
-        self, plant: Callable[[Mapping[str, Array]], Any], state: int, more: Mapping[str, tuple[int, ...]]
-    ) -> Program:
-        """One row as a program over blocks.
-
-        Args:
-            plant: further blocks by name → the plant of a lane.   state: entries of x.
-            more: shapes of further blocks by name: what acts on the plant, and the parameters "p".
-        """
-        n = self.n
+    def program(self, config: Any) -> Program:
+        """One row as a program over blocks; config: a `LoopConfig` with a reference."""
+        n, state, layout = self.n, config.bare.size, config.reference.layout
 
         def follow(
             tick: Array,
@@ -216,10 +210,10 @@ class Reduction:
             held: Array,
             *rest: Array,
         ) -> Array:
-            told = dict(zip(more, rest, strict=True))
-            own = plant(told)
-            outputs = own.outputs(x, u, told.get("wrench"), told.get("brake"))
-            row = Row(tick[0], own.part(x, "q"), r[:n], u, first, final, outputs, own.applied(x, u))
+            values = dict(zip(config.plant_blocks, rest, strict=True))
+            own = config.plant(values)
+            outputs = own.outputs(x, PlantInputs.named(u, values))
+            row = Row(tick[0], own.part(x, "q"), layout.part(r, "q"), u, first, final, outputs, own.applied(x, u))
             values, start = [], 0
             for each in self.reducers.values():
                 stop = start + n * len(each.begin)
@@ -233,12 +227,12 @@ class Reduction:
             "tick": (1,),
             "x": (state,),
             "u": (n,),
-            "r": (3 * n,),
+            "r": (layout.size,),
             "frozen": (1,),
             "q_first": (n,),
             "r_final": (n,),
         }
-        return trace("reduce", follow, {**shapes, "reduced": (self.size,), **more}, ("reduced_next",))
+        return trace("reduce", follow, {**shapes, "reduced": (self.size,), **config.plant_blocks}, ("reduced_next",))
 
     def results(self, held: np.ndarray, ends: Ends) -> dict[str, np.ndarray]:
         """By name (lanes, n), from what was held at the end (lanes, size)."""

@@ -17,7 +17,7 @@ from armwright.model import Model
 from armwright.model.model import BASE, TENSOR
 from armwright.model.plausibility import IMPOSSIBLE
 from armwright.parameters import Batch, check_counts, lane_counts, lane_values
-from armwright.simulation.acting.inputs import LaneRows
+from armwright.simulation.inputs.acting import LaneRows
 from armwright.spatial import displaced_inertia
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from armwright.kernels.loop import Schedules
-from armwright.simulation.acting.inputs import Held, LaneRows, rows_of
-from armwright.simulation.acting.schedule import Schedule
+from armwright.simulation.inputs.acting import Held, LaneRows, rows_of
+from armwright.simulation.inputs.schedule import Schedule
 
 LANDING = 1e-9  # of a tick: a schedule row this near one is meant to be on it
 

@@ -14,10 +14,11 @@ from armwright.kernels.loop import Lanes
 from armwright.kernels.stages import NEXT, Adapt
 from armwright.program import call, interpret, trace
 from armwright.scalar import Array
-from armwright.simulation.integration.dormand_prince import trial_step
-from armwright.simulation.integration.events import EventFunction, Parts, event_programs, event_values
-from armwright.simulation.integration.exponential import Pairs
-from armwright.simulation.integration.integrators import TOLERANCES
+from armwright.signals import Layout
+from armwright.simulation.integrate.dormand_prince import trial_step
+from armwright.simulation.integrate.events import EventFunction, event_programs, event_values
+from armwright.simulation.integrate.exponential import Pairs
+from armwright.simulation.integrate.integrators import TOLERANCES
 from armwright.simulation.plant.switching import Watched, switching_programs
 
 if TYPE_CHECKING:
@@ -83,29 +84,21 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
-def speed_pairs(parts: Mapping[str, slice]) -> Pairs:
-    """Places of positions and their speeds in a state: of parts whose names differ by a d, as "q" and "qd"."""
+def speed_pairs(layout: Layout) -> Pairs:
+    """Places of positions and their speeds in a state: of signals whose names differ by a d, as "q" and "qd"."""
+    pairs = [(layout.place(name), layout.place(f"{name}d")) for name in layout.names if f"{name}d" in layout]
     return [
         (position, speed)
-        for name, place in parts.items()
-        if f"{name}d" in parts
-        for position, speed in zip(
-            range(place.start, place.stop), range(parts[f"{name}d"].start, parts[f"{name}d"].stop), strict=True
-        )
+        for q, qd in pairs
+        for position, speed in zip(range(q.start, q.stop), range(qd.start, qd.stop), strict=True)
     ]
-
-
-def state_parts(plant: Any) -> Parts:
-    """The parts of a plant's state by name."""
-    places = {part.name: part.place for part in plant.parts}
-    return lambda x: {name: x[place] for name, place in places.items()}
 
 
 def adaptive_stage(
     derivative: Callable[..., Array],
     shapes: Mapping[str, tuple[int, ...]],
     adaptivity: Adaptivity,
-    parts: Parts,
+    layout: Layout,
     planned: int = 0,
     seen: bool = False,
     watched: Watched | None = None,
@@ -114,7 +107,7 @@ def adaptive_stage(
 
     Args:
         derivative: (x, u, …) → dx/dt.   shapes: of its arguments by name, "x" and "u" first.
-        adaptivity: tolerances and events.   parts: x → its parts by name, for events.   planned, seen: as in `Integrate`.
+        adaptivity: tolerances and events.   layout: of x, for events.   planned, seen: as in `Integrate`.
         watched: what may switch; `derivative` then takes which contacts count as made, as its last argument.
     """
     shapes_held = {**shapes, **({} if watched is None else watched.block)}
@@ -130,15 +123,15 @@ def adaptive_stage(
 
     names = (f"x{NEXT}", "error", "grow", *(("path",) if events else ()))
     program = trace("trial", trial, {**shapes_held, "h": ()}, names)
-    watching = event_programs(events, parts, shapes["x"][0]) if events else {}
+    watching = event_programs(events, layout) if events else {}
     return Adapt(program, adaptivity.most, planned, seen, **watching, **switching_programs(watched, shapes))
 
 
-def begin_adaptive(lanes: Lanes, adaptivity: Adaptivity, parts: Parts, x0: np.ndarray) -> None:
+def begin_adaptive(lanes: Lanes, adaptivity: Adaptivity, layout: Layout, x0: np.ndarray) -> None:
     """Fills the blocks that `adaptive_stage` adds, for lanes that begin in x0 (lanes, nx) at t = 0."""
     if adaptivity.events:
         watched = dict(adaptivity.events)
-        g = trace("sides", lambda x: event_values(watched, parts, 0.0, x), {"x": x0.shape[1:]}, ("g",))
+        g = trace("sides", lambda x: event_values(watched, layout, 0.0, x), {"x": x0.shape[1:]}, ("g",))
         lanes.set("side", np.sign(np.asarray(interpret(g, x0)).reshape(len(x0), -1)))
         lanes.set("event_first", np.full(len(watched), np.nan))
 

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from armwright.scalar import Array, Scalar
-from armwright.simulation.integration.exponential import (
+from armwright.simulation.integrate.exponential import (
     Pairs,
     rk3_exponential,
     rk4_exponential,

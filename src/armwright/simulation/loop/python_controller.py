@@ -1,4 +1,4 @@
-"""A control law that is called in Python, once a tick for every lane, because it cannot be traced or asks for it.
+"""Controllers called in Python, once a tick for every lane, because they cannot be traced or ask for it.
 
 A lane's call means what it would in the compiled loop: arrays are (n,), its gains are its own, its state is what it returned the
 tick before. Laws that have `vectorised = True` are called once for all lanes instead, with arrays (lanes, n).
@@ -7,6 +7,7 @@ tick before. Laws that have `vectorised = True` are called once for all lanes in
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,74 +16,103 @@ from armwright import scalar
 from armwright.errors import ArmwrightError, ScenarioError, SymbolError
 from armwright.kernels.loop import Lanes
 from armwright.model import Model
-from armwright.simulation.sampling.law import Law, hidden_state, measurement_of, reference_of, wrong_shape
-from armwright.simulation.sampling.protocols import ControlLaw, Measurement, Reference
+from armwright.simulation.loop.controller import ControlLaw, ControllerAdapter, hidden_state, reference_of, wrong_shape
+from armwright.simulation.loop.sensor_set import measurement_of
 
 ELSEWHERE = 1e-3  # [rad | m] and so on: how far measurements are moved to ask a law something else
 
 
-class CalledLaw:
-    """A law with what its lanes remember.
+class PythonController:
+    """A controller that is called in Python, with the states of its lanes.
 
     Attributes:
-        law: taken apart.   arm: the model.   period: [s].
+        adapter: the controller.   arm: the model.   period: [s].
+        states: by lane, or by the first lane of a group that is called at once.
     """
 
-    def __init__(self, law: Law, arm: Model, period: float):
-        self.law, self.arm, self.period = law, arm, period
-        self._controls: dict[int, ControlLaw] = {}  # by lane, or by the first lane of a group that is called at once
-        self._states: dict[int, Any] = {}
+    def __init__(self, adapter: ControllerAdapter, arm: Model, period: float):
+        self.adapter, self.arm, self.period = adapter, arm, period
+        self._controls: dict[int, ControlLaw] = {}  # as states
+        self.states: dict[int, Any] = {}
+        self._checked = False
 
     def begin(self, lanes: Lanes, y: np.ndarray) -> None:
-        """Asks the law for the states of a group of lanes, from what is measured before the first tick (count or 1, 4n)."""
+        """Asks for the states of a group of lanes, from what is measured before the first tick (count or 1, size).
+
+        Those of lanes that go on from an earlier state are there already.
+        """
         rows = np.array(np.broadcast_to(y, (lanes.count, y.shape[1])))
         for lane, of in self._calls(lanes):
-            control = self._control(lane, lanes.count)
-            told = self.arm, measurement_of(rows[of], self.arm.n)
-            self._controls[lane] = control
-            self._states[lane] = self._ask(control.init, *told) if hasattr(control, "init") else np.zeros(0)
+            control = self._controls[lane] = self._control(lane, lanes.count)
+            if lane not in self.states:
+                first = measurement_of(self.adapter.y, rows[of])
+                self.states[lane] = (
+                    self._ask(control.init, self.arm, first) if hasattr(control, "init") else np.zeros(0)
+                )
+
+    def memories(self, groups: Sequence[Lanes]) -> dict[int, Any]:
+        """What is remembered of every lane; by the first lane of a group where a group's memory has no row a lane."""
+        found: dict[int, Any] = {}
+        for lanes in groups:
+            whole = self.states.get(lanes.first)
+            if self.adapter.vectorised and isinstance(whole, np.ndarray) and len(whole) == lanes.count:
+                found |= {lanes.first + k: row.copy() for k, row in enumerate(whole)}
+            else:
+                found |= {lane: copy.deepcopy(self.states[lane]) for lane, _ in self._calls(lanes)}
+        return found
+
+    def restore(self, lanes: Lanes, memories: Mapping[int, Any]) -> None:
+        """Takes what is remembered of the lanes of a group, as `memories` gave it."""
+        if self.adapter.vectorised and len(memories) == lanes.count and lanes.count > 0:
+            rows = [memories[lane] for lane in sorted(memories)]
+            if all(isinstance(row, np.ndarray) for row in rows):
+                self.states[lanes.first] = np.stack(rows)
+                return
+        self.states |= copy.deepcopy(dict(memories))
 
     def step(self, lanes: Lanes, tick: int) -> None:
         """One tick of a group of lanes: block "u_asked" from blocks "r" and "y"; lanes that are frozen are asked no more."""
-        n, u = self.arm.n, np.array(lanes.get("u_asked"))
+        u = np.array(lanes.get("u_asked"))
         r, y = np.array(lanes.get("r")), np.array(lanes.get("y"))  # the law's own: it may write into them
         alive = lanes.get("frozen")[:, 0] < 0.0
-        if tick == 0 and lanes.first == 0:
+        if not self._checked and lanes.first == 0:
             lane, of = self._calls(lanes)[0]
+            self._checked = True
             self._check_memory(lane, r[of], y[of])
         for lane, of in self._calls(lanes):
             if np.any(alive[of]):
-                told = reference_of(r[of], n), measurement_of(y[of], n)
-                u[of], self._states[lane] = self._answer(lane, tick * self.period, *told, self._states[lane])
+                u[of], self.states[lane] = self._answer(lane, tick * self.period, r[of], y[of], self.states[lane])
         lanes.set("u_asked", u)
 
     def _calls(self, lanes: Lanes) -> list[tuple[int, Any]]:
         """What is asked at once: number, and rows of the group's blocks."""
-        if self.law.vectorised:
+        if self.adapter.vectorised:
             return [(lanes.first, slice(None))]
         return [(lanes.first + k, k) for k in range(lanes.count)]
 
     def _control(self, lane: int, count: int) -> ControlLaw:
         """The controller with the gains of a lane, or of all that are called at once."""
-        if self.law.vectorised:
-            return self.law.of_group(lane, count)
-        return self.law.told(self.law.values[lane] if self.law.varying else self.law.values[0])
+        values = self.adapter.values
+        if self.adapter.vectorised:
+            return self.adapter.of_lane(values[lane : lane + count])
+        return self.adapter.of_lane(values[lane if len(values) > 1 else 0])
 
-    def _answer(self, lane: int, t: float, r: Reference, y: Measurement, s: Any) -> tuple[np.ndarray, Any]:
+    def _answer(self, lane: int, t: float, r: np.ndarray, y: np.ndarray, s: Any) -> tuple[np.ndarray, Any]:
         """Commands, of the shape that they ought to have, and the next state."""
         control = self._controls[lane]
+        told = reference_of(self.adapter.r, r), measurement_of(self.adapter.y, y)
         if hasattr(control, "step"):
-            u, following = self.law.pair(self._ask(control.step, t, r, y, s))
+            u, following = self.adapter.pair(self._ask(control.step, t, *told, s))
         else:
-            u, following = self._ask(control, t, r, y), s
+            u, following = self._ask(control, t, *told), s
         if scalar.is_symbolic(np.asarray(u, dtype=object)):  # of the trace that was tried before
-            raise hidden_state(self.law.name)
+            raise hidden_state(self.adapter.name)
         try:
             commands = np.asarray(u, dtype=float)
         except (TypeError, ValueError):
             commands = None
-        if u is None or commands is None or commands.shape != y.q.shape:
-            raise wrong_shape(self.law.name, "u", u, y.q.shape)
+        if u is None or commands is None or commands.shape != (*y.shape[:-1], self.arm.n):
+            raise wrong_shape(self.adapter.name, "u", u, (*y.shape[:-1], self.arm.n))
         return commands, following
 
     def _ask(self, function: Any, *arguments: Any) -> Any:
@@ -94,12 +124,12 @@ class CalledLaw:
         try:
             return function(*arguments)
         except SymbolError:
-            raise hidden_state(self.law.name) from None
+            raise hidden_state(self.adapter.name) from None
         except ArmwrightError:
             raise
         except Exception as error:
             raise ScenarioError(
-                f"controller {self.law.name!r}: {type(error).__name__}: {_first_line(error)}{_place(error)}; "
+                f"controller {self.adapter.name!r}: {type(error).__name__}: {_first_line(error)}{_place(error)}; "
                 "expected commands from t, r (q, qd, qdd) and y (q, qd, current, applied)"
             ) from error
 
@@ -109,11 +139,9 @@ class CalledLaw:
         Raises:
             ScenarioError: it answers otherwise: it remembers what it was asked.
         """
-        n = self.arm.n
 
         def asked(t: float, moved: float) -> tuple[np.ndarray, Any]:
-            told = reference_of(r.copy(), n), measurement_of(y + moved, n)
-            return self._answer(lane, t, *told, copy.deepcopy(self._states[lane]))
+            return self._answer(lane, t, r.copy(), y + moved, copy.deepcopy(self.states[lane]))
 
         try:
             asked(0.0, 0.0)
@@ -121,7 +149,7 @@ class CalledLaw:
         except (ScenarioError, TypeError, copy.Error):
             return  # what it cannot answer comes again, at its time; or its state cannot be copied
         if not all(_same(a, b) for a, b in zip(first, again, strict=True)):
-            raise hidden_state(self.law.name)
+            raise hidden_state(self.adapter.name)
 
 
 def _same(a: Any, b: Any) -> bool:

@@ -17,7 +17,7 @@ from armwright.kernels.loop import Lanes, Schedules
 from armwright.kernels.stages import CURSOR, NEVER, SECANTS
 from armwright.program import trace
 from armwright.scalar import Array
-from armwright.simulation.integration.stepping import Adaptivity
+from armwright.simulation.integrate.stepping import Adaptivity
 from armwright.simulation.plant.switching import Watched, switching_programs
 
 MOST_LANES = 1000  # more would take hours

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,10 @@ import numpy as np
 from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.model import Model
+from armwright.model.joint_signals import joint_signal
 from armwright.scalar import Array, Scalar
+from armwright.signals import Signal
+from armwright.simulation.plant.view import PlantView
 from armwright.simulation.settings import check_choice, check_numbers, one_each
 
 VELOCITIES = (
@@ -20,6 +23,7 @@ VELOCITIES = (
     "observer",  # a tracking observer of second order, both poles at -2π cutoff
 )
 SIDES = ("motor", "link")
+SIGNALS = {"q": "position", "qd": "velocity", "current": "current"}
 
 
 @dataclass(frozen=True)
@@ -71,33 +75,34 @@ class Sensors:
         if self.counts is not None:
             one_each("sensors", "counts", self.counts, arm)
 
-    def draws(self, n: int) -> int:
-        """Random numbers that a measurement of n joints takes: two a normal one."""
-        noisy = (self.position_noise, self.velocity_noise, self.current_noise)
-        return 2 * n * sum(noise > 0 for noise in noisy)
+    def exact(self) -> Sensors:
+        """The same sensors without noise."""
+        return replace(self, position_noise=0.0, velocity_noise=0.0, current_noise=0.0)
 
-    def memory(self, arm: Model, q: Array, qd: Array) -> np.ndarray:
-        """What is remembered at the beginning (k,): that the arm had been measured there before, by the same encoder."""
+    def signals(self, arm: Model) -> tuple[Signal, ...]:
+        """Position, velocity and current of every joint."""
+        return tuple(joint_signal(arm, name, about=f"measured {what}") for name, what in SIGNALS.items())
+
+    def draws(self, arm: Model) -> int:
+        """Random numbers that a measurement takes: two for a normal one."""
+        noisy = (self.position_noise, self.velocity_noise, self.current_noise)
+        return 2 * arm.n * sum(noise > 0 for noise in noisy)
+
+    def init(self, plant: PlantView) -> np.ndarray:
+        """Memory (k,) before the first tick: the arm had been measured where it is, by the same encoder."""
         if self.velocity == "exact":
             return np.zeros(0)
-        q = self._quantised(arm, q)
+        q, qd = self._true(plant)
+        q = self._quantised(plant.arm, q)
         if self.velocity == "difference":
             return q - 0.0 * qd
         return np.concatenate([q, qd])
 
-    def measure(
-        self, arm: Model, period: float, q: Array, qd: Array, current: Array, memory: Array, w: Array
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """What the sensors say.
-
-        Args:
-            arm: the model.   period: [s] between measurements.
-            q: (n,) [rad | m], qd: (n,) [rad/s | m/s]: on the encoder's side, referred to the joint.   current: (n,) [A].
-            memory: (k,).   w: (draws,) uniform in (0, 1).
-        Returns:
-            q, qd, current: (n,) as measured.   memory: (k,) for the next time.
-        """
+    def measure(self, plant: PlantView, s: Array, w: Array) -> tuple[dict[str, Array], Array]:
+        """Measured q, qd and current, each (n,), and the memory for the next time; arguments as `Sensor` has them."""
+        arm, period = plant.arm, plant.period
         n, normal = arm.n, iter(_normal(w))
+        (q, qd), current, memory = self._true(plant), plant.current, s
 
         def noisy(values: Array, deviation: float) -> Array:
             return values + deviation * scalar.array([next(normal) for _ in range(n)]) if deviation > 0 else values
@@ -113,7 +118,14 @@ class Sensors:
             memory = np.concatenate([position, speed])
         else:
             speed, memory = self._observed(period, position, memory)
-        return position, noisy(speed, self.velocity_noise), noisy(current, self.current_noise), memory
+        measured = [position, noisy(speed, self.velocity_noise)]
+        if self.side == "motor":
+            measured = [plant.joints_of_motors(each) for each in measured]
+        return {"q": measured[0], "qd": measured[1], "current": noisy(current, self.current_noise)}, memory
+
+    def _true(self, plant: PlantView) -> tuple[Array, Array]:
+        """Positions and velocities (n,) on the encoder's side, referred to the joints."""
+        return (plant.q, plant.qd) if self.side == "link" else (plant.motor_q, plant.motor_qd)
 
     def _pole(self, period: float) -> float:
         """exp(-2π f Ts): what a first-order filter keeps over a period."""

@@ -8,22 +8,21 @@ them, which is noted, and side_e turns round. Two changes of one function within
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from armwright import scalar
 from armwright.errors import ScenarioError
+from armwright.interfaces import UNTRACEABLE, why
 from armwright.kernels.stages import NEXT
 from armwright.model import Model
 from armwright.program import Program, trace
 from armwright.scalar import Array, Scalar
-from armwright.simulation.integration.dormand_prince import along
-from armwright.simulation.sampling.protocols import UNTRACEABLE, why
+from armwright.signals import Layout, Values
+from armwright.simulation.integrate.dormand_prince import along
 
 EventFunction = Callable[[Any, Any], Any]  # (t, x) → g, with x.q, x.qd and what else the plant's state has
-Parts = Callable[[Array], Mapping[str, Array]]
 
 
 def joint_stops(arm: Model) -> dict[str, EventFunction]:
@@ -47,13 +46,13 @@ def joint_stops(arm: Model) -> dict[str, EventFunction]:
     }
 
 
-def event_values(events: Mapping[str, EventFunction], parts: Parts, t: Scalar, x: Array) -> np.ndarray:
+def event_values(events: Mapping[str, EventFunction], layout: Layout, t: Scalar, x: Array) -> np.ndarray:
     """g (E,) of a state at a time.
 
     Raises:
         ScenarioError: names an event whose function gives no number, or cannot be traced.
     """
-    state, values = SimpleNamespace(**parts(x)), []
+    state, values = Values(layout.parts(x)), []
     for name, function in events.items():
         try:
             value = scalar.array(function(t, state))
@@ -68,13 +67,14 @@ def event_values(events: Mapping[str, EventFunction], parts: Parts, t: Scalar, x
     return scalar.array(values)
 
 
-def event_programs(events: Mapping[str, EventFunction], parts: Parts, size: int) -> dict[str, Program]:
-    """The programs that `kernels.stages.Adapt` watches with, for a state of that size."""
+def event_programs(events: Mapping[str, EventFunction], layout: Layout) -> dict[str, Program]:
+    """The programs that `kernels.stages.Adapt` watches with, for states of that layout."""
+    size = layout.size
     count = len(events)
     one, all_, state = (1,), (count,), (size,)
 
     def cross(x: Array, after: Array, side: Array) -> tuple[Array, Array]:
-        g = event_values(events, parts, after[0], x)
+        g = event_values(events, layout, after[0], x)
         settled = [scalar.where(scalar.equal(s, 0.0), scalar.sign(v), s) for s, v in zip(side, g, strict=True)]
         return scalar.array([scalar.less(s * v, 0.0) for s, v in zip(side, g, strict=True)]), scalar.array(settled)
 
@@ -84,7 +84,7 @@ def event_programs(events: Mapping[str, EventFunction], parts: Parts, size: int)
         ends = []
         for e, (name, function) in enumerate(events.items()):
             middle = 0.5 * (lower[e] + upper[e])
-            g = event_values({name: function}, parts, now[0] + middle * h, along(x, path, middle))[0]
+            g = event_values({name: function}, layout, now[0] + middle * h, along(x, path, middle))[0]
             beyond = scalar.less(side[e] * g, 0.0)
             ends.append((scalar.where(beyond, lower[e], middle), scalar.where(beyond, middle, upper[e])))
         return scalar.array([low for low, _ in ends]), scalar.array([high for _, high in ends])

@@ -8,11 +8,11 @@ from armwright import scalar
 from armwright.kernels.stages import NEVER, NEXT, Call, Delay, Stage
 from armwright.program import trace
 from armwright.scalar import Array
-from armwright.simulation.sampling.shaping import Shaping
-from armwright.simulation.sampling.timing import Delays, lateness, planned
+from armwright.simulation.loop.shaping import Shaping
+from armwright.simulation.loop.timing import Delays, lateness, planned
 
 
-def commanding(n: int, period: float, shaping: Shaping, delays: Delays) -> list[Stage]:
+def command_stages(n: int, period: float, shaping: Shaping, delays: Delays) -> list[Stage]:
     """From block "u_asked" (n,) to "u_issued", which is recorded, and "u", in force; between ticks by "u_plan" and "u_from".
 
     Args:

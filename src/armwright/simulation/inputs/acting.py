@@ -14,7 +14,7 @@ import numpy as np
 from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.parameters import Batch, lane_values
-from armwright.simulation.acting.schedule import Schedule
+from armwright.simulation.inputs.schedule import Schedule
 
 
 @dataclass(frozen=True, eq=False)

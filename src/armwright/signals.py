@@ -1,0 +1,181 @@
+"""Signals: named quantities side by side in one vector, wherever a vector crosses a border of the simulation.
+
+The state x of a plant, its inputs u, measurements y, references r: each is one flat vector in the compiled loop, and a
+`Layout` says what stands where. Datasets, recordings and readers of measurements are made from layouts, so that no slice is
+written twice.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.errors import ShapeError, nearest
+from armwright.scalar import Array
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One quantity of a vector.
+
+    Attributes:
+        name: such as "q" or "force".
+        units: of every entry, in row-major order; a single text stands for all of them.
+        shape: of the array; () of one number.
+        joints: numbers of the joints that the entries belong to, one each; None: they belong to no joint.
+        labels: names of the entries along the last axis, where these are no joints: ("x", "y", "z").
+        about: what it is, in a few words.
+    """
+
+    name: str
+    units: tuple[str, ...] | str
+    shape: tuple[int, ...] = ()
+    joints: tuple[int, ...] | None = None
+    labels: tuple[str, ...] | None = None
+    about: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.name.isidentifier():
+            raise ShapeError(f"signal {self.name!r}: expected a name of letters, digits and _")
+        units = (self.units,) * self.size if isinstance(self.units, str) else tuple(self.units)
+        object.__setattr__(self, "units", units)
+        for name, given in (("units", units), ("joints", self.joints)):
+            if given is not None and len(given) != self.size:
+                raise ShapeError(
+                    f"signal {self.name!r}: {len(given)} {name} for {self.size} entries; expected one each"
+                )
+        if self.labels is not None and len(self.labels) != (self.shape or (1,))[-1]:
+            raise ShapeError(f"signal {self.name!r}: {len(self.labels)} labels for shape {self.shape}")
+
+    @property
+    def size(self) -> int:
+        """Number of entries."""
+        return math.prod(self.shape)
+
+    @property
+    def unit(self) -> str:
+        """The units that occur, as `rad | m`."""
+        return " | ".join(dict.fromkeys(self.units))
+
+
+class Values(Mapping[str, Any]):
+    """Values of signals by name, `values.force` or `values["force"]`."""
+
+    def __init__(self, parts: Mapping[str, Any]):
+        self._parts = dict(parts)
+
+    def __getitem__(self, name: str) -> Any:
+        return self._parts[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._parts)
+
+    def __len__(self) -> int:
+        return len(self._parts)
+
+    def __getattr__(self, name: str) -> Any:
+        parts = self.__dict__.get("_parts", {})
+        if name in parts:
+            return parts[name]
+        raise AttributeError(f"no signal {name!r}; {nearest(name, parts)}")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Signals one behind the other in a vector.
+
+    Attributes:
+        signals: in order; no name comes twice.
+    """
+
+    signals: tuple[Signal, ...] = ()
+
+    def __post_init__(self) -> None:
+        names = [signal.name for signal in self.signals]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ShapeError(f"signal {twice[0]!r} comes twice; expected another name")
+
+    @classmethod
+    def of(cls, signals: Iterable[Signal]) -> Layout:
+        """The layout of some signals in their order."""
+        return cls(tuple(signals))
+
+    def __add__(self, other: Layout) -> Layout:
+        return Layout((*self.signals, *other.signals))
+
+    def __iter__(self) -> Iterator[Signal]:
+        return iter(self.signals)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._places
+
+    def __getitem__(self, name: str) -> Signal:
+        return self.signals[self.names.index(self._known(name))]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the signals in order."""
+        return tuple(signal.name for signal in self.signals)
+
+    @cached_property
+    def size(self) -> int:
+        """Entries of the vector."""
+        return sum(signal.size for signal in self.signals)
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Unit of every entry."""
+        return tuple(unit for signal in self.signals for unit in signal.units)
+
+    @cached_property
+    def _places(self) -> dict[str, slice]:
+        ends = np.cumsum([0, *(signal.size for signal in self.signals)])
+        return {s.name: slice(int(a), int(b)) for s, a, b in zip(self.signals, ends, ends[1:], strict=False)}
+
+    def place(self, name: str) -> slice:
+        """Where a signal stands in the vector.
+
+        Raises:
+            ShapeError: no signal has that name.
+        """
+        return self._places[self._known(name)]
+
+    def part(self, vector: Array, name: str) -> Array:
+        """A signal's values (…, *shape) in vectors (…, size)."""
+        values = vector[..., self.place(name)]
+        shape = self[name].shape
+        return values if len(shape) == 1 else values.reshape(*values.shape[:-1], *shape)
+
+    def parts(self, vector: Array) -> dict[str, Array]:
+        """Every signal's values (…, *shape) by name."""
+        return {signal.name: self.part(vector, signal.name) for signal in self.signals}
+
+    def vector(self, values: Mapping[str, Any]) -> np.ndarray:
+        """The vector (size,) of one value for each signal, numbers or symbols.
+
+        Raises:
+            ShapeError: a signal is missing, has another shape, or is not in the layout.
+        """
+        for name in values:
+            self._known(name)
+        rows = []
+        for signal in self.signals:
+            if signal.name not in values:
+                raise ShapeError(f"no value for signal {signal.name!r}; expected {', '.join(self.names)}")
+            row = scalar.array(values[signal.name])
+            if row.shape != signal.shape:
+                raise ShapeError(f"signal {signal.name!r} of shape {row.shape}; expected {signal.shape}")
+            rows.append(row.ravel())
+        return scalar.array(np.concatenate(rows)) if rows else np.zeros(0)
+
+    def _known(self, name: str) -> str:
+        if name not in self._places:
+            raise ShapeError(f"no signal {name!r}; {nearest(name, self._places)}")
+        return name

@@ -1,0 +1,107 @@
+"""A tick and what follows from its rows as native code, to be run by any scenario that asks for the same."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from armwright.errors import ScenarioError
+from armwright.kernels.batch import Kernel
+from armwright.kernels.loop import Loop
+from armwright.kernels.stages import Integrate
+from armwright.kernels.target import select_target
+from armwright.model import Model
+from armwright.model.vary import Varied
+from armwright.program import Program
+from armwright.simulation.integrate.stepping import Adaptivity
+from armwright.simulation.loop.config import LoopConfig
+from armwright.simulation.loop.tick import Tick, make_tick, plant_outputs, plant_step
+from armwright.simulation.plant.plant import Plant
+from armwright.simulation.plant.stability import Stability
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledLoop:
+    """The loop of an arm in native code.
+
+    Attributes:
+        config: what it was made of.   target: processor level, as in `compile`.   tick: the stages of a tick.
+        loops: one, or two with the controller's Python between them.   stability: which steps are too large for the arm.
+        outputs: (x, u, …) → what is stored beside the state, by `names`; None where only the state is.
+    """
+
+    config: LoopConfig
+    target: str | None
+    tick: Tick
+    loops: tuple[Loop, ...]
+    stability: Stability
+    outputs: Kernel | None
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, config: LoopConfig, target: str | None, *, outputs: bool = True) -> CompiledLoop:
+        """Compiles a tick; `outputs`: and what follows from its rows.
+
+        Raises:
+            ModelError: a drive without the constants that its command needs.
+        """
+        tick, chosen = make_tick(config), select_target(target)
+        stages = [tick.before, tick.after] if tick.untraced is not None else [(*tick.before, *tick.after)]
+        loops = tuple(Loop(part, chosen.doubled()) for part in stages)
+        program, names = plant_outputs(config) if outputs else (None, ())
+        kernel = None if program is None else Kernel(program, chosen)
+        return cls(config, target, tick, loops, Stability(config.arm), kernel, names)
+
+    @property
+    def arm(self) -> Model:
+        """The arm that it was compiled for."""
+        return self.config.arm
+
+    @property
+    def step(self) -> Program:
+        """One step of the plant:  (x, u, …, h) → x_next; rules that choose their steps have none."""
+        stage = next(stage for stage in self.loops[-1].stages if isinstance(stage, Integrate))
+        return plant_step(self.config) if stage.landing else stage.step
+
+    def check(self, config: LoopConfig, target: str | None) -> None:
+        """Refuses a scenario's loop that is another one.
+
+        Raises:
+            ScenarioError: names what differs.
+        """
+        pairs = [
+            (name, getattr(self.config, name), getattr(config, name)) for name in ("arm", "integrator", "adaptivity")
+        ]
+        pairs.append(("target", self.target, target))
+        names = [() if each.varied is None else each.varied.names for each in (self.config, config)]
+        pairs.append(("varying", list(names[0]), list(names[1])))
+        for name, known, asked in pairs:
+            if known is not asked and known != asked and asked is not None:
+                raise ScenarioError(
+                    f"the loop was compiled for {name} = {known}, not for the scenario's {asked}; "
+                    "expected compile_loop of the scenario's own"
+                )
+        extra = [name for name in ("sampling", "reduction") if getattr(config, name) is not None] + list(config.inputs)
+        if extra:
+            raise ScenarioError(
+                f"the loop was compiled for commands over time alone, not for the scenario's {extra[0]}"
+            )
+
+
+def compile_loop(
+    arm: Model,
+    integrator: str = "rk3",
+    target: str | None = None,
+    adaptivity: Adaptivity | None = None,
+    varied: Varied | None = None,
+) -> CompiledLoop:
+    """The loop of an arm under commands over time, for any scenario with the same arm, integrator and target.
+
+    Args:
+        arm: the model.   integrator: a name of `integrators.RULES`.   target: processor level, as in `compile`.
+        adaptivity: how "rk45" chooses its steps, as `Scenario.adaptivity` says.
+        varied: the same arm with parameters left open, which are then a block "p" of the loop.
+    Raises:
+        ModelError: a drive without the constants that its command needs.
+    """
+    recorded = {"x": Plant.of(arm).layout}
+    return CompiledLoop.of(LoopConfig(arm, varied, integrator, adaptivity, recorded=recorded), target)

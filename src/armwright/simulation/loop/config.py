@@ -1,0 +1,87 @@
+"""What a tick is made of: the arm, its inputs, the rule that moves it, and what a controller adds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from armwright.model import Model
+from armwright.model.carried import carrying
+from armwright.model.simplify import simplified
+from armwright.model.vary import Varied
+from armwright.scalar import Array
+from armwright.signals import Layout
+from armwright.simulation.integrate.stepping import Adaptivity
+from armwright.simulation.loop.controller import ControllerAdapter
+from armwright.simulation.loop.references import LoopReference
+from armwright.simulation.loop.sensor_set import SensorSet
+from armwright.simulation.loop.shaping import Shaping
+from armwright.simulation.loop.timing import Delays
+from armwright.simulation.plant.plant import Plant
+from armwright.simulation.results.reducers import Reduction
+
+
+@dataclass(frozen=True, eq=False)
+class Sampling:
+    """What a controller adds to a tick.
+
+    Attributes:
+        controller: the adapter.   states: entries of its state.   sensors: all of them.
+        shaping, delays: of commands.   period: [s].   untraced: why the controller runs in Python, where that is known before.
+    """
+
+    controller: ControllerAdapter
+    states: int
+    sensors: SensorSet
+    shaping: Shaping
+    delays: Delays
+    period: float
+    untraced: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class LoopConfig:
+    """What a tick is made of.
+
+    Attributes:
+        arm: the model.   varied: the same with parameters left open, where some vary.
+        integrator, adaptivity, substeps: the rule that moves the plant.
+        inputs: of the plant beside its commands, held from row to row: blocks and their entries.
+        payload_frames: names of the frames that payloads hang on, ten entries of block "payload" each.
+        recorded: blocks that are stored, with their layouts.   reduction: what is computed along the way.
+        reference: what is followed; None where nobody asks.   sampling: None where commands come from a schedule.
+    """
+
+    arm: Model
+    varied: Varied | None
+    integrator: str
+    adaptivity: Adaptivity | None = None
+    substeps: int = 1
+    inputs: Mapping[str, int] = field(default_factory=dict)
+    payload_frames: tuple[str, ...] = ()
+    recorded: Mapping[str, Layout] = field(default_factory=dict)
+    reduction: Reduction | None = None
+    reference: LoopReference | None = None
+    sampling: Sampling | None = None
+
+    @property
+    def plant_blocks(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of the blocks that programs of the plant take behind x and u: its inputs, then the varied parameters."""
+        varying = {} if self.varied is None else {"p": (len(self.varied.parameters),)}
+        return {name: (entries,) for name, entries in self.inputs.items()} | varying
+
+    @property
+    def bare(self) -> Plant:
+        """The plant with the numbers of the record."""
+        return Plant.of(self.arm, brakes="brake" in self.inputs)
+
+    def plant(self, values: Mapping[str, Array], *, simple: bool = False) -> Plant:
+        """The plant of one lane, with its parameters and payloads.
+
+        Args:
+            values: of the `plant_blocks` by name.   simple: rewritten into one with the same motion and fewer operations.
+        """
+        arm = self.varied.model(values["p"]) if self.varied is not None and "p" in values else self.arm
+        for k, frame in enumerate(self.payload_frames if "payload" in values else ()):
+            arm = carrying(arm, frame, values["payload"][10 * k : 10 * k + 10])
+        return Plant.of(simplified(arm) if simple else arm, brakes="brake" in self.inputs)

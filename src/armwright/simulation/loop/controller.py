@@ -1,0 +1,184 @@
+"""Controllers in the loop: the adapter that calls one for a lane, and its program."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.errors import HiddenStateError, ScenarioError
+from armwright.interfaces import JointReference, called
+from armwright.kernels.stages import NEXT
+from armwright.model import Model
+from armwright.parameters import LaneFields
+from armwright.program import Program, trace
+from armwright.scalar import Array
+from armwright.signals import Layout, Values
+from armwright.simulation.loop.sensor_set import measurement_of
+
+ControlLaw = Any  # a Controller, or a plain function (t, r, y) → u
+LAW = "a function (t, r, y) → u, or an object with init(arm, y) and step(t, r, y, s) → u, s"
+TAKEN = {"init": ("arm", "y"), "step": ("t", "r", "y", "s"), "": ("t", "r", "y")}
+
+
+@dataclass(frozen=True, eq=False)
+class ControllerAdapter:
+    """A controller as the loop calls it: for one lane, with that lane's values in place of its batches.
+
+    Attributes:
+        lanes: the controller, and its fields that vary.   y, r: layouts of what it sees and follows.
+    """
+
+    lanes: LaneFields
+    y: Layout
+    r: Layout
+
+    @classmethod
+    def of(cls, control: ControlLaw, arm: Model, period: float, y: Layout, r: Layout) -> ControllerAdapter:
+        """The adapter of a plain function or a controller, configured where it can be."""
+        return cls(configured(control, arm, period), y, r)
+
+    @property
+    def control(self) -> ControlLaw:
+        """The controller itself."""
+        return self.lanes.owner
+
+    @property
+    def values(self) -> np.ndarray:
+        """(lanes or 1, k) values of its fields that vary."""
+        return self.lanes.values
+
+    @property
+    def name(self) -> str:
+        """What it goes by."""
+        return called(self.control)
+
+    @property
+    def vectorised(self) -> bool:
+        """Whether it asks to be called in Python, with all lanes at once."""
+        return bool(getattr(self.control, "vectorised", False))
+
+    def of_lane(self, c: Array) -> ControlLaw:
+        """The controller with values c (…, k) in place of its batches."""
+        return self.lanes.with_values(c)
+
+    def initial(self, arm: Model, y: Array, c: Array) -> np.ndarray:
+        """Its state before the first tick (k,)."""
+        control, y = self.of_lane(c), measurement_of(self.y, y)
+        return np.atleast_1d(scalar.array(control.init(arm, y))) if hasattr(control, "init") else np.zeros(0)
+
+    def step(self, t: Any, r: Array, y: Array, s: Array, c: Array) -> tuple[Array, Array]:
+        """Its command and its next state."""
+        control, r, y = self.of_lane(c), reference_of(self.r, r), measurement_of(self.y, y)
+        return self.pair(control.step(t, r, y, s)) if hasattr(control, "step") else (control(t, r, y), s)
+
+    def pair(self, result: Any) -> tuple[Any, Any]:
+        """What `step` returned, if it is two things.
+
+        Raises:
+            ScenarioError: it is not.
+        """
+        if not isinstance(result, tuple) or len(result) != 2:
+            raise ScenarioError(
+                f"controller {self.name!r}: step returned no pair; expected (u, s), the commands and the next state"
+            )
+        return result
+
+
+def configured(control: ControlLaw, arm: Model, period: float) -> LaneFields:
+    """A controller, configured for its arm and sample period where it can be, with its fields that vary.
+
+    Raises:
+        ScenarioError: no controller, or one that takes other arguments; lanes of its gains that do not fit together.
+    """
+    _check_law(control)
+    if hasattr(control, "configure"):
+        control = control.configure(arm, period)
+    return LaneFields.of(control, "controller")
+
+
+def hidden_state(name: str) -> ScenarioError:
+    """What a controller is refused with that remembers on its own."""
+    return ScenarioError(
+        f"controller {name!r}: keeps hidden state: two calls with the same arguments compute different things; "
+        "expected all memory in s, which step takes and returns"
+    )
+
+
+def wrong_shape(name: str, what: str, value: Any, expected: tuple[int, ...]) -> ScenarioError:
+    """What a controller is refused with that returns something else than its commands or its state."""
+    try:
+        shape = np.shape(value)
+    except ValueError:  # rows of unequal length
+        shape = None
+    told = f"= {value!r}" if value is None or shape in (None, expected) else f"of shape {shape}"
+    return ScenarioError(f"controller {name!r}: returned {what} {told}, expected {expected}")
+
+
+def _check_law(control: Any) -> None:
+    """Refuses what is no controller, or takes other arguments.
+
+    Raises:
+        ScenarioError: names it, and what was expected.
+    """
+    if isinstance(control, type):
+        raise ScenarioError(
+            f"controller is the class {control.__name__}; expected a controller that it makes, {control.__name__}(…)"
+        )
+    if not callable(control) and not callable(getattr(control, "step", None)):
+        raise ScenarioError(f"controller = {control!r}: expected {LAW}")
+    for part, names in TAKEN.items():
+        function = getattr(control, part, None) if part else None if hasattr(control, "step") else control
+        if function is None:
+            continue
+        try:
+            taken = inspect.signature(function)
+        except ValueError:  # a built-in function that does not tell
+            continue
+        try:
+            taken.bind(*names)
+        except TypeError:
+            place = f"{called(control)}.{part}" if part else called(control)
+            raise ScenarioError(f"controller {place!r}: takes {taken}, expected ({', '.join(names)})") from None
+
+
+def traced_controller(adapter: ControllerAdapter, arm: Model, period: float, states: int) -> Program:
+    """One tick of a controller as a program: (tick, r, y, s, c) → u_asked, s_next.
+
+    Raises:
+        ScenarioError: it returns a wrong shape, or other programs when traced twice: it keeps state outside of s.
+        Others: whatever the controller does with symbols that it cannot.
+    """
+
+    def control(tick: Array, r: Array, y: Array, s: Array, c: Array) -> tuple[Array, Array]:
+        u, following = adapter.step(tick[0] * period, r, y, s, c)
+        given = {"u": (u, (arm.n,)), "s": (following, (states,))}
+        arrays = {name: scalar.array(value) for name, (value, _) in given.items()}
+        for name, (value, expected) in given.items():
+            if value is None or arrays[name].shape != expected:
+                raise wrong_shape(adapter.name, name, value, expected)
+        return arrays["u"], arrays["s"]
+
+    inputs = {
+        "tick": (1,),
+        "r": (adapter.r.size,),
+        "y": (adapter.y.size,),
+        "s": (states,),
+        "c": adapter.values.shape[1:],
+    }
+    try:
+        first, second = (trace("control", control, inputs, ("u_asked", f"s{NEXT}")) for _ in range(2))
+    except HiddenStateError:
+        raise hidden_state(adapter.name) from None
+    if str(first) != str(second):
+        raise hidden_state(adapter.name)
+    return first
+
+
+def reference_of(layout: Layout, r: Array) -> JointReference | Values:
+    """A reference from vectors r (…, size): of the joints, or whatever the trajectory's own signals are."""
+    parts = layout.parts(r)
+    return JointReference(**parts) if layout.names == ("q", "qd", "qdd") else Values(parts)

@@ -1,0 +1,149 @@
+"""Initial values of a loop: state of the plant, command in force, measurement, memories. Design section 4."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armwright import scalar
+from armwright.actuators import holding_command
+from armwright.dynamics import gravity_torques
+from armwright.errors import HiddenStateError
+from armwright.interfaces import UNTRACEABLE, why
+from armwright.kernels.batch import Kernel
+from armwright.kernels.loop import Lanes
+from armwright.kernels.stages import NEVER
+from armwright.kernels.target import select_target
+from armwright.parameters import LaneFields
+from armwright.program import Program, trace
+from armwright.scalar import Array
+from armwright.signals import Layout
+from armwright.simulation.loop.config import LoopConfig, Sampling
+from armwright.simulation.loop.controller import ControllerAdapter, hidden_state
+from armwright.simulation.loop.sensor_set import SensorSet
+from armwright.simulation.plant.inputs import PlantInputs
+from armwright.simulation.plant.view import PlantView
+
+OF_PLANT, OF_LOOP = ("x_0",), ("u_0", "y_0", "m_0", "s_0")
+NO_CONTROLLER = ControllerAdapter(LaneFields(None), Layout(), Layout())
+
+
+class Initialisation:
+    """Initial values of a loop, one row per lane.
+
+    They are computed by one compiled program however many lanes there are, so that a lane's bits do not depend on their number.
+
+    Attributes:
+        program: (start, c, p, payload, wrench, u?) → initial state of the plant and, of a sampled loop, the command in force,
+            the measurement, what sensors remember and the controller's state. None where the state is the start itself.
+        untraced: why the controller's own beginning is not traced; None where it is.
+    """
+
+    def __init__(
+        self,
+        config: LoopConfig,
+        start: np.ndarray,
+        parameters: np.ndarray,
+        command: np.ndarray | None,
+        controller: ControllerAdapter | None,
+        sensors: SensorSet | None,
+        period: float,
+        target: str | None,
+    ):
+        """The beginning of a loop.
+
+        Args:
+            config: the loop, without what is sampled.
+            start: (lanes or 1, 2n) positions and speeds, or (lanes or 1, size) whole states of the plant.
+            parameters: (lanes or 1, k) of the arm that vary.   command: (lanes or 1, n) in force; None: what holds the arm.
+            controller, sensors: of a sampled loop.   period: [s].   target: processor level, as in `compile`.
+        """
+        self.config, self._start, self._parameters, self._command = config, start, parameters, command
+        self._controller, self._sensors, self._period = controller or NO_CONTROLLER, sensors, period
+        self._whole = start.shape[1] == config.bare.size
+        self.untraced: str | None = None
+        self.program = None if sensors is None and self._whole else self._program()
+        self._kernel = None if self.program is None else Kernel(self.program, select_target(target))
+
+    @property
+    def states(self) -> int:
+        """Entries of the controller's state."""
+        return 0 if self.program is None else self.program.outputs[-1].size
+
+    def _program(self) -> Program:
+        config, sensors, controller = self.config, self._sensors, self._controller
+        shapes = {"start": self._start.shape[1:], "c": controller.values.shape[1:], "p": self._parameters.shape[1:]}
+        shapes |= {"payload": (10 * len(config.payload_frames),), "wrench": (config.inputs.get("wrench", 0),)}
+        if sensors is not None and self._command is not None:
+            shapes["u"] = (config.arm.n,)
+
+        def begin(controller: ControllerAdapter, *given: Array) -> tuple[Array, ...]:
+            start, c, p, payload, wrench, *command = given
+            plant, n = config.plant({"p": p, "payload": payload}), config.arm.n
+            arm, x = plant.model, start if self._whole else plant.initial(start[:n], start[n:])
+            if sensors is None:
+                return (scalar.array(x),)
+            u = command[0] if command else holding_command(arm, gravity_torques(arm, plant.part(x, "q")))
+            view = PlantView(plant, x, PlantInputs(u, wrench if len(wrench) else None), self._period)
+            exact = sensors.without_noise()
+            memory = exact.memory(view)
+            seen, _ = exact.measure(view, memory, np.full(sum(exact.draws), 0.5))
+            y = scalar.array(np.concatenate([seen, plant.applied(x, u)]))
+            s = np.zeros(0) if controller.control is None else controller.initial(arm, y, c)
+            return scalar.array(x), scalar.array(u), y, scalar.array(memory), s
+
+        def alone() -> Program:
+            """Without the controller: where its `init` is not traced, it has a state of its own kind, which Python keeps."""
+            return trace("begin", lambda *given: begin(NO_CONTROLLER, *given), shapes, OF_PLANT + OF_LOOP)
+
+        if sensors is None:
+            return trace("begin", lambda *given: begin(NO_CONTROLLER, *given), shapes, OF_PLANT)
+        if controller.vectorised:
+            self.untraced = "it asks for all lanes at once"
+            return alone()
+        try:
+            return trace("begin", lambda *given: begin(controller, *given), shapes, OF_PLANT + OF_LOOP)
+        except HiddenStateError:
+            raise hidden_state(controller.name) from None
+        except UNTRACEABLE as error:
+            self.untraced = why(error)
+            return alone()
+
+    def blocks(
+        self, lanes: Lanes, payload: np.ndarray, wrench: np.ndarray, sampling: Sampling | None
+    ) -> dict[str, np.ndarray]:
+        """Initial values of blocks for a group of lanes, (count, …) each, or (1, …) where they are the same for all.
+
+        Args:
+            lanes: the group.   payload, wrench: (count or 1, entries) then acting.   sampling: of a sampled loop.
+        """
+        c = lanes.own(self._controller.values)
+        rows = [lanes.own(self._start), c, lanes.own(self._parameters), payload, wrench]
+        if self._kernel is None:
+            return {"x": rows[0]}
+        if sampling is not None and self._command is not None:
+            rows.append(lanes.own(self._command))
+        given = [np.ascontiguousarray(np.broadcast_to(row, (lanes.count, row.shape[1]))) for row in rows]
+        found = self._kernel(*given)
+        if sampling is None:
+            return {"x": np.asarray(found)}
+        x, u, y, memory, s = (np.asarray(each) for each in found)
+        d = sampling.delays
+        numbers = [lanes.own(each) for each in (d.later, d.jitter, d.drift, d.command_loss, d.measurement_loss)]
+        return {
+            "x": x,
+            "x_seen": x,
+            "see_at": (sampling.period * (1.0 - lanes.own(d.earlier)))[:, None],
+            "m_sensors": memory,
+            "y": y,
+            "y_kept": y[:, : sampling.sensors.layout.size],
+            "d_measured": lanes.own(d.measured)[:, None],
+            "s": s,
+            "u": u,
+            "u_issued": u,
+            "u_kept": u,
+            "u_base": u,
+            "arrivals": np.full((lanes.count, 1), NEVER),
+            "d_commanded": lanes.own(d.commanded)[:, None],
+            "d": np.stack(np.broadcast_arrays(*numbers), axis=1),
+            "c": c,
+        }

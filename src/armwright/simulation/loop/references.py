@@ -1,0 +1,275 @@
+"""References: where the arm should be, from a pose, a schedule of poses, or a trajectory, for all lanes or each its own."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.errors import ScenarioError, ShapeError
+from armwright.interfaces import UNTRACEABLE, JointReference, called, why
+from armwright.kernels.stages import Call, Rows, Stage, Table
+from armwright.model import Model
+from armwright.model.joint_signals import motion_layout
+from armwright.parameters import Batch, LaneFields
+from armwright.program import Program, interpret, trace
+from armwright.scalar import Array, Scalar
+from armwright.signals import Layout
+from armwright.simulation.inputs.acting import Held, by_name, held
+from armwright.simulation.inputs.schedule import Schedule
+from armwright.simulation.inputs.schedule_ticks import held_values
+
+FAR = 1e-9  # [rad | m] past a limit that is no rounding
+PARAMETERS = "c_reference"  # block of a trajectory's own values in each lane
+
+
+@dataclass(frozen=True, eq=False)
+class LoopReference:
+    """The reference of a loop, in block "r".
+
+    Attributes:
+        layout: of r.   table: (ticks + 1, size), where all lanes share it.   rows: held by each lane for itself.
+        program: (tick, parameters) → r, of a trajectory with batches.   values: (lanes, k) of its parameters.
+        final: (lanes or 1, n) positions at the end; None of a reference without q.   notes: for the user.
+    """
+
+    layout: Layout
+    table: np.ndarray | None = None
+    rows: Held | None = None
+    program: Program | None = None
+    values: np.ndarray | None = None
+    final: np.ndarray | None = None
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, arm: Model, reference: Any, start: np.ndarray, ticks: np.ndarray, period: float) -> LoopReference:
+        """The reference of a run.
+
+        Args:
+            arm: the model.   reference: as `Scenario.reference`; None: the initial position.
+            start: (lanes or 1, n) initial positions.   ticks: (k,) of the run.   period: [s] of a tick.
+        Raises:
+            ScenarioError: what is no reference of this arm; names what was expected.
+        """
+        n, layout = arm.n, reference_layout(arm, reference)
+        if reference is None:
+            same = bool((start == start[0]).all())
+            reference = start[0] if same else Batch(start)
+        if isinstance(reference, Batch):
+            rows = _lane_rows(arm, reference)
+            final = held_values(rows, ticks[-1:].astype(float), period)[:, 0, :n]
+            return cls(layout, rows=rows, final=final)
+        lanes = LaneFields.of(reference, "reference")
+        if not lanes.names:
+            notes: list[str] = []
+            try:
+                table = np.ascontiguousarray(reference_rows(arm, reference, ticks * period, notes))
+            except MemoryError:
+                raise ScenarioError(
+                    f"the reference of {len(ticks) - 1} ticks of {period:g} s takes {8e-9 * layout.size * len(ticks):.3g} GB, "
+                    "more than there is memory for; expected a shorter run"
+                ) from None
+            if "qdd" in layout:
+                notes += reference_notes(arm, table, ticks * period)
+            return cls(layout, table, final=layout.part(table[-1:], "q") if "q" in layout else None, notes=tuple(notes))
+        shapes = {"tick": (1,), PARAMETERS: lanes.values.shape[1:]}
+        try:
+            program = trace(
+                "reference",
+                lambda tick, c: _values(arm, layout, lanes.with_values(c), tick[0] * period),
+                shapes,
+                ("r",),
+            )
+        except UNTRACEABLE as error:
+            if isinstance(error, ScenarioError):
+                raise
+            raise ScenarioError(
+                f"reference {called(reference)!r}: with a Batch it must be compiled, and cannot be ({why(error)}); "
+                "expected a trajectory written with armwright.scalar"
+            ) from None
+        final = interpret(program, ticks[-1:].astype(float), lanes.values)
+        return cls(
+            layout, program=program, values=lanes.values, final=layout.part(final, "q") if "q" in layout else None
+        )
+
+    def stage(self) -> Stage:
+        """The stage that fills block "r"."""
+        if self.program is not None:
+            return Call(self.program)
+        return Table("r", self.layout.size) if self.rows is None else Rows("r", self.layout.size)
+
+
+def reference_layout(arm: Model, reference: Any) -> Layout:
+    """Layout of a reference: of the joints' motion, or of a trajectory's own signals.
+
+    Raises:
+        ScenarioError: signals that are none.
+    """
+    if not hasattr(reference, "signals"):
+        return motion_layout(arm)
+    try:
+        return Layout.of(reference.signals(arm))
+    except (ShapeError, TypeError, AttributeError) as error:
+        raise ScenarioError(f"reference {called(reference)!r}: signals: {error}; expected aw.Signal objects") from None
+
+
+def _lane_rows(arm: Model, given: Batch) -> Held:
+    """Poses, or schedules of poses, one for each lane, as rows of positions, speeds and accelerations."""
+    if given.shape is None and not all(isinstance(each, Schedule) for each in given.values):
+        raise ScenarioError(
+            f"reference = {given!r}: expected a batch of poses or schedules; of a trajectory, its fields may be batches"
+        )
+    rows, n = held("reference", given, arm.names), arm.n
+    if isinstance(rows, np.ndarray):
+        return np.pad(rows, ((0, 0), (0, 2 * n)))
+    names = tuple(f"{name} {signal}" for signal in ("q", "qd", "qdd") for name in arm.names)
+    assert isinstance(rows, list)
+    return [Schedule(each.times, np.pad(each.commands, ((0, 0), (0, 2 * n))), names) for each in rows]
+
+
+def reference_rows(arm: Model, reference: Any, t: np.ndarray, notes: list[str] | None = None) -> np.ndarray:
+    """The reference at times t (k,) [s]: (k, size) rows of its layout; of the joints, positions, speeds and accelerations.
+
+    Args:
+        arm: the model.
+        reference: a pose (n,); rows (k, n) or (k, 3n), one for each time; a Schedule of poses, held from row to row; or a
+            trajectory, a function of time.
+        t: times of the ticks [s].   notes: takes a line of what a user should know of how it was read.
+    Raises:
+        ScenarioError: names what was given and what was expected.
+    """
+    n, layout = arm.n, reference_layout(arm, reference)
+    rows = np.zeros((len(t), layout.size))
+    if isinstance(reference, Schedule):
+        held = np.searchsorted(reference.times, t * (1.0 + 1e-12), side="right") - 1
+        rows[:, :n] = by_name("reference", reference, arm.names).commands[np.maximum(held, 0)]
+    elif callable(reference):
+        rows = _of_function(arm, layout, reference, t, [] if notes is None else notes)
+    else:
+        try:
+            given = np.asarray(reference, dtype=float)
+        except (TypeError, ValueError):
+            given = np.full(0, np.nan)
+        if given.shape == (n,):
+            rows[:, :n] = given
+        elif given.shape in ((len(t), n), (len(t), 3 * n)):
+            rows[:, : given.size // len(t)] = given
+        else:
+            raise ScenarioError(
+                f"reference of shape {given.shape}: expected a pose ({n},), rows ({len(t)}, {n}) or ({len(t)}, {3 * n}), "
+                "a Schedule, or a function of time"
+            )
+    if not np.isfinite(rows).all():
+        k, column = np.argwhere(~np.isfinite(rows))[0]
+        where = arm.names[column % n] if "qdd" in layout else f"entry {column}"
+        raise ScenarioError(f"reference: {where} is {rows[k, column]} at t = {t[k]:g} s; expected numbers")
+    return rows
+
+
+def _of_function(
+    arm: Model, layout: Layout, function: Callable[[Any], Any], t: np.ndarray, notes: list[str]
+) -> np.ndarray:
+    """Rows of a trajectory: traced and differentiated where it can be; else called time by time."""
+    _check_arguments(function)
+    try:
+        program = trace("reference", lambda time: _values(arm, layout, function, time[0]), {"t": (1,)}, ("r",))
+        return np.asarray(interpret(program, t.reshape(-1, 1))).reshape(len(t), layout.size)
+    except UNTRACEABLE as error:
+        if isinstance(error, ScenarioError):
+            raise
+        reason = why(error)
+    rows, alone, n = np.zeros((len(t), layout.size)), False, arm.n
+    for k, time in enumerate(t):
+        value = function(float(time))
+        told = _given(arm, layout, value)
+        alone |= told is None
+        rows[k] = np.concatenate([_pose(arm, value), np.zeros(2 * n)]) if told is None else told
+    speeds = (
+        "its speeds and accelerations are taken as 0" if alone else "with the speeds and accelerations that it gave"
+    )
+    more = "; written with armwright.scalar it is differentiated, or let it give (q, qd, qdd)" if alone else ""
+    notes.append(f"reference {called(function)!r} cannot be traced ({reason}): called tick by tick, {speeds}{more}")
+    return rows
+
+
+def _check_arguments(function: Callable[[Any], Any]) -> None:
+    """Refuses a function of other things than time.
+
+    Raises:
+        ScenarioError: names it, and what it takes.
+    """
+    try:
+        taken = inspect.signature(function)
+    except ValueError:  # a built-in function that does not tell
+        return
+    try:
+        taken.bind("t")
+    except TypeError:
+        raise ScenarioError(f"reference {called(function)!r}: takes {taken}, expected (t)") from None
+
+
+def _values(arm: Model, layout: Layout, function: Callable[[Any], Any], t: Scalar) -> np.ndarray:
+    """r (size,) of a trajectory at a time; positions alone are differentiated."""
+    found = _given(arm, layout, function(t))
+    if found is not None:
+        return found
+
+    def position(x: Array) -> np.ndarray:
+        return _pose(arm, function(x[0]))
+
+    def speed(x: Array) -> np.ndarray:
+        return scalar.jacobian(position, x)[:, 0]
+
+    at = scalar.array([t])
+    return scalar.array(np.concatenate([position(at), speed(at), scalar.jacobian(speed, at)[:, 0]]))
+
+
+def _given(arm: Model, layout: Layout, value: Any) -> np.ndarray | None:
+    """r (size,) of what a trajectory gave; None where it gave positions alone."""
+    if isinstance(value, JointReference):
+        value = (value.q, value.qd, value.qdd)
+    if isinstance(value, Mapping):
+        try:
+            return layout.vector(value)
+        except ShapeError as error:
+            raise ScenarioError(f"reference: {error}") from None
+    if isinstance(value, tuple) and len(value) == 3 and all(np.shape(part) == (arm.n,) for part in value):
+        return scalar.array(np.concatenate([scalar.array(part) for part in value]))
+    return None
+
+
+def _pose(arm: Model, value: Any) -> np.ndarray:
+    if np.shape(value) != (arm.n,):
+        raise ScenarioError(
+            f"reference: the function gave shape {np.shape(value)}; expected q ({arm.n},) or (q, qd, qdd)"
+        )
+    return scalar.array(value)
+
+
+def reference_notes(arm: Model, rows: np.ndarray, t: np.ndarray) -> list[str]:
+    """Warnings: a reference outside the joints' limits, or one that jumps."""
+    n, notes = arm.n, []
+    for j, body in enumerate(arm.coordinates):
+        q, (low, high) = rows[:, j], body.limits.position
+        outside = (q < low - FAR) | (q > high + FAR)
+        if outside.any():
+            notes.append(
+                f"{body.joint}: the reference leaves its position limits [{low:.4g}, {high:.4g}] at t = {t[outside][0]:g} s"
+            )
+        fast = np.abs(rows[:, n + j]) > body.limits.velocity
+        if fast.any():
+            notes.append(
+                f"{body.joint}: the reference is faster than its velocity limit {body.limits.velocity:.4g} "
+                f"at t = {t[fast][0]:g} s"
+            )
+        if len(t) > 1:
+            moved, explained = np.abs(np.diff(q)), np.abs(rows[1:, n + j]) + np.abs(rows[:-1, n + j])
+            jumps = moved > 1e-6 + 2.0 * explained * np.diff(t)
+            if jumps.any():
+                k = int(np.argmax(jumps))
+                notes.append(f"{body.joint}: the reference jumps by {moved[k]:.4g} at t = {t[k + 1]:g} s")
+    return notes

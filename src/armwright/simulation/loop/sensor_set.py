@@ -1,0 +1,111 @@
+"""The sensors of a loop, measuring together: layout, memories and random numbers of all of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armwright import scalar
+from armwright.errors import ScenarioError
+from armwright.interfaces import Measurement, Sensor, called
+from armwright.model import Model
+from armwright.model.joint_signals import joint_signal
+from armwright.scalar import Array
+from armwright.signals import Layout
+from armwright.simulation.plant.inputs import PlantInputs
+from armwright.simulation.plant.plant import Plant
+from armwright.simulation.plant.view import PlantView
+
+
+@dataclass(frozen=True, eq=False)
+class SensorSet:
+    """All sensors of a loop, measuring at once.
+
+    Attributes:
+        sensors: those of the joints first.   arm: the model.
+        layout: of what they measure; `y` is this and, behind it, what the drives applied.
+        draws: random numbers that each takes.   memories: entries that each remembers.
+    """
+
+    sensors: tuple[Sensor, ...]
+    arm: Model
+    layout: Layout
+    draws: tuple[int, ...]
+    memories: tuple[int, ...]
+
+    @classmethod
+    def of(cls, plant: Plant, sensors: tuple[Sensor, ...], *, wrench: bool = False) -> SensorSet:
+        """The sensors of a plant; wrench: whether one acts on its tip.
+
+        Raises:
+            ShapeError: two signals of one name; names it.
+        """
+        arm, n = plant.model, plant.model.n
+        layout = Layout.of(signal for sensor in sensors for signal in sensor.signals(arm))
+        inputs = PlantInputs(np.zeros(n), np.zeros(6) if wrench else None)
+        view = PlantView(plant, plant.initial(np.zeros(n), np.zeros(n)), inputs, 1.0)
+        draws = tuple(_draws(sensor, arm) for sensor in sensors)
+        return cls(sensors, arm, layout, draws, tuple(len(_memory(sensor, view)) for sensor in sensors))
+
+    @property
+    def y(self) -> Layout:
+        """Layout of what a controller sees."""
+        return self.layout + Layout((joint_signal(self.arm, "applied", "u", "what the drives did"),))
+
+    def memory(self, view: PlantView) -> np.ndarray:
+        """What they remember before the first tick, one behind the other."""
+        parts = [_memory(sensor, view) for sensor in self.sensors]
+        return scalar.array(np.concatenate(parts)) if parts else np.zeros(0)
+
+    def measure(self, view: PlantView, memory: Array, w: Array) -> tuple[np.ndarray, np.ndarray]:
+        """One measurement of all of them.
+
+        Args:
+            view: the plant.   memory: as they remember.   w: (draws,) uniform in (0, 1).
+        Returns:
+            values: as `layout`.   memory: for the next time.
+        Raises:
+            ScenarioError: a sensor that gives other signals than it told, or remembers another number of values.
+        """
+        found, following, at, draw = {}, [], 0, 0
+        for sensor, size, taken in zip(self.sensors, self.memories, self.draws, strict=True):
+            values, kept = sensor.measure(view, memory[at : at + size], w[draw : draw + taken])
+            kept, at, draw = scalar.array(kept), at + size, draw + taken
+            names = [signal.name for signal in sensor.signals(self.arm)]
+            if sorted(values) != sorted(names) or kept.shape != (size,):
+                told = f"{', '.join(values)} and a memory of shape {kept.shape}"
+                raise ScenarioError(
+                    f"sensor {called(sensor)!r}: measure returned {told}; expected {', '.join(names)} and ({size},)"
+                )
+            for name in names:
+                if np.shape(values[name]) != self.layout[name].shape:
+                    raise ScenarioError(
+                        f"sensor {called(sensor)!r}: {name} has shape {np.shape(values[name])}; "
+                        f"expected {self.layout[name].shape}"
+                    )
+            found |= values
+            following.append(kept)
+        kept = scalar.array(np.concatenate(following)) if following else np.zeros(0)
+        return self.layout.vector(found), kept
+
+    def without_noise(self) -> SensorSet:
+        """The same sensors, exact where they have a method `exact` that says how."""
+        exact = tuple(sensor.exact() if hasattr(sensor, "exact") else sensor for sensor in self.sensors)  # type: ignore[attr-defined]
+        draws = tuple(_draws(sensor, self.arm) for sensor in exact)
+        return replace(self, sensors=exact, draws=draws)
+
+
+def _draws(sensor: Sensor, arm: Model) -> int:
+    return int(sensor.draws(arm)) if hasattr(sensor, "draws") else 0  # type: ignore[attr-defined]
+
+
+def _memory(sensor: Sensor, view: PlantView) -> np.ndarray:
+    return scalar.array(np.ravel(sensor.init(view))) if hasattr(sensor, "init") else np.zeros(0)  # type: ignore[attr-defined]
+
+
+def measurement_of(layout: Layout, y: Array) -> Measurement:
+    """A measurement from vectors y (…, size) of a layout."""
+    parts = layout.parts(y)
+    own = {name: parts.pop(name) for name in ("q", "qd", "current", "applied")}
+    return Measurement(**own, further=parts)

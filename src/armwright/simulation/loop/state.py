@@ -1,0 +1,141 @@
+"""State of a loop: everything that it carries from one tick to the next, as one value."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armwright.errors import RunError, ScenarioError
+from armwright.output import whole_file
+
+if TYPE_CHECKING:
+    import xarray
+
+VARIABLE = "loop_state"  # of a run: the state at its end
+ENDING = ".npz"
+
+
+@dataclass(frozen=True, eq=False)
+class LoopState:
+    """State of all lanes of a loop between two ticks.
+
+    Attributes:
+        tick: that comes next.   period: [s] of a tick.   single: whether the loop has one lane without a lane axis.
+        blocks: (lanes, entries) by name: plant, sensors, controller, commands on their way.
+        rings: (lanes, length, entries) of delays by name.
+        python: what a controller in Python remembers, by lane, or by the first lane of those that are called at once.
+        controller: name of the controller; "" without one.
+        measured: whether the measurement of this tick is taken already, as in a loop that is commanded from outside.
+    """
+
+    tick: int
+    period: float
+    single: bool
+    blocks: Mapping[str, np.ndarray]
+    rings: Mapping[str, np.ndarray] = field(default_factory=dict)
+    python: Mapping[int, Any] = field(default_factory=dict)
+    controller: str = ""
+    measured: bool = False
+
+    @property
+    def time(self) -> float:
+        """[s] of the tick that comes next."""
+        return self.tick * self.period
+
+    @property
+    def lanes(self) -> int:
+        """Number of lanes."""
+        return len(self.blocks["x"])
+
+    def of_lanes(self, lanes: np.ndarray) -> LoopState:
+        """The state of some of the lanes, by number."""
+        parts = ({name: values[lanes] for name, values in each.items()} for each in (self.blocks, self.rings))
+        blocks, rings = parts
+        python = {k: self.python[int(lane)] for k, lane in enumerate(lanes) if int(lane) in self.python}
+        return replace(self, blocks=blocks, rings=rings, python=python)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the state as a NumPy archive, `.npz`; whole or not at all.
+
+        Raises:
+            OutputError: it cannot be written there.   ScenarioError: a controller's memory that is no array of numbers.
+        """
+        arrays = {f"block {name}": values for name, values in self.blocks.items()}
+        arrays |= {f"ring {name}": values for name, values in self.rings.items()}
+        for lane, memory in self.python.items():
+            array = np.asarray(memory)
+            if array.dtype.kind not in "iuf":
+                raise ScenarioError(f"controller {self.controller!r}: its memory {memory!r:.60} is no array of numbers")
+            arrays[f"python {lane}"] = array
+        about = {"tick": self.tick, "period": self.period, "single": self.single, "controller": self.controller}
+        about |= {"measured": self.measured}
+        room = io.BytesIO()
+        np.savez(room, about=np.array(json.dumps(about)), **arrays)  # type: ignore[arg-type]
+        with whole_file(Path(path), (ENDING,)) as temporary:
+            temporary.write_bytes(room.getvalue())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> LoopState:
+        """A state that `save` wrote.
+
+        Raises:
+            RunError: no such file, or another one.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                about = json.loads(str(archive["about"]))
+                found: dict[str, dict[str, np.ndarray]] = {"block": {}, "ring": {}, "python": {}}
+                for name in archive.files:
+                    kind, _, key = name.partition(" ")
+                    if key:
+                        found[kind][key] = archive[name]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            reason = (str(error).splitlines() or [type(error).__name__])[0]
+            raise RunError(f"{path}: cannot be read as the state of a simulation: {reason}") from None
+        python = {int(lane): memory for lane, memory in found["python"].items()}
+        return cls(**about, blocks=found["block"], rings=found["ring"], python=python)
+
+    def attach(self, run: xarray.Dataset) -> None:
+        """Adds the state to the run that ended in it, from where another one may start; of numbers alone."""
+        arrays = [("block", name, values) for name, values in self.blocks.items()]
+        arrays += [("ring", name, values) for name, values in self.rings.items()]
+        if self.python:
+            memories = [np.asarray(memory) for memory in self.python.values()]
+            if any(memory.dtype.kind not in "iuf" for memory in memories) or len(memories) != self.lanes:
+                return
+            arrays.append(("python", "", np.array(memories, dtype=float)))
+        parts = [(kind, name, list(values.shape[1:])) for kind, name, values in arrays]
+        rows = np.concatenate([values.reshape(self.lanes, -1) for _, _, values in arrays], axis=1)
+        about = {"tick": self.tick, "period": self.period, "controller": self.controller, "parts": parts}
+        dims = ("state_entry",) if self.single else ("lane", "state_entry")
+        attributes = {"long_name": "state of the loop at the end of the run", "layout": json.dumps(about)}
+        run[VARIABLE] = (dims, rows[0] if self.single else rows, attributes)
+
+    @classmethod
+    def of_run(cls, run: xarray.Dataset) -> LoopState | None:
+        """The state in which a run ended; None of a run without one.
+
+        Raises:
+            ScenarioError: a state that cannot be read.
+        """
+        if VARIABLE not in run:
+            return None
+        try:
+            about = json.loads(run[VARIABLE].attrs["layout"])
+            rows, parts = np.atleast_2d(run[VARIABLE].values), about.pop("parts")
+            ends = np.cumsum([int(np.prod(shape)) for _, _, shape in parts])
+            found: dict[str, dict[str, np.ndarray]] = {"block": {}, "ring": {}, "python": {}}
+            for (kind, name, shape), values in zip(parts, np.split(rows, ends[:-1], axis=1), strict=True):
+                found[kind][name] = values.reshape(len(rows), *shape)
+            python = dict(enumerate(found["python"].get("", [])))
+            single = "lane" not in run[VARIABLE].dims
+            return cls(**about, single=single, blocks=found["block"], rings=found["ring"], python=python)
+        except (ValueError, KeyError, TypeError) as error:
+            raise ScenarioError(f"start: the run's {VARIABLE} cannot be read: {error}") from None

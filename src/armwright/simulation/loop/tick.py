@@ -1,0 +1,174 @@
+"""One tick as stages of a compiled loop: measure, reference, control, shape, delay, drive. Design section 4.
+
+Without a controller, commands come from a schedule, and of these stages the last one is left.
+
+Blocks between the stages, one lane's numbers each:
+
+    x, x_seen          the plant's state, now and when it was last sampled
+    y_new, y_old, y    measurements, as they come out of the queue, and what the controller sees
+    r                  the reference
+    s                  the controller's state
+    u_asked, u_kept, u_issued    what it commands, what of that is within rate and limit, and what leaves, rounded
+    u_queued, u        what comes out of the queue, and what is in force at the drives
+    wrench, brake, payload    on the tip, which are applied, and in the hands, in force
+    p, c, c_reference  parameters of the robot, the controller and the reference that vary by lane;   d: delays
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armwright.errors import ScenarioError
+from armwright.interfaces import UNTRACEABLE, why
+from armwright.kernels.stages import NEXT, Call, Integrate, Record, Rows, Stage
+from armwright.program import Program, trace
+from armwright.scalar import Array
+from armwright.simulation.integrate.integrators import INTEGRATORS
+from armwright.simulation.integrate.stepping import adaptive_stage, speed_pairs
+from armwright.simulation.loop.command_path import command_stages
+from armwright.simulation.loop.config import LoopConfig
+from armwright.simulation.loop.controller import traced_controller
+from armwright.simulation.loop.measuring import measuring_stages
+from armwright.simulation.plant.inputs import PlantInputs
+from armwright.simulation.plant.plant import Plant
+from armwright.simulation.plant.switching import Watched, switching_programs
+
+USUAL = ("qdd", "tau", "voltage", "current")  # stored of every arm
+NOTHING: Mapping[str, tuple[int, ...]] = {}
+
+
+@dataclass(frozen=True, eq=False)
+class Tick:
+    """The stages of a tick.
+
+    Attributes:
+        before, after: stages up to the controller and behind it: one after another where it is compiled, and otherwise with the
+            controller's Python between them.
+        untraced: why the controller could not be compiled; None where it is.   seen: whether the plant is sampled between ticks.
+    """
+
+    before: tuple[Stage, ...]
+    after: tuple[Stage, ...]
+    untraced: str | None
+    seen: bool
+
+
+def make_tick(config: LoopConfig) -> Tick:
+    """The stages of a tick."""
+    sampling, seen, untraced = config.sampling, False, None
+    before: list[Stage] = []
+    after: list[Stage] = []
+    inputs: list[Stage] = [Rows(name, entries) for name, entries in config.inputs.items()]
+    if sampling is None:
+        before += [Rows("u", config.arm.n)]
+    elif len(sampling.sensors.sensors) > 1:  # which may look at what acts on the plant
+        before, inputs = inputs, []
+    if sampling is not None:
+        stages, seen = measuring_stages(config, sampling)
+        before += stages
+    if config.reference is not None:
+        before.append(config.reference.stage())
+    if sampling is not None:
+        after = command_stages(config.arm.n, sampling.period, sampling.shaping, sampling.delays)
+        untraced = sampling.untraced
+        try:
+            if untraced is None:
+                program = traced_controller(sampling.controller, config.arm, sampling.period, sampling.states)
+                before.append(Call(program))
+        except UNTRACEABLE as error:
+            if isinstance(error, ScenarioError):  # it can be traced, and is wrong
+                raise
+            untraced = why(error)
+    after += inputs
+    if config.recorded:
+        blocks = zip(*((name, layout.size) for name, layout in config.recorded.items()), strict=True)
+        after.append(Record("run", *blocks))
+    if config.reduction is not None:
+        after.append(Call(config.reduction.program(config)))
+    return Tick(tuple(before), (*after, *_integration(config, seen)), untraced, seen)
+
+
+def _integration(config: LoopConfig, seen: bool) -> list[Stage]:
+    """The stage that moves the plant; none where CVODES does."""
+    delays = None if config.sampling is None else config.sampling.delays
+    planned = delays.pending + 2 if delays is not None and delays.fractional else 0
+    watched = plant_watched(config)
+    derivative, shapes = plant_derivative(config)
+    if config.integrator in INTEGRATORS:
+        step = plant_step(config, {} if watched is None else watched.block)
+        return [Integrate(step, config.substeps, planned, seen, **switching_programs(watched, shapes))]
+    if config.integrator == "cvodes":
+        return []
+    assert config.adaptivity is not None
+    return [adaptive_stage(derivative, shapes, config.adaptivity, config.bare.layout, planned, seen, watched)]
+
+
+def _plant_call(config: LoopConfig, u: Array, rest: Sequence[Array]) -> tuple[Plant, PlantInputs]:
+    """A lane's plant and what acts on it, from commands and what follows them: `plant_blocks`, then contacts if they are held."""
+    values = dict(zip([*config.plant_blocks, "contacts"], rest, strict=False))
+    return config.plant(values, simple=True), PlantInputs.named(u, values)
+
+
+def plant_derivative(config: LoopConfig) -> tuple[Callable[..., Array], dict[str, tuple[int, ...]]]:
+    """dx/dt of the arm with the lane's inputs and parameters, and the shapes of its arguments by name.
+
+    Behind them it takes which contacts count as made, where that is not to follow from x.
+    """
+
+    def derivative(x: Array, u: Array, *rest: Array) -> Array:
+        plant, inputs = _plant_call(config, u, rest)
+        return plant.derivative(x, inputs)
+
+    return derivative, {"x": (config.bare.size,), "u": (config.arm.n,)} | config.plant_blocks
+
+
+def plant_step(config: LoopConfig, contacts: Mapping[str, tuple[int, ...]] = NOTHING) -> Program:
+    """The plant's step, with its inputs and the arm's varied parameters behind x and u, then its contacts, if these are held."""
+    rule = INTEGRATORS[config.integrator].paired(speed_pairs(config.bare.layout))
+    _, shapes = plant_derivative(config)
+
+    def step(x: Array, u: Array, *rest: Array) -> Array:
+        *given, h = rest
+        plant, inputs = _plant_call(config, u, given)
+        return plant.step(rule, x, inputs, h)
+
+    return trace("step", step, {**shapes, **contacts, "h": ()}, (f"x{NEXT}",))
+
+
+def plant_watched(config: LoopConfig) -> Watched | None:
+    """What switches within steps; None of an arm that has no stops and no play."""
+
+    def depths(x: Array, u: Array, *rest: Array) -> Array:
+        return _plant_call(config, u, rest)[0].depths(x)
+
+    def corners(x: Array, u: Array, *rest: Array) -> tuple[Array, Array]:
+        plant, inputs = _plant_call(config, u, rest)
+        return plant.corners(x, inputs)
+
+    contacts = sum(config.bare.contacts)
+    return Watched(depths, corners, contacts) if contacts else None
+
+
+def plant_outputs(config: LoopConfig) -> tuple[Program, tuple[str, ...]]:
+    """What follows from state, commands, inputs and parameters, for all recorded rows at once; and its names."""
+    names: list[str] = []
+
+    def outputs(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
+        plant, inputs = _plant_call(config, u, rest)
+        found = plant.outputs(x, inputs)
+        if config.sampling is None and plant.is_plain:  # the motors alone: what else there is follows from these
+            found = {name: values for name, values in found.items() if name in USUAL}
+        names[:] = found
+        return tuple(found.values())
+
+    _, shapes = plant_derivative(config)
+    n = config.arm.n
+    given = {name: np.zeros(shape) for name, shape in shapes.items()}
+    given["x"] = config.bare.initial(np.zeros(n), np.zeros(n))
+    if config.varied is not None:
+        given["p"] = config.varied.nominal
+    outputs(*given.values())
+    return trace("outputs", outputs, shapes, tuple(names)), tuple(names)

@@ -1,0 +1,38 @@
+"""Inputs of the plant: what acts on an arm with its drives from outside, all held over a step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from armwright.scalar import Array
+
+
+@dataclass(frozen=True, eq=False)
+class PlantInputs:
+    """What acts on a plant in one instant.
+
+    Attributes:
+        command: (n,) [V | A | N m | N].   wrench: (6,) [N, N m] of the environment on the tip, in base axes; None: none.
+        brake: (brakes,) 1 where a brake is applied, 0 where it is released; None: all released.
+        contacts: (contacts,) 1 where a contact counts as made; None: as follows from the state.
+        payload: (10 frames,) inertial parameters of bodies about the origins of the frames that carry them; None: none.
+            They change the arm itself: `LoopConfig.plant` adds them to it.
+    """
+
+    command: Array
+    wrench: Array | None = None
+    brake: Array | None = None
+    contacts: Array | None = None
+    payload: Array | None = None
+
+    @classmethod
+    def of(cls, given: PlantInputs | Any) -> PlantInputs:
+        """Inputs as they are, or those of commands (n,) alone."""
+        return given if isinstance(given, PlantInputs) else cls(given)
+
+    @classmethod
+    def named(cls, command: Array, values: Mapping[str, Array]) -> PlantInputs:
+        """Commands, and those of the values whose names are inputs."""
+        return cls(command, *(values.get(name) for name in ("wrench", "brake", "contacts", "payload")))
