@@ -9,6 +9,7 @@ NaN goes through every function, `clip`, `minimum` and `maximum` included: a lim
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -136,6 +137,23 @@ def is_symbolic(*values: Array) -> bool:
     )
 
 
+def _of_libm(number: Callable[..., Any], libm: Callable[..., float], count: int = 1) -> Callable[..., Any]:
+    """NumPy's function of `count` values, computed by the C library's: NumPy's own has other last bits with AVX-512.
+
+    What is computed here becomes constants of programs and models, whose bits are the same on every processor.
+    """
+
+    def one(*values: Any) -> float:
+        try:
+            return libm(*values)
+        except (OverflowError, ValueError):  # beyond the function's range, where NumPy says inf or NaN
+            with np.errstate(all="ignore"):
+                return number(*values)
+
+    every = np.frompyfunc(one, count, 1)
+    return lambda *values: np.asarray(every(*values), dtype=float)[()]
+
+
 def _elementwise(number: Callable[..., Any], symbol: Callable[..., Any], name: str, doc: str) -> Callable[..., Any]:
     """A function of one or more values that is `number` (NumPy) on floats and records `symbol` (CasADi) on Symbols."""
 
@@ -158,12 +176,17 @@ def _elementwise(number: Callable[..., Any], symbol: Callable[..., Any], name: s
 
 sin = _elementwise(np.sin, casadi.sin, "sin", "Sine of an angle [rad].")
 cos = _elementwise(np.cos, casadi.cos, "cos", "Cosine of an angle [rad].")
-tan = _elementwise(np.tan, casadi.tan, "tan", "Tangent of an angle [rad].")
+tan = _elementwise(_of_libm(np.tan, math.tan), casadi.tan, "tan", "Tangent of an angle [rad].")
 sqrt = _elementwise(np.sqrt, casadi.sqrt, "sqrt", "Square root.")
-exp = _elementwise(np.exp, casadi.exp, "exp", "Exponential.")
-log = _elementwise(np.log, casadi.log, "log", "Natural logarithm.")
+exp = _elementwise(_of_libm(np.exp, math.exp), casadi.exp, "exp", "Exponential.")
+log = _elementwise(_of_libm(np.log, math.log), casadi.log, "log", "Natural logarithm.")
 tanh = _elementwise(np.tanh, casadi.tanh, "tanh", "Hyperbolic tangent.")
-atan2 = _elementwise(np.arctan2, casadi.atan2, "atan2", "Angle [rad] of the point (x, y), called as atan2(y, x).")
+atan2 = _elementwise(
+    _of_libm(np.arctan2, math.atan2, 2),
+    casadi.atan2,
+    "atan2",
+    "Angle [rad] of the point (x, y), called as atan2(y, x).",
+)
 hypot = _elementwise(np.hypot, casadi.hypot, "hypot", "√(x² + y²).")
 abs = _elementwise(np.abs, casadi.fabs, "abs", "Absolute value.")
 sign = _elementwise(np.sign, casadi.sign, "sign", "−1, 0 or 1 with the sign of the value.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -99,7 +100,7 @@ class JointPID:
         integral, asked, rest = s[:n], s[n : (2 + self.delay_ticks) * n], s[(2 + self.delay_ticks) * n :]
         speed = y.qd
         if self.cutoff_hz is not None:
-            keep = float(np.exp(-2.0 * np.pi * self.cutoff_hz * h))
+            keep = math.exp(-2.0 * math.pi * self.cutoff_hz * h)
             speed = keep * rest[n:] + (1.0 - keep) * (y.q - rest[:n]) / h
             rest = np.concatenate([y.q, speed])
         slope = (r.qd - speed) if self.derivative == "error" else -1.0 * speed

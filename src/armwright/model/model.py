@@ -14,7 +14,7 @@ from armwright.description.robot import RobotDescription, Source
 from armwright.errors import ModelError, nearest
 from armwright.model.mimics import Mimics
 from armwright.scalar import Array, Scalar
-from armwright.spatial import Frozen, Placement, displaced_inertia, parallel_axes
+from armwright.spatial import Frozen, Placement, displaced_inertia, parallel_axes, rotated
 
 TENSOR = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # entries of a symmetric tensor, in the regressor's order
 BASE = -1  # the parent of bodies that stand on the base
@@ -194,7 +194,7 @@ class Body(Frozen):
     def inertial_parameters(self) -> Array:
         """[m, m c_x, m c_y, m c_z, Ixx, Ixy, Ixz, Iyy, Iyz, Izz]  (10,), about the link frame's origin, in its axes."""
         back, p = self.link_frame.rotation.T, self.link_frame.position
-        first = back @ (self.first_moment - self.mass * p)
+        first = rotated(back, self.first_moment - self.mass * p)
         tensor = back @ (self.inertia + displaced_inertia(self.mass, self.first_moment, -p)) @ back.T
         return scalar.array([self.mass, *first, *(tensor[i, j] for i, j in TENSOR)])
 

@@ -13,6 +13,7 @@ from armwright.scalar import Array, Scalar
 from armwright.spatial import (
     Placement,
     displaced_inertia,
+    rotated,
     rotation_to_axis,
     rotation_x,
     rotation_z,
@@ -98,7 +99,7 @@ def _slides(model: Model) -> list[float]:
             continue
         axis, p = body.placement.rotation[:, 2], body.placement.position
         if body.parent == BASE:
-            slide[i] = -float(p @ axis)  # nearest to the base's origin
+            slide[i] = -float((p * axis).sum())  # nearest to the base's origin
             continue
         p = p - scalar.array([0.0, 0.0, slide[body.parent]])
         across = axis[0] * axis[0] + axis[1] * axis[1]
@@ -159,7 +160,7 @@ def _reframed(body: Body, frame: Placement) -> Body:
         body,
         placement=body.placement @ frame,
         link_frame=frame.inverse() @ body.link_frame,
-        first_moment=back @ (body.first_moment - body.mass * p),
+        first_moment=rotated(back, body.first_moment - body.mass * p),
         inertia=back @ inertia @ back.T,
     )
 

@@ -15,6 +15,7 @@ from armwright.spatial.placement import Placement
 from armwright.spatial.rotation import (
     cross,
     roll_pitch_yaw,
+    rotated,
     rotation_quaternion,
     rotation_rpy,
     rotation_to_axis,
@@ -38,6 +39,7 @@ __all__ = [
     "parallel_axes",
     "pseudo_inertia",
     "roll_pitch_yaw",
+    "rotated",
     "rotation_quaternion",
     "rotation_rpy",
     "rotation_to_axis",

@@ -9,6 +9,7 @@ import numpy as np
 from armwright import scalar
 from armwright.scalar import Array
 from armwright.spatial.frozen import Frozen
+from armwright.spatial.rotation import rotated
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +34,7 @@ class Placement(Frozen):
 
     def inverse(self) -> Placement:
         """Frame a in frame b."""
-        return Placement(self.rotation.T, -(self.rotation.T @ self.position))
+        return Placement(self.rotation.T, -rotated(self.rotation.T, self.position))
 
     def point(self, p_b: Array) -> Array:
         """Coordinates in a of a point given in b [m]."""

@@ -55,6 +55,11 @@ def rotation_z(angle: Scalar) -> np.ndarray:
     return snap(scalar.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
 
 
+def rotated(rotation: Array, vector: Array) -> np.ndarray:
+    """R v (3,), each entry summed in order: `@` on transposed matrices has other last bits on other processors."""
+    return scalar.array((np.asarray(rotation) * vector).sum(axis=1))
+
+
 def rotation_rpy(roll: Scalar, pitch: Scalar, yaw: Scalar) -> np.ndarray:
     """Rz(yaw) Ry(pitch) Rx(roll), the fixed-axis angles [rad] of a URDF."""
     return snap(rotation_z(yaw) @ rotation_y(pitch) @ rotation_x(roll))
@@ -78,7 +83,7 @@ def rotation_to_axis(axis: Array) -> np.ndarray:
         return _to_varied_axis(axis)
     axis = np.asarray(axis, dtype=float)
     axis = axis / np.abs(axis).max()  # first, or the squares of 1e200 overflow and those of 1e-200 vanish
-    x, y, z = axis / scalar.sqrt(float(axis @ axis))
+    x, y, z = axis / scalar.sqrt(float((axis * axis).sum()))
     if z < -1.0 + SNAP:
         return np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
     k = 1.0 / (1.0 + z)
@@ -118,4 +123,4 @@ def rotation_quaternion(rotation: Array) -> np.ndarray:
         j, k = (i + 1) % 3, (i + 2) % 3
         q = np.array([r[k, j] - r[j, k], 0.0, 0.0, 0.0])
         q[1 + i], q[1 + j], q[1 + k] = 1.0 + 2.0 * r[i, i] - trace, r[j, i] + r[i, j], r[k, i] + r[i, k]
-    return q / scalar.sqrt(float(q @ q))
+    return q / scalar.sqrt(float((q * q).sum()))

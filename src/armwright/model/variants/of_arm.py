@@ -12,6 +12,7 @@ from armwright.model.build import build_model
 from armwright.model.model import Model
 from armwright.model.plausibility import impossible_links
 from armwright.model.variants.subchain import subchain
+from armwright.spatial import rotated
 
 
 def told(arm: Model) -> RobotDescription:
@@ -46,5 +47,5 @@ def subchain_of(arm: Model, base: str, tip: str) -> Model:
     part = subchain(told(arm), base, tip)
     changes = {what: value for what, value in arm.changes.items() if what != "tip"}
     if "gravity" in changes:
-        changes["gravity"] = part.base.rotation.T @ changes["gravity"]
+        changes["gravity"] = rotated(part.base.rotation.T, changes["gravity"])
     return variant(arm, part.robot, changes)

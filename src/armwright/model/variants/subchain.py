@@ -13,7 +13,7 @@ from armwright.model.build import STANDARD_GRAVITY, assembled
 from armwright.model.model import BASE, Model
 from armwright.model.variants.locked import uncoupled
 from armwright.model.variants.made import CHOSEN, check_name, chosen, made, replaced
-from armwright.spatial import Frozen, Placement, roll_pitch_yaw, rotation_rpy, rotation_z
+from armwright.spatial import Frozen, Placement, roll_pitch_yaw, rotated, rotation_rpy, rotation_z
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +134,7 @@ def _gravity(robot: RobotDescription, base: Placement) -> Any:
     if (base.rotation == np.eye(3)).all():
         return robot.gravity_m_s2
     gravity = STANDARD_GRAVITY if robot.gravity_m_s2 is None else np.array(robot.gravity_m_s2)
-    return chosen(*(base.rotation.T @ gravity))
+    return chosen(*rotated(base.rotation.T, gravity))
 
 
 def _told(robot: RobotDescription, left: list[Any], place: str) -> list[str]:

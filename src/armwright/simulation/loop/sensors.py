@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -130,7 +131,7 @@ class Sensors:
     def _pole(self, period: float) -> float:
         """exp(-2π f Ts): what a first-order filter keeps over a period."""
         assert self.cutoff_hz is not None
-        return float(np.exp(-2.0 * np.pi * self.cutoff_hz * period))
+        return math.exp(-2.0 * math.pi * self.cutoff_hz * period)
 
     def _quantised(self, arm: Model, q: Array) -> np.ndarray:
         if self.counts is None:
