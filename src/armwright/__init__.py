@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from armwright.model import Model
     from armwright.model.load import load
     from armwright.modular import enumerate_assemblies, rank_assemblies, read_task
-    from armwright.parameters import Batch
+    from armwright.parameters import Batch, Draw
     from armwright.pictures.animate import animate
     from armwright.pictures.show import show
     from armwright.record import check, convert, diff
@@ -94,7 +94,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.scenarios": ("read_scenario", "rerun"),
     "armwright.simulation.converge": ("converge",),
     "armwright.simulation.integrate.events": ("joint_stops",),
-    "armwright.parameters": ("Batch",),
+    "armwright.parameters": ("Batch", "Draw"),
     "armwright.pictures.animate": ("animate",),
     "armwright.pictures.show": ("show",),
     "armwright.record": ("check", "convert", "diff"),
@@ -123,6 +123,7 @@ __all__ = [
     "CompiledArm",
     "ComputedTorque",
     "Controller",
+    "Draw",
     "JointPID",
     "JointReference",
     "Layout",

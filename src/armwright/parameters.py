@@ -1,9 +1,10 @@
-"""Values that differ by lane: a `Batch`, wherever a scenario or one of its parts takes a number or an array."""
+"""Values that differ by lane: a `Batch` or a `Draw`, wherever a scenario or one of its parts takes a number or an array."""
 
 from __future__ import annotations
 
 import copy
 import math
+import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
@@ -57,6 +58,160 @@ class Batch:
 
     def __array__(self, *args: Any, **kwargs: Any) -> Any:
         raise ScenarioError(f"{self!r} used as one array; expected code that takes one lane's value")
+
+
+@dataclass(frozen=True, eq=False)
+class Draw:
+    """A random value for each lane, wherever a `Batch` may stand; lane k's depends on seed, place and k alone.
+
+    `Draw()` follows the standard deviation that the robot's record gives, for numbers in `vary`. Others are made by
+    `Draw.normal`, `Draw.uniform` and `Draw.lognormal`. Values are drawn by inverting the distribution, one uniform number of a
+    counter-based generator each, so that a run of some of the lanes has the same values.
+
+    Attributes:
+        kind: "record", "normal", "uniform" or "lognormal".   centre: mean, median or lower bound, a number or an array.
+        spread: standard deviation, that of the logarithm, or the upper bound.   low, high: bounds that values stay between.
+    """
+
+    kind: str = "record"
+    centre: Any = None
+    spread: Any = None
+    low: float = -np.inf
+    high: float = np.inf
+
+    def __post_init__(self) -> None:
+        if self.kind == "record":
+            return
+        numbers = [np.asarray(each) for each in (self.centre, self.spread, self.low, self.high)]
+        if any(each.dtype.kind not in "iuf" or np.isnan(each).any() for each in numbers):
+            raise ScenarioError(f"{self!r}: expected numbers")
+        centre, spread, low, high = numbers
+        wrong = spread <= centre if self.kind == "uniform" else spread < 0.0
+        if np.any(wrong) or np.any(low >= high) or (self.kind == "lognormal" and np.any(centre <= 0.0)):
+            raise ScenarioError(f"{self!r}: expected {EXPECTED[self.kind]}, and low below high")
+        if not np.isfinite(centre).all() or not np.isfinite(spread).all():
+            raise ScenarioError(f"{self!r}: expected finite numbers")
+
+    @classmethod
+    def normal(cls, mean: Any, std: Any, low: float = -np.inf, high: float = np.inf) -> Draw:
+        """Normally distributed values, truncated to [low, high]."""
+        return cls("normal", mean, std, low, high)
+
+    @classmethod
+    def uniform(cls, low: Any, high: Any) -> Draw:
+        """Values between two bounds, all equally likely."""
+        return cls("uniform", low, high)
+
+    @classmethod
+    def lognormal(cls, median: Any, sigma: Any) -> Draw:
+        """Values whose logarithm is normal: `median`, and the standard deviation `sigma` of the logarithm."""
+        return cls("lognormal", median, sigma)
+
+    def __repr__(self) -> str:
+        bounds = "" if np.isinf(self.low) and np.isinf(self.high) else f" within [{self.low:g}, {self.high:g}]"
+        return (
+            "<draw by the record>"
+            if self.kind == "record"
+            else f"<{self.kind} draw {self.centre}, {self.spread}{bounds}>"
+        )
+
+    def batch(self, seed: int, path: str, lanes: range) -> Batch:
+        """The values of some lanes.
+
+        Args:
+            seed: of all draws.   path: of the value, which sets draws apart.   lanes: numbers of the lanes.
+        Raises:
+            ScenarioError: a draw by the record, which only `vary` knows.
+        """
+        if self.kind == "record":
+            raise ScenarioError(
+                f"{path}: a Draw() follows the robot's record, in vary alone; expected Draw.normal(…) or another"
+            )
+        shape = np.broadcast_shapes(np.shape(self.centre), np.shape(self.spread))
+        u = uniform_numbers(seed, path, lanes, math.prod(shape)).reshape(len(lanes), *shape)
+        centre, spread = np.asarray(self.centre, dtype=float), np.asarray(self.spread, dtype=float)
+        if self.kind == "uniform":
+            return Batch(centre + u * (spread - centre))
+        from scipy.special import ndtr, ndtri  # SciPy takes a while to import
+
+        if self.kind == "lognormal":
+            return Batch(centre * np.exp(spread * ndtri(u)))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = [
+                np.where(spread > 0.0, ndtr((end - centre) / spread), edge)
+                for end, edge in ((self.low, 0.0), (self.high, 1.0))
+            ]
+        values = centre + spread * ndtri(ends[0] + u * (ends[1] - ends[0]))
+        return Batch(np.clip(values, self.low, self.high))
+
+
+EXPECTED = {
+    "normal": "a mean and a standard deviation of 0 or more",
+    "uniform": "a lower and an upper bound",
+    "lognormal": "a median above 0 and a standard deviation of 0 or more",
+}
+
+
+def uniform_numbers(seed: int, path: str, lanes: range, entries: int) -> np.ndarray:
+    """Numbers in (0, 1), (lanes, entries), that depend on seed, path and the number of the lane alone.
+
+    Those of lane k are the numbers k · entries and on of one sequence, which may begin anywhere. [SalmonEtAl2011]
+    """
+    stream = np.random.Philox(key=[seed, zlib.crc32(path.encode())])
+    first, count = lanes.start * entries, len(lanes) * entries
+    stream.advance(first // 4)  # blocks of four numbers
+    numbers = np.random.Generator(stream).integers(0, 2**52, size=first % 4 + count)[first % 4 :]
+    return ((numbers + 0.5) * 2.0**-52).reshape(len(lanes), entries)
+
+
+def resolved(value: Any, path: str, seed: int, lanes: range) -> Any:
+    """A value with batches cut to some lanes, and batches in place of its draws.
+
+    Args:
+        value: what may hold batches and draws.   path: what errors call it.   seed: of draws.   lanes: numbers of the lanes.
+    Raises:
+        ScenarioError: a batch that has fewer lanes.
+    """
+    if isinstance(value, Draw):
+        return value.batch(seed, path, lanes)
+    if isinstance(value, Batch):
+        if len(value) < lanes.stop:
+            raise ScenarioError(f"{path}: a Batch of {len(value)} lanes; expected one that holds lane {lanes.stop - 1}")
+        return Batch(value.values[lanes.start : lanes.stop])
+    if is_dataclass(value) and not isinstance(value, type):
+        parts = {each.name: getattr(value, each.name) for each in fields(value)}
+        found = {name: resolved(part, f"{path}.{name}", seed, lanes) for name, part in parts.items()}
+        if all(found[name] is part for name, part in parts.items()):
+            return value
+        changed = copy.copy(value)
+        for name, part in found.items():
+            object.__setattr__(changed, name, part)
+        checked: Any = changed
+        if hasattr(checked, "__post_init__"):
+            checked.__post_init__()  # draws are checked now that they are values
+        return changed
+    if isinstance(value, Mapping):
+        return {name: resolved(each, f"{path}[{name!r}]", seed, lanes) for name, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        found = [
+            each if isinstance(each, (int, float)) else resolved(each, f"{path}[{k}]", seed, lanes)
+            for k, each in enumerate(value)
+        ]
+        return value if all(a is b for a, b in zip(found, value, strict=True)) else type(value)(found)
+    return value
+
+
+def has_draws(value: Any) -> bool:
+    """Whether a value holds a draw."""
+    if isinstance(value, Draw):
+        return True
+    if is_dataclass(value) and not isinstance(value, type):
+        return any(has_draws(getattr(value, each.name)) for each in fields(value))
+    if isinstance(value, Mapping):
+        return any(has_draws(each) for each in value.values())
+    return isinstance(value, (list, tuple)) and any(
+        has_draws(each) for each in value if not isinstance(each, (int, float))
+    )
 
 
 def lane_values(value: Any) -> Any:

@@ -40,6 +40,29 @@ def with_values(record: Any, values: Mapping[str, Any], path: str = "") -> Any:
     return record.model_copy(update={name: new for name, (old, new) in fields if new is not old})
 
 
+UNITS = {
+    "kg": "kg", "m": "m", "m2": "m²", "m3": "m³", "s": "s", "s2": "s²", "n": "N", "v": "V", "a": "A", "w": "W", "j": "J",
+    "k": "K", "c": "°C", "hz": "Hz", "ohm": "Ω", "h": "H", "f": "F", "rad": "rad", "rad2": "rad²", "rad3": "rad³", "deg": "°",
+}  # fmt: skip
+"""Endings of keys → their unit."""
+
+
+def unit_at(path: str) -> str:
+    """The unit that a key states: `unit_at("joint2.friction.viscous_n_m_s_per_rad")` → "N m s/rad"; "1" where it states none."""
+    for key in reversed(path.split("[")[0].split(".")):
+        over, _, under = key.partition("_per_")
+        words, found = over.split("_"), []
+        while len(words) > 1 and words[-1] in UNITS:
+            found.insert(0, UNITS[words.pop()])
+        if under:
+            return f"{' '.join(found) or '1'}/{' '.join(UNITS.get(word, word) for word in under.split('_'))}"
+        if found == ["m", "s²"]:  # of an acceleration, in the report's way
+            return "m/s²"
+        if found:
+            return " ".join(found)
+    return "1"
+
+
 def reading_at(record: Record, path: str) -> Reading:
     """What may stand at the path of a quantity."""
     parent, field = next(_fields(record, path, ""))

@@ -169,12 +169,13 @@ def _points(value: Any) -> tuple[tuple[float, ...], ...]:
 class Reading:
     """What a file may give for a quantity: `read` understands its value, `test` allows it, `expected` says so in errors.
 
-    A single number's test takes arrays of them as well.
+    A single number's test takes arrays of them as well; `bounds` are those of what it allows.
     """
 
     expected: str
     read: Callable[[Any], Any]
     test: Callable[[Any], bool] = lambda value: True
+    bounds: tuple[float, float] = (-inf, inf)
 
     def __get_pydantic_core_schema__(self, kind: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """A quantity that is read before it is checked; as `BeforeValidator`, which looks at signatures for a while first."""
@@ -193,10 +194,10 @@ class Reading:
 
 
 Number = Annotated[Quantity, Reading("a number", _one)]
-Positive = Annotated[Quantity, Reading("a number above 0", _one, lambda v: v > 0)]
-NotNegative = Annotated[Quantity, Reading("a number of 0 or more", _one, lambda v: v >= 0)]
+Positive = Annotated[Quantity, Reading("a number above 0", _one, lambda v: v > 0, (0.0, inf))]
+NotNegative = Annotated[Quantity, Reading("a number of 0 or more", _one, lambda v: v >= 0, (0.0, inf))]
 NotZero = Annotated[Quantity, Reading("a number other than 0", _one, lambda v: v != 0)]
-Share = Annotated[Quantity, Reading("a number above 0, at most 1", _one, lambda v: (v > 0) & (v <= 1))]
+Share = Annotated[Quantity, Reading("a number above 0, at most 1", _one, lambda v: (v > 0) & (v <= 1), (0.0, 1.0))]
 Vector3 = Annotated[Quantity, Reading("3 numbers", partial(_several, 3))]
 Direction = Annotated[Quantity, Reading("a direction, 3 numbers not all 0", partial(_several, 3), any)]
 Range = Annotated[Quantity, Reading("2 numbers", partial(_several, 2))]

@@ -38,13 +38,15 @@ class Lanes:
     """What the loop reads and writes for one group of lanes, in whole tiles of W; the last tile is filled up with lane 0.
 
     Attributes:
-        count: lanes that are asked for.   first: number of the group's first lane, for random draws.
+        count: lanes that are asked for.   first: place of the group's first lane among those that are run.
+        offset: number of the first lane that is run; a lane's number decides its random draws.
         blocks: by name, (tiles, entries, W).   rings: of delays, (tiles, length, entries, W).
     """
 
     count: int
     width: int
     first: int = 0
+    offset: int = 0
     blocks: dict[str, np.ndarray] = field(default_factory=dict)
     rings: dict[str, np.ndarray] = field(default_factory=dict)
 
@@ -172,7 +174,7 @@ class Loop:
             "last": last,
             "every": every,
             "h": struct.unpack("<q", struct.pack("<d", h))[0],
-            "lane0": lanes.first,
+            "lane0": lanes.first + lanes.offset,
             "seed": seed,
             "origin": origin,
         }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from armwright.spatial import Frozen, Placement, displaced_inertia, parallel_axe
 
 TENSOR = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # entries of a symmetric tensor, in the regressor's order
 BASE = -1  # the parent of bodies that stand on the base
+
+if TYPE_CHECKING:
+    from armwright.model.vary import Parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,6 +262,18 @@ class Model(Frozen):
     def names(self) -> list[str]:
         """Names of the joints in the order of q."""
         return [body.joint for body in self.coordinates]
+
+    @property
+    def parameters(self) -> Parameters:
+        """Every number of the record as a table: name, value, unit, standard deviation, bounds, source, scale.
+
+        Raises:
+            ModelError: a model that was not made from a description.
+        """
+        from armwright.model.variants.of_arm import told
+        from armwright.model.vary import parameters_of
+
+        return parameters_of(told(self))
 
     @property
     def inertial_parameters(self) -> Array:

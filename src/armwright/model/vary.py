@@ -6,16 +6,16 @@ same map from record to model as ever; `.check(values)` refuses values that no r
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 import numpy as np
 
-from armwright.description.paths import quantities, reading_at, with_values
+from armwright.description.paths import quantities, reading_at, unit_at, with_values
 from armwright.description.quantity import Reading
 from armwright.description.robot import Link, RobotDescription
-from armwright.errors import ModelError
+from armwright.errors import ModelError, nearest
 from armwright.model.build import assembled
 from armwright.model.model import Model
 from armwright.model.plausibility import IMPOSSIBLE, is_possible
@@ -32,16 +32,103 @@ TAKEN_AWAY = {  # by `arm.replace`: what is then no longer there to be varied
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of the record: its path, which entry of it where it has several, and what may stand there."""
+    """One number of the record.
+
+    Attributes:
+        path: such as "link6.com_m".   entry: which of several numbers it is; None of a single one.
+        value: in the record.   unit: as its key states it, "1" of a ratio.   std: standard deviation; None if absent.
+        bounds: between which the record allows it.   source: key or kind of its source; None if absent.
+        reading: what may stand there.   scale: its typical size, for optimisers: |value|, or the largest of its fellow entries,
+            or its standard deviation, or 1.
+    """
 
     path: str
     entry: int | None
     reading: Reading
+    value: float
+    unit: str
+    std: float | None
+    source: str | None
+    scale: float
 
     @property
     def name(self) -> str:
         """`link6.mass_kg`, or `link6.com_m[2]` for one of several numbers."""
         return self.path if self.entry is None else f"{self.path}[{self.entry}]"
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Between which the record allows it."""
+        return self.reading.bounds if self.entry is None else (-np.inf, np.inf)
+
+
+class Parameters(Sequence[Parameter]):
+    """The numbers of an arm's record as a table, by place or by name; `print(arm.parameters)` shows it."""
+
+    def __init__(self, rows: Iterable[Parameter]):
+        self._rows = tuple(rows)
+        self._places = {row.name: k for k, row in enumerate(self._rows)}
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __getitem__(self, which: Any) -> Any:
+        if isinstance(which, slice):
+            return Parameters(self._rows[which])
+        if isinstance(which, str):
+            if which not in self._places:
+                raise ModelError(f"no parameter {which!r}; {nearest(which, self._places)}")
+            which = self._places[which]
+        return self._rows[which]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters."""
+        return tuple(self._places)
+
+    @property
+    def values(self) -> np.ndarray:
+        """(k,) values in the record."""
+        return np.array([row.value for row in self._rows])
+
+    def chosen(self, *parts: str) -> Parameters:
+        """Those whose names hold all of some texts: `arm.parameters.chosen("friction", "viscous")`."""
+        return Parameters(row for row in self._rows if all(part in row.name for part in parts))
+
+    def __str__(self) -> str:
+        heads = ("parameter", "value", "unit", "std", "bounds", "source")
+        rows = [
+            heads,
+            *((p.name, f"{p.value:.6g}", p.unit, _shown(p.std), _span(p.bounds), p.source or "-") for p in self),
+        ]
+        widths = [max(len(row[k]) for row in rows) for k in range(len(heads))]
+        return "\n".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows)
+
+
+def _shown(std: float | None) -> str:
+    return "-" if std is None else f"{std:.3g}"
+
+
+def _span(bounds: tuple[float, float]) -> str:
+    return "-" if not np.isfinite(bounds).any() else f"{bounds[0]:g} … {bounds[1]:g}"
+
+
+def parameters_of(robot: RobotDescription) -> Parameters:
+    """Every number of a record that may vary, one row each; what only pictures read is left out."""
+    rows: list[Parameter] = []
+    for path, quantity, source in quantities(robot, pictures=False):
+        several, numbers = isinstance(quantity.value, tuple), np.asarray(quantity.value, dtype=float)
+        if numbers.ndim > 1:
+            continue  # points of an outline
+        values = numbers.reshape(-1).tolist()
+        spread = quantity.std if isinstance(quantity.std, tuple) else (quantity.std,) * len(values)
+        largest = max(abs(value) for value in values)
+        reading, unit = reading_at(robot, path), unit_at(path)
+        for k, (value, std) in enumerate(zip(values, spread, strict=True)):
+            scale = abs(value) or largest or std or 1.0
+            entry = k if several else None
+            rows.append(Parameter(path, entry, reading, float(value), unit, std, source, float(scale)))
+    return Parameters(rows)
 
 
 class Varied:
@@ -68,13 +155,14 @@ class Varied:
         if isinstance(names, str) or not all(isinstance(name, str) for name in names):
             raise ModelError(f"vary = {names!r}: expected a list of names of parameters")
         self.arm, self._record = arm, arm.description
+        self._table = parameters_of(arm.description)
         self._numbers = {path: quantity.value for path, quantity, _ in quantities(arm.description, pictures=False)}
         self.parameters = tuple(p for name in names for p in self._named(name))
         given = [p.name for p in self.parameters]
         twice = sorted({name for name in given if given.count(name) > 1})
         if twice:
             raise ModelError(f"vary: {twice[0]!r} comes twice")
-        self.nominal = np.array([_entry(self._numbers[p.path], p.entry) for p in self.parameters], dtype=float)
+        self.nominal = np.array([p.value for p in self.parameters], dtype=float)
         if list(_numbers(self.model(self.nominal))) != list(_numbers(arm)):
             raise ModelError(f"{arm.name}: vary needs an arm as its record has it; change it with arm.replace")
         self._links = list(self._varied_links())
@@ -95,11 +183,10 @@ class Varied:
         for change, part in TAKEN_AWAY.items():
             if change in self.arm.changes and part in path:
                 raise ModelError(f"{self.arm.name}: {name!r} cannot vary, arm.replace({change}=…) has replaced it")
-        reading = reading_at(self._record, path)
         if isinstance(value, tuple):
-            yield from (Parameter(path, k, reading) for k in (range(size) if entry is None else [entry]))
+            yield from (self._table[f"{path}[{k}]"] for k in (range(size) if entry is None else [entry]))
         else:
-            yield Parameter(path, None, reading)
+            yield self._table[path]
 
     def _alternatives(self, path: str) -> str:
         """What exists: the parameters of the same link or joint, or the links and joints."""
@@ -209,10 +296,6 @@ BODY = ("mass_kg", "com_m[0]", "com_m[1]", "com_m[2]", *(f"inertia_kg_m2.{entry}
 
 def _possible(link: Link) -> bool:
     return bool(is_possible(pseudo_inertia(float(link.mass_kg), np.array(link.com_m), link.inertia_kg_m2.matrix())))
-
-
-def _entry(value: Any, entry: int | None) -> float:
-    return value if entry is None else value[entry]
 
 
 def _numbers(value: Any) -> Iterator[Any]:

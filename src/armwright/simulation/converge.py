@@ -187,7 +187,7 @@ def _solved(scenario: Scenario) -> xarray.Dataset:
 
 def _compared(run: xarray.Dataset, exact: xarray.Dataset, scenario: Scenario) -> tuple[float, float, float]:
     """The largest differences of q and of q̇ over the rows that can be compared, and from when on [s] the others cannot."""
-    single = scenario.lanes is None
+    single = scenario.lane_count is None
 
     def lanes(of: xarray.Dataset, name: str) -> np.ndarray:
         return of[name].to_numpy()[None] if single else of[name].to_numpy()

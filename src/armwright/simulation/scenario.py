@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,7 +14,16 @@ from armwright.interfaces import Sensor
 from armwright.model import Model
 from armwright.model.joint_signals import joint_signal
 from armwright.model.vary import Varied
-from armwright.parameters import Batch, LaneFields, check_counts, lane_counts, lane_values
+from armwright.parameters import (
+    Batch,
+    Draw,
+    LaneFields,
+    check_counts,
+    has_draws,
+    lane_counts,
+    lane_values,
+    resolved,
+)
 from armwright.signals import Layout
 from armwright.simulation.inputs.acting import Held, Told, brake_of, held, numbers_of, schedules_of, wrench_of
 from armwright.simulation.inputs.payload import payload_of
@@ -29,9 +38,21 @@ from armwright.simulation.loop.timing import Timing
 from armwright.simulation.scenario_checks import check_scenario, is_time, start_state
 
 MOST_STEPS = 2**53
-BATCHED = (  # fields that may hold batches
-    *("schedule", "command", "q0", "qd0", "initial_command"),
-    *("wrench", "brake", "payload", "timing", "vary", "reference"),
+BATCHED = (  # fields that may hold batches and draws
+    *(
+        "schedule",
+        "command",
+        "q0",
+        "qd0",
+        "initial_command",
+        "wrench",
+        "brake",
+        "payload",
+        "timing",
+        "vary",
+        "reference",
+    ),
+    *("controller", "sensors"),
 )
 STEP = 1e-3  # [s] of an integrator that is not told another
 
@@ -40,8 +61,9 @@ STEP = 1e-3  # [s] of an integrator that is not told another
 class Scenario:
     """An arm, what drives it, from where, and for how long.
 
-    Lanes are simulations side by side that differ in some values. Such a value is given as a `Batch`: commands, schedules,
-    references, gains of a controller, initial states, delays, payloads, wrenches, brakes, and numbers of the record in `vary`.
+    Lanes are simulations side by side that differ in some values. Such a value is given as a `Batch`, or drawn at random as a
+    `Draw`: commands, schedules, references, gains of a controller, initial states, delays, noise of sensors, payloads, wrenches,
+    brakes, and numbers of the record in `vary`.
 
     Args:
         arm: the model.
@@ -62,7 +84,9 @@ class Scenario:
         payload: what the hand takes up and puts down: a `Payload` or several, in the order of their times.
         brake: 1 where the holding brakes of the record are applied, 0 where they are released: one for all, (brakes,),
             or a Schedule with a column for every joint that has one; absent: released.
-        seed: of noise, jitter and losses.
+        lanes: how many, where only draws say so; or a range of lanes to run of all that batches and draws describe, each as it
+            is among the others.
+        seed: of noise, jitter, losses and draws.
         document: the scenario file that it was read from, with all it named; a run keeps it, to be done again. None of what
             was made in Python, and of a copy that `dataclasses.replace` has changed.
         q0: (n,) [rad | m], default 0.   qd0: the same [rad/s | m/s].
@@ -103,6 +127,7 @@ class Scenario:
     timing: Timing = field(default_factory=Timing)
     initial_command: Any = None
     vary: Mapping[str, Any] = field(default_factory=dict)
+    lanes: int | range | None = None
     seed: int = 0
     rtol: float | None = None
     atol: float | None = None
@@ -113,11 +138,57 @@ class Scenario:
     payload: Any = None
     brake: Any = None
     document: str | None = field(default=None, init=False, repr=False)
+    is_resolved: bool = field(default=False, repr=False)
 
     def __post_init__(self) -> None:
         check_scenario(self)
-        _ = self.started, self.commands, self.inputs, self.ticks, self.lanes, self.initial_state, self.adaptivity
+        if self.resolved is not self:  # which was checked when it was made
+            return
+        _ = self.started, self.commands, self.inputs, self.ticks, self.lane_count, self.initial_state, self.adaptivity
         _ = self.first_command
+
+    @cached_property
+    def resolved(self) -> Scenario:
+        """The scenario with batches in place of draws, of the lanes to be run; itself where it has no draws and runs them all.
+
+        Raises:
+            ScenarioError: draws without a number of lanes, or a batch that does not have them all.
+        """
+        parts = {name: getattr(self, name) for name in BATCHED}
+        drawn = any(has_draws(part) for part in parts.values())
+        if self.is_resolved or not (drawn or isinstance(self.lanes, range)):
+            return self
+        lanes = self.lanes if isinstance(self.lanes, range) else range(self._described)
+        parts["vary"] = {name: self._of_record(name, value) for name, value in self.vary.items()}
+        found = {name: resolved(part, name, self.seed, lanes) for name, part in parts.items()}
+        copy = replace(self, **found, lanes=lanes, is_resolved=True)
+        object.__setattr__(copy, "document", self.document)
+        return copy
+
+    @property
+    def _described(self) -> int:
+        """Number of lanes that the scenario describes."""
+        counts = self._counts()
+        if isinstance(self.lanes, int):
+            counts["lanes"] = self.lanes
+        lanes = check_counts(counts)
+        if lanes is None:
+            raise ScenarioError("lanes: expected a number beside draws, which do not say how many lanes there are")
+        return lanes
+
+    def _of_record(self, name: str, value: Any) -> Any:
+        """A draw by the record as one of a normal distribution within the bounds that the record allows."""
+        if not isinstance(value, Draw) or value.kind != "record":
+            return value
+        rows = Varied(self.arm, [name]).parameters
+        without = [row.name for row in rows if row.std is None]
+        if without:
+            raise ScenarioError(
+                f"vary[{name!r}]: the record gives {without[0]} no standard deviation; expected a Draw.normal(…)"
+            )
+        single, (low, high) = rows[0].entry is None, rows[0].bounds
+        mean, std = ([getattr(row, of) for row in rows] for of in ("value", "std"))
+        return Draw.normal(mean[0] if single else mean, std[0] if single else std, low, high)
 
     @cached_property
     def commands(self) -> Told:
@@ -226,17 +297,28 @@ class Scenario:
         return ticks
 
     @cached_property
-    def lanes(self) -> int | None:
-        """Number of lanes, None for a single run without a lane axis."""
+    def lane_count(self) -> int | None:
+        """Number of lanes to be run; None for a single run without a lane axis."""
+        if self.resolved is not self:
+            return self.resolved.lane_count
+        counts = self._counts()
+        if self.lanes is not None:
+            counts["lanes"] = self.lanes if isinstance(self.lanes, int) else len(self.lanes)
+        return check_counts(counts)
+
+    @property
+    def first_lane(self) -> int:
+        """Number of the first lane to be run, of all that are described."""
+        return self.lanes.start if isinstance(self.lanes, range) else 0
+
+    def _counts(self) -> dict[str, int]:
+        """Number of lanes of every batch, by its path, and of a state to start from."""
         counts: dict[str, int] = {}
         for name in BATCHED:
             counts |= lane_counts(getattr(self, name), name)
         if self.started is not None and not self.started.single:
             counts["start"] = self.started.lanes
-        if self.controller_fields.lanes is not None:
-            fields = self.controller_fields
-            counts |= {f"controller.{name}": len(fields.values) for name in fields.names}
-        return check_counts(counts)
+        return counts
 
     @cached_property
     def controller_fields(self) -> LaneFields:
@@ -258,7 +340,7 @@ class Scenario:
         """(lanes or 1, k) values of the varied parameters."""
         if self.varied is None:
             return np.zeros((1, 0))
-        rows = self.lanes or 1
+        rows = self.lane_count or 1
         columns = [self._column(name, value) for name, value in self.vary.items()]
         values = np.concatenate([np.broadcast_to(c, (rows, c.shape[1])) for c in columns], axis=1)
         self.varied.check(values)
@@ -283,7 +365,7 @@ class Scenario:
         """(lanes or 1, 2n) positions, then speeds."""
         if self.started is not None:
             return self.started.blocks["x"][:, : 2 * self.arm.n]  # what every plant's state begins with
-        rows = self.lanes or 1
+        rows = self.lane_count or 1
         parts = [self._vectors(name, getattr(self, name)) for name in ("q0", "qd0")]
         return np.concatenate([np.broadcast_to(part, (rows, self.arm.n)) for part in parts], axis=1)
 

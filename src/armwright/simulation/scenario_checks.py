@@ -46,6 +46,7 @@ def check_scenario(scenario: Scenario) -> None:
     scenario.shaping.check(scenario.arm)
     if not _is_whole(scenario.seed, 0) or scenario.seed >= 2**63:
         raise ScenarioError(f"seed = {scenario.seed!r}: expected a whole number, 0 or more, of 63 bits")
+    _check_lanes(scenario.lanes)
     _check_loop(scenario)
     _check_record(scenario)
     drivers = [name for name in ("schedule", "command", "controller") if getattr(scenario, name) is not None]
@@ -136,6 +137,13 @@ def is_time(value: Any) -> bool:
 
 def _is_whole(value: Any, least: int) -> bool:
     return isinstance(value, numbers.Integral) and not isinstance(value, bool) and int(value) >= least
+
+
+def _check_lanes(lanes: Any) -> None:
+    """Refuses what is no number of lanes, nor a range of them."""
+    some = isinstance(lanes, range) and lanes.step == 1 and 0 <= lanes.start < lanes.stop
+    if lanes is not None and not some and not _is_whole(lanes, 1):
+        raise ScenarioError(f"lanes = {lanes!r}: expected a number of lanes, or a range such as range(77, 78)")
 
 
 def _check_loop(scenario: Scenario) -> None:

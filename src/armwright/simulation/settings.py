@@ -7,36 +7,41 @@ from typing import Any
 
 import numpy as np
 
+from armwright import scalar
 from armwright.errors import ScenarioError, nearest
 from armwright.model import Model
-from armwright.parameters import Batch
+from armwright.parameters import Batch, Draw, lane_values
 
 Fits = Callable[[np.ndarray], np.ndarray]
 
 
-def check_numbers(place: str, name: str, value: Any, fits: Fits, expected: str, *, among: str | None = None) -> None:
-    """Refuses what is not a number that fits, or a list of such.
+def check_numbers(
+    place: str, name: str, value: Any, fits: Fits, expected: str, *, per_joint: bool = False, batch: bool = False
+) -> None:
+    """Refuses what is not a number that fits, or several of such.
 
     Args:
         place, name: of the setting, for errors.   value: as it was given.
         fits: (k,) floats → (k,) whether each is one that may be.   expected: what is expected, in words.
-        among: what there may be one for each of, "joint" or, in a `Batch`, "lane"; None: a single number alone.
+        per_joint: whether it may be one number for each joint.   batch: whether it may be a `Batch` or `Draw`.
     Raises:
         ScenarioError: names the place, the first wrong number and what was expected.
     """
-    more = {None: "", "joint": ", or one for each joint", "lane": ", or a Batch of such"}[among]
-    batch = among == "lane" and isinstance(value, Batch)
+    if batch and isinstance(value, Draw):
+        return  # checked when it is drawn
+    more = ", or one for each joint" * per_joint + ", or a Batch of such" * batch
+    laned = batch and isinstance(value, Batch)
     try:
-        numbers = np.asarray(value.values if batch else value)
+        numbers = np.asarray(lane_values(value) if laned else np.asarray(value)[None])
     except ValueError:  # rows of unequal length
         numbers = np.asarray(None)
-    if numbers.dtype.kind not in "iuf" or numbers.ndim > (batch or among == "joint"):
+    if numbers.dtype.kind not in "iuf" or numbers.ndim > 1 + per_joint:
         raise ScenarioError(f"{place}: {name} = {shown(value)}: expected {expected}{more}")
-    right = np.atleast_1d(fits(numbers.astype(float)))
-    if not right.all():
-        k = int(np.argmin(right))
-        where = f" of {among} {k}" if numbers.ndim else ""
-        raise ScenarioError(f"{place}: {name} = {float(np.ravel(numbers)[k]):g}{where}: expected {expected}{more}")
+    wrong = np.argwhere(~np.asarray(fits(numbers.astype(float))))
+    if len(wrong):
+        first = tuple(wrong[0])
+        where = (f" of lane {first[0]}" if laned else "") + (f" of joint {first[1]}" if len(first) > 1 else "")
+        raise ScenarioError(f"{place}: {name} = {float(numbers[first]):g}{where}: expected {expected}{more}")
 
 
 def check_choice(place: str, name: str, value: Any, choices: tuple[str, ...]) -> None:
@@ -50,12 +55,14 @@ def check_choice(place: str, name: str, value: Any, choices: tuple[str, ...]) ->
 
 
 def one_each(place: str, name: str, value: Any, arm: Model) -> np.ndarray:
-    """(n,) a setting that is one for all joints, or one for each.
+    """(n,) a setting that is one for all joints, or one for each; of a batch, that of the first lane.
 
     Raises:
         ScenarioError: of another length; names the joints.
     """
-    numbers = np.asarray(value, dtype=float)
+    if isinstance(value, Draw):
+        return np.ones(arm.n)
+    numbers = scalar.array(lane_values(value)[0] if isinstance(value, Batch) else value)
     if numbers.ndim and len(numbers) != arm.n:
         raise ScenarioError(
             f"{place}: {name} = {shown(value)} holds {len(numbers)}; expected one number, or {arm.n}: {', '.join(arm.names)}"

@@ -65,8 +65,9 @@ class Simulation:
     """
 
     def __init__(self, scenario: Scenario, *, loop: CompiledLoop | None = None):
-        self.scenario, self.arm = scenario, scenario.arm
-        self.count, self.period = scenario.lanes or 1, scenario.tick
+        self.scenario = scenario = scenario.resolved
+        self.arm = scenario.arm
+        self.count, self.period = scenario.lane_count or 1, scenario.tick
         self.notes: list[str] = []
         self._check_step(loop)
         self._started = scenario.started
@@ -82,7 +83,7 @@ class Simulation:
         self.loop = loop or CompiledLoop.of(self.config, scenario.target, outputs=scenario.record == "all")
         self.untraced, self.plant = self.loop.tick.untraced, self.config.bare
         if self.untraced is not None and scenario.controller is not None:
-            lanes = "" if scenario.lanes is None or self.controller.vectorised else " for every lane"
+            lanes = "" if scenario.lane_count is None or self.controller.vectorised else " for every lane"
             self.notes.append(
                 f"controller {self.controller.name!r} is not compiled ({self.untraced}): called in Python once a tick{lanes}, "
                 "which is slower"
@@ -117,7 +118,7 @@ class Simulation:
         stability = Stability(arm) if loop is None else loop.stability
         commands = np.zeros((1, arm.n)) if scenario.sampled else rows_of(scenario.commands)
         if scenario.varied is not None:
-            stability = VariedSteps(scenario.varied, scenario.parameters, scenario.lanes is not None)
+            stability = VariedSteps(scenario.varied, scenario.parameters, scenario.lane_count is not None)
         stability.check_step(name, INTEGRATORS[name], scenario.integration_step, commands)
 
     def _reference(self, ticks: int) -> LoopReference | None:
@@ -268,7 +269,7 @@ class Simulation:
         rings = {name: np.concatenate([each.get_ring(name) for each in groups]) for name in first.rings}
         python = {} if self._in_python is None or self.untraced is None else self._in_python.memories(groups)
         name = "" if self.config.sampling is None else self.controller.name
-        return LoopState(self.tick, self.period, self.scenario.lanes is None, blocks, rings, python, name)
+        return LoopState(self.tick, self.period, self.scenario.lane_count is None, blocks, rings, python, name)
 
     def _advance(self, lanes: Lanes, tick: int, end: int, last: int, record: np.ndarray | None, every: int) -> None:
         """Takes a group of lanes through ticks, from one to before another; in tick `last` nothing moves."""
@@ -345,7 +346,7 @@ class Simulation:
         groups: dict[int, LoopState] = {}
 
         def begin(first: int, count: int) -> Work:
-            lanes = Lanes(count, width, first)
+            lanes = Lanes(count, width, first, self.scenario.first_lane)
             self._begin(lanes, state)
             own = None if record is None else record[:, first : first + lanes.tiles * width]
 
@@ -375,7 +376,7 @@ class Simulation:
             self._started = end = _joined(groups)
             self.tick = origin + ticks
         recorded = Recorded(record, every, reached, account, reduced, origin)
-        if scenario.lanes is None:
+        if scenario.lane_count is None:
             account.check(self.arm.name, self.period, recorded.last_row(self))
         run = run_dataset(self, recorded)
         if end is not None and scenario.record == "all":
@@ -431,7 +432,7 @@ class Simulation:
     def _stepped(self) -> Lanes:
         """The lanes of a loop that is stepped, all in one group."""
         if self._lanes is None:
-            self._lanes = Lanes(self.count, self.loop.loops[0].target.width)
+            self._lanes = Lanes(self.count, self.loop.loops[0].target.width, 0, self.scenario.first_lane)
             self._begin(self._lanes, self._started)
         return self._lanes
 
@@ -474,7 +475,7 @@ class Simulation:
         return Values(self.plant.layout.parts(self._one(x)))
 
     def _one(self, rows: np.ndarray) -> np.ndarray:
-        return rows[0].copy() if self.scenario.lanes is None else rows.copy()
+        return rows[0].copy() if self.scenario.lane_count is None else rows.copy()
 
     @property
     def state(self) -> LoopState:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ScenarioError
-from armwright.parameters import Batch, lane_values
+from armwright.parameters import Batch, Draw, lane_values
 
 
 def check_poses(reference: str, **poses: Any) -> None:
@@ -21,6 +21,8 @@ def check_poses(reference: str, **poses: Any) -> None:
     """
     sizes = {}
     for name, value in poses.items():
+        if isinstance(value, Draw):
+            continue  # checked when it is drawn
         try:
             rows = np.asarray(lane_values(value), dtype=float)
         except (TypeError, ValueError):
@@ -39,7 +41,8 @@ def check_number(reference: str, name: str, value: Any, *, above: float = -np.in
     Raises:
         ScenarioError: names the field, its value and what was expected.
     """
-    for each in value.values if isinstance(value, Batch) else [value]:
+    drawn = isinstance(value, Draw)  # checked when it is
+    for each in value.values if isinstance(value, Batch) else [] if drawn else [value]:
         if isinstance(each, (bool, np.bool_)) or not isinstance(each, numbers.Real) or not above < float(each) < np.inf:
             what = "a finite number" if above == -np.inf else f"a number above {above:g}"
             raise ScenarioError(f"{reference}: {name} = {each!r}: expected {what}")

@@ -33,8 +33,8 @@ class Initialisation:
     They are computed by one compiled program however many lanes there are, so that a lane's bits do not depend on their number.
 
     Attributes:
-        program: (start, c, p, payload, wrench, u?) → initial state of the plant and, of a sampled loop, the command in force,
-            the measurement, what sensors remember and the controller's state. None where the state is the start itself.
+        program: (start, c, p, payload, wrench, c_sensors, u?) → initial state of the plant and, of a sampled loop, the command
+            in force, the measurement, what sensors remember and the controller's state. None where the state is the start itself.
         untraced: why the controller's own beginning is not traced; None where it is.
     """
 
@@ -73,18 +73,19 @@ class Initialisation:
         config, sensors, controller = self.config, self._sensors, self._controller
         shapes = {"start": self._start.shape[1:], "c": controller.values.shape[1:], "p": self._parameters.shape[1:]}
         shapes |= {"payload": (10 * len(config.payload_frames),), "wrench": (config.inputs.get("wrench", 0),)}
+        shapes["c_sensors"] = (0,) if sensors is None else sensors.values.shape[1:]
         if sensors is not None and self._command is not None:
             shapes["u"] = (config.arm.n,)
 
         def begin(controller: ControllerAdapter, *given: Array) -> tuple[Array, ...]:
-            start, c, p, payload, wrench, *command = given
+            start, c, p, payload, wrench, c_sensors, *command = given
             plant, n = config.plant({"p": p, "payload": payload}), config.arm.n
             arm, x = plant.model, start if self._whole else plant.initial(start[:n], start[n:])
             if sensors is None:
                 return (scalar.array(x),)
             u = command[0] if command else holding_command(arm, gravity_torques(arm, plant.part(x, "q")))
             view = PlantView(plant, x, PlantInputs(u, wrench if len(wrench) else None), self._period)
-            exact = sensors.without_noise()
+            exact = sensors.of_lane(c_sensors).without_noise()
             memory = exact.memory(view)
             seen, _ = exact.measure(view, memory, np.full(sum(exact.draws), 0.5))
             y = scalar.array(np.concatenate([seen, plant.applied(x, u)]))
@@ -117,7 +118,8 @@ class Initialisation:
             lanes: the group.   payload, wrench: (count or 1, entries) then acting.   sampling: of a sampled loop.
         """
         c = lanes.own(self._controller.values)
-        rows = [lanes.own(self._start), c, lanes.own(self._parameters), payload, wrench]
+        c_sensors = np.zeros((1, 0)) if self._sensors is None else lanes.own(self._sensors.values)
+        rows = [lanes.own(self._start), c, lanes.own(self._parameters), payload, wrench, c_sensors]
         if self._kernel is None:
             return {"x": rows[0]}
         if sampling is not None and self._command is not None:
@@ -146,4 +148,5 @@ class Initialisation:
             "d_commanded": lanes.own(d.commanded)[:, None],
             "d": np.stack(np.broadcast_arrays(*numbers), axis=1),
             "c": c,
+            "c_sensors": c_sensors,
         }

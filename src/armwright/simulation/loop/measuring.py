@@ -26,13 +26,20 @@ def measuring_stages(config: LoopConfig, sampling: Sampling) -> tuple[list[Stage
     queue = "y_new" if late or lossy else "y_now"
     stages: list[Stage] = [Draw("w_sensors", draws, SENSING)] if draws else []
 
-    def sense(x: Array, u: Array, memory: Array, *rest: Array) -> tuple[Array, Array]:
+    varying = sensors.values.shape[1:]
+
+    def sense(x: Array, u: Array, memory: Array, c: Array, *rest: Array) -> tuple[Array, Array]:
         *given, w = rest if draws else (*rest, np.zeros(0))
         values = dict(zip(of_view, given, strict=True))
         view = PlantView(config.plant(values), x, PlantInputs.named(u, values), sampling.period)
-        return sensors.measure(view, memory, w)
+        return sensors.of_lane(c).measure(view, memory, w)
 
-    shapes = {state: (config.bare.size,), "u": (n,), "m_sensors": (sum(sensors.memories),)} | of_view
+    shapes = {
+        state: (config.bare.size,),
+        "u": (n,),
+        "m_sensors": (sum(sensors.memories),),
+        "c_sensors": varying,
+    } | of_view
     shapes |= {"w_sensors": (draws,)} if draws else {}
     stages.append(Call(trace("sense", sense, shapes, (queue, f"m_sensors{NEXT}"))))
     if late:

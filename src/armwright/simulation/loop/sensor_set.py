@@ -11,6 +11,7 @@ from armwright.errors import ScenarioError
 from armwright.interfaces import Measurement, Sensor, called
 from armwright.model import Model
 from armwright.model.joint_signals import joint_signal
+from armwright.parameters import LaneFields
 from armwright.scalar import Array
 from armwright.signals import Layout
 from armwright.simulation.plant.inputs import PlantInputs
@@ -23,12 +24,13 @@ class SensorSet:
     """All sensors of a loop, measuring at once.
 
     Attributes:
-        sensors: those of the joints first.   arm: the model.
+        sensors: those of the joints first, of one lane.   lanes: the same with their fields that vary.   arm: the model.
         layout: of what they measure; `y` is this and, behind it, what the drives applied.
         draws: random numbers that each takes.   memories: entries that each remembers.
     """
 
     sensors: tuple[Sensor, ...]
+    lanes: tuple[LaneFields, ...]
     arm: Model
     layout: Layout
     draws: tuple[int, ...]
@@ -42,11 +44,26 @@ class SensorSet:
             ShapeError: two signals of one name; names it.
         """
         arm, n = plant.model, plant.model.n
+        draws = tuple(_draws(sensor, arm) for sensor in sensors)
+        lanes = tuple(LaneFields.of(sensor, "sensors") for sensor in sensors)
+        sensors = tuple(each.with_values(each.values[0]) for each in lanes)
         layout = Layout.of(signal for sensor in sensors for signal in sensor.signals(arm))
         inputs = PlantInputs(np.zeros(n), np.zeros(6) if wrench else None)
         view = PlantView(plant, plant.initial(np.zeros(n), np.zeros(n)), inputs, 1.0)
-        draws = tuple(_draws(sensor, arm) for sensor in sensors)
-        return cls(sensors, arm, layout, draws, tuple(len(_memory(sensor, view)) for sensor in sensors))
+        return cls(sensors, lanes, arm, layout, draws, tuple(len(_memory(sensor, view)) for sensor in sensors))
+
+    @property
+    def values(self) -> np.ndarray:
+        """(lanes or 1, k) values of the sensors' fields that vary, side by side."""
+        rows = max(len(each.values) for each in self.lanes)
+        columns = [np.broadcast_to(each.values, (rows, each.values.shape[1])) for each in self.lanes]
+        return np.concatenate(columns, axis=1)
+
+    def of_lane(self, c: Array) -> SensorSet:
+        """The sensors of a lane, with its values c (k,)."""
+        ends = np.cumsum([each.values.shape[1] for each in self.lanes])
+        parts = zip(self.lanes, np.split(c, ends[:-1]), strict=True)
+        return replace(self, sensors=tuple(each.with_values(part) for each, part in parts))
 
     @property
     def y(self) -> Layout:

@@ -12,6 +12,7 @@ from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.model.joint_signals import joint_signal
+from armwright.parameters import Batch
 from armwright.scalar import Array, Scalar
 from armwright.signals import Signal
 from armwright.simulation.plant.view import PlantView
@@ -31,6 +32,8 @@ SIGNALS = {"q": "position", "qd": "velocity", "current": "current"}
 class Sensors:
     """What is measured of every joint, and how well; without arguments, everything exactly.
 
+    Counts, cutoff and noise may each be a `Batch`, one for each lane.
+
     Args:
         counts: of the encoders in one turn, or one count for each joint; absent: positions are not quantised.
         side: "motor" or "link": where the encoder sits. A motor's counts are finer by the gear ratio.
@@ -45,27 +48,30 @@ class Sensors:
     counts: Any = None
     side: str = "motor"
     velocity: str = "exact"
-    cutoff_hz: float | None = None
-    position_noise: float = 0.0
-    velocity_noise: float = 0.0
-    current_noise: float = 0.0
+    cutoff_hz: Any = None
+    position_noise: Any = 0.0
+    velocity_noise: Any = 0.0
+    current_noise: Any = 0.0
 
     def __post_init__(self) -> None:
         check_choice("sensors", "velocity", self.velocity, VELOCITIES)
         check_choice("sensors", "side", self.side, SIDES)
         if self.counts is not None:
-            check_numbers("sensors", "counts", self.counts, _positive, "counts above 0 in one turn", among="joint")
+            check_numbers(
+                "sensors", "counts", self.counts, _positive, "counts above 0 in one turn", per_joint=True, batch=True
+            )
         filtered = self.velocity in ("filtered", "observer")
         if not filtered and self.cutoff_hz is not None:
             raise ScenarioError(
                 f"sensors: cutoff_hz goes with velocity = 'filtered' or 'observer', not {self.velocity!r}"
             )
         if filtered:
-            check_numbers("sensors", "cutoff_hz", self.cutoff_hz, _positive, "a frequency above 0")
+            check_numbers("sensors", "cutoff_hz", self.cutoff_hz, _positive, "a frequency above 0", batch=True)
         for name in ("position_noise", "velocity_noise", "current_noise"):
             check_numbers(
-                "sensors", name, getattr(self, name), lambda v: (v >= 0.0) & np.isfinite(v), "a number of 0 or more"
-            )
+                "sensors", name, getattr(self, name), lambda v: (v >= 0.0) & np.isfinite(v), "a number of 0 or more",
+                batch=True,
+            )  # fmt: skip
 
     def check(self, arm: Model) -> None:
         """Refuses counts that are not one for each joint of the arm.
@@ -87,7 +93,7 @@ class Sensors:
     def draws(self, arm: Model) -> int:
         """Random numbers that a measurement takes: two for a normal one."""
         noisy = (self.position_noise, self.velocity_noise, self.current_noise)
-        return 2 * arm.n * sum(noise > 0 for noise in noisy)
+        return 2 * arm.n * sum(_may_be_noisy(noise) for noise in noisy)
 
     def init(self, plant: PlantView) -> np.ndarray:
         """Memory (k,) before the first tick: the arm had been measured where it is, by the same encoder."""
@@ -106,7 +112,11 @@ class Sensors:
         (q, qd), current, memory = self._true(plant), plant.current, s
 
         def noisy(values: Array, deviation: float) -> Array:
-            return values + deviation * scalar.array([next(normal) for _ in range(n)]) if deviation > 0 else values
+            return (
+                values + deviation * scalar.array([next(normal) for _ in range(n)])
+                if _may_be_noisy(deviation)
+                else values
+            )
 
         position = self._quantised(arm, noisy(q, self.position_noise))
         if self.velocity == "exact":
@@ -128,9 +138,11 @@ class Sensors:
         """Positions and velocities (n,) on the encoder's side, referred to the joints."""
         return (plant.q, plant.qd) if self.side == "link" else (plant.motor_q, plant.motor_qd)
 
-    def _pole(self, period: float) -> float:
+    def _pole(self, period: float) -> Scalar:
         """exp(-2π f Ts): what a first-order filter keeps over a period."""
         assert self.cutoff_hz is not None
+        if scalar.is_symbolic(self.cutoff_hz):
+            return scalar.exp(-2.0 * np.pi * period * self.cutoff_hz)
         return math.exp(-2.0 * math.pi * self.cutoff_hz * period)
 
     def _quantised(self, arm: Model, q: Array) -> np.ndarray:
@@ -153,6 +165,13 @@ class Sensors:
         q = ahead + (1.0 - pole * pole) * missed
         speed = memory[n:] + (1.0 - pole) ** 2 / period * missed
         return speed, np.concatenate([q, speed])
+
+
+def _may_be_noisy(deviation: Any) -> bool:
+    """Whether a standard deviation is above 0, in some lane."""
+    if isinstance(deviation, Batch):
+        return bool(np.any(deviation.values > 0.0))
+    return scalar.is_symbolic(deviation) or deviation > 0.0
 
 
 def _positive(values: np.ndarray) -> np.ndarray:

@@ -39,10 +39,10 @@ class Shaping:
         for name in ("limit", "rate"):
             if getattr(self, name) is not None:
                 check_numbers(
-                    "shaping", name, getattr(self, name), lambda v: v > 0.0, "a number above 0", among="joint"
+                    "shaping", name, getattr(self, name), lambda v: v > 0.0, "a number above 0", per_joint=True
                 )
         if self.resolution is not None:
-            check_numbers("shaping", "resolution", self.resolution, _finite, "a finite number above 0", among="joint")
+            check_numbers("shaping", "resolution", self.resolution, _finite, "a finite number above 0", per_joint=True)
 
     @property
     def remembers(self) -> bool:

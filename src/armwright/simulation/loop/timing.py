@@ -67,7 +67,7 @@ class Timing:
         def fits(values: np.ndarray) -> np.ndarray:
             return (values >= low) & (values <= high) & np.isfinite(values)
 
-        check_numbers("timing", TIMES.get(name, name), getattr(self, name), fits, expected, among="lane")
+        check_numbers("timing", TIMES.get(name, name), getattr(self, name), fits, expected, batch=True)
 
 
 @dataclass(frozen=True, eq=False)

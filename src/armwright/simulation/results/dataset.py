@@ -90,17 +90,17 @@ def run_dataset(simulation: Simulation, recorded: Recorded) -> xarray.Dataset:
         why = simulation.untraced
         attrs["controller"] = "compiled" if why is None else f"called in Python once a tick: {why}"
     notes = [*simulation.notes, *(() if simulation.reference is None else simulation.reference.notes)]
-    numbers = None if scenario.lanes is None else reached.lanes
+    numbers = None if scenario.lane_count is None else reached.lanes
     if recorded.rows is None:
         dataset = bare_dataset(arm, attrs | {"notes": notes}, None if numbers is None else len(numbers))
     else:
         dataset = _with_rows(simulation, recorded, recorded.rows, attrs, notes)
-    if numbers is not None and reached.stopped:
-        dataset = dataset.assign_coords(lane=("lane", numbers, dataset["lane"].attrs))
+    if numbers is not None and (reached.stopped or scenario.first_lane):
+        dataset = dataset.assign_coords(lane=("lane", numbers + scenario.first_lane, dataset["lane"].attrs))
     if reached.ticks == scenario.ticks and simulation.reduction is not None:
         _reduced(simulation, dataset, recorded)
     account = recorded.account.of_lanes(reached.lanes)
-    account.tell(dataset, simulation.period, scenario.adaptivity, scenario.lanes is None)
+    account.tell(dataset, simulation.period, scenario.adaptivity, scenario.lane_count is None)
     return dataset
 
 
@@ -128,7 +128,7 @@ def _with_rows(
         kernel = simulation.loop.outputs
         assert kernel is not None
         outputs = dict(zip(simulation.loop.names, kernel(*given, threads=os.cpu_count() or 1), strict=True))
-    squeeze = (lambda v: v[0]) if scenario.lanes is None else (lambda v: v)
+    squeeze = (lambda v: v[0]) if scenario.lane_count is None else (lambda v: v)
     q, qd = simulation.plant.part(x, "q"), simulation.plant.part(x, "qd")
     attrs["notes"] = [*notes, *limit_notes(arm, q, qd, u, outputs, t)]
     known = {name: squeeze(values) for name, values in outputs.items() if name in USUAL}
@@ -194,7 +194,7 @@ def _reduced(simulation: Simulation, dataset: xarray.Dataset, recorded: Recorded
     for name, values in simulation.reduction.results(held, ends).items():
         about = reducer(name)
         attributes = {"units": _unit(simulation.arm, about.unit), "long_name": about.about}
-        single = scenario.lanes is None
+        single = scenario.lane_count is None
         dataset[name] = (("joint",), values[0], attributes) if single else (("lane", "joint"), values, attributes)
 
 
