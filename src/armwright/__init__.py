@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from armwright.simulation.results.recording import load_run, save
     from armwright.simulation.results.statistics import statistics
     from armwright.simulation.scenario import Scenario
+    from armwright.simulation.sensitivity import sensitivities
     from armwright.simulation.simulation import Simulation, simulate
     from armwright.trajectory import Quintic, Ramp, Sine, Step
 
@@ -108,6 +109,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.simulation.loop.state": ("LoopState",),
     "armwright.simulation.loop.sensors": ("Sensors",),
     "armwright.simulation.loop.shaping": ("Shaping",),
+    "armwright.simulation.sensitivity": ("sensitivities",),
     "armwright.simulation.simulation": ("Simulation", "simulate"),
     "armwright.simulation.results.statistics": ("statistics",),
     "armwright.simulation.loop.timing": ("Timing",),
@@ -190,6 +192,7 @@ __all__ = [
     "regressor_drive",
     "rerun",
     "save",
+    "sensitivities",
     "show",
     "simulate",
     "statistics",

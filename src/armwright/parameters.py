@@ -312,6 +312,6 @@ class LaneFields:
         ends = np.cumsum([math.prod(shape) for shape in self.shapes])
         changed = copy.copy(self.owner)
         for name, part, shape in zip(self.names, np.split(rows, ends[:-1], axis=-1), self.shapes, strict=True):
-            value = scalar.array(part.reshape(*rows.shape[:-1], *shape))
+            value = scalar.array(part.reshape((*rows.shape[:-1], *shape)))
             object.__setattr__(changed, name, value if value.ndim else value[()])
         return changed

@@ -94,6 +94,32 @@ class CompiledArm:
             self._kernels[key] = Kernel(program, self.target, check, self.format)
         return self._kernels[key]
 
+    def derivative(self, name: str, by: str, *optional: str, **options: Any) -> Any:
+        """The compiled kernel of that name with its derivatives by one input behind its outputs, exact.
+
+        Args:
+            name, optional, options: as in `kernel`.
+            by: name of an input, such as "q"; or "parameters", of an arm that was compiled with `vary`.
+        Returns:
+            kernel: takes the kernel's inputs and returns a tuple: its outputs, then for each the derivative
+                (…, *shape of the output, *shape of the input).
+        Raises:
+            ShapeError: no such kernel or input.   ModelError: as `kernel`.
+        """
+        self._check_form(name, optional, options)
+        key = (name, "by", by, *optional, *sorted(options.items()))
+        if key not in self._kernels:
+            from armwright.kernels.batch import Kernel
+            from armwright.program.derivative import derivative
+
+            program = trace_kernel(self.arm, SIGNATURES[name], optional, varied=self.varied, **options)
+            known = [port.name for port in program.inputs]
+            if by not in known:
+                raise ShapeError(f"{name}: no input {by!r}; {nearest(str(by), known)}")
+            check = None if self.varied is None else _checked(self.varied, len(SIGNATURES[name].inputs))
+            self._kernels[key] = Kernel(derivative(program, by), self.target, check, self.format)
+        return self._kernels[key]
+
     @staticmethod
     def _check_form(name: str, optional: tuple[str, ...], options: dict[str, Any]) -> None:
         """Refuses a kernel, an optional input or an option that the table does not have."""

@@ -68,8 +68,8 @@ class Program:
         found = {}
         for name in self.graph.get_function():
             graph = self.graph.get_function(name)
-            inputs = tuple(Port(graph.name_in(k), (graph.numel_in(k),)) for k in range(graph.n_in()))
-            outputs = tuple(Port(graph.name_out(k), (graph.numel_out(k),)) for k in range(graph.n_out()))
+            inputs = tuple(Port(graph.name_in(k), (graph.nnz_in(k),)) for k in range(graph.n_in()))
+            outputs = tuple(Port(graph.name_out(k), (graph.nnz_out(k),)) for k in range(graph.n_out()))
             found[name] = Program(name, inputs, outputs, graph)
         return found
 

@@ -202,22 +202,8 @@ class Simulation:
             loop.extend(lanes)
         if self._solver is not None:
             self._solver.extend(lanes)
-        at = np.array([float(self.tick)])
-        acting = {
-            name: lanes.own(held_values(self.inputs[name], at, self.period)[:, 0])
-            if name in self.config.inputs
-            else np.zeros((1, 0))
-            for name in ("payload", "wrench")
-        }
-        values = self.initialisation.blocks(lanes, **acting, sampling=self.config.sampling)
+        values = self.initial_blocks(lanes)
         x = values["x"]
-        values |= {"p": lanes.own(self.scenario.parameters), "q_first": self.plant.part(x, "q")}
-        if self.reference is not None and self.reference.final is not None:
-            values["r_final"] = lanes.own(self.reference.final)
-        if self.reference is not None and self.reference.values is not None:
-            values[PARAMETERS] = lanes.own(self.reference.values)
-        if self.reduction is not None:
-            values["reduced"] = self.reduction.begin()
         for name, given in values.items():
             if name in lanes.blocks:
                 lanes.set(name, given)
@@ -232,6 +218,29 @@ class Simulation:
             self._restore(lanes, state)
         if self._in_python is not None and self.untraced is not None and self.scenario.controller is not None:
             self._in_python.begin(lanes, values["y"])
+
+    def acting(self, lanes: Lanes) -> tuple[np.ndarray, np.ndarray]:
+        """Payload and wrench (count or 1, entries) that act on a group of lanes in the tick that comes next."""
+        at = np.array([float(self.tick)])
+        payload, wrench = (
+            lanes.own(held_values(self.inputs[name], at, self.period)[:, 0])
+            if name in self.config.inputs
+            else np.zeros((1, 0))
+            for name in ("payload", "wrench")
+        )
+        return payload, wrench
+
+    def initial_blocks(self, lanes: Lanes) -> dict[str, np.ndarray]:
+        """Initial values of blocks for a group of lanes, (count, …) each, or (1, …) where they are the same for all."""
+        values = self.initialisation.blocks(lanes, *self.acting(lanes), sampling=self.config.sampling)
+        values |= {"p": lanes.own(self.scenario.parameters), "q_first": self.plant.part(values["x"], "q")}
+        if self.reference is not None and self.reference.final is not None:
+            values["r_final"] = lanes.own(self.reference.final)
+        if self.reference is not None and self.reference.values is not None:
+            values[PARAMETERS] = lanes.own(self.reference.values)
+        if self.reduction is not None:
+            values["reduced"] = np.atleast_2d(self.reduction.begin())
+        return values
 
     def _restore(self, lanes: Lanes, state: LoopState) -> None:
         """Fills the blocks of a group of lanes with those of a state, as far as this loop has them."""

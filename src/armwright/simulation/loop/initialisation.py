@@ -117,14 +117,9 @@ class Initialisation:
         Args:
             lanes: the group.   payload, wrench: (count or 1, entries) then acting.   sampling: of a sampled loop.
         """
-        c = lanes.own(self._controller.values)
-        c_sensors = np.zeros((1, 0)) if self._sensors is None else lanes.own(self._sensors.values)
-        rows = [lanes.own(self._start), c, lanes.own(self._parameters), payload, wrench, c_sensors]
         if self._kernel is None:
-            return {"x": rows[0]}
-        if sampling is not None and self._command is not None:
-            rows.append(lanes.own(self._command))
-        given = [np.ascontiguousarray(np.broadcast_to(row, (lanes.count, row.shape[1]))) for row in rows]
+            return {"x": lanes.own(self._start)}
+        given = self.arguments(lanes, payload, wrench)
         found = self._kernel(*given)
         if sampling is None:
             return {"x": np.asarray(found)}
@@ -147,6 +142,16 @@ class Initialisation:
             "arrivals": np.full((lanes.count, 1), NEVER),
             "d_commanded": lanes.own(d.commanded)[:, None],
             "d": np.stack(np.broadcast_arrays(*numbers), axis=1),
-            "c": c,
-            "c_sensors": c_sensors,
+            "c": given[1],
+            "c_sensors": given[5],
         }
+
+    def arguments(self, lanes: Lanes, payload: np.ndarray, wrench: np.ndarray) -> list[np.ndarray]:
+        """Arguments of the program for a group of lanes, (count, entries) each; payload, wrench: as `blocks`."""
+        sensors = np.zeros((1, 0)) if self._sensors is None else self._sensors.values
+        varying = (self._start, self._controller.values, self._parameters, None, None, sensors)
+        acting = iter((payload, wrench))
+        rows = [next(acting) if each is None else lanes.own(each) for each in varying]
+        if self._sensors is not None and self._command is not None:
+            rows.append(lanes.own(self._command))
+        return [np.ascontiguousarray(np.broadcast_to(row, (lanes.count, row.shape[1]))) for row in rows]

@@ -1,0 +1,293 @@
+"""Forward sensitivities: how simulated signals change with parameters and initial states, exact for the steps that are taken.
+
+Every program of a tick carries tangents along, so that what comes out is the derivative of the simulated discrete system.
+It is that of the continuous one in the limit of small steps where the plant's derivative is continuous in the state: friction
+is smoothed, and limits cut off continuously. Stops and gears with play make it jump; they are refused, as are quantisers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from armwright.errors import ScenarioError
+from armwright.kernels.batch import Kernel
+from armwright.kernels.loop import Lanes, Loop
+from armwright.kernels.stages import Call, Delay, Integrate, Record, Stage
+from armwright.kernels.target import select_target
+from armwright.model.vary import Varied
+from armwright.parameters import Batch, LaneFields
+from armwright.program.derivative import with_tangents
+from armwright.signals import Signal
+from armwright.simulation.integrate.integrators import INTEGRATORS
+from armwright.simulation.scenario import Scenario
+from armwright.simulation.simulation import Simulation
+
+if TYPE_CHECKING:
+    import xarray
+
+STARTS = ("q0", "qd0")
+STORED = {"x": "", "y": "_measured", "u": ""}  # block → what the names of its signals end in
+
+
+def sensitivities(scenario: Scenario, by: Sequence[str]) -> xarray.Dataset:
+    """Derivatives of simulated signals by parameters and initial states.
+
+    Args:
+        scenario: of a fixed-step rule, with or without a compiled controller; lanes as ever.
+        by: numbers of the record ("link6.mass_kg"), fields of the controller ("controller.kp", "controller.kp[2]"), initial
+            positions and speeds ("q0[1]", "qd0[0]"); a name of several numbers stands for all of them.
+    Returns:
+        dataset: time, the signals, and for each its derivative d_<signal> with one more dimension, `parameter`.
+    Raises:
+        ScenarioError: what has no such derivative, or is not there; names it and what was expected.
+    """
+    opened, seeds, names = _opened(scenario.resolved, by)
+    simulation = Simulation(opened)
+    _check(simulation)
+    count = len(names)
+    stages, active = _augmented(simulation, seeds, count)
+    loop = Loop(stages, select_target(opened.target))
+    width, ticks = loop.target.width, opened.ticks
+    every = opened.record_every or ticks
+    lanes = Lanes(simulation.count, width, 0, opened.first_lane)
+    loop.extend(lanes)
+    _begin(simulation, loop, lanes, seeds, active, count)
+    blocks = next(stage.blocks for stage in stages if isinstance(stage, Record))
+    record = np.empty((ticks // every + 1, lanes.tiles * width, sum(loop.sizes[name] for name in blocks)))
+    table = None if simulation.reference is None else simulation._reference(ticks).table  # type: ignore[union-attr]
+    first = simulation.tick
+    loop.run(
+        lanes, simulation.period, (first, first + ticks + 1), last=first + ticks, every=every, seed=opened.seed, origin=first,
+        tables={} if table is None else {"r": table}, schedules=simulation.rows, records={"run": record},
+    )  # fmt: skip
+    single = scenario.lane_count is None
+    return _dataset(simulation, record[:, : simulation.count], blocks, loop.sizes, names, every, single)
+
+
+def _opened(scenario: Scenario, by: Sequence[str]) -> tuple[Scenario, dict[str, np.ndarray], list[str]]:
+    """The scenario with all that is asked for as inputs of its programs, the tangents of those inputs, and their names."""
+    if isinstance(by, str) or not by or not all(isinstance(name, str) for name in by):
+        raise ScenarioError(f"by = {by!r}: expected a list of names, such as ['link6.mass_kg', 'q0[1]']")
+    starts = [name for name in by if name.split("[")[0] in STARTS]
+    gains = [name for name in by if name.startswith("controller.")]
+    record = [name for name in by if name not in starts and name not in gains]
+    vary: dict[str, Any] = dict(scenario.vary)
+    for name in record:
+        for parameter in Varied(scenario.arm, [name]).parameters:
+            if parameter.name not in vary and parameter.path not in vary:
+                vary[parameter.name] = parameter.value
+    controller, fields_of = scenario.controller, dict.fromkeys(_field(name) for name in gains)
+    for field in fields_of:
+        plain = not is_dataclass(controller) or isinstance(controller, type)
+        known = [] if plain else [each.name for each in fields(controller)]
+        if field not in known:
+            raise ScenarioError(
+                f"by: the controller has no field {field!r}; expected one of {', '.join(known) or 'a dataclass'}"
+            )
+        value = getattr(controller, field)
+        if not isinstance(value, Batch):
+            controller = replace(cast(Any, controller), **{field: Batch(np.asarray(value, dtype=float)[None])})
+    opened = replace(scenario, vary=vary, controller=controller, record="all", reduce=())
+    columns: list[tuple[str, str, int]] = []  # name, input, place
+    for name in by:
+        if name in starts:
+            columns += [(f"{each}", "start", k) for each, k in _places(name, scenario.arm.n)]
+        elif name in gains:
+            columns += [(each, "c", k) for each, k in _gain_places(name, opened.controller_fields)]
+        else:
+            assert opened.varied is not None
+            own = [parameter.name for parameter in Varied(scenario.arm, [name]).parameters]
+            columns += [(each, "p", opened.varied.names.index(each)) for each in own]
+    sizes = {
+        "start": 2 * scenario.arm.n,
+        "p": opened.parameters.shape[1],
+        "c": opened.controller_fields.values.shape[1],
+    }
+    seeds = {name: np.zeros((size, len(columns))) for name, size in sizes.items()}
+    for column, (_, name, place) in enumerate(columns):
+        seeds[name][place, column] = 1.0
+    return opened, seeds, [name for name, _, _ in columns]
+
+
+def _field(name: str) -> str:
+    return name.removeprefix("controller.").split("[")[0]
+
+
+def _places(name: str, n: int) -> list[tuple[str, int]]:
+    """Names and places in the start (q, q̇) of `q0[1]`, or of all entries of `q0`."""
+    field, _, entry = name.partition("[")
+    first = STARTS.index(field) * n
+    if not entry:
+        return [(f"{field}[{k}]", first + k) for k in range(n)]
+    number = entry.removesuffix("]")
+    if not number.isdigit() or int(number) >= n:
+        raise ScenarioError(f"by: no {name!r}; expected {field}[0] … {field}[{n - 1}]")
+    return [(name, first + int(number))]
+
+
+def _gain_places(name: str, lanes: LaneFields) -> list[tuple[str, int]]:
+    """Names and places among a controller's varying values of `controller.kp[2]`, or of all entries of `controller.kp`."""
+    field, _, entry = name.removeprefix("controller.").partition("[")
+    first = 0
+    for each, shape in zip(lanes.names, lanes.shapes, strict=True):
+        size = int(np.prod(shape))
+        if each == field:
+            if not shape:
+                return [(f"controller.{field}", first)]
+            if not entry:
+                return [(f"controller.{field}[{k}]", first + k) for k in range(size)]
+            number = entry.removesuffix("]")
+            if number.isdigit() and int(number) < size:
+                return [(name, first + int(number))]
+            raise ScenarioError(f"by: no {name!r}; expected controller.{field}[0] … controller.{field}[{size - 1}]")
+        first += size
+    raise ScenarioError(f"by: {name!r} is no number of the controller")
+
+
+def _check(simulation: Simulation) -> None:
+    """Refuses what has no such derivatives."""
+    scenario, sampling = simulation.scenario, simulation.config.sampling
+    if scenario.integrator not in INTEGRATORS:
+        raise ScenarioError(
+            f"sensitivities: integrator = {scenario.integrator!r}; expected one of {', '.join(INTEGRATORS)}"
+        )
+    if simulation.untraced is not None:
+        raise ScenarioError(
+            f"sensitivities: the controller is not compiled ({simulation.untraced}); expected one that is"
+        )
+    if sum(simulation.plant.contacts):
+        raise ScenarioError(
+            "sensitivities: stops and gears with play make accelerations jump where they touch; expected an arm without, such as "
+            "a record without `stops` and `backlash_rad`"
+        )
+    if sampling is None:
+        return
+    if sampling.delays.fractional or np.any(sampling.delays.earlier):
+        raise ScenarioError("sensitivities: delays of whole ticks only; expected no fraction, jitter, loss or drift")
+    if scenario.joint_sensors.counts is not None or scenario.shaping.resolution is not None:
+        raise ScenarioError(
+            "sensitivities: a quantiser has no derivative; expected sensors without counts, commands without steps"
+        )
+
+
+def _augmented(simulation: Simulation, seeds: dict[str, np.ndarray], count: int) -> tuple[tuple[Stage, ...], set[str]]:
+    """The stages of a tick with tangents, and the blocks that hold them."""
+    stages = (*simulation.loop.tick.before, *simulation.loop.tick.after)
+    active = {"x"}
+    for stage in stages:
+        if isinstance(stage, Call):
+            active |= {port.name.removesuffix("_next") for port in stage.program.outputs}
+        elif isinstance(stage, Delay):
+            active.add(stage.to)
+    inner = {name: seed for name, seed in seeds.items() if name != "start"}
+    found: list[Stage] = []
+    for stage in stages:
+        if isinstance(stage, Call):
+            stage = Call(with_tangents(stage.program, active, inner, count))
+        elif isinstance(stage, Delay):
+            stage = replace(stage, entries=stage.entries * (1 + count))
+        elif isinstance(stage, Record):
+            sizes = dict(zip(stage.blocks, stage.entries, strict=True))
+            stored = {name: sizes[name] * (1 + count * (name in active)) for name in STORED if name in sizes}
+            stage = Record(stage.name, tuple(stored), tuple(stored.values()))
+        elif isinstance(stage, Integrate):
+            stage = replace(stage, step=with_tangents(stage.step, active, inner, count))
+        found.append(stage)
+    return tuple(found), active
+
+
+def _begin(
+    simulation: Simulation, loop: Loop, lanes: Lanes, seeds: dict[str, np.ndarray], active: set[str], count: int
+) -> None:
+    """Fills the blocks of all lanes with initial values, and their tangents."""
+    values = simulation.initial_blocks(lanes)
+    own = simulation.initialisation
+    program, kernel = own.program, None
+    tangents: dict[str, np.ndarray] = {}
+    if program is None:
+        tangents["x"] = np.broadcast_to(seeds["start"], (lanes.count, *seeds["start"].shape))
+    else:
+        kernel = Kernel(with_tangents(program, (), seeds, count), select_target(simulation.scenario.target))
+        results = kernel(*own.arguments(lanes, *simulation.acting(lanes)))
+        results = results if isinstance(results, tuple) else (results,)
+        for port, result in zip(program.outputs, results, strict=True):
+            tangents[port.name[0]] = np.asarray(result)[:, port.size :].reshape(lanes.count, port.size, count)
+    of = {
+        "x": "x",
+        "x_seen": "x",
+        "m_sensors": "m",
+        "y": "y",
+        "s": "s",
+        "u": "u",
+        "u_issued": "u",
+        "u_kept": "u",
+        "u_base": "u",
+    }
+    tangent_of = {name: tangents[key] for name, key in of.items() if key in tangents}
+    if "y" in tangents:
+        assert simulation.config.sampling is not None
+        tangent_of["y_kept"] = tangents["y"][:, : simulation.config.sampling.sensors.layout.size]
+    enlarged = dict(values)
+    for name, tangent in tangent_of.items():
+        if name in values:
+            rows = np.broadcast_to(values[name], (lanes.count, values[name].shape[1]))
+            enlarged[name] = np.concatenate([rows, tangent.reshape(lanes.count, -1)], axis=1)
+    for name in enlarged:
+        if name in lanes.blocks:
+            lanes.set(name, enlarged[name] if name in active else values[name])
+    for name, rows in simulation.rows.items():
+        loop.begin_rows(lanes, name, rows, simulation.tick)
+    for name, block in (("y_old", "y_kept"), ("u", "u")):
+        if name in lanes.rings:
+            lanes.fill_ring(name, enlarged[block])
+
+
+def _dataset(
+    simulation: Simulation,
+    record: np.ndarray,
+    blocks: Sequence[str],
+    sizes: dict[str, int],
+    names: Sequence[str],
+    every: int,
+    single: bool,
+) -> xarray.Dataset:
+    """Signals and their derivatives."""
+    import xarray
+
+    arm = simulation.arm
+    ticks = simulation.tick + np.arange(len(record)) * every
+    dataset = xarray.Dataset(
+        coords={
+            "time": ("time", ticks * simulation.period, {"units": "s", "long_name": "time"}),
+            "joint": ("joint", list(arm.names)),
+            "parameter": ("parameter", list(names), {"long_name": "what is differentiated by"}),
+        }
+    )
+    rows, start = record.transpose(1, 0, 2), 0
+    layouts = {"x": simulation.plant.layout, "u": simulation.scenario.command_layout}
+    if simulation.config.sampling is not None:
+        layouts["y"] = simulation.config.sampling.sensors.y
+    for block in blocks:
+        layout, stop = layouts[block], start + sizes[block]
+        part = rows[:, :, start:stop]
+        start = stop
+        values, slopes = part[..., : layout.size], part[..., layout.size :].reshape(*part.shape[:2], layout.size, -1)
+        for signal in layout if slopes.shape[-1] else ():
+            place = layout.place(signal.name)
+            _add(dataset, f"{signal.name}{STORED[block]}", signal, values[..., place], slopes[..., place, :], single)
+    return dataset
+
+
+def _add(dataset: Any, name: str, signal: Signal, values: np.ndarray, slopes: np.ndarray, single: bool) -> None:
+    """Adds a signal and its derivative, with a dimension for its entries."""
+    every = signal.joints is not None and len(signal.joints) == dataset.sizes["joint"]
+    dims = ("time", "joint" if every else f"{name}_entry")
+    squeeze = (lambda v: v[0]) if single else (lambda v: v)
+    dims = dims if single else ("lane", *dims)
+    dataset[name] = (dims, squeeze(values), {"units": signal.unit, "long_name": signal.about or name})
+    about = {"units": f"{signal.unit} per unit of the parameter", "long_name": f"derivative of {signal.about or name}"}
+    dataset[f"d_{name}"] = ((*dims, "parameter"), squeeze(slopes), about)

@@ -1,0 +1,203 @@
+"""Forward sensitivities against closed forms and against differences of whole runs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright import scalar
+from armwright.errors import ScenarioError
+from frozen.runs import GEARED, controlled, swing
+from simulation.plants import COULOMB, ELASTIC, LUGRE, MANY, MOTOR, STOPS, chain, pendulum
+
+JOINT = "joint0"
+
+
+def slope(scenario, name, value, change):
+    """(signal → derivative) by a central difference of two runs; change: (scenario, value) → scenario."""
+    step = 1e-5 * max(abs(value), 0.1)
+    runs = [aw.simulate(change(scenario, value + sign * step)) for sign in (1, -1)]
+    return {signal: (runs[0][signal].values - runs[1][signal].values) / (2 * step) for signal in ("q", "qd")}
+
+
+def varied(name):
+    return lambda scenario, value: replace(scenario, vary={**scenario.vary, name: value})
+
+
+def start(field, entry):
+    def change(scenario, value):
+        given = np.array(getattr(scenario, field), dtype=float)
+        given[entry] = value
+        return replace(scenario, **{field: given})
+
+    return change
+
+
+@pytest.mark.parametrize("integrator", ["rk3", "rk4", "semi_implicit_euler"])
+def test_commands_over_time(integrator):
+    scenario = aw.Scenario(
+        GEARED, schedule=aw.Schedule([0.0, 0.0203], [[9.0, -3.0], [-6.0, 2.0]], GEARED.names), duration=0.05, step=2.5e-4,
+        integrator=integrator, q0=[0.3, -0.2], qd0=[0.1, 0.2],
+    )  # fmt: skip
+    found = aw.sensitivities(scenario, ["rod1.mass_kg", "joint0.motor.resistance_ohm", "q0[1]"])
+    np.testing.assert_array_equal(
+        found.q.values, aw.simulate(scenario).q.values
+    )  # the run itself is the same to the bit
+    assert list(found.parameter.values) == ["rod1.mass_kg", "joint0.motor.resistance_ohm", "q0[1]"]
+    changes = [("rod1.mass_kg", 3.0, varied("rod1.mass_kg")), ("q0[1]", -0.2, start("q0", 1))]
+    changes.append(("joint0.motor.resistance_ohm", 1.2, varied("joint0.motor.resistance_ohm")))
+    for name, value, change in changes:
+        for signal, expected in slope(scenario, name, value, change).items():
+            own = found[f"d_{signal}"].sel(parameter=name).values
+            np.testing.assert_allclose(own, expected, atol=1e-6 * np.abs(expected).max())
+            assert np.abs(expected).max() > 1e-6
+
+
+@pytest.mark.parametrize("effect", ["inductance", "thermal", "lugre", "elastic", "load", "all"])
+def test_every_drive(effect):
+    model = MANY[effect]
+    n, name = model.n, "rod0.mass_kg"
+    scenario = aw.Scenario(
+        model,
+        command=np.full(n, 9.0),
+        duration=0.02,
+        step=1e-4,
+        integrator="rk3",
+        q0=np.full(n, 0.3),
+        qd0=np.full(n, 0.8),
+    )
+    found = aw.sensitivities(scenario, [name, f"{JOINT}.motor.resistance_ohm", "qd0[0]"])
+    for column, value, change in (
+        (name, 3.0, varied(name)), (f"{JOINT}.motor.resistance_ohm", 1.2, varied(f"{JOINT}.motor.resistance_ohm")),
+        ("qd0[0]", 0.8, start("qd0", 0)),
+    ):  # fmt: skip
+        for signal, expected in slope(scenario, column, value, change).items():
+            own = found[f"d_{signal}"].sel(parameter=column).values
+            np.testing.assert_allclose(own, expected, atol=2e-6 * np.abs(expected).max(), err_msg=f"{column} {signal}")
+
+
+def test_a_sampled_loop():
+    """Gains, the arm and the start, through an observer, old measurements and commands that come a tick late."""
+    law = aw.JointPID(kp=[30.0, 20.0], ki=40.0, kd=3.0, gravity=True)
+    drive = {"command": "voltage", "motor": MOTOR, "friction": COULOMB}
+    scenario = aw.Scenario(
+        chain([drive, drive], gravity=2.0), controller=law, reference=swing, sample_period=2e-3, substeps=8, duration=0.1,
+        integrator="rk3", timing=aw.Timing("one-tick", measurement_delay=4e-3),
+        sensors=aw.Sensors(velocity="observer", cutoff_hz=60.0), q0=[0.05, -0.05], qd0=[0.2, -0.1],
+    )  # fmt: skip
+    names = ["rod1.mass_kg", "controller.kp[0]", "controller.kd", "qd0[0]"]
+    found = aw.sensitivities(scenario, names)
+    assert list(found.parameter.values) == [
+        "rod1.mass_kg",
+        "controller.kp[0]",
+        "controller.kd[0]",
+        "controller.kd[1]",
+        "qd0[0]",
+    ]
+    assert "lane" not in found.dims
+    np.testing.assert_array_equal(found.q.values, aw.simulate(scenario).q.values)
+
+    def gain(field, entry):
+        def change(given, value):
+            rows = np.array(np.broadcast_to(getattr(law, field), 2), dtype=float)
+            rows[entry] = value
+            return replace(given, controller=replace(law, **{field: rows}))
+
+        return change
+
+    for name, value, change in (
+        ("rod1.mass_kg", 3.0, varied("rod1.mass_kg")), ("controller.kp[0]", 30.0, gain("kp", 0)),
+        ("controller.kd[1]", 3.0, gain("kd", 1)), ("qd0[0]", 0.2, start("qd0", 0)),
+    ):  # fmt: skip
+        for signal, expected in slope(scenario, name, value, change).items():
+            own = found[f"d_{signal}"].sel(parameter=name).values
+            np.testing.assert_allclose(own, expected, atol=1e-5 * np.abs(expected).max(), err_msg=f"{name} {signal}")
+            assert np.abs(expected).max() > 1e-9
+
+
+def test_lanes_are_those_of_single_runs():
+    scenario = aw.Scenario(GEARED, command=[9.0, -3.0], duration=0.02, step=5e-4, integrator="rk3")
+    start = np.array([[0.3, -0.2], [0.1, 0.4], [-0.2, 0.0]])
+    many = aw.sensitivities(replace(scenario, q0=aw.Batch(start)), ["rod1.mass_kg"])
+    for k, q0 in enumerate(start):
+        alone = aw.sensitivities(replace(scenario, q0=q0), ["rod1.mass_kg"])
+        np.testing.assert_array_equal(many.d_q.values[k], alone.d_q.values)
+
+
+def test_a_reversal_under_coulomb_friction():
+    """J q̈ = u - Fc sgn q̇ with u < -Fc: from v it stops at t₁ = J v / (Fc - u), then goes back. By the jump formula, at T,
+
+        ∂q̇/∂Fc = 1/J · [ -(t₁) + (T - t₁) ] - (jump of q̈) ∂t₁/∂Fc,  q̈ jumping by 2 Fc / J,  ∂t₁/∂Fc = -t₁ / (Fc - u).
+
+    The smoothed law tends to that with its speed, in steps below its limit.
+    """
+    inertia, level, torque, speed, end = 0.1 + 3.0 * 0.09, 2.0, -6.0, 1.0, 0.1
+    stop = inertia * speed / (level - torque)
+    assert 0.0 < stop < end
+    exact = ((end - stop) - stop) / inertia + 2.0 * level / inertia * stop / (level - torque)
+    errors = []
+    for smoothing in (2e-2, 4e-3, 8e-4, 1.6e-4):
+        friction = {**COULOMB, "viscous_n_m_s_per_rad": 0.0, "smoothing_rad_per_s": smoothing}
+        friction |= {"coulomb_positive_n_m": level, "coulomb_negative_n_m": level}
+        model = pendulum("torque", gravity=0.0, friction=friction)
+        scenario = aw.Scenario(
+            model, command=[torque], qd0=[speed], duration=end, step=end / 2**14, integrator="rk4", record_every=0
+        )
+        names = [f"{JOINT}.friction.coulomb_positive_n_m", f"{JOINT}.friction.coulomb_negative_n_m"]
+        slopes = aw.sensitivities(scenario, names).d_qd.values[-1, 0]
+        errors.append(abs(slopes.sum() - exact))  # both levels are one number here
+    assert errors[-1] < 2e-3 * abs(exact)
+    assert errors[0] > 3.0 * errors[1] > 9.0 * errors[2]
+
+
+def test_what_has_no_derivative_is_refused():
+    stops = pendulum(motor=MOTOR, friction=COULOMB, stops=STOPS, limits={"position_rad": [-0.4, 0.5]})
+    play = pendulum(motor=MOTOR, friction=COULOMB, elasticity={**ELASTIC, "backlash_rad": 0.02})
+    open_loop = {"command": [1.0], "duration": 0.01, "step": 1e-4}
+    mass = ["rod0.mass_kg"]
+    cases = [
+        (aw.Scenario(stops, **open_loop), mass, "stops"),
+        (aw.Scenario(play, **open_loop), mass, "play"),
+        (aw.Scenario(MANY["plain"], command=[1.0], duration=0.01, integrator="rk45"), mass, "integrator"),
+        (controlled(sensors=aw.Sensors(counts=100)), mass, "quantiser"),
+        (controlled(timing=aw.Timing(command_delay=1e-3)), mass, "whole ticks"),
+        (controlled(), ["controller.kp"], "no field"),
+        (controlled(), ["q0[2]"], r"q0\[0\]"),
+        (controlled(), [], "list of names"),
+    ]
+    for scenario, by, match in cases:
+        with pytest.raises(ScenarioError, match=match):
+            aw.sensitivities(scenario, by)
+
+
+def test_an_unknown_parameter_is_named():
+    with pytest.raises(aw.ArmwrightError, match="rod0 has mass_kg"):
+        aw.sensitivities(aw.Scenario(GEARED, command=[1.0, 0.0], duration=0.01, step=1e-4), ["rod0.weight"])
+
+
+def test_laws_in_numpy_have_them_too():
+    """A user's own law and trajectory, written with `armwright.scalar`."""
+
+    def law(t, r, y):
+        return scalar.array([4.0 * (r.q[0] - y.q[0]) - y.qd[0] * scalar.abs(y.qd[0]), 1.0 * (r.q[1] - y.q[1])])
+
+    scenario = controlled(controller=law, q0=[0.1, 0.1])
+    expected = slope(scenario, "rod0.mass_kg", 3.0, varied("rod0.mass_kg"))["q"]
+    own = aw.sensitivities(scenario, ["rod0.mass_kg"]).d_q.values[..., 0]
+    np.testing.assert_allclose(own, expected, atol=1e-6 * np.abs(expected).max())
+
+
+def test_bristles_turn_round_smoothly():
+    """LuGre needs no jump formula: its state is continuous through a reversal."""
+    model = pendulum(motor=MOTOR, friction=LUGRE)
+    rows = aw.Schedule([0.0, 0.02], [[12.0], [-12.0]], [JOINT])
+    scenario = aw.Scenario(model, schedule=rows, duration=0.06, step=5e-5, integrator="rk4")
+    run = aw.simulate(scenario)
+    assert run.qd.values.max() > 0.01 > -0.01 > run.qd.values.min()
+    name = f"{JOINT}.friction.coulomb_positive_n_m"
+    expected = slope(scenario, name, 2.0, varied(name))["q"]
+    own = aw.sensitivities(scenario, [name]).d_q.values[..., 0]
+    np.testing.assert_allclose(own, expected, atol=1e-4 * np.abs(expected).max())
