@@ -108,7 +108,9 @@ def steps(plant: Plant, x0: Any, u: Any, h: float, count: int, brake: Any = None
     """The states (count + 1, size) of so many steps; u (n,), or (count, n) that changes."""
     rule = rule.paired(speed_pairs(plant.layout))
     sizes = {"x": (plant.size,), "u": (plant.model.n,)} | ({} if brake is None else {"brake": (len(brake),)})
-    program = trace("step", lambda x, u, *b: plant.step(rule, x, PlantInputs(u, brake=b[0] if b else None), h), sizes, ("x_next",))
+    program = trace(
+        "step", lambda x, u, *b: plant.step(rule, x, PlantInputs(u, brake=b[0] if b else None), h), sizes, ("x_next",)
+    )
     given = [np.asarray(value, dtype=float) for value in ([u] if brake is None else [u, brake])]
     held = [value.T if value.ndim == 2 else np.tile(value.reshape(-1, 1), count) for value in given]
     states = program.graph.mapaccum("run", count)(np.asarray(x0, dtype=float), *held)
