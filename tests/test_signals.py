@@ -37,11 +37,8 @@ def test_what_does_not_fit_is_refused():
         LAYOUT.vector({"q": [0, 0]})
     with pytest.raises(ShapeError, match="shape"):
         LAYOUT.vector({"q": [0, 0, 0], "T": np.eye(2), "mass": 1.0})
-    for wrong in (
-        lambda: Signal("2q", "rad"),
-        lambda: Signal("q", ("rad",), (2,)),
-        lambda: Signal("f", "N", (3,), labels=("x",)),
-    ):
+    wrong = [("2q", "rad"), ("q", ("rad",), (2,)), ("f", "N", (3,), None, ("x",))]
+    for given in wrong:
         with pytest.raises(ShapeError):
             Signal(*given)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -133,52 +133,52 @@ def _with_rows(
     attrs["notes"] = [*notes, *limit_notes(arm, q, qd, u, outputs, t)]
     known = {name: squeeze(values) for name, values in outputs.items() if name in USUAL}
     dataset = make_dataset(arm, t, squeeze(q), squeeze(qd), squeeze(u), **known, attrs=attrs)
-    for name, values in outputs.items():
-        if name not in USUAL:
-            _add_output(dataset, arm, name, squeeze(values))
+    dims = tuple(str(dim) for dim in dataset["q"].dims[:-1])
+    further = {name: squeeze(values) for name, values in outputs.items() if name not in USUAL}
+    variables = {name: _output(arm, name, values, dims) for name, values in further.items()}
+    labels: dict[str, Any] = {}
     if "y" in parts:
-        _add_signals(dataset, simulation.config, parts, squeeze)
-    return dataset
+        for name, signal, values in _signals(simulation.config, parts):
+            variables[name], labels = _signal(name, signal, squeeze(values), dims, labels)
+    return dataset.assign(variables).assign_coords(labels)  # at once, since xarray compares coordinates each time
 
 
-def _add_signals(
-    dataset: xarray.Dataset,
-    config: LoopConfig,
-    parts: Mapping[str, np.ndarray],
-    squeeze: Callable[[np.ndarray], np.ndarray],
-) -> None:
-    """Adds what was measured, what was to be followed, and the commands as they left the controller."""
+def _signals(config: LoopConfig, parts: Mapping[str, np.ndarray]) -> Iterator[tuple[str, Signal, np.ndarray]]:
+    """Name, signal and values of what was measured, what was to be followed, and the commands as they left the controller."""
     for block, ending in (("y", "measured"), ("r", "reference")):
         for signal in config.recorded[block]:
             if signal.name not in UNSTORED:
                 values = config.recorded[block].part(parts[block], signal.name)
                 about = signal.about if block == "y" or signal.joints is None else f"reference {MOTION[signal.name]}"
-                _add_signal(dataset, f"{signal.name}_{ending}", replace(signal, about=about), squeeze(values))
-    issued = replace(config.recorded["u_issued"]["u"], about="command as it left the controller")
-    _add_signal(dataset, "u_issued", issued, squeeze(parts["u_issued"]))
+                yield f"{signal.name}_{ending}", replace(signal, about=about), values
+    yield (
+        "u_issued",
+        replace(config.recorded["u_issued"]["u"], about="command as it left the controller"),
+        parts["u_issued"],
+    )
 
 
-def _add_signal(dataset: xarray.Dataset, name: str, signal: Signal, values: np.ndarray) -> None:
-    """Adds the values (…, *shape) of a signal: with the dimension joint, or with one of its own for entries with labels."""
-    dims = tuple(dataset["q"].dims[:-1])
+def _signal(
+    name: str, signal: Signal, values: np.ndarray, dims: tuple[str, ...], labels: dict[str, Any]
+) -> tuple[tuple[Any, ...], dict[str, Any]]:
+    """A signal's values (…, *shape) as a variable, and the labels of its entries beside those there are.
+
+    Its dimension is joint, or one of its own.
+    """
+    attributes = {"units": signal.unit, "long_name": signal.about or name}
     if signal.joints is not None:
-        dims = (*dims, "joint")
-    else:
-        own = tuple(f"{name}_{k}" if k + 1 < len(signal.shape) else name for k in range(len(signal.shape)))
-        dims = (*dims, *(f"{each}_entry" for each in own))
-        if signal.labels is not None:
-            dataset.coords[dims[-1]] = (dims[-1], list(signal.labels))
-    dataset[name] = (dims, values, {"units": signal.unit, "long_name": signal.about or name})
+        return ((*dims, "joint"), values, attributes), labels
+    own = [f"{name}_entry" if k + 1 == len(signal.shape) else f"{name}_entry_{k}" for k in range(len(signal.shape))]
+    if signal.labels is not None and own:
+        labels = {**labels, own[-1]: list(signal.labels)}
+    return ((*dims, *own), values, attributes), labels
 
 
-def _add_output(dataset: xarray.Dataset, arm: Model, name: str, values: np.ndarray) -> None:
-    """Adds what the plant tells beside the usual: (…, n) one a joint, or (…, 1) of the whole arm."""
+def _output(arm: Model, name: str, values: np.ndarray, dims: tuple[str, ...]) -> tuple[Any, ...]:
+    """What the plant tells beside the usual as a variable: (…, n) one a joint, or (…, 1) of the whole arm."""
     quantity, about = FURTHER[name]
     attributes = {"units": _unit(arm, quantity), "long_name": about}
-    dims = dataset["q"].dims
-    if name in WHOLE:
-        dims, values = dims[:-1], values[..., 0]
-    dataset[name] = (dims, values, attributes)
+    return (dims, values[..., 0], attributes) if name in WHOLE else ((*dims, "joint"), values, attributes)
 
 
 def _reduced(simulation: Simulation, dataset: xarray.Dataset, recorded: Recorded) -> None:
