@@ -1,0 +1,15 @@
+"""The page about parameters runs as it stands, and prints what it says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from docs.pages import blocks, python
+
+PAGE = "docs/how-to/parameters.md"
+
+
+def test_the_page_runs(tmp_path: Path) -> None:
+    code = "".join(text for kind, text in blocks(PAGE) if kind == "python")
+    (table,) = (text for kind, text in blocks(PAGE) if kind == "text")
+    assert python(code, tmp_path) == table + "True\n"
