@@ -64,7 +64,7 @@ def test_it_is_the_loop_by_hand():
 def test_loops_have_their_turn_at_their_ticks():
     """With constant measurements the speed that is asked for changes only in ticks of the position loop."""
     model = arm("two-link")
-    law = Cascade(position_kp=1.0, speed_kp=1.0, position_every=3, position_phase=2).fitted(model, PERIOD)
+    law = Cascade(position_kp=1.0, speed_kp=1.0, position_every=3, position_phase=2).configure(model, PERIOD)
     y = Measurement(*np.zeros((4, 2)))
     s, found = law.init(model, y), []
     for k in range(9):
@@ -92,7 +92,7 @@ def test_every_stage_cuts_off_its_own_output():
 
 def test_an_integrator_waits_while_the_stage_behind_it_is_cut_off():
     model, law = arm("cmu-dd"), Cascade(position_kp=1.0, speed_kp=1.0, speed_ki=5.0, current_kp=1.0, voltage_limit=0.5)
-    law = law.fitted(model, PERIOD)
+    law = law.configure(model, PERIOD)
     y = Measurement(*np.zeros((4, 6)))
     r = JointReference(np.full(6, 2.0), np.zeros(6), np.zeros(6))
     _, first = law.step(0.0, r, y, law.init(model, y))
@@ -126,4 +126,4 @@ def test_it_tracks_with_each_kind_of_drive():
 )  # fmt: skip
 def test_cascades_that_do_not_fit_are_refused(name, fields, said):
     with pytest.raises(ScenarioError, match=said):
-        Cascade(position_kp=1.0, speed_kp=1.0, **fields).fitted(arm(name), PERIOD)
+        Cascade(position_kp=1.0, speed_kp=1.0, **fields).configure(arm(name), PERIOD)

@@ -20,7 +20,7 @@ def test_the_arm_accelerates_as_it_is_asked(name):
     model = arm(name)
     rows = np.random.default_rng(3).normal(size=(5, model.n)) * 0.3
     r, y = JointReference(*rows[:3]), Measurement(rows[3], rows[4], np.zeros(model.n), np.zeros(model.n))
-    law = ComputedTorque(kp=25.0, kd=8.0).fitted(model, 1e-3)
+    law = ComputedTorque(kp=25.0, kd=8.0).configure(model, 1e-3)
     u, _ = law.step(0.0, r, y, law.init(model, y))
     qdd = aw.forward_dynamics(model, y.q, y.qd, drive_torque(model, y.qd, u))
     np.testing.assert_allclose(qdd, r.qdd + 8.0 * (r.qd - y.qd) + 25.0 * (r.q - y.q), rtol=1e-6, atol=1e-6)

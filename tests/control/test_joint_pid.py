@@ -24,7 +24,7 @@ def told(seed=0):
 def test_all_terms_are_what_the_equation_says():
     model = arm("cmu-dd")
     r, y = told()
-    law = JointPID(kp=2.0, ki=5.0, kd=0.3, speed_feedforward=0.7, acceleration_feedforward=0.05, gravity=True).fitted(
+    law = JointPID(kp=2.0, ki=5.0, kd=0.3, speed_feedforward=0.7, acceleration_feedforward=0.05, gravity=True).configure(
         model, PERIOD
     )
     s = law.init(model, y)
@@ -40,13 +40,13 @@ def test_all_terms_are_what_the_equation_says():
 def test_the_derivative_of_the_measurement_knows_no_reference():
     model = arm("cmu-dd")
     r, y = told()
-    law = JointPID(kp=0.0, kd=0.3, derivative="measurement").fitted(model, PERIOD)
+    law = JointPID(kp=0.0, kd=0.3, derivative="measurement").configure(model, PERIOD)
     np.testing.assert_allclose(law.step(0.0, r, y, law.init(model, y))[0], -0.3 * y.qd, rtol=1e-12)
 
 
 def test_a_filtered_derivative_tends_to_the_slope_of_the_positions():
     model, cutoff, slope = arm("cmu-dd"), 30.0, 0.8
-    law = JointPID(kp=0.0, kd=1.0, cutoff_hz=cutoff).fitted(model, PERIOD)
+    law = JointPID(kp=0.0, kd=1.0, cutoff_hz=cutoff).configure(model, PERIOD)
     still = JointReference(*np.zeros((3, N)))
     at = lambda k: Measurement(np.full(N, slope * k * PERIOD), np.zeros(N), np.zeros(N), np.zeros(N))  # noqa: E731
     s = law.init(model, at(0))

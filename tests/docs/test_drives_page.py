@@ -17,8 +17,8 @@ def test_the_example_is_a_robot_that_moves(tmp_path):
     (text,) = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     (tmp_path / "pendulum.toml").write_text(text, encoding="utf-8")
     plant = Plant.of(aw.load(tmp_path / "pendulum.toml"), brakes=True)
-    assert [part.name for part in plant.parts] == [
+    assert plant.layout.names == (
         *("q", "qd", "motor_q", "motor_qd", "current", "bristle", "brake"),
         *("winding_temperature", "housing_temperature", "bus_voltage"),
-    ]
+    )
     assert np.isfinite(plant.derivative(plant.initial([0.1], [0.2]), np.array([12.0]))).all()

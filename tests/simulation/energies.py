@@ -12,9 +12,11 @@ from armwright.kernels.stages import Integrate
 from armwright.kernels.target import select_target
 from armwright.model import Model
 from armwright.program import trace
+from armwright.signals import Layout
 from armwright.simulation.integrate.exponential import Split
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.integrate.stepping import Adaptivity, adaptive_stage, speed_pairs
+from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
 from armwright.simulation.plant.switching import Watched, switching_programs
 
@@ -35,30 +37,32 @@ class Balance:
         shapes = {"x": (size + len(WAYS),), "u": (n,)}
 
         def slopes(y: Any, u: Any, touching: Any = None) -> tuple[Any, Any]:
-            rates = plant.energy_rates(y[:size], u, None, None, touching)
-            xd, fast = plant.split(y[:size], u, None, None, touching)
+            inputs = PlantInputs(u, contacts=touching)
+            rates = plant.energy_rates(y[:size], inputs)
+            xd, fast = plant.split(y[:size], inputs)
             return scalar.array([*xd, *(rates[way] for way in WAYS)]), fast
 
         contacts = sum(plant.contacts)
         watched = Watched(
             lambda y, u: plant.depths(y[:size]),
-            lambda y, u, touching: plant.corners(y[:size], u, None, touching),
+            lambda y, u, touching: plant.corners(y[:size], PlantInputs(u, contacts=touching)),
             contacts,
         )
         held = watched.block if contacts else {}
 
         def step(y: Any, u: Any, *rest: Any) -> Any:
             *touching, h = rest
-            chosen = INTEGRATORS[rule].paired(speed_pairs({part.name: part.place for part in plant.parts}))
+            chosen = INTEGRATORS[rule].paired(speed_pairs(plant.layout))
             if not plant.stiff:
                 return chosen.step(lambda y, u: slopes(y, u, *touching)[0], y, u, h)
-            fast = lambda y, u: plant.fast(y[:size], u, None, None, *touching)  # noqa: E731
+            held = touching[0] if touching else None
+            fast = lambda y, u: plant.fast(y[:size], PlantInputs(u, contacts=held))  # noqa: E731
             return chosen.exponential(Split(lambda y, u: slopes(y, u, *touching), fast, plant.stiff), y, u, h)
 
         if tolerance is not None:
             adaptivity, switching = Adaptivity(tolerance, 0.1 * tolerance, 10**5), watched if contacts else None
             derivative = lambda *given: slopes(*given)[0]  # noqa: E731
-            stage = adaptive_stage(derivative, shapes, adaptivity, lambda x: {}, watched=switching)
+            stage = adaptive_stage(derivative, shapes, adaptivity, Layout(), watched=switching)
         elif landing:
             landing_programs = switching_programs(watched if contacts else None, shapes)
             stage = Integrate(trace("step", step, {**shapes, **held, "h": ()}, ("x_next",)), **landing_programs)

@@ -20,13 +20,12 @@ from armwright.simulation.integrate.stepping import (
     adaptive_stage,
     begin_adaptive,
     speed_pairs,
-    state_parts,
 )
 from armwright.simulation.plant.plant import Plant, plant_derivative
 from physics.arms import arm
 from simulation.plants import ELASTIC, LUGRE, MOTOR
 from simulation.plants import pendulum as pendulum_arm
-from simulation.test_simulator import motor_alone
+from simulation.test_simulation import motor_alone
 
 START = {"q0": [0.4, 0.4], "qd0": [0.5, 0.5]}
 
@@ -256,13 +255,13 @@ def test_a_drive_with_windings_bristles_and_a_spring_is_followed():
     """Time constants from 0.1 ms up: steps as short as these ask for; CVODES comes to the same by either of its methods."""
     model = pendulum_arm(motor={**MOTOR, "inductance_h": 1e-3}, elasticity=ELASTIC, friction=LUGRE)
     plant = Plant.of(model)
-    shapes, parts = {"x": (plant.size,), "u": (1,)}, state_parts(plant)
+    shapes = {"x": (plant.size,), "u": (1,)}
     chosen = Adaptivity(1e-8, 1e-10, 1000, (("there", lambda t, x: x.motor_q[0] - 6.0),))
-    loop = Loop((adaptive_stage(plant.derivative, shapes, chosen, parts),), select_target())
+    loop = Loop((adaptive_stage(plant.derivative, shapes, chosen, plant.layout),), select_target())
     lanes, x0, u = loop.lanes(1), plant.initial([0.1], [0.0])[None], np.array([12.0])
     lanes.set("x", x0)
     lanes.set("u", u)
-    begin_adaptive(lanes, chosen, parts, x0)
+    begin_adaptive(lanes, chosen, plant.layout, x0)
     loop.run(lanes, 1e-2, (0, 5))
     for stiff in (True, False):
         solver = Cvodes(plant.derivative, shapes, Adaptivity(1e-12, 1e-13, 0), stiff)
@@ -273,4 +272,4 @@ def test_a_drive_with_windings_bristles_and_a_spring_is_followed():
     expected = solver.after(x0[0], u, np.zeros(0), at)
     assert expected is not None
     assert plant.part(expected[0], "motor_q")[0] == pytest.approx(6.0, abs=1e-6)
-    assert speed_pairs({part.name: part.place for part in plant.parts}) == [(0, 1), (2, 3)]
+    assert speed_pairs(plant.layout) == [(0, 1), (2, 3)]

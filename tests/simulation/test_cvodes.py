@@ -11,7 +11,7 @@ from armwright.errors import DivergenceError, ScenarioError
 from armwright.simulation.loop.timing import Timing
 from armwright.simulation.plant.plant import plant_derivative
 from physics.arms import arm
-from simulation.test_simulator import motor_alone
+from simulation.test_simulation import motor_alone
 
 PERIOD = 4e-3
 START = {"q0": [0.4, 0.4], "qd0": [0.5, 0.5]}

@@ -78,11 +78,11 @@ def test_semi_implicit_euler_keeps_the_energy_of_an_oscillator():
 @pytest.mark.parametrize("name", ["rk4", "semi_implicit_euler"])
 def test_a_whole_arm_converges_with_the_order_of_the_rule(name):
     model = arm("two-link")
-    simulator = compile_loop(model, name)
+    loop = compile_loop(model, name)
     common = {"duration": 0.064, "command": [90.0, 20.0], "q0": [0.4, 0.4], "qd0": [0.5, 0.5], "record_every": 0}
     exact = aw.simulate(aw.Scenario(model, **common, integrator="cvodes", step=8e-3))
     steps = (8e-3, 4e-3, 2e-3)
-    runs = [aw.simulate(aw.Scenario(model, **common, integrator=name, step=h), loop=simulator) for h in steps]
+    runs = [aw.simulate(aw.Scenario(model, **common, integrator=name, step=h), loop=loop) for h in steps]
     errors = [np.abs(run.qd.values[-1] - exact.qd.values[-1]).max() for run in runs]
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.all(np.abs(orders - INTEGRATORS[name].order) < 0.25), (orders, errors)
@@ -133,9 +133,9 @@ def test_fast_parts_that_are_integrated_exactly_leave_the_rule_its_order(drive, 
     model = chain([{"command": "voltage", **joint}])
     common = {"duration": 0.064, "command": [9.0], "q0": [0.3], "qd0": [0.02], "record_every": 0, "record": "state"}
     exact = aw.simulate(aw.Scenario(model, **common, integrator="cvodes", step=step))
-    simulator, errors = compile_loop(model, name), []
+    loop, errors = compile_loop(model, name), []
     for h in (step / 2**k for k in range(2, 6)):
-        run = aw.simulate(aw.Scenario(model, **common, integrator=name, step=h), loop=simulator)
+        run = aw.simulate(aw.Scenario(model, **common, integrator=name, step=h), loop=loop)
         errors.append(max(np.abs(run[each].values[-1] - exact[each].values[-1]).max() for each in ("q", "qd")))
     seen = [error for error in errors if error > 5e-11]  # CVODES' own is near
     assert len(seen) >= 2

@@ -13,7 +13,7 @@ import armwright as aw
 from armwright import scalar
 from armwright.errors import ModelError, ScenarioError
 from armwright.kernels.target import select_target
-from armwright.simulation import groups
+from armwright.simulation import batch_runner
 from physics.arms import arm
 
 PERIOD = 5e-3
@@ -220,7 +220,7 @@ def test_a_lane_has_its_bits_in_two_hundred_surroundings(monkeypatch):
         record = str(random.choice(["all", "state", "none"]))
         every = 0 if count > 1000 else int(random.choice([0, 1, 4, 5, 20]))
         told = f"{count} lanes, {place=}, {form=}, {threads=}, {tiles=}, {target=}, {record=}, {every=}"
-        monkeypatch.setattr(groups, "TILES_A_GROUP", tiles)
+        monkeypatch.setattr(batch_runner, "TILES_A_GROUP", tiles)
         scenario = probed(
             {name: FORMS[form](rows) for name, rows in lanes.items()}, target=target, record=record, record_every=every
         )

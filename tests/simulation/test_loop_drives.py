@@ -91,7 +91,7 @@ def test_a_controller_cannot_move_what_is_braked_and_goes_on_when_it_is_not():
     assert q[-1] == pytest.approx(0.8, abs=5e-3)
     flows = {name: np.trapezoid(run[name].values[:, 0], t) for name in ("electrical_power", "heat", "friction_loss")}
     plant = Plant.of(model, brakes=True)
-    states = np.stack([run[part.name].values[[0, -1], 0] for part in plant.parts], axis=1)
+    states = np.stack([run[part.name].values[[0, -1], 0] for part in plant.layout], axis=1)
     stored = [float(plant.stored_energy(x)) for x in states]
     balance = flows["electrical_power"] - flows["heat"] - flows["friction_loss"]
     assert balance == pytest.approx(stored[1] - stored[0], abs=2e-2 * flows["electrical_power"])
@@ -220,7 +220,7 @@ def test_power_balances_with_coupled_motors_under_a_controller(elastic):
         for n in ("electrical_power", "heat", "friction_loss")
     }
     plant = Plant.of(model)
-    rows = [np.concatenate([run[part.name].values[k][list(part.joints)] for part in plant.parts]) for k in (0, -1)]
+    rows = [np.concatenate([run[part.name].values[k][list(part.joints)] for part in plant.layout]) for k in (0, -1)]
     stored = [float(plant.stored_energy(x)) for x in rows]
     balance = flows["electrical_power"] - flows["heat"] - flows["friction_loss"]
     assert balance == pytest.approx(stored[1] - stored[0], abs=2e-3 * flows["electrical_power"])

@@ -250,10 +250,8 @@ def test_what_is_not_carried_costs_nothing():
         aw.Scenario(arm("two-link"), command=[5.0, 1.0], duration=0.05, payload=aw.Payload(0, 0), **START)
     )
     np.testing.assert_allclose(empty.q.values, plain.q.values, atol=1e-14)
-    from armwright.simulation.scenario_run import compile_run
-
-    run = compile_run(aw.Scenario(arm("two-link"), command=[5.0, 1.0], duration=0.05, **START))
-    assert [port.name for port in run.simulator.step.inputs] == ["x", "u", "h"]
+    simulation = aw.Simulation(aw.Scenario(arm("two-link"), command=[5.0, 1.0], duration=0.05, **START))
+    assert [port.name for port in simulation.loop.step.inputs] == ["x", "u", "h"]
 
 
 BODY = (1.0, [0, 0, 0.1], [0.01, 0.01, 0.01])

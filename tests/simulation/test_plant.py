@@ -16,6 +16,7 @@ from armwright.kernels.batch import Kernel
 from armwright.kernels.target import select_target
 from armwright.model.vary import Varied
 from armwright.program import trace
+from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
 from simulation.plants import (
     BRAKE,
@@ -49,14 +50,14 @@ def test_a_plain_arm_has_the_plain_program():
     """Without extras not a state and not an operation more: the same instructions as from the equations alone."""
     arm = aw.load("puma560", on_impossible="warn")
 
-    def bare(x, u):
+    def bare(x, command):
         q, qd = x[:6], x[6:]
-        return np.concatenate([qd, forward_dynamics(arm, q, qd, limited_drive(arm, qd, u).tau)])
+        return np.concatenate([qd, forward_dynamics(arm, q, qd, limited_drive(arm, qd, command).tau)])
 
-    inputs = {"x": (12,), "u": (6,)}
+    inputs = {"x": (12,), "command": (6,)}
     plant = Plant.of(arm)
-    assert str(plant.program().program) == str(trace("plant", bare, inputs, ("xd",)))
-    assert [part.name for part in plant.parts] == ["q", "qd"]
+    assert str(plant.program(PlantInputs(np.zeros(6))).program) == str(trace("plant", bare, inputs, ("xd",)))
+    assert plant.layout.names == ("q", "qd")
 
 
 @pytest.mark.parametrize("name", MANY)
@@ -75,7 +76,7 @@ def test_states_are_those_of_the_record(name):
         "harmonic": ["motor_q", "motor_qd", "bristle"],
     }
     plant = Plant.of(MANY[name])
-    names = [part.name for part in plant.parts[2:]]
+    names = list(plant.layout.names[2:])
     if name in expected:
         assert names == expected[name]
     assert plant.size == len(begun(plant)) == len(plant.derivative(begun(plant), np.zeros(plant.model.n)))
@@ -208,8 +209,8 @@ def test_contacts_are_those_of_the_state(q, qd, ahead, faster):
     expected = [q >= 1.0, q <= -1.0, ahead >= 0.002, ahead <= -0.002]
     near = np.abs([q - 1.0, q + 1.0, ahead - 0.002, ahead + 0.002]) < 1e-12
     assert all(a == b or close for a, b, close in zip(touching, expected, near, strict=True))
-    np.testing.assert_array_equal(plant.derivative(x, u), plant.derivative(x, u, touching=touching))
-    free, apart = plant.derivative(x, u, touching=np.zeros(4)), Plant.of(APART)
+    np.testing.assert_array_equal(plant.derivative(x, u), plant.derivative(x, PlantInputs(u, contacts=touching)))
+    free, apart = plant.derivative(x, PlantInputs(u, contacts=np.zeros(4))), Plant.of(APART)
     np.testing.assert_allclose(free, apart.derivative(x, u), rtol=1e-12)
 
 
@@ -223,12 +224,13 @@ def plant_moved(plant, ahead, faster):
 def test_brakes_take_part_only_where_they_are_asked_for():
     arm = pendulum(motor=MOTOR, friction=COULOMB, brake=BRAKE)
     assert Plant.of(arm).size == 2
-    assert [part.name for part in Plant.of(arm, brakes=True).parts] == ["q", "qd", "brake"]
+    assert Plant.of(arm, brakes=True).layout.names == ("q", "qd", "brake")
     assert not Plant.of(MANY["plain"], brakes=True).brakes
     x = np.array([0.1, 0.2, 1e-3])
     plant = Plant.of(arm, brakes=True)
-    np.testing.assert_array_equal(plant.derivative(x, [1.0]), plant.derivative(x, [1.0], None, np.zeros(1)))
-    assert scalar.is_symbolic(plant.program(brake=True).split(x, np.zeros(1), None, np.ones(1))[0])
+    released, applied = (PlantInputs(np.array([1.0]), brake=np.array([on])) for on in (0.0, 1.0))
+    np.testing.assert_array_equal(plant.derivative(x, [1.0]), plant.derivative(x, released))
+    assert scalar.is_symbolic(plant.program(applied).split(x, applied)[0])
 
 
 def test_what_the_drives_did():

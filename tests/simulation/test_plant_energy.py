@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
 from simulation.energies import Balance
 from simulation.plants import COULOMB, ELASTIC, LUGRE, MANY, MOTOR, SUPPLY, chain, pendulum
@@ -116,6 +117,6 @@ def test_powers_of_a_wrench():
     """The arm that is pushed does negative work on its environment."""
     plant = Plant.of(MANY["plain"])
     x, wrench = plant.initial([0.0], [2.0]), np.array([0.0, 0.0, -5.0, 0.0, 0.0, 0.0])
-    assert plant.energy_rates(x, [0.0], wrench)["mechanical"] == pytest.approx(0.0)  # the tip is the joint's own frame
+    assert plant.energy_rates(x, PlantInputs(np.zeros(1), wrench))["mechanical"] == pytest.approx(0.0)  # the tip is the joint's own frame
     turned = np.array([0.0, 0.0, 0.0, 0.0, 3.0, 0.0])
-    assert plant.energy_rates(x, [0.0], turned)["mechanical"] == pytest.approx(-6.0)
+    assert plant.energy_rates(x, PlantInputs(np.zeros(1), turned))["mechanical"] == pytest.approx(-6.0)

@@ -65,9 +65,8 @@ def test_parity(name, u):
     arm = pendulum(**joint) if len(u) == 1 else chain([joint, joint])
     plant, n, duration = Plant.of(arm), len(u), 0.1
     x = plant.initial(np.full(n, 0.3), np.full(n, 0.5))
-    for part in plant.parts:
-        if part.name == "bristle":
-            x[part.place] = 0.0  # as MuJoCo begins
+    if "bristle" in plant.layout:
+        plant.part(x, "bristle")[:] = 0.0  # as MuJoCo begins
     ours = steps(plant, x, u, 1e-5, 10_000)[-1][: 2 * n]
     errors = [np.abs(theirs(h, duration, extra, u) - ours).max() for h in (1e-3, 5e-4, 2.5e-4)]
     assert errors[-1] < {0: 1e-5, 1: 1e-3, 4: 1e-7}[order]

@@ -48,10 +48,10 @@ def test_a_joint_between_stops_bounces_as_in_closed_form(name):
     arm = pendulum("torque", gravity=0.0, stops=STOPS, limits={"position_rad": [-0.1, 0.1]})
     inertia, duration = float(aw.mass_matrix(arm, np.zeros(1))[0, 0]), 2.0
     exact = np.array(bounced(inertia, 0.1, 1.0, duration))
-    simulator, errors = compile_loop(arm, name), []
+    loop, errors = compile_loop(arm, name), []
     for k in range(4):
         common = {"command": [0.0], "qd0": [1.0], "duration": duration, "record_every": 0}
-        run = aw.simulate(aw.Scenario(arm, step=4e-3 / 2**k, integrator=name, **common), loop=simulator)
+        run = aw.simulate(aw.Scenario(arm, step=4e-3 / 2**k, integrator=name, **common), loop=loop)
         errors.append(np.abs([run.q.values[-1, 0], run.qd.values[-1, 0]] - exact).max())
     assert np.log2(errors[0] / errors[-1]) / 3 == pytest.approx(INTEGRATORS[name].order, abs=0.3), errors
 

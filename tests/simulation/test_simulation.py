@@ -52,7 +52,7 @@ def final(run) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def cmu():
-    """The CMU arm and its compiled simulator."""
+    """The CMU arm and its compiled loop."""
     arm = aw.load("cmu-dd")
     return arm, compile_loop(arm)
 
@@ -76,9 +76,9 @@ def test_motor_reaches_the_speed_its_constants_say():
 
 def test_against_scipy(cmu):
     """The whole CMU arm with motors, DOP853 at 1e-11, tolerance of RK3 at 1 ms."""
-    arm, simulator = cmu
+    arm, loop = cmu
     u = np.array([20.0, -15.0, 8.0, 5.0, -2.0, 1.5])
-    run = aw.simulate(aw.Scenario(arm, duration=0.6, command=u), loop=simulator)
+    run = aw.simulate(aw.Scenario(arm, duration=0.6, command=u), loop=loop)
     exact = solve_ivp(
         lambda t, x: plant_derivative(arm, x, u), (0, 0.6), np.zeros(12), "DOP853", rtol=1e-11, atol=1e-12
     )
@@ -96,7 +96,7 @@ DRIVEN = {  # commands in each arm's own unit that keep it moving, and speeds to
 
 @pytest.fixture(scope="module", params=sorted(DRIVEN))
 def driven(request):
-    """An arm, its compiled simulator, commands and a start."""
+    """An arm, its compiled loop, commands and a start."""
     arm = aw.load(request.param)
     command, qd0 = DRIVEN[request.param]
     q0 = np.array([np.clip(0.4, *body.limits.position) for body in arm.bodies])
@@ -110,9 +110,9 @@ def test_every_arm_is_driven():
 
 def test_order_three(driven):
     """Halving the step divides RK3's error by 8."""
-    arm, simulator, start = driven
+    arm, loop, start = driven
     ends = {
-        h: final(aw.simulate(aw.Scenario(arm, duration=0.064, step=h, **start, record_every=0), loop=simulator))
+        h: final(aw.simulate(aw.Scenario(arm, duration=0.064, step=h, **start, record_every=0), loop=loop))
         for h in (5e-4, 2.5e-4, 1.25e-4, 7.8125e-6)
     }
     errors = [np.abs(ends[h] - ends[7.8125e-6]).max() for h in (5e-4, 2.5e-4, 1.25e-4)]
@@ -126,8 +126,8 @@ def test_energy_balance(driven):
 
     from armwright.actuators import friction_torques
 
-    arm, simulator, start = driven
-    run = aw.simulate(aw.Scenario(arm, duration=0.2, step=1e-4, **start), loop=simulator)
+    arm, loop, start = driven
+    run = aw.simulate(aw.Scenario(arm, duration=0.2, step=1e-4, **start), loop=loop)
     q, qd, tau = (run[name].values for name in ("q", "qd", "tau"))
     energy = [aw.kinetic_energy(arm, q[k], qd[k]) + aw.potential_energy(arm, q[k]) for k in (0, -1)]
     into = simpson(np.sum(tau * qd, axis=1), x=run.time.values)
@@ -138,8 +138,8 @@ def test_energy_balance(driven):
 
 def test_electrical_power_is_heat_and_motion(cmu):
     """V i = R i² + tau q̇, row by row."""
-    arm, simulator = cmu
-    run = aw.simulate(aw.Scenario(arm, duration=0.2, command=np.full(6, 5.0)), loop=simulator)
+    arm, loop = cmu
+    run = aw.simulate(aw.Scenario(arm, duration=0.2, command=np.full(6, 5.0)), loop=loop)
     resistance = np.array([body.drive.resistance for body in arm.bodies])
     v, i, tau, qd = (run[name].values for name in ("voltage", "current", "tau", "qd"))
     assert np.allclose(v * i, resistance * i**2 + tau * qd, rtol=0, atol=1e-10 * np.abs(v * i).max())
@@ -147,18 +147,18 @@ def test_electrical_power_is_heat_and_motion(cmu):
 
 def test_bits_do_not_depend_on_lanes_threads_or_width(cmu):
     """The lane's own bits, whatever the number of lanes, its place, the threads, the vector width."""
-    arm, simulator = cmu
+    arm, loop = cmu
     rng = np.random.default_rng(5)
     command, q0 = rng.uniform(-5, 5, (37, 6)), rng.uniform(-1, 1, (37, 6))
-    whole = aw.simulate(aw.Scenario(arm, duration=0.1, command=aw.Batch(command), q0=aw.Batch(q0)), loop=simulator)
+    whole = aw.simulate(aw.Scenario(arm, duration=0.1, command=aw.Batch(command), q0=aw.Batch(q0)), loop=loop)
     for lane in (0, 7, 8, 36):
-        alone = aw.simulate(aw.Scenario(arm, duration=0.1, command=command[lane], q0=q0[lane]), loop=simulator)
+        alone = aw.simulate(aw.Scenario(arm, duration=0.1, command=command[lane], q0=q0[lane]), loop=loop)
         assert np.array_equal(final(alone), final(whole)[lane])
         assert np.array_equal(alone.qdd.values, whole.qdd.values[lane])
     tiled = {"command": aw.Batch(np.tile(command, (8, 1))), "q0": aw.Batch(np.tile(q0, (8, 1)))}
     many = aw.Scenario(arm, duration=0.1, record_every=0, **tiled)
     for threads in (1, 2, 3):
-        assert np.array_equal(final(aw.simulate(many, loop=simulator, threads=threads)), np.tile(final(whole), (8, 1)))
+        assert np.array_equal(final(aw.simulate(many, loop=loop, threads=threads)), np.tile(final(whole), (8, 1)))
     if select_target().width == 8:
         lanes = {"command": aw.Batch(command), "q0": aw.Batch(q0)}
         narrow = aw.simulate(aw.Scenario(arm, duration=0.1, target="x86-64-v3", **lanes))
@@ -167,11 +167,11 @@ def test_bits_do_not_depend_on_lanes_threads_or_width(cmu):
 
 def test_schedule_rows_are_landed_on(cmu):
     """Rows on and between ticks act at their own times: against SciPy restarted at every row."""
-    arm, simulator = cmu
+    arm, loop = cmu
     times = np.array([0.0, 0.01234321, 0.01236789, 0.05, 0.0876543, 0.1])
     commands = np.random.default_rng(6).uniform(-8, 8, (6, 6))
     schedule = aw.Schedule(times, commands, tuple(arm.names))
-    run = aw.simulate(aw.Scenario(arm, duration=0.12, step=1e-4, schedule=schedule), loop=simulator)
+    run = aw.simulate(aw.Scenario(arm, duration=0.12, step=1e-4, schedule=schedule), loop=loop)
     x = np.zeros(12)
     for first, last, u in zip(times, [*times[1:], 0.12], commands, strict=True):
         x = solve_ivp(
@@ -184,7 +184,7 @@ def test_schedule_rows_are_landed_on(cmu):
 
 def test_schedules_a_lane(cmu):
     """Lanes with schedules of their own, rows at different times: each lane's bits are those of its own run."""
-    arm, simulator = cmu
+    arm, loop = cmu
     rng = np.random.default_rng(7)
     schedules = [
         aw.Schedule(
@@ -194,9 +194,9 @@ def test_schedules_a_lane(cmu):
         )
         for k in range(11)
     ]
-    together = aw.simulate(aw.Scenario(arm, duration=0.1, schedule=aw.Batch(schedules)), loop=simulator)
+    together = aw.simulate(aw.Scenario(arm, duration=0.1, schedule=aw.Batch(schedules)), loop=loop)
     for lane in (0, 1, 5, 10):
-        alone = aw.simulate(aw.Scenario(arm, duration=0.1, schedule=schedules[lane]), loop=simulator)
+        alone = aw.simulate(aw.Scenario(arm, duration=0.1, schedule=schedules[lane]), loop=loop)
         assert np.array_equal(alone.q.values, together.q.values[lane])
         assert np.array_equal(alone.u.values, together.u.values[lane])
 
@@ -287,33 +287,32 @@ def test_position_limit_is_reported():
 
 def test_record_every_and_state_only(cmu):
     """Fewer rows are the same rows."""
-    arm, simulator = cmu
-    full = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6)), loop=simulator)
-    tenth = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6), record_every=10), loop=simulator)
+    arm, loop = cmu
+    full = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6)), loop=loop)
+    tenth = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6), record_every=10), loop=loop)
     ends = aw.simulate(
-        aw.Scenario(arm, duration=0.06, command=np.ones(6), record_every=0, record="state"), loop=simulator
+        aw.Scenario(arm, duration=0.06, command=np.ones(6), record_every=0, record="state"), loop=loop
     )
     assert np.array_equal(tenth.q.values, full.q.values[::10])
     assert np.array_equal(tenth.time.values, full.time.values[::10])
     assert np.array_equal(ends.q.values, full.q.values[[0, -1]])
     assert "tau" not in ends
-    assert set(full.data_vars) == {"q", "qd", "qdd", "tau", "u", "voltage", "current"}
+    assert set(full.data_vars) == {"q", "qd", "qdd", "tau", "u", "voltage", "current", "loop_state"}
 
 
 def test_progress_counts_all_steps(cmu):
     """The last call says that all is done, with one thread or more."""
-    arm, simulator = cmu
+    arm, loop = cmu
     for threads in (1, 2):
         seen = []
         scenario = aw.Scenario(arm, duration=0.1, command=aw.Batch(np.zeros((600, 6))), record_every=0)
-        aw.simulate(scenario, loop=simulator, threads=threads, progress=lambda *steps, seen=seen: seen.append(steps))
+        aw.simulate(scenario, loop=loop, threads=threads, progress=lambda *steps, seen=seen: seen.append(steps))
         assert seen[-1][0] == seen[-1][1] > 0
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({}, "nothing drives the arm"),
         ({"command": [0, 0]}, "duration: expected one"),
         ({"command": [0, 0], "duration": -1.0}, "duration = -1.0: expected a time above 0 s"),
         ({"command": [0, 0], "duration": float("nan")}, "duration = nan"),
@@ -344,12 +343,18 @@ def test_scenarios_that_cannot_run(changes, message):
         aw.Scenario(aw.load("two-link"), **changes)
 
 
-def test_a_simulator_serves_its_own_arm_only(cmu):
-    """Another arm, or a variant of the same, is another simulator: refused, not run with the wrong numbers."""
-    arm, simulator = cmu
+def test_an_arm_that_nothing_drives_is_refused():
+    """Commands from outside come step by step: a run of its own has none."""
+    with pytest.raises(ScenarioError, match="nothing drives the arm"):
+        aw.simulate(aw.Scenario(aw.load("two-link"), duration=0.1))
+
+
+def test_a_loop_serves_its_own_arm_only(cmu):
+    """Another arm, or a variant of the same, is another loop: refused, not run with the wrong numbers."""
+    arm, loop = cmu
     for other in (aw.load("two-link"), arm.replace(gravity=[0, 0, 0])):
-        with pytest.raises(ScenarioError, match="the simulator was compiled for arm"):
-            aw.simulate(aw.Scenario(other, duration=0.1, command=np.zeros(other.n)), loop=simulator)
+        with pytest.raises(ScenarioError, match="the loop was compiled for arm"):
+            aw.simulate(aw.Scenario(other, duration=0.1, command=np.zeros(other.n)), loop=loop)
 
 
 def test_gear_loss_under_load_bounds_the_step():
@@ -426,17 +431,17 @@ def test_a_joint_without_inertia_is_named():
 
 def test_too_much_to_record(cmu):
     """What memory cannot hold is said before it runs, with what to do."""
-    arm, simulator = cmu
+    arm, loop = cmu
     for duration in (1e12, 1e300):
         with pytest.raises(ScenarioError, match=r"record_every above 1|more than can be counted"):
-            aw.simulate(aw.Scenario(arm, duration=duration, command=np.zeros(6)), loop=simulator)
+            aw.simulate(aw.Scenario(arm, duration=duration, command=np.zeros(6)), loop=loop)
 
 
 def test_ctrl_c_comes_back_soon(cmu):
     """An interruption while threads share the lanes ends them after the piece each is in."""
     import time
 
-    arm, simulator = cmu
+    arm, loop = cmu
     scenario = aw.Scenario(arm, duration=400.0, command=aw.Batch(np.zeros((600, 6))), record_every=0)
     start = time.perf_counter()
 
@@ -444,7 +449,7 @@ def test_ctrl_c_comes_back_soon(cmu):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        aw.simulate(scenario, loop=simulator, threads=2, progress=interrupt)
+        aw.simulate(scenario, loop=loop, threads=2, progress=interrupt)
     assert time.perf_counter() - start < 5.0  # the whole run takes a quarter of a minute
 
 
