@@ -11,7 +11,11 @@ import armwright as aw
 from armwright import scalar
 from armwright.actuators import holding_command, limited_drive, told_command
 from armwright.errors import ScenarioError
+from armwright.interfaces import Measurement
+from armwright.model.joint_signals import motion_layout
 from armwright.simulation.integrate.integrators import rk3_step
+from armwright.simulation.loop.controller import reference_of
+from armwright.simulation.loop.references import reference_rows
 from armwright.simulation.loop.sensors import Sensors
 from armwright.simulation.loop.shaping import Shaping
 from armwright.simulation.loop.timing import Timing
@@ -86,17 +90,12 @@ def accounted(model, law, reference, ticks, timing=None, shaping=None, substeps=
 
 
 def aw_measurement(y, applied, n):
-    from armwright.interfaces import Measurement
-
     return Measurement(y[:n], y[n : 2 * n], y[2 * n :], applied)
 
 
 def references(model, ticks):
-    from armwright.simulation.loop.controller import reference_of
-    from armwright.simulation.loop.references import reference_rows
-
     rows = reference_rows(model, swing, np.arange(ticks + 1) * PERIOD)
-    return [reference_of(row, model.n) for row in rows]
+    return [reference_of(motion_layout(model), row) for row in rows]
 
 
 CASES = {

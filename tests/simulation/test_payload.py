@@ -34,8 +34,8 @@ def test_a_switch_is_two_runs_one_behind_the_other(integrator):
     switched = [aw.Payload(0.05, *HELD), aw.Payload(0.12, 0.0)]
     run = aw.simulate(aw.Scenario(bare, payload=switched, duration=0.2, **common, **START))
     a = aw.simulate(aw.Scenario(bare, duration=0.05, **common, **START))
-    b = aw.simulate(aw.Scenario(bare.with_payload(*HELD), duration=0.07, initial=a, **common))
-    c = aw.simulate(aw.Scenario(bare, duration=0.08, initial=b, **common))
+    b = aw.simulate(aw.Scenario(bare.with_payload(*HELD), duration=0.07, start=a, **common))
+    c = aw.simulate(aw.Scenario(bare, duration=0.08, start=b, **common))
     tight = 1e-10 if integrator == "cvodes" else 1e-14
     for part, rows in ((a, slice(0, 50)), (b, slice(50, 120)), (c, slice(120, 200))):
         np.testing.assert_allclose(run.q.values[rows], part.q.values[:-1], atol=tight)
@@ -185,7 +185,7 @@ def test_two_hands_hold_their_own():
     left = aw.simulate(aw.Scenario(model, payload=emptied, **common))
     half = aw.simulate(aw.Scenario(held, **common | {"duration": 0.05}))
     rest = aw.simulate(
-        aw.Scenario(model.with_payload(*HELD, "forearm"), initial=half, command=[20.0, 5.0], duration=0.05)
+        aw.Scenario(model.with_payload(*HELD, "forearm"), start=half, command=[20.0, 5.0], duration=0.05)
     )
     np.testing.assert_allclose(left.q.values[50:], rest.q.values, atol=1e-13)
 

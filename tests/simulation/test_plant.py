@@ -183,9 +183,10 @@ def test_outputs_of_a_plain_arm():
 def test_a_wrench_reaches_every_plant():
     """As in `forward_dynamics`; the same acceleration of a plain arm and of one that has a state more."""
     wrench, u = np.array([3.0, 0.0, 5.0, 0.0, 2.0, 0.0]), np.array([12.0])
-    found = [Plant.of(MANY[name]).derivative(begun(Plant.of(MANY[name])), u, wrench)[1] for name in ("plain", "supply")]
+    plain, supplied = (Plant.of(MANY[name]) for name in ("plain", "supply"))
+    found = [plant.derivative(begun(plant), PlantInputs(u, wrench))[1] for plant in (plain, supplied)]
     assert found[0] == pytest.approx(found[1], rel=1e-12)
-    assert found[0] != pytest.approx(Plant.of(MANY["plain"]).derivative(begun(Plant.of(MANY["plain"])), u)[1])
+    assert found[0] != pytest.approx(plain.derivative(begun(plain), u)[1])
 
 
 @pytest.mark.parametrize("name", MANY)

@@ -32,7 +32,8 @@ def check_numbers(
     more = ", or one for each joint" * per_joint + ", or a Batch of such" * batch
     laned = batch and isinstance(value, Batch)
     try:
-        numbers = np.asarray(lane_values(value) if laned else np.asarray(value)[None])
+        plain = None if isinstance(value, (Batch, Draw)) else value
+        numbers = np.asarray(lane_values(value) if laned else np.asarray(plain)[None])
     except ValueError:  # rows of unequal length
         numbers = np.asarray(None)
     if numbers.dtype.kind not in "iuf" or numbers.ndim > 1 + per_joint:

@@ -533,7 +533,9 @@ def simulate(
     happened; the others go on. A single run that does so raises.
 
     Args:
-        scenario: what to run.   progress, threads: as `Simulation.run`.
+        scenario: what to run.
+        progress: called now and then with the steps done and the steps there are, over all lanes.
+        threads: how many share the lanes, by default all cores; the result does not depend on it.
         loop: a compiled arm to use again, for commands over time alone; by default one is compiled.
     Returns:
         run: time, q, qd, qdd, tau, u and, where the record has the constants, voltage and current; units in attributes.

@@ -113,7 +113,8 @@ def in_order(run: xr.Dataset) -> xr.Dataset:
     A time or a joint selected alone, `run.isel(joint=0)`, is a dimension again.
 
     Raises:
-        RunError: no run: no dataset, one without the coordinates of a run, or one with further dimensions.
+        RunError: no run: no dataset, one without the coordinates of a run, or one whose motion has further dimensions;
+            those of single variables, such as the entries of a sensor's signal, stay behind.
     """
     _check_dataset(run)
     missing = [name for name in ("time", "joint", "kind", "command") if name not in run.coords]
@@ -124,11 +125,10 @@ def in_order(run: xr.Dataset) -> xr.Dataset:
             varying = [name for name, variable in run.variables.items() if name in LONG_NAMES or name in coordinates]
             varying += [name for name, variable in run.data_vars.items() if {"time", "joint"} & set(variable.dims)]
             run = run.assign({name: run[name].variable.expand_dims(dim) for name in dict.fromkeys(varying)})
-    try:
-        return run.transpose(*(dim for dim in DIMENSIONS if dim in run.dims))
-    except ValueError:
-        further = [str(dim) for dim in run.dims if dim not in DIMENSIONS]
-        raise RunError(f"dimension {further[0]!r}: expected those of a run, lane, time and joint") from None
+    further = [str(dim) for name in LONG_NAMES if name in run for dim in run[name].dims if dim not in DIMENSIONS]
+    if further:
+        raise RunError(f"dimension {further[0]!r}: expected those of a run, lane, time and joint")
+    return run.transpose(*(dim for dim in DIMENSIONS if dim in run.dims), ...)
 
 
 def _check_dataset(run: Any) -> None:
