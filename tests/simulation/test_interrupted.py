@@ -68,3 +68,40 @@ def test_before_anything_is_finished_it_is_a_plain_interrupt():
     with pytest.raises(KeyboardInterrupt) as stop:
         aw.simulate(scenarios(4000, 0.2)[0], progress=stopping_at(0.0), threads=1)
     assert stop.type in (KeyboardInterrupt, Interrupted)
+
+
+class Integrates:
+    """PI whose integrator is in a dictionary: called in Python, which remembers for it."""
+
+    def init(self, arm, y):
+        return {"i": np.zeros(arm.n)}
+
+    def step(self, t, r, y, s):
+        i = s["i"] + 0.1 * (np.asarray(r.q, float) - y.q)
+        return 20.0 * (r.q - y.q) + i, {"i": i}
+
+
+@pytest.mark.parametrize("stepped", [0, 7])
+@pytest.mark.parametrize("lanes", [None, 600])
+def test_a_simulation_stays_where_it_was(lanes, stepped):
+    """After Ctrl-C, and where the state at the end is not kept, it runs again to the last bit; a measurement is taken once."""
+    model = arm("two-link")
+    q0 = np.random.default_rng(2).uniform(-0.2, 0.2, (lanes or 1, 2))
+    scenario = aw.Scenario(
+        model, controller=Integrates(), reference=np.zeros(2), q0=aw.Batch(q0) if lanes else q0[0], sample_period=PERIOD,
+        duration=20 * PERIOD, sensors=aw.Sensors(velocity="difference", position_noise=1e-3),
+    )  # fmt: skip
+    whole = aw.simulate(scenario)
+    simulation = aw.Simulation(scenario)
+    for _ in range(stepped):
+        simulation.step()
+    _ = simulation.measurement
+    left = (20 - stepped) * PERIOD
+    with pytest.raises(KeyboardInterrupt):
+        simulation.run(left, progress=stopping_at(0.0))
+    assert simulation.tick == stepped
+    for keep_state in (False, True):
+        run = simulation.run(left, keep_state=keep_state)
+        for name in ("q", "qd_measured", "u"):
+            np.testing.assert_array_equal(run[name].values, whole[name].values[..., stepped:, :])
+    assert simulation.tick == 20

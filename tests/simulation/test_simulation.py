@@ -224,6 +224,14 @@ def test_diverged_lane_is_frozen_and_the_rest_go_on():
         aw.simulate(aw.Scenario(arm, duration=0.05, command=np.zeros(2), qd0=[1e200, 0]))
 
 
+def test_a_simulation_that_diverged_stays_where_it_was():
+    simulation = aw.Simulation(aw.Scenario(aw.load("two-link"), duration=0.05, command=np.zeros(2), qd0=[1e200, 0]))
+    for _ in range(2):
+        with pytest.raises(DivergenceError, match="at t = 0 s"):
+            simulation.run()
+        assert simulation.tick == simulation.state.tick == 0
+
+
 def test_step_too_large_is_refused_before_it_runs():
     """Names the time constant and a step that does; that step is then taken, and the run stays bounded."""
     arm = motor_alone(motor={"resistance_ohm": 0.01})
@@ -290,9 +298,7 @@ def test_record_every_and_state_only(cmu):
     arm, loop = cmu
     full = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6)), loop=loop)
     tenth = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6), record_every=10), loop=loop)
-    ends = aw.simulate(
-        aw.Scenario(arm, duration=0.06, command=np.ones(6), record_every=0, record="state"), loop=loop
-    )
+    ends = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6), record_every=0, record="state"), loop=loop)
     assert np.array_equal(tenth.q.values, full.q.values[::10])
     assert np.array_equal(tenth.time.values, full.time.values[::10])
     assert np.array_equal(ends.q.values, full.q.values[[0, -1]])
@@ -355,6 +361,23 @@ def test_a_loop_serves_its_own_arm_only(cmu):
     for other in (aw.load("two-link"), arm.replace(gravity=[0, 0, 0])):
         with pytest.raises(ScenarioError, match="the loop was compiled for arm"):
             aw.simulate(aw.Scenario(other, duration=0.1, command=np.zeros(other.n)), loop=loop)
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"record": "state"}, "recorded states alone"),
+        ({"record": "none", "reduce": ["peak_torque"]}, "reduction"),
+        ({"wrench": np.ones(6)}, "wrench"),
+        ({"command": None, "controller": aw.JointPID(kp=1.0)}, "sampling"),
+    ],
+)
+def test_a_loop_of_another_kind_is_refused(fields, said):
+    """A loop without what a run needs is refused in one line, not found out on the way."""
+    common = {"command": np.zeros(2), "duration": 0.01}
+    other = aw.Simulation(aw.Scenario(aw.load("two-link"), **(common | fields))).loop
+    with pytest.raises(ScenarioError, match=f"the loop was compiled for {said}; expected one for commands"):
+        aw.simulate(aw.Scenario(other.arm, **common), loop=other)
 
 
 def test_gear_loss_under_load_bounds_the_step():

@@ -79,7 +79,7 @@ class Simulation:
         self.reference = self._reference(1 if scenario.duration is None else scenario.ticks)
         self.config, self.initialisation = self._configured()
         if loop is not None:
-            loop.check(self.config, scenario.target)
+            loop.check(self.config, scenario.target, outputs=scenario.record == "all")
         self.loop = loop or CompiledLoop.of(self.config, scenario.target, outputs=scenario.record == "all")
         self.untraced, self.plant = self.loop.tick.untraced, self.config.bare
         if self.untraced is not None and scenario.controller is not None:
@@ -98,7 +98,8 @@ class Simulation:
             None if self.config.sampling is None else PythonController(self.controller, self.arm, self.period)
         )
         self._lanes: Lanes | None = None  # of a loop that is stepped
-        self._measured = False  # whether the stages before the controller are done for the tick that comes next
+        # whether the stages before the controller are done for the tick that comes next
+        self._measured = self._started is not None and self._started.measured
         self._keep = self._kept_blocks()
 
     # Making.
@@ -280,8 +281,21 @@ class Simulation:
         name = "" if self.config.sampling is None else self.controller.name
         return LoopState(self.tick, self.period, self.scenario.lane_count is None, blocks, rings, python, name)
 
-    def _advance(self, lanes: Lanes, tick: int, end: int, last: int, record: np.ndarray | None, every: int) -> None:
-        """Takes a group of lanes through ticks, from one to before another; in tick `last` nothing moves."""
+    def _advance(
+        self,
+        lanes: Lanes,
+        tick: int,
+        end: int,
+        last: int,
+        record: np.ndarray | None,
+        every: int,
+        *,
+        measured: bool = False,
+    ) -> None:
+        """Takes a group of lanes through ticks, from one to before another; in tick `last` nothing moves.
+
+        `measured`: whether the stages before the controller are done for the first of them.
+        """
         run = {**self._given(), "last": last, "every": every, "records": {} if record is None else {"run": record}}
         loops = self.loop.loops
         if len(loops) == 1 and self._solver is None:
@@ -289,9 +303,8 @@ class Simulation:
             return
         before, *after = loops
         for k in range(tick, end):
-            if not self._measured:
+            if not (after and measured and k == tick):
                 before.run(lanes, self.period, (k, k + 1), **run)
-            self._measured = False
             if after:
                 assert self._in_python is not None
                 if self.scenario.controller is not None:
@@ -353,6 +366,8 @@ class Simulation:
         reduced = np.zeros((self.count, 0 if self.reduction is None else self.reduction.size))
         origin, began = self.origin, clock.perf_counter()
         groups: dict[int, LoopState] = {}
+        self._lanes, self._started = None, state  # from here it goes on after Ctrl-C or an error
+        self._forget()
 
         def begin(first: int, count: int) -> Work:
             lanes = Lanes(count, width, first, self.scenario.first_lane)
@@ -364,7 +379,8 @@ class Simulation:
                 for start, stop in _slices(tick, end, self.period) if real_time else [(tick, end)]:
                     if real_time:
                         clock.sleep(max(began + (stop - origin) * self.period - clock.perf_counter(), 0.0))
-                    self._advance(lanes, start, stop, last, own, every)
+                    measured = self._measured and start == origin
+                    self._advance(lanes, start, stop, last, own, every, measured=measured)
                 if end == last:
                     if keep_state:
                         groups[first] = replace(self._state_of([lanes]), tick=last)
@@ -380,13 +396,12 @@ class Simulation:
         in_python = self.untraced is not None or self._solver is not None
         workers = 1 if in_python or real_time else threads or os.cpu_count() or 1
         reached = run_groups(self.count, width, ticks, begin, progress, workers)
-        self._lanes, self._started, end = None, state, None
-        if keep_state and not reached.stopped:
-            self._started = end = _joined(groups)
-            self.tick = origin + ticks
-        recorded = Recorded(record, every, reached, account, reduced, origin)
+        recorded, end = Recorded(record, every, reached, account, reduced, origin), None
         if scenario.lane_count is None:
             account.check(self.arm.name, self.period, recorded.last_row(self))
+        if keep_state and not reached.stopped:
+            self._started = end = _joined(groups)
+            self.tick, self._measured = origin + ticks, False
         run = run_dataset(self, recorded)
         if end is not None and scenario.record == "all":
             end.attach(run)
@@ -435,15 +450,22 @@ class Simulation:
             self._measure(lanes)
             lanes.set("u_asked", rows)
         self._reach_ahead()
-        self._advance(lanes, self.tick, self.tick + 1, self.tick + 2, self._room(1, 2, lanes.width), ENDLESS)
-        self.tick += 1
+        room, measured = self._room(1, 2, lanes.width), self._measured
+        self._advance(lanes, self.tick, self.tick + 1, self.tick + 2, room, ENDLESS, measured=measured)
+        self.tick, self._measured = self.tick + 1, False
 
     def _stepped(self) -> Lanes:
         """The lanes of a loop that is stepped, all in one group."""
         if self._lanes is None:
+            self._forget()
             self._lanes = Lanes(self.count, self.loop.loops[0].target.width, 0, self.scenario.first_lane)
             self._begin(self._lanes, self._started)
         return self._lanes
+
+    def _forget(self) -> None:
+        """Drops what a controller in Python remembers: lanes that begin take it from the state that they go on from."""
+        if self._in_python is not None:
+            self._in_python.states.clear()
 
     def _reach_ahead(self) -> None:
         """Works out the reference of some ticks from here, where it is a table that ends."""
@@ -503,8 +525,7 @@ class Simulation:
         check_state(self.scenario, state)
         self.tick = self.origin = state.tick
         self._started, self._measured = state, state.measured
-        if self._in_python is not None:
-            self._in_python.states.clear()
+        self._forget()
         if self.reference is not None:
             self.reference = self._reference(AHEAD)
         if self._lanes is not None:
@@ -512,10 +533,10 @@ class Simulation:
 
     def reset(self) -> None:
         """Goes back to where the scenario starts."""
-        self._lanes, self._measured, self._started = None, False, self.scenario.started
+        self._lanes, self._started = None, self.scenario.started
+        self._measured = self._started is not None and self._started.measured
         self.tick = self.origin = 0 if self._started is None else self._started.tick
-        if self._in_python is not None:
-            self._in_python.states.clear()
+        self._forget()
         if self.reference is not None:
             self.reference = self._reference(1)
 

@@ -62,9 +62,11 @@ class CompiledLoop:
         stage = next(stage for stage in self.loops[-1].stages if isinstance(stage, Integrate))
         return plant_step(self.config) if stage.landing else stage.step
 
-    def check(self, config: LoopConfig, target: str | None) -> None:
+    def check(self, config: LoopConfig, target: str | None, *, outputs: bool = True) -> None:
         """Refuses a scenario's loop that is another one.
 
+        Args:
+            config, target: of the scenario.   outputs: whether it asks for what follows from rows.
         Raises:
             ScenarioError: names what differs.
         """
@@ -80,11 +82,22 @@ class CompiledLoop:
                     f"the loop was compiled for {name} = {known}, not for the scenario's {asked}; "
                     "expected compile_loop of the scenario's own"
                 )
-        extra = [name for name in ("sampling", "reduction") if getattr(config, name) is not None] + list(config.inputs)
-        if extra:
+        if extra := _beside_commands(config):
             raise ScenarioError(
                 f"the loop was compiled for commands over time alone, not for the scenario's {extra[0]}"
             )
+        extra = _beside_commands(self.config)
+        if outputs and self.outputs is None:
+            extra.append("recorded states alone")
+        if extra:
+            raise ScenarioError(
+                f"the loop was compiled for {extra[0]}; expected one for commands over time alone, as compile_loop returns"
+            )
+
+
+def _beside_commands(config: LoopConfig) -> list[str]:
+    """Parts of a tick that commands over time alone do not have."""
+    return [name for name in ("sampling", "reduction") if getattr(config, name) is not None] + list(config.inputs)
 
 
 def compile_loop(
