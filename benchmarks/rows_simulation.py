@@ -55,13 +55,13 @@ def simulation_records(work: str, quick: bool, repetitions: int) -> list[Record]
         return Check(relative_error(states[:count], truth if every else truth[:, -1], 1 + every), tolerance)
 
     def ours(name: str, target: str | None) -> Contestant:
-        simulator = compile_loop(arm, target=target)
+        loop = compile_loop(arm, target=target)
 
         def run() -> Any:
             scenario = aw.Scenario(
                 arm, duration=duration, step=STEP, command=aw.Batch(commands), record_every=every, record="state"
             )
-            return aw.simulate(scenario, loop=simulator, threads=1)
+            return aw.simulate(scenario, loop=loop, threads=1)
 
         def checked(run: Any) -> Check:
             states = np.concatenate([run["q"].values, run["qd"].values], axis=-1)

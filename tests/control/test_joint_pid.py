@@ -24,9 +24,8 @@ def told(seed=0):
 def test_all_terms_are_what_the_equation_says():
     model = arm("cmu-dd")
     r, y = told()
-    law = JointPID(kp=2.0, ki=5.0, kd=0.3, speed_feedforward=0.7, acceleration_feedforward=0.05, gravity=True).configure(
-        model, PERIOD
-    )
+    law = JointPID(kp=2.0, ki=5.0, kd=0.3, speed_feedforward=0.7, acceleration_feedforward=0.05, gravity=True)
+    law = law.configure(model, PERIOD)
     s = law.init(model, y)
     integral = np.full(N, 0.25)
     s[:N] = integral

@@ -55,8 +55,8 @@ class Balance:
             chosen = INTEGRATORS[rule].paired(speed_pairs(plant.layout))
             if not plant.stiff:
                 return chosen.step(lambda y, u: slopes(y, u, *touching)[0], y, u, h)
-            held = touching[0] if touching else None
-            fast = lambda y, u: plant.fast(y[:size], PlantInputs(u, contacts=held))  # noqa: E731
+            touched = touching[0] if touching else None
+            fast = lambda y, u: plant.fast(y[:size], PlantInputs(u, contacts=touched))  # noqa: E731
             return chosen.exponential(Split(lambda y, u: slopes(y, u, *touching), fast, plant.stiff), y, u, h)
 
         if tolerance is not None:

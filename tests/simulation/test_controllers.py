@@ -211,7 +211,10 @@ class TakesLess:
         (aw.JointPID, "controller is the class JointPID; expected a controller that it makes, JointPID(…)"),
         (lambda t, r: r.q, "controller '<lambda>': takes (t, r), expected (t, r, y)"),
         (TakesLess(), "controller 'TakesLess.init': takes (arm), expected (arm, y)"),
-        (lambda t, r, y: y.pos, "controller '<lambda>': AttributeError: no measured signal 'pos'; there is applied, current, q, qd ("),
+        (
+            lambda t, r, y: y.pos,
+            "controller '<lambda>': AttributeError: no measured signal 'pos'; there is applied, current, q, qd (",
+        ),
         (lambda t, r, y: kp * y.q, "NameError: name 'kp' is not defined"),  # noqa: F821
         (lambda t, r, y: y.q / (1 // 0), "ZeroDivisionError"),
         (raising(RuntimeError("first\nsecond")), "controller 'law': RuntimeError: first ("),

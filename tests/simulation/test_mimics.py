@@ -1,4 +1,4 @@
-"""The simulator with joints that mimic others: states are those of the coordinates, and power balances."""
+"""Simulations with joints that mimic others: states are those of the coordinates, and power balances."""
 
 from __future__ import annotations
 

@@ -116,7 +116,8 @@ def test_under_a_sampled_controller_it_shrinks_with_the_order():
 def test_powers_of_a_wrench():
     """The arm that is pushed does negative work on its environment."""
     plant = Plant.of(MANY["plain"])
-    x, wrench = plant.initial([0.0], [2.0]), np.array([0.0, 0.0, -5.0, 0.0, 0.0, 0.0])
-    assert plant.energy_rates(x, PlantInputs(np.zeros(1), wrench))["mechanical"] == pytest.approx(0.0)  # the tip is the joint's own frame
-    turned = np.array([0.0, 0.0, 0.0, 0.0, 3.0, 0.0])
-    assert plant.energy_rates(x, PlantInputs(np.zeros(1), turned))["mechanical"] == pytest.approx(-6.0)
+    x, u = plant.initial([0.0], [2.0]), np.zeros(1)
+    pushed = plant.energy_rates(x, PlantInputs(u, np.array([0.0, 0.0, -5.0, 0.0, 0.0, 0.0])))
+    assert pushed["mechanical"] == pytest.approx(0.0)  # the tip is the joint's own frame
+    turned = plant.energy_rates(x, PlantInputs(u, np.array([0.0, 0.0, 0.0, 0.0, 3.0, 0.0])))
+    assert turned["mechanical"] == pytest.approx(-6.0)
