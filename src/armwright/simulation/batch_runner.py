@@ -60,7 +60,9 @@ def handed_out(run: xarray.Dataset, reached: Reached, ticks: int, lanes: int) ->
     raise Interrupted(note, run)
 
 
-def run_groups(lanes: int, width: int, ticks: int, begin: Group, progress: Progress | None, workers: int) -> Reached:
+def run_groups(
+    lanes: int, width: int, ticks: int, begin: Group, progress: Progress | None, workers: int, *, whole: bool = False
+) -> Reached:
     """Takes all lanes through all ticks.
 
     Ctrl-C ends it after the pieces that are under way; what was finished until then is told, be it lanes or, where all
@@ -70,12 +72,12 @@ def run_groups(lanes: int, width: int, ticks: int, begin: Group, progress: Progr
         lanes: how many.   width: of a tile.   ticks: how many.
         begin: (first lane, count) of a group → (advance, end): advance(first tick, last tick), and what to do behind the last.
         progress: called now and then with the lane-ticks done and those there are.
-        workers: threads that share the groups.
+        workers: threads that share the groups.   whole: whether all lanes are one group.
     Raises:
         KeyboardInterrupt: Ctrl-C came before anything was finished.
     """
     tiles = -(-lanes // width)
-    size = width * max(1, min(TILES_A_GROUP, -(-tiles // workers)))
+    size = width * (tiles if whole else max(1, min(TILES_A_GROUP, -(-tiles // workers))))
     starts = list(range(0, lanes, size))
     done, ended = [0] * len(starts), [False] * len(starts)
     stopped, following, turn = threading.Event(), iter(range(len(starts))), threading.Lock()

@@ -94,18 +94,24 @@ def start_state(scenario: Scenario) -> LoopState:
             raise ScenarioError(
                 "start: a dataset without loop_state; expected a run, as simulate returns with record = 'all'"
             )
-    if not isinstance(state, LoopState):
-        raise ScenarioError(f"start: of type {type(state).__name__}; expected a run or the state of a Simulation")
+        end = float(np.ravel(scenario.start["time"].values)[-1]) if "time" in scenario.start.coords else state.time
+        if abs(end - state.time) > 0.5 * state.period:
+            raise ScenarioError(
+                f"start: the rows of the run end at t = {end:g} s, and its loop_state is that of {state.time:g} s; expected "
+                "a run with its last row"
+            )
     check_state(scenario, state)
     return state
 
 
-def check_state(scenario: Scenario, state: LoopState) -> None:
+def check_state(scenario: Scenario, state: Any) -> None:
     """Refuses a state that a scenario cannot go on from.
 
     Raises:
-        ScenarioError: a state of another plant or another period, or one of a lane that did not come to its end.
+        ScenarioError: no state, one of another plant or another period, or one of a lane that did not come to its end.
     """
+    if not isinstance(state, LoopState):
+        raise ScenarioError(f"start: of type {type(state).__name__}; expected a run or the state of a Simulation")
     size = Plant.of(scenario.arm, brakes=scenario.brake is not None).size
     if state.blocks["x"].shape[1] != size:
         raise ScenarioError(

@@ -15,10 +15,9 @@ from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement
 from armwright.kernels.loop import ENDLESS, Lanes
 from armwright.kernels.stages import state_blocks
-from armwright.parameters import lane_values
 from armwright.signals import Values
 from armwright.simulation.batch_runner import Progress, Work, handed_out, run_groups
-from armwright.simulation.inputs.acting import rows_of
+from armwright.simulation.inputs.acting import numbers_of, rows_of
 from armwright.simulation.inputs.schedule_ticks import held_values, landing_rows
 from armwright.simulation.integrate.cvodes import Cvodes, check_lanes
 from armwright.simulation.integrate.integrators import INTEGRATORS
@@ -94,12 +93,10 @@ class Simulation:
         if self.reference is not None and self.reference.rows is not None:
             self.rows["r"] = landing_rows(self.reference.rows, self.period)
         self._solver = self._cvodes() if scenario.integrator == "cvodes" else None
-        self._in_python = (
-            None if self.config.sampling is None else PythonController(self.controller, self.arm, self.period)
-        )
+        called = self.untraced is not None and scenario.controller is not None
+        self._in_python = PythonController(self.controller, self.arm, self.period) if called else None
         self._lanes: Lanes | None = None  # of a loop that is stepped
-        # whether the stages before the controller are done for the tick that comes next
-        self._measured = self._started is not None and self._started.measured
+        self._measured = self._measured_in(self._started)  # whether the tick that comes next has its measurement
         self._keep = self._kept_blocks()
 
     # Making.
@@ -217,7 +214,7 @@ class Simulation:
                 lanes.fill_ring(name, values[block])
         if state is not None:
             self._restore(lanes, state)
-        if self._in_python is not None and self.untraced is not None and self.scenario.controller is not None:
+        if self._in_python is not None:
             self._in_python.begin(lanes, values["y"])
 
     def acting(self, lanes: Lanes) -> tuple[np.ndarray, np.ndarray]:
@@ -266,6 +263,21 @@ class Simulation:
         other = self.config.sampling is not None and state.controller != self.controller.name
         return {"s"} if other else set()
 
+    def _measured_in(self, state: LoopState | None) -> bool:
+        """Whether a state to go on from has the measurement of its tick already.
+
+        Raises:
+            ScenarioError: it has, and this loop measures and commands in one go: sensors would measure twice.
+        """
+        if state is None or not state.measured:
+            return False
+        if len(self.loop.loops) == 1:
+            raise ScenarioError(
+                f"start: the state at t = {state.time:g} s has its measurement already; expected one from before "
+                "`measurement` was asked, such as after `step`, for a controller that is compiled"
+            )
+        return True
+
     def _begun_anew(self, state: LoopState) -> list[str]:
         """Notes of what does not go on from a state."""
         if self.config.sampling is None or state.controller in ("", self.controller.name):
@@ -277,7 +289,7 @@ class Simulation:
         first = groups[0]
         blocks = {name: np.concatenate([each.get(name) for each in groups]) for name in sorted(self._keep)}
         rings = {name: np.concatenate([each.get_ring(name) for each in groups]) for name in first.rings}
-        python = {} if self._in_python is None or self.untraced is None else self._in_python.memories(groups)
+        python = {} if self._in_python is None else self._in_python.memories(groups)
         name = "" if self.config.sampling is None else self.controller.name
         return LoopState(self.tick, self.period, self.scenario.lane_count is None, blocks, rings, python, name)
 
@@ -305,10 +317,9 @@ class Simulation:
         for k in range(tick, end):
             if not (after and measured and k == tick):
                 before.run(lanes, self.period, (k, k + 1), **run)
+            if self._in_python is not None:
+                self._in_python.step(lanes, k)
             if after:
-                assert self._in_python is not None
-                if self.scenario.controller is not None:
-                    self._in_python.step(lanes, k)
                 after[0].run(lanes, self.period, (k, k + 1), **run)
             if self._solver is not None and k < last:
                 steady = 1 if self.scenario.sampled else last - k  # ticks in which schedules alone change anything
@@ -395,7 +406,8 @@ class Simulation:
 
         in_python = self.untraced is not None or self._solver is not None
         workers = 1 if in_python or real_time else threads or os.cpu_count() or 1
-        reached = run_groups(self.count, width, ticks, begin, progress, workers)
+        whole = self._in_python is not None and self.controller.vectorised
+        reached = run_groups(self.count, width, ticks, begin, progress, workers, whole=whole)
         recorded, end = Recorded(record, every, reached, account, reduced, origin), None
         if scenario.lane_count is None:
             account.check(self.arm.name, self.period, recorded.last_row(self))
@@ -441,12 +453,9 @@ class Simulation:
             )
         lanes = self._stepped()
         if command is not None:
-            rows = np.asarray(lane_values(command), dtype=float)
-            if rows.shape[1:] != (self.arm.n,) or len(rows) not in (1, self.count):
-                raise ScenarioError(
-                    f"step: command of shape {rows.shape[1:]} for {len(rows)} lanes; expected ({self.arm.n},) for 1 or "
-                    f"{self.count}"
-                )
+            rows = numbers_of("command", command, self.arm.names)
+            if len(rows) not in (1, self.count):
+                raise ScenarioError(f"step: commands of {len(rows)} lanes; expected 1 or {self.count}")
             self._measure(lanes)
             lanes.set("u_asked", rows)
         self._reach_ahead()
@@ -484,20 +493,24 @@ class Simulation:
     @property
     def measurement(self) -> Measurement:
         """Measurement of the tick that comes next, in a simulation that is commanded by `step`; else of the last tick."""
-        if self.config.sampling is None:
-            raise ScenarioError(
-                "measurement: the loop is not sampled; expected a scenario with a controller or without commands"
-            )
-        lanes = self._stepped()
-        self._measure(lanes)
+        lanes = self._sampled("measurement")
         return measurement_of(self.controller.y, self._one(lanes.get("y")))
 
     @property
     def reference_now(self) -> JointReference | Values:
         """Reference of the tick that `measurement` belongs to."""
+        lanes = self._sampled("reference_now")
+        return reference_of(self.controller.r, self._one(lanes.get("r")))
+
+    def _sampled(self, asked: str) -> Lanes:
+        """The lanes of a sampled loop, measured."""
+        if self.config.sampling is None:
+            raise ScenarioError(
+                f"{asked}: the loop is not sampled; expected a scenario with a controller or without commands"
+            )
         lanes = self._stepped()
         self._measure(lanes)
-        return reference_of(self.controller.r, self._one(lanes.get("r")))
+        return lanes
 
     @property
     def plant_state(self) -> Values:
@@ -523,8 +536,11 @@ class Simulation:
             ScenarioError: a state of another number of lanes or another period.
         """
         check_state(self.scenario, state)
+        if state.lanes not in (1, self.count):
+            raise ScenarioError(f"restore: a state of {state.lanes} lanes; expected {self.count}")
+        measured = self._measured_in(state)
         self.tick = self.origin = state.tick
-        self._started, self._measured = state, state.measured
+        self._started, self._measured = state, measured
         self._forget()
         if self.reference is not None:
             self.reference = self._reference(AHEAD)
@@ -534,11 +550,11 @@ class Simulation:
     def reset(self) -> None:
         """Goes back to where the scenario starts."""
         self._lanes, self._started = None, self.scenario.started
-        self._measured = self._started is not None and self._started.measured
+        self._measured = self._measured_in(self._started)
         self.tick = self.origin = 0 if self._started is None else self._started.tick
         self._forget()
         if self.reference is not None:
-            self.reference = self._reference(1)
+            self.reference = self._reference(1 if self.scenario.duration is None else self.scenario.ticks)
 
 
 def simulate(
