@@ -327,5 +327,5 @@ def test_lanes_that_do_not_fit_are_refused(fields, said):
 
 
 def test_a_setting_that_all_lanes_share_takes_no_batch():
-    with pytest.raises(ScenarioError, match="position_noise"):
-        aw.Sensors(position_noise=aw.Batch([1e-4, 1e-3]))
+    with pytest.raises(ScenarioError, match=r"shaping: rate = <batch of 2 lanes.* expected a number above 0"):
+        aw.Shaping(rate=aw.Batch([1e2, 1e3]))
