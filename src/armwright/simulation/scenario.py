@@ -145,7 +145,7 @@ class Scenario:
         if self.resolved is not self:  # which was checked when it was made
             return
         _ = self.started, self.commands, self.inputs, self.ticks, self.lane_count, self.initial_state, self.adaptivity
-        _ = self.first_command
+        _ = self.first_command, self.controller_fields
 
     @cached_property
     def resolved(self) -> Scenario:
