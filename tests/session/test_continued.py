@@ -7,7 +7,6 @@ import pytest
 
 import armwright as aw
 from armwright.session import Session
-from armwright.session.continued import MEMORY
 from armwright.session.listing import Line
 from simulation.plants import ELASTIC, LUGRE, MOTOR, SUPPLY, THERMAL, chain
 
@@ -134,7 +133,7 @@ def test_what_does_not_go_on_is_told(robot):
     assert "theta or omega was set at t = 0.06 s" in notes(session)
     session.run("controller none")
     session.run("simulate continue steps=40")
-    assert MEMORY not in session.state.run.attrs
+    assert session.state.run.attrs["controller_settings"] == ""
     assert "began anew at t = 0.08 s" not in notes(session)
 
 
