@@ -8,7 +8,7 @@ written twice.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -138,6 +138,20 @@ class Layout:
     def _places(self) -> dict[str, slice]:
         ends = np.cumsum([0, *(signal.size for signal in self.signals)])
         return {s.name: slice(int(a), int(b)) for s, a, b in zip(self.signals, ends, ends[1:], strict=False)}
+
+    def entry_names(self, joints: Sequence[str]) -> tuple[str, ...]:
+        """A name for every entry: `q elbow`, `force x`, `bus_voltage`.
+
+        Args:
+            joints: names of the arm's joints.
+        """
+        names = []
+        for signal in self.signals:
+            own = signal.labels if signal.joints is None else [joints[j] for j in signal.joints]
+            if own is None or len(own) != signal.size:
+                own = [str(k) if signal.size > 1 else "" for k in range(signal.size)]
+            names += [f"{signal.name} {each}".strip() for each in own]
+        return tuple(names)
 
     def place(self, name: str) -> slice:
         """Where a signal stands in the vector.

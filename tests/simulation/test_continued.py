@@ -1,29 +1,237 @@
-"""A run that goes on from another's end: with every state of its drives, to the last bit."""
+"""Runs and simulations that continue, to the bit: by the run before, by the same simulation, by a saved state."""
 
 from __future__ import annotations
+
+import copy
+import dataclasses
+import pickle
+import time
+from functools import cache
 
 import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.errors import ScenarioError
+from armwright.errors import RunError, ScenarioError
+from armwright.simulation.loop.state import VARIABLE
+from frozen.runs import RUNS, controlled, stubborn, two_link
 from physics.arms import arm
 from simulation.plants import BRAKE, MANY, MOTOR, pendulum
 
+OF_A_PART = {VARIABLE, "diverged_at", "stalled_at", "steps_tried", "event_count", "event_time"}  # not of single rows
+NO_STATE = ("reduced", "continued")  # a run that records nothing, and one that starts from another
+WITHOUT_BITS = [name for name in RUNS if "cvodes" in name]  # a multistep solver restarts at low order
 
-@pytest.mark.parametrize("name", MANY)
-def test_two_runs_are_one(name, tmp_path):
-    """Currents, bristles, temperatures, motors behind springs and the bus begin as they ended; through a file as well."""
-    model = MANY[name]
-    common = {"command": np.full(model.n, 5.0), "step": 2e-4}
-    whole = aw.simulate(aw.Scenario(model, duration=0.1, **common))
-    first = aw.simulate(aw.Scenario(model, duration=0.05, **common))
-    aw.save(first, tmp_path / "first.nc")
-    for run in (first, aw.load_run(tmp_path / "first.nc")):
-        second = aw.simulate(aw.Scenario(model, initial=run, duration=0.05, **common))
-        for variable in whole.data_vars:
-            np.testing.assert_array_equal(second[variable].values, whole[variable].values[250:], err_msg=str(variable))
-    assert second.time.values[0] == 0.0
+
+@cache
+def halved(name):
+    """A reference run, the ticks of its first half, and the ticks of its second."""
+    scenario = RUNS[name]()
+    every = scenario.record_every or scenario.ticks
+    first = scenario.ticks // every // 2 * every
+    return scenario, first, scenario.ticks - first
+
+
+def by_run(scenario, first, second, folder):
+    """Halves of a run: the second starts from the first, which was read from a file."""
+    a = aw.simulate(dataclasses.replace(scenario, duration=first * scenario.tick))
+    aw.save(a, folder / "first.nc")
+    later = {"q0": None, "qd0": None, "start": aw.load_run(folder / "first.nc")}
+    return a, aw.simulate(dataclasses.replace(scenario, **later, duration=second * scenario.tick))
+
+
+def by_simulation(scenario, first, second, folder):
+    """Halves of a run: one simulation runs twice."""
+    simulation = aw.Simulation(scenario)
+    return simulation.run(first * scenario.tick), simulation.run(second * scenario.tick)
+
+
+def by_saved_state(scenario, first, second, folder):
+    """Halves of a run: another simulation takes over the state from a file."""
+    simulation, other = aw.Simulation(scenario), aw.Simulation(scenario)
+    a = simulation.run(first * scenario.tick)
+    simulation.state.save(folder / "middle.npz")
+    other.restore(aw.LoopState.load(folder / "middle.npz"))
+    return a, other.run(second * scenario.tick)
+
+
+WAYS = (by_run, by_simulation, by_saved_state)
+EACH = [(name, WAYS[k % 3]) for k, name in enumerate(RUNS) if name not in (*WITHOUT_BITS, *NO_STATE)]
+ALL_WAYS = ["jitter and losses", "noise", "with memory", "in Python at once", "effect all", "rk45 all"]
+
+
+@pytest.mark.parametrize(
+    ("name", "way"),
+    [*EACH, *((name, way) for name in ALL_WAYS for way in WAYS if (name, way) not in EACH)],
+    ids=lambda value: value if isinstance(value, str) else value.__name__,
+)
+def test_two_halves_are_the_uninterrupted_run(name, way, tmp_path):
+    whole, parts = aw.simulate(halved(name)[0]), way(*halved(name), tmp_path)
+    for variable in set(whole.data_vars) - OF_A_PART:
+        if "time" in whole[variable].dims:
+            first, second = (part[variable].transpose("time", ...).values for part in parts)
+            joined, expected = np.concatenate([first[:-1], second]), whole[variable].transpose("time", ...).values
+            np.testing.assert_array_equal(joined, expected, err_msg=str(variable))
+    np.testing.assert_allclose(np.concatenate([parts[0].time[:-1], parts[1].time]), whole.time, rtol=1e-12)
+    np.testing.assert_array_equal(parts[1][VARIABLE].values, whole[VARIABLE].values)
+
+
+@pytest.mark.parametrize("name", WITHOUT_BITS)
+def test_cvodes_continues_within_its_tolerance(name, tmp_path):
+    scenario, first, second = halved(name)
+    whole, (_, part) = aw.simulate(scenario), by_run(scenario, first, second, tmp_path)
+    np.testing.assert_allclose(part.q[-1], whole.q[-1], rtol=1e-6, atol=1e-8)
+
+
+STEPPED = [
+    "puma560 rk3",
+    "effect all",
+    "schedule between ticks",
+    "rk45",
+    "in Python",
+    "jitter and losses",
+    "brake observer",
+]
+
+
+@pytest.mark.parametrize("name", STEPPED)
+def test_steps_are_the_run(name):
+    scenario, first, second = halved(name)
+    whole, simulation = aw.simulate(scenario), aw.Simulation(scenario)
+    for _ in range(first + second):
+        simulation.step()
+    state = simulation.plant_state
+    assert simulation.time == pytest.approx(float(whole.time[-1]))
+    for signal in ("q", "qd"):
+        np.testing.assert_array_equal(state[signal], whole[signal].isel(time=-1).values)
+
+
+SENSORS = aw.Sensors(counts=4096, velocity="difference", position_noise=1e-4)
+TIMING = aw.Timing("one-tick", command_delay=1.3e-3, measurement_loss=0.1)
+
+
+@pytest.mark.parametrize("lanes", [None, 3])
+def test_commands_from_outside_are_those_of_a_controller(lanes):
+    """The same law in a loop around `step`, with encoders, noise, delays and losses."""
+    law = aw.JointPID(kp=[90.0, 40.0], kd=[12.0, 6.0])
+    q0 = [0.3, -0.5] if lanes is None else aw.Batch(np.linspace([0.3, -0.5], [0.1, 0.2], lanes))
+    scenario = two_link(controller=law, q0=q0, sensors=SENSORS, timing=TIMING, seed=5)
+    whole = aw.simulate(scenario)
+    simulation = aw.Simulation(dataclasses.replace(scenario, controller=None))
+    for k in range(scenario.ticks):
+        y, r = simulation.measurement, simulation.reference_now
+        np.testing.assert_array_equal(y.q, whole.q_measured.isel(time=k).values)
+        u = np.array([90.0, 40.0]) * (r.q - y.q) - np.array([12.0, 6.0]) * y.qd
+        simulation.step(u if lanes is None else aw.Batch(u))
+    np.testing.assert_allclose(simulation.plant_state.q, whole.q.isel(time=-1).values, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(simulation.plant_state.qd, whole.qd.isel(time=-1).values, rtol=0, atol=1e-8)
+
+
+def test_commands_of_a_python_controller_are_matched_to_the_bit():
+    """A controller that is not compiled computes with the same NumPy operations as the loop around `step`."""
+    scenario = controlled(controller=stubborn, sensors=SENSORS, timing=TIMING, duration=0.04)
+    whole, simulation = aw.simulate(scenario), aw.Simulation(dataclasses.replace(scenario, controller=None))
+    for _ in range(scenario.ticks):
+        simulation.step(stubborn(simulation.time, simulation.reference_now, simulation.measurement))
+    np.testing.assert_array_equal(simulation.plant_state.q, whole.q.values[-1])
+    np.testing.assert_array_equal(simulation.plant_state.qd, whole.qd.values[-1])
+
+
+def test_a_state_between_measurement_and_command_continues():
+    simulation = aw.Simulation(two_link(controller=None, duration=None, sensors=SENSORS, timing=TIMING))
+    simulation.step([1.0, 2.0])
+    seen = simulation.measurement.q
+    state = simulation.state
+    ends = []
+    for _ in range(2):
+        np.testing.assert_array_equal(simulation.measurement.q, seen)
+        simulation.step([3.0, -1.0])
+        simulation.step([0.5, 0.5])
+        ends.append(simulation.plant_state.q)
+        simulation.restore(state)
+    np.testing.assert_array_equal(*ends)
+
+
+def test_steps_and_runs_mix_and_reset_returns_to_the_start():
+    scenario = RUNS["jitter and losses"]()
+    whole, simulation = aw.simulate(scenario), aw.Simulation(scenario)
+    for _ in range(2):
+        for _ in range(10):
+            simulation.step()
+        run = simulation.run((scenario.ticks - 10) * scenario.tick)
+        np.testing.assert_array_equal(run.q.values, whole.q.values[:, 10:])
+        np.testing.assert_array_equal(run.u.values, whole.u.values[:, 10:])
+        simulation.reset()
+        assert simulation.tick == 0
+
+
+@pytest.mark.parametrize("kept", [copy.deepcopy, copy.copy, lambda state: pickle.loads(pickle.dumps(state))])
+def test_a_state_is_a_value(kept):
+    """It does not change as the simulation goes on; copies and pickles of it are the same state."""
+    scenario = RUNS["with memory"]()
+    simulation = aw.Simulation(scenario)
+    simulation.run(0.04)
+    state = simulation.state
+    before, other = {name: values.copy() for name, values in state.blocks.items()}, kept(state)
+    ends = []
+    for given in (state, other):
+        simulation.restore(given)
+        ends.append(simulation.run(0.02).q.values)
+        for _ in range(3):
+            simulation.step()
+    np.testing.assert_array_equal(*ends)
+    for name, values in before.items():
+        np.testing.assert_array_equal(state.blocks[name], values)
+    with pytest.raises(ValueError, match="read-only"):
+        state.blocks["x"][:] = 0.0
+
+
+def law(t, r, y):
+    """PD."""
+    return 300.0 * (r.q - y.q) + 30.0 * (r.qd - y.qd)
+
+
+def another(t, r, y):
+    """Holds the command that the drives realised."""
+    return y.applied
+
+
+def test_lanes_continue_under_another_controller():
+    """The other controller measures first what the drives did with the last command that was in force."""
+    model = arm("cmu-dd")
+    q0 = aw.Batch(np.random.default_rng(0).uniform(-0.2, 0.2, (5, 6)))
+    common = {"reference": np.full(6, 0.1), "sample_period": 2e-3}
+    first = aw.simulate(aw.Scenario(model, controller=law, q0=q0, duration=0.1, **common))
+    second = aw.simulate(aw.Scenario(model, controller=law, start=first, duration=0.1, **common))
+    held = aw.simulate(aw.Scenario(model, controller=another, start=first, duration=0.01, **common))
+    np.testing.assert_allclose(held.u.values[:, 0], first.u.values[:, -2], rtol=1e-9, atol=1e-9)
+    assert "controller 'another' began anew at t = 0.1 s, behind 'law'" in held.attrs["notes"]
+    assert "began anew" not in second.attrs.get("notes", "")
+    one = aw.simulate(aw.Scenario(model, controller=law, start=first.isel(lane=3), duration=0.1, **common))
+    np.testing.assert_array_equal(one.q.values, second.q.values[3])
+    spread = aw.simulate(
+        aw.Scenario(model, controller=aw.JointPID(kp=aw.Batch([100.0, 200.0])), start=one, duration=0.01, **common)
+    )
+    np.testing.assert_array_equal(spread.q.values[:, 0], np.broadcast_to(one.q.values[-1], (2, 6)))
+    assert spread.time.values[0] == pytest.approx(0.2)
+
+
+def test_schedules_and_references_keep_their_own_times():
+    rows = aw.Schedule([0.0, 0.03, 0.06], [[5, 1], [-5, 2], [0, 0]], ["shoulder", "elbow"])
+    first = aw.simulate(aw.Scenario(arm("two-link"), schedule=rows, duration=0.05))
+    second = aw.simulate(aw.Scenario(arm("two-link"), schedule=rows, start=first, duration=0.05))
+    np.testing.assert_array_equal(second.u.values[[0, 9, 10]], [[-5, 2], [-5, 2], [0, 0]])
+    np.testing.assert_allclose(second.time.values[[0, -1]], [0.05, 0.1])
+
+
+def test_a_simulation_from_outside_continues_under_a_controller():
+    scenario = two_link(controller=None, duration=None)
+    simulation = aw.Simulation(scenario)
+    for _ in range(20):
+        simulation.step([1.0, -0.5])
+    run = aw.simulate(two_link(start=simulation.state, q0=None, qd0=None, duration=0.02))
+    np.testing.assert_array_equal(run.q.values[0], simulation.plant_state.q)
+    assert "began anew" not in run.attrs.get("notes", "")
 
 
 def test_a_brake_stays_as_bent_as_it_was():
@@ -31,73 +239,97 @@ def test_a_brake_stays_as_bent_as_it_was():
     common = {"command": [3.0], "brake": 1, "step": 5e-4}
     whole = aw.simulate(aw.Scenario(model, duration=0.1, **common))
     first = aw.simulate(aw.Scenario(model, duration=0.05, **common))
-    second = aw.simulate(aw.Scenario(model, initial=first, duration=0.05, **common))
+    second = aw.simulate(aw.Scenario(model, start=first, duration=0.05, **common))
     np.testing.assert_array_equal(second.q.values, whole.q.values[100:])
     unbraked = aw.simulate(aw.Scenario(model, command=[3.0], step=5e-4, duration=0.05))
-    fresh = aw.simulate(aw.Scenario(model, initial=unbraked, duration=0.05, **common))
+    fresh = aw.simulate(aw.Scenario(model, start=unbraked, duration=0.05, **common))
     assert fresh.brake.values[0, 0] == 0.0
+    np.testing.assert_array_equal(fresh.q.values[0], unbraked.q.values[-1])
+    released = aw.simulate(aw.Scenario(model, start=first, command=[3.0], step=5e-4, duration=0.05))
+    np.testing.assert_array_equal(released.qd.values[0], first.qd.values[-1])
 
 
-def law(t, r, y):
-    return 300.0 * (r.q - y.q) + 30.0 * (r.qd - y.qd)
-
-
-def test_lanes_go_on_under_another_controller():
-    """With the command in force, what the controller is told first is what the drives did last."""
-    model = arm("cmu-dd")
-    q0 = aw.Batch(np.random.default_rng(0).uniform(-0.2, 0.2, (5, 6)))
-    common = {"reference": np.full(6, 0.1), "sample_period": 2e-3}
-    whole = aw.simulate(aw.Scenario(model, controller=law, q0=q0, duration=0.2, **common))
-    first = aw.simulate(aw.Scenario(model, controller=law, q0=q0, duration=0.1, **common))
-    second = aw.simulate(aw.Scenario(model, controller=law, initial=first, duration=0.1, **common))
-    np.testing.assert_array_equal(second.q.values, whole.q.values[:, 50:])
-    told = aw.simulate(aw.Scenario(model, controller=lambda t, r, y: y.applied, initial=first, duration=0.01, **common))
-    np.testing.assert_allclose(told.u.values[:, 0], first.u.values[:, -1], rtol=1e-9, atol=1e-9)
-    one = aw.simulate(aw.Scenario(model, controller=law, initial=first.isel(lane=3), duration=0.1, **common))
-    np.testing.assert_array_equal(one.q.values, second.q.values[3])
-    spread = aw.simulate(
-        aw.Scenario(model, controller=aw.JointPID(kp=aw.Batch([100.0, 200.0])), initial=one, duration=0.01, **common)
-    )
-    np.testing.assert_array_equal(spread.q.values[:, 0], np.broadcast_to(one.q.values[-1], (2, 6)))
-    middle = aw.simulate(aw.Scenario(model, controller=law, initial=whole.isel(time=slice(51)), duration=0.1, **common))
-    np.testing.assert_array_equal(middle.q.values, second.q.values)
+def test_a_run_in_real_time_takes_as_long_as_the_motion():
+    simulation = aw.Simulation(two_link())
+    simulation.run(0.01)
+    began = time.monotonic()
+    slow = simulation.run(0.3, real_time=True)
+    took = time.monotonic() - began
+    assert 0.25 < took < 2.0
+    simulation.reset()
+    simulation.run(0.01)
+    np.testing.assert_array_equal(slow.q.values, simulation.run(0.3).q.values)
 
 
 RUN = aw.simulate(aw.Scenario(arm("two-link"), command=[1.0, 1.0], duration=0.01))
+STATE = aw.LoopState.of_run(RUN)
+assert STATE is not None
+RENAMED = dataclasses.replace(STATE, entries=("q a", *STATE.entries[1:]))
 
 
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"initial": "run.nc"}, "initial: of type str; expected a run that recorded q, qd and u"),
-        ({"initial": RUN.isel(time=slice(0))}, "initial: a dataset without such rows; expected a run"),
-        ({"initial": RUN.drop_vars("qd")}, "expected a run that recorded q, qd and u"),
-        ({"initial": RUN.drop_vars("command")}, "no coordinate 'command'; expected a run"),
-        ({"initial": RUN, "q0": [0.0, 0.0]}, "q0 and initial: expected one of them"),
-        ({"initial": RUN.assign_coords(joint=["a", "b"])}, "a run of the joints a, b; expected shoulder, elbow"),
+        ({"start": "run.nc"}, "start: of type str; expected a run or the state of a Simulation"),
         (
-            {"initial": RUN.assign_coords(command=("joint", ["torque", "voltage"]))},
-            "drives told torque, voltage; expected",
+            {"start": RUN.isel(time=slice(0))},
+            "start: part of a run, without rows; expected it with its end at t = 0.01 s",
         ),
+        ({"start": RUN.isel(time=slice(5))}, "start: part of a run, to t = 0.004 s; expected it with its end"),
+        ({"start": RUN.drop_vars(VARIABLE)}, "start: a dataset without loop_state; expected a run"),
+        ({"start": RUN, "q0": [0.0, 0.0]}, "q0 and start: expected one of them"),
+        ({"start": RUN.assign_coords(joint=["a", "b"])}, "a run of the joints a, b; expected shoulder, elbow"),
+        ({"start": RENAMED}, "start: a state with 'q a'; expected the 4 numbers of two-link with its drives"),
+        ({"start": RUN, "step": 5e-4}, "start: ticks of 0.001 s; expected those of the scenario, 0.0005 s"),
+        ({"start": RUN.isel(state_entry=[0])}, "loop_state cannot be read"),
     ],
 )
-def test_what_is_no_beginning_is_refused(fields, said):
+def test_what_is_no_start_is_refused(fields, said):
     with pytest.raises(ScenarioError, match=said):
         aw.Scenario(arm("two-link"), command=[1.0, 1.0], duration=0.01, **fields)
 
 
-def test_states_that_were_not_recorded_are_asked_for():
-    model = MANY["elastic"]
-    bare = aw.simulate(aw.Scenario(model, command=[1.0], duration=0.01, step=2e-4, record="state"))
+def test_a_state_of_another_arm_or_of_other_lanes_is_refused():
+    with pytest.raises(ScenarioError, match="expected the 12 numbers of puma560 with its drives"):
+        aw.Scenario(arm("puma560"), command=np.zeros(6), duration=0.01, start=STATE)
+    bare = aw.simulate(aw.Scenario(MANY["elastic"], command=[1.0], duration=0.01, step=2e-4, record="state"))
     with pytest.raises(
-        ScenarioError, match="initial: the run tells no motor_q; expected one of this arm, with record = 'all'"
+        ScenarioError, match="without loop_state; expected a run, as simulate returns with record = 'all'"
     ):
-        aw.simulate(aw.Scenario(model, command=[1.0], duration=0.01, step=2e-4, initial=bare))
+        aw.Scenario(MANY["elastic"], command=[1.0], duration=0.01, step=2e-4, start=bare)
+    lanes = aw.Simulation(aw.Scenario(arm("two-link"), command=aw.Batch(np.zeros((3, 2))), duration=0.01))
+    other = aw.Simulation(aw.Scenario(arm("two-link"), command=aw.Batch(np.zeros((4, 2))), duration=0.01))
+    with pytest.raises(ScenarioError, match="restore: a state of 3 lanes; expected one of 4"):
+        other.restore(lanes.state)
+    with pytest.raises(ScenarioError, match=r"lanes do not fit together: 4 of command, 3 of start"):
+        dataclasses.replace(other.scenario, start=lanes.state)
+    with pytest.raises(ScenarioError, match="start: a state with 'q elbow'; expected the 2 numbers of chain"):
+        aw.Simulation(aw.Scenario(MANY["plain"], command=[0.0], duration=0.01)).restore(STATE)
 
 
-def test_a_lane_that_diverged_is_no_beginning():
+def test_a_lane_that_diverged_is_no_start():
     qd0 = aw.Batch([[0.0, 0.0], [1e200, 0.0]])
     run = aw.simulate(aw.Scenario(arm("two-link"), command=np.zeros(2), qd0=qd0, duration=0.01))
-    with pytest.raises(ScenarioError, match="initial: lane 1 stopped at t = 0 s"):
-        aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01, initial=run)
-    aw.simulate(aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01, initial=run.isel(lane=0)))
+    with pytest.raises(ScenarioError, match="start: lane 1 stopped at t = 0 s"):
+        aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01, start=run)
+    aw.simulate(aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01, start=run.isel(lane=0)))
+
+
+def test_a_file_that_is_no_state_is_refused(tmp_path):
+    (tmp_path / "text.npz").write_text("text")
+    np.savez(tmp_path / "other.npz", q=np.zeros(2))
+    for name in ("text.npz", "other.npz", "missing.npz"):
+        with pytest.raises(RunError, match=f"{name}: cannot be read as the state of a simulation"):
+            aw.LoopState.load(tmp_path / name)
+
+
+def test_commands_that_do_not_fit_are_refused():
+    driven, outside = aw.Simulation(two_link()), aw.Simulation(two_link(controller=None, duration=None))
+    with pytest.raises(ScenarioError, match="step: a command beside the scenario's own"):
+        driven.step([0.0, 0.0])
+    with pytest.raises(ScenarioError, match="step: no command; expected one"):
+        outside.step()
+    with pytest.raises(ScenarioError, match=r"step: command of shape \(3,\) for 1 lanes; expected \(2,\)"):
+        outside.step([0.0, 0.0, 0.0])
+    with pytest.raises(ScenarioError, match="nothing drives the arm"):
+        outside.run(0.01)

@@ -1,15 +1,14 @@
-"""`simulate continue`: the scenario that goes on where the last simulation ended, and one run of the two."""
+"""`simulate continue`: start of the scenario in the state that the last simulation ended in, and one run of both parts."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armwright.session.state import State
-from armwright.simulation.loop.state import VARIABLE, LoopState
+from armwright.simulation.loop.state import END, VARIABLE, LoopState
 from armwright.simulation.results.spoken import PARTIAL
 
 if TYPE_CHECKING:
@@ -17,13 +16,14 @@ if TYPE_CHECKING:
 
 WIRED = "controller_settings"  # attribute: what `wiring_told` said
 WORLD = ("gravity_z", "payload")  # attributes: what `world_told` said
+PLANT = ("x", "u", "frozen")  # blocks of a loop's state that are the plant's
 LAST = (WIRED, PARTIAL, *WORLD)  # attributes that are the later part's
 TIME = re.compile(r"\bt = (?P<seconds>[-+\d.e]+) s\b")
 ROWS = re.compile(r"\bof the rows(?! from)")
 
 
 def wiring_told(state: State) -> str:
-    """What a controller's memory belongs to, in words: law, gains and sampling time."""
+    """Law, gains and sampling time of the controller, to which its memory belongs; "" without one."""
     if state.wiring is None:
         return ""
     gains = " ".join(f"{name}={text}" for name, text in sorted(state.wiring.settings.items()))
@@ -31,53 +31,52 @@ def wiring_told(state: State) -> str:
 
 
 def world_told(state: State) -> dict[str, str]:
-    """What a run is moved by besides its drives, in words: gravity, and what the hand holds."""
+    """Gravity and payload of a run, in words."""
     held = state.loaded.payload
     told = "none" if held is None else repr((held.mass, held.com, held.inertia, held.frame or state.arm.tip))
     return dict(zip(WORLD, (f"{float(state.arm.gravity[2])!r} m/s²", told), strict=True))
 
 
 def was_moved(state: State, before: xr.Dataset) -> bool:
-    """Whether theta or omega is another than at the end of the run before."""
+    """True if theta or omega was set since the end of the run before."""
     return any(not np.array_equal(before[name].values[-1], own) for name, own in (("q", state.q), ("qd", state.qd)))
 
 
 def start_of(state: State, before: xr.Dataset | None, period: float) -> dict[str, Any]:
-    """Where a scenario starts: in theta and omega, or in the state of the loop at the end of the run before.
+    """Fields of the scenario that say where it starts: theta and omega, or the state at the end of the run before.
+
+    Of that state, another controller or another period takes the plant and its commands alone.
 
     Args:
         state: the session's.   before: the run that it goes on from, if any.   period: [s] of a tick.
     """
-    end = None if before is None or was_moved(state, before) else LoopState.of_run(before)
-    if before is None or end is None:
+    end = _end_of(state, before)
+    if end is None:
         return {"q0": state.q, "qd0": state.qd}
-    if not _goes_on(state, before) or end.period != period:
-        plant = {name: values for name, values in end.blocks.items() if name in ("x", "u", "frozen")}
-        end = replace(end, blocks=plant, rings={}, python={}, controller="")
-    if end.period != period:  # ticks are counted anew, and the times of the run are put behind the others
-        end = replace(end, period=period, tick=0)
-    return {"start": end}
-
-
-def _goes_on(state: State, before: xr.Dataset) -> bool:
-    """Whether the controller, if there is one, is the one of the run before."""
-    return before.attrs.get(WIRED, "") == wiring_told(state)
+    if end.period == period and before is not None and before.attrs.get(WIRED, "") == wiring_told(state):
+        return {"start": end}
+    plant = {name: values for name, values in end.blocks.items() if name in PLANT}
+    tick = (
+        end.tick if end.period == period else 0
+    )  # of another period: counted anew, and put behind the run by its times
+    return {"start": LoopState(tick, period, end.single, end.entries, plant)}
 
 
 def begun_anew(state: State, before: xr.Dataset) -> list[str]:
-    """What does not go on, in words."""
+    """States that do not go on, in words."""
     from armwright.simulation.plant.plant import Plant
 
-    found = []
-    if was_moved(state, before) and Plant.of(state.arm).size > 2 * state.arm.n:
+    end, wired, found = _end_of(state, before), before.attrs.get(WIRED), []
+    if end is None and Plant.of(state.arm).size > 2 * state.arm.n:
         found.append("what the drives remember besides theta and omega")
-    if (
-        state.wiring is not None
-        and before.attrs.get(WIRED)
-        and (was_moved(state, before) or not _goes_on(state, before))
-    ):
+    if state.wiring is not None and wired and (end is None or wired != wiring_told(state)):
         found.append(f"the state of {state.wiring.kind}")
     return found
+
+
+def _end_of(state: State, before: xr.Dataset | None) -> LoopState | None:
+    """State of the loop at the end of a run; None if theta or omega was set since, or the run does not have it."""
+    return None if before is None or was_moved(state, before) else LoopState.of_run(before)
 
 
 def joined_runs(before: xr.Dataset, behind: xr.Dataset, anew: list[str]) -> xr.Dataset:
@@ -98,7 +97,7 @@ def joined_runs(before: xr.Dataset, behind: xr.Dataset, anew: list[str]) -> xr.D
     )  # fmt: skip
     whole = whole.transpose("time", "joint")
     if VARIABLE in behind:
-        whole[VARIABLE] = behind[VARIABLE]
+        whole[VARIABLE] = behind[VARIABLE].assign_attrs({END: float(whole["time"][-1])})
     notes = [*part_notes(before, 0.0), *part_notes(behind, shift)]
     notes = list({TIME.sub("", note): note for note in reversed(notes)}.values())[::-1]  # of the same note the first
     notes += [f"{what} began anew at t = {met:g} s" for what in anew]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numbers
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from armwright.simulation.results.reducers import reducer
 if TYPE_CHECKING:
     from armwright.simulation.scenario import Scenario
 
+BRAKE = "brake "  # how the names of a brake's states begin
 MOST_SUBSTEPS = 10**6  # of a period, in which nothing can be interrupted
 SAMPLED = ("sensors", "shaping", "timing", "initial_command")  # what only a controller's loop has
 
@@ -100,23 +102,30 @@ def start_state(scenario: Scenario) -> LoopState:
                 f"start: the rows of the run end at t = {end:g} s, and its loop_state is that of {state.time:g} s; expected "
                 "a run with its last row"
             )
-    check_state(scenario, state)
-    return state
+    return checked_state(scenario, state)
 
 
-def check_state(scenario: Scenario, state: Any) -> None:
-    """Refuses a state that a scenario cannot go on from.
+def checked_state(scenario: Scenario, state: Any) -> LoopState:
+    """The state, if the scenario can go on from it; brakes that take part on one side alone begin unbent, or are left out.
 
     Raises:
         ScenarioError: no state, one of another plant or another period, or one of a lane that did not come to its end.
     """
     if not isinstance(state, LoopState):
         raise ScenarioError(f"start: of type {type(state).__name__}; expected a run or the state of a Simulation")
-    size = Plant.of(scenario.arm, brakes=scenario.brake is not None).size
-    if state.blocks["x"].shape[1] != size:
+    arm = scenario.arm
+    expected = Plant.of(arm, brakes=scenario.brake is not None).layout.entry_names(arm.names)
+    strange = [name for name in set(state.entries) ^ set(expected) if not name.startswith(BRAKE)]
+    if strange:
+        name = min(strange)
+        told = "without" if name in expected else "with"
         raise ScenarioError(
-            f"start: a state of {state.blocks['x'].shape[1]} numbers; expected the {size} of {scenario.arm.name} with its drives"
+            f"start: a state {told} {name!r}; expected the {len(expected)} numbers of {arm.name} with its drives"
         )
+    if state.entries != expected:
+        columns = dict(zip(state.entries, state.blocks["x"].T, strict=True))
+        x = np.array([columns.get(name, np.zeros(state.lanes)) for name in expected]).T
+        state = replace(state, entries=expected, blocks={**state.blocks, "x": x})
     if abs(state.period - scenario.tick) > 1e-9 * scenario.tick:
         raise ScenarioError(f"start: ticks of {state.period:g} s; expected those of the scenario, {scenario.tick:g} s")
     frozen = state.blocks["frozen"][:, 0] >= 0.0
@@ -124,6 +133,7 @@ def check_state(scenario: Scenario, state: Any) -> None:
         lane = int(np.argmax(frozen))
         at = state.blocks["frozen"][lane, 0] * state.period
         raise ScenarioError(f"start: lane {lane} stopped at t = {at:g} s; expected lanes that came to their end")
+    return state
 
 
 def check_threads(threads: Any) -> None:

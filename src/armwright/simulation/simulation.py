@@ -39,7 +39,7 @@ from armwright.simulation.results.dataset import Recorded, run_dataset
 from armwright.simulation.results.provenance import provenance
 from armwright.simulation.results.reducers import Reduction, check_known
 from armwright.simulation.scenario import Scenario
-from armwright.simulation.scenario_checks import check_state, check_threads
+from armwright.simulation.scenario_checks import check_threads, checked_state
 
 if TYPE_CHECKING:
     import xarray
@@ -260,8 +260,7 @@ class Simulation:
 
     def _anew(self, state: LoopState) -> set[str]:
         """Blocks and rings that do not go on, since the state comes from another controller."""
-        other = self.config.sampling is not None and state.controller != self.controller.name
-        return {"s"} if other else set()
+        return {"s"} if self.scenario.controller is not None and state.controller != self.controller.name else set()
 
     def _measured_in(self, state: LoopState | None) -> bool:
         """Whether a state to go on from has the measurement of its tick already.
@@ -280,7 +279,7 @@ class Simulation:
 
     def _begun_anew(self, state: LoopState) -> list[str]:
         """Notes of what does not go on from a state."""
-        if self.config.sampling is None or state.controller in ("", self.controller.name):
+        if self.scenario.controller is None or state.controller in ("", self.controller.name):
             return []
         return [f"controller {self.controller.name!r} began anew at t = {state.time:g} s, behind {state.controller!r}"]
 
@@ -289,9 +288,10 @@ class Simulation:
         first = groups[0]
         blocks = {name: np.concatenate([each.get(name) for each in groups]) for name in sorted(self._keep)}
         rings = {name: np.concatenate([each.get_ring(name) for each in groups]) for name in first.rings}
-        python = {} if self._in_python is None else self._in_python.memories(groups)
-        name = "" if self.config.sampling is None else self.controller.name
-        return LoopState(self.tick, self.period, self.scenario.lane_count is None, blocks, rings, python, name)
+        python: Mapping[int, Any] = {} if self._in_python is None else self._in_python.memories(groups)
+        name = "" if self.scenario.controller is None else self.controller.name
+        entries = self.plant.layout.entry_names(self.arm.names)
+        return LoopState(self.tick, self.period, self.scenario.lane_count is None, entries, blocks, rings, python, name)
 
     def _advance(
         self,
@@ -533,9 +533,9 @@ class Simulation:
         """Goes on from a state of this simulation, or of another one of the same scenario.
 
         Raises:
-            ScenarioError: a state of another number of lanes or another period.
+            ScenarioError: a state of another arm, of another number of lanes or another period.
         """
-        check_state(self.scenario, state)
+        state = checked_state(self.scenario, state)
         if state.lanes not in (1, self.count):
             raise ScenarioError(f"restore: a state of {state.lanes} lanes; expected {self.count}")
         measured = self._measured_in(state)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import xarray
 
 VARIABLE = "loop_state"  # of a run: the state at its end
+END = "time_s"  # attribute of that variable: the run's last time
 ENDING = ".npz"
 
 
@@ -28,7 +29,8 @@ class LoopState:
 
     Attributes:
         tick: that comes next.   period: [s] of a tick.   single: whether the loop has one lane without a lane axis.
-        blocks: (lanes, entries) by name: plant, sensors, controller, commands on their way.
+        entries: names of the plant's states, such as "qd elbow", in the order of block "x".
+        blocks: (lanes, entries) by name: plant, sensors, controller, commands on their way; read-only.
         rings: (lanes, length, entries) of delays by name.
         python: what a controller in Python remembers, by lane, or by the first lane of those that are called at once.
         controller: name of the controller; "" without one.
@@ -38,11 +40,17 @@ class LoopState:
     tick: int
     period: float
     single: bool
+    entries: tuple[str, ...]
     blocks: Mapping[str, np.ndarray]
     rings: Mapping[str, np.ndarray] = field(default_factory=dict)
     python: Mapping[int, Any] = field(default_factory=dict)
     controller: str = ""
     measured: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "entries", tuple(self.entries))
+        for name in ("blocks", "rings"):
+            object.__setattr__(self, name, {key: _read_only(values) for key, values in getattr(self, name).items()})
 
     @property
     def time(self) -> float:
@@ -74,8 +82,7 @@ class LoopState:
             if array.dtype.kind not in "iuf":
                 raise ScenarioError(f"controller {self.controller!r}: its memory {memory!r:.60} is no array of numbers")
             arrays[f"python {lane}"] = array
-        about = {"tick": self.tick, "period": self.period, "single": self.single, "controller": self.controller}
-        about |= {"measured": self.measured}
+        about = self._about() | {"single": self.single, "measured": self.measured}
         room = io.BytesIO()
         np.savez(room, about=np.array(json.dumps(about)), **arrays)  # type: ignore[arg-type]
         with whole_file(Path(path), (ENDING,)) as temporary:
@@ -102,8 +109,14 @@ class LoopState:
         python = {int(lane): memory for lane, memory in found["python"].items()}
         return cls(**about, blocks=found["block"], rings=found["ring"], python=python)
 
+    def _about(self) -> dict[str, Any]:
+        return {"tick": self.tick, "period": self.period, "entries": self.entries, "controller": self.controller}
+
     def attach(self, run: xarray.Dataset) -> None:
-        """Adds the state to the run that ended in it, from where another one may start; of numbers alone."""
+        """Adds the state to the run that ended in it, from where another one may start.
+
+        A run gets none if its controller remembers something else than numbers.
+        """
         arrays = [("block", name, values) for name, values in self.blocks.items()]
         arrays += [("ring", name, values) for name, values in self.rings.items()]
         if self.python:
@@ -113,9 +126,10 @@ class LoopState:
             arrays.append(("python", "", np.array(memories, dtype=float)))
         parts = [(kind, name, list(values.shape[1:])) for kind, name, values in arrays]
         rows = np.concatenate([values.reshape(self.lanes, -1) for _, _, values in arrays], axis=1)
-        about = {"tick": self.tick, "period": self.period, "controller": self.controller, "parts": parts}
+        about = self._about() | {"parts": parts}
         dims = ("state_entry",) if self.single else ("lane", "state_entry")
         attributes = {"long_name": "state of the loop at the end of the run", "layout": json.dumps(about)}
+        attributes[END] = float(run["time"].values[-1])
         run[VARIABLE] = (dims, rows[0] if self.single else rows, attributes)
 
     @classmethod
@@ -123,11 +137,15 @@ class LoopState:
         """The state in which a run ended; None of a run without one.
 
         Raises:
-            ScenarioError: a state that cannot be read.
+            ScenarioError: a state that cannot be read, or a run without its last row.
         """
         if VARIABLE not in run:
             return None
         try:
+            times, end = np.atleast_1d(run["time"].values), run[VARIABLE].attrs[END]
+            if not times.size or times[-1] != end:
+                told = f"to t = {times[-1]:g} s" if times.size else "without rows"
+                raise ScenarioError(f"start: part of a run, {told}; expected it with its end at t = {end:g} s")
             about = json.loads(run[VARIABLE].attrs["layout"])
             rows, parts = np.atleast_2d(run[VARIABLE].values), about.pop("parts")
             ends = np.cumsum([int(np.prod(shape)) for _, _, shape in parts])
@@ -139,3 +157,10 @@ class LoopState:
             return cls(**about, single=single, blocks=found["block"], rings=found["ring"], python=python)
         except (ValueError, KeyError, TypeError) as error:
             raise ScenarioError(f"start: the run's {VARIABLE} cannot be read: {error}") from None
+
+
+def _read_only(values: np.ndarray) -> np.ndarray:
+    """The array as one that cannot be written to."""
+    view = np.asarray(values).view()
+    view.flags.writeable = False
+    return view

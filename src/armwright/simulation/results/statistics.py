@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.errors import RunError
+from armwright.simulation.loop.state import VARIABLE
 
 if TYPE_CHECKING:
     import xarray as xr
 
+NO_STATISTICS = ("diverged_at", "stalled_at", VARIABLE)
 PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
 PIECE = 4_000_000  # numbers that are looked at in one go
 
@@ -52,7 +54,7 @@ def statistics(run: xr.Dataset, percentiles: Sequence[float] = PERCENTILES) -> x
     names = ["mean", "std", "min", "max", *(f"p{share:g}" for share in shares)]
     found = {}
     for name, variable in run.data_vars.items():
-        if "lane" in variable.dims and variable.dtype.kind == "f" and name not in ("diverged_at", "stalled_at"):
+        if "lane" in variable.dims and variable.dtype.kind == "f" and name not in NO_STATISTICS:
             rest = [dim for dim in variable.dims if dim != "lane"]
             values = variable.transpose("lane", *rest).values[whole]
             found[name] = (("statistic", *rest), _over_lanes(values, shares), variable.attrs)
