@@ -151,3 +151,58 @@ def test_notes_are_told_once_and_of_the_part_that_they_are_of(robot):
 
 def texts(shown):
     return [part.text for part in shown if isinstance(part, Line) and part.style == "note"]
+
+
+def test_another_time_step_continues_drives_and_schedule(robot, tmp_path, monkeypatch):
+    """Times of a schedule count from where the part begins, whatever the time steps before it."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "volts.csv").write_text("t,joint0,joint1\n0,8,-3\n0.004,2,1\n0.008,0,0\n")
+    session = begun(robot, LAWS["voltage"])
+    for line in ("simulate new steps=21", "TimeStep = 0.4 ms", "DACSampTimePeriod = 0.4 ms"):
+        session.run(line)
+    before = session.state.run
+    session.run("simulate continue volts.csv")
+    run = session.state.run
+    for name in STATES | {"q", "qd"}:
+        np.testing.assert_array_equal(run[name][21], before[name][-1], err_msg=name)
+    np.testing.assert_allclose(run["time"][[20, 21, 22, -1]], [0.01, 0.0105, 0.0109, 0.0185], rtol=1e-12)
+    np.testing.assert_array_equal(run["u"][[21, 30, 31, 40]], [[8, -3], [8, -3], [2, 1], [2, 1]])
+    assert "anew" not in notes(session)
+    session.run("simulate continue volts.csv")
+    again = session.state.run
+    np.testing.assert_allclose(again["time"][[-1]], [0.0265], rtol=1e-12)
+    np.testing.assert_array_equal(again["u"][[41, 50, 51, 60]], [[8, -3], [8, -3], [2, 1], [2, 1]])
+
+
+def test_another_sampling_time_begins_the_controller_anew_and_says_so(robot):
+    session = begun(robot, LAWS["pid"])
+    for line in ("simulate new steps=40", "DACSampTimePeriod = 1 ms", "simulate continue steps=40"):
+        session.run(line)
+    assert "the state of joint-pid began anew at t = 0.02 s" in notes(session)
+    for name in STATES | {"q", "qd"}:
+        assert np.isfinite(session.state.run[name]).all()
+    session.run("simulate continue steps=40")
+    assert float(session.state.run["time"][-1]) == pytest.approx(0.06)
+
+
+def test_a_joined_run_is_a_start_in_python(robot, tmp_path, monkeypatch):
+    """Also where another time step has the ticks counted anew."""
+    monkeypatch.chdir(tmp_path)
+    session = begun(robot, LAWS["voltage"])
+    for line in ("simulate new steps=20", "TimeStep = 0.25 ms", "simulate continue steps=20", "save-simulation run.nc"):
+        session.run(line)
+    run = aw.load_run("run.nc")
+    after = aw.simulate(aw.Scenario(session.state.arm, command=session.state.u, step=2.5e-4, duration=5e-3, start=run))
+    session.run("simulate continue steps=20")
+    for name in STATES | {"q", "qd"}:
+        np.testing.assert_array_equal(after[name], session.state.run[name][-21:], err_msg=name)
+
+
+def test_a_run_without_the_state_of_its_end_continues_from_theta_and_omega(robot):
+    """As of a file that an earlier version saved."""
+    session = begun(robot, LAWS["pid"])
+    session.run("simulate new steps=40")
+    session.state = session.state.replace(run=session.state.run.drop_vars("loop_state"))
+    session.run("simulate continue steps=40")
+    for told in ("what the drives remember besides theta and omega", "the state of joint-pid"):
+        assert f"{told} began anew at t = 0.02 s" in notes(session)

@@ -333,3 +333,11 @@ def test_commands_that_do_not_fit_are_refused():
         outside.step([0.0, 0.0, 0.0])
     with pytest.raises(ScenarioError, match="nothing drives the arm"):
         outside.run(0.01)
+
+
+def test_statistics_and_tables_leave_the_state_out(tmp_path):
+    run = aw.simulate(RUNS["two-link of 100 lanes"]())
+    assert VARIABLE in run
+    assert VARIABLE not in aw.statistics(run)
+    aw.save(run, tmp_path / "run.csv")
+    assert VARIABLE not in (tmp_path / "run.csv").read_text(encoding="utf-8").partition("\n")[0]

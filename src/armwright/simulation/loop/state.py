@@ -128,7 +128,8 @@ class LoopState:
         rows = np.concatenate([values.reshape(self.lanes, -1) for _, _, values in arrays], axis=1)
         about = self._about() | {"parts": parts}
         dims = ("state_entry",) if self.single else ("lane", "state_entry")
-        attributes = {"long_name": "state of the loop at the end of the run", "layout": json.dumps(about)}
+        about = json.dumps(about)
+        attributes: dict[str, Any] = {"long_name": "state of the loop at the end of the run", "layout": about}
         attributes[END] = float(run["time"].values[-1])
         run[VARIABLE] = (dims, rows[0] if self.single else rows, attributes)
 
