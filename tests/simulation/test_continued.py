@@ -165,6 +165,24 @@ def test_steps_and_runs_mix_and_reset_returns_to_the_start():
         assert simulation.tick == 0
 
 
+def test_rows_of_a_reference_belong_to_their_ticks():
+    """Also after a reset, from a state, and beyond their end, where the last one stays."""
+    rows = np.linspace([0.3, -0.5], [0.5, -0.4], 101)
+    whole, simulation = aw.simulate(two_link(reference=rows)), aw.Simulation(two_link(reference=rows))
+    simulation.run(0.05)
+    state = simulation.state
+    for _ in range(3):
+        simulation.step()
+    simulation.restore(state)
+    np.testing.assert_array_equal(simulation.run(0.05).q.values, whole.q.values[50:])
+    simulation.step()
+    np.testing.assert_array_equal(simulation.reference_now.q, rows[-1])
+    simulation.reset()
+    np.testing.assert_array_equal(simulation.run(0.1).q.values, whole.q.values)
+    with pytest.raises(ScenarioError, match=r"reference of shape \(7, 2\): expected a pose"):
+        aw.Simulation(two_link(reference=rows[:7]))
+
+
 @pytest.mark.parametrize("kept", [copy.deepcopy, copy.copy, lambda state: pickle.loads(pickle.dumps(state))])
 def test_a_state_is_a_value(kept):
     """It does not change as the simulation goes on; copies and pickles of it are the same state."""

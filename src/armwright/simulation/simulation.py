@@ -75,7 +75,9 @@ class Simulation:
             self.inputs["u"] = scenario.commands
         self.reduction = Reduction.of(scenario.reduce, self.arm.n) if scenario.reduce else None
         self.tick = self.origin = 0 if self._started is None else self._started.tick
-        self.reference = self._reference(1 if scenario.duration is None else scenario.ticks)
+        self.reference = self._reference(
+            1 if scenario.duration is None else scenario.ticks, first=scenario.duration is not None
+        )
         self.config, self.initialisation = self._configured()
         if loop is not None:
             loop.check(self.config, scenario.target, outputs=scenario.record == "all")
@@ -119,15 +121,21 @@ class Simulation:
             stability = VariedSteps(scenario.varied, scenario.parameters, scenario.lane_count is not None)
         stability.check_step(name, INTEGRATORS[name], scenario.integration_step, commands)
 
-    def _reference(self, ticks: int) -> LoopReference | None:
-        """The reference of so many ticks from here; None where nobody asks."""
+    def _reference(self, ticks: int, *, first: bool = False) -> LoopReference | None:
+        """The reference of so many ticks from here, `first` when the scenario is checked; None where nobody asks."""
         scenario = self.scenario
         if not scenario.sampled and self.reduction is None:
             return None
         numbers = np.arange(self.tick, self.tick + ticks + 1)
         state = {} if self._started is None else self._started.blocks
         start = state.get("r", scenario.initial_state)[:, : self.arm.n]
-        return LoopReference.of(self.arm, scenario.reference, start, numbers, self.period)
+        reference = scenario.reference
+        if isinstance(reference, (np.ndarray, list, tuple)) and np.ndim(reference) == 2 and not first:
+            begun = (
+                0 if scenario.started is None else scenario.started.tick
+            )  # the rows count from there; the last one stays
+            reference = np.asarray(reference)[np.clip(numbers - begun, 0, len(reference) - 1)]
+        return LoopReference.of(self.arm, reference, start, numbers, self.period)
 
     def _configured(self) -> tuple[LoopConfig, Initialisation]:
         """What a tick is made of, and how its lanes begin."""
