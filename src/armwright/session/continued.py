@@ -56,9 +56,7 @@ def start_of(state: State, before: xr.Dataset | None, period: float) -> dict[str
     if end.period == period and before is not None and before.attrs.get(WIRED, "") == wiring_told(state):
         return {"start": end}
     plant = {name: values for name, values in end.blocks.items() if name in PLANT}
-    tick = (
-        end.tick if end.period == period else 0
-    )  # of another period: counted anew, and put behind the run by its times
+    tick = end.tick if end.period == period else 0  # another period counts anew; `joined_runs` shifts the times
     return {"start": LoopState(tick, period, end.single, end.entries, plant)}
 
 
