@@ -58,7 +58,8 @@ def sensitivities(scenario: Scenario, by: Sequence[str]) -> xarray.Dataset:
     _begin(simulation, loop, lanes, seeds, active, count)
     blocks = next(stage.blocks for stage in stages if isinstance(stage, Record))
     record = np.empty((ticks // every + 1, lanes.tiles * width, sum(loop.sizes[name] for name in blocks)))
-    table = None if simulation.reference is None else simulation._reference(ticks).table  # type: ignore[union-attr]
+    reference = simulation.reference_of_ticks(ticks)
+    table = None if reference is None else reference.table
     first = simulation.tick
     loop.run(
         lanes, simulation.period, (first, first + ticks + 1), last=first + ticks, every=every, seed=opened.seed, origin=first,

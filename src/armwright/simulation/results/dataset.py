@@ -17,6 +17,7 @@ from armwright.simulation.inputs.schedule_ticks import held_values
 from armwright.simulation.integrate.stepping import Account
 from armwright.simulation.loop.config import LoopConfig
 from armwright.simulation.loop.tick import USUAL
+from armwright.simulation.loop_runner import LoopRunner
 from armwright.simulation.results.notes import limit_notes
 from armwright.simulation.results.recording import bare_dataset, make_dataset
 from armwright.simulation.results.reducers import Ends, reducer
@@ -24,7 +25,6 @@ from armwright.simulation.results.reducers import Ends, reducer
 if TYPE_CHECKING:
     import xarray
 
-    from armwright.simulation.simulation import Simulation
 
 FURTHER = {  # what the plant tells beside the usual: whose unit it has, and what it is
     "tau_link": ("tau", "torque behind the gear, as a joint torque sensor reads it"),
@@ -61,7 +61,7 @@ class Recorded:
     reduced: np.ndarray
     origin: int
 
-    def last_row(self, simulation: Simulation) -> str:
+    def last_row(self, simulation: LoopRunner) -> str:
         """The end of a single run that diverged, in words: where it was, and what the controller asked for."""
         if self.rows is None:
             return ""
@@ -75,13 +75,13 @@ def _shown(values: np.ndarray) -> str:
     return np.array2string(values, precision=4, max_line_width=10**6)
 
 
-def _parts(simulation: Simulation, rows: np.ndarray) -> dict[str, np.ndarray]:
+def _parts(simulation: LoopRunner, rows: np.ndarray) -> dict[str, np.ndarray]:
     """The recorded blocks by name from rows (…, entries)."""
     sizes = {name: layout.size for name, layout in simulation.config.recorded.items()}
     return dict(zip(sizes, np.split(rows, np.cumsum(list(sizes.values()))[:-1], axis=-1), strict=True))
 
 
-def run_dataset(simulation: Simulation, recorded: Recorded) -> xarray.Dataset:
+def run_dataset(simulation: LoopRunner, recorded: Recorded) -> xarray.Dataset:
     """The dataset of a run."""
     scenario, arm, reached = simulation.scenario, simulation.arm, recorded.reached
     attrs: dict[str, Any] = {"integrator": scenario.integrator, "step_s": scenario.integration_step}
@@ -105,7 +105,7 @@ def run_dataset(simulation: Simulation, recorded: Recorded) -> xarray.Dataset:
 
 
 def _with_rows(
-    simulation: Simulation, recorded: Recorded, record: np.ndarray, attrs: dict[str, Any], notes: list[str]
+    simulation: LoopRunner, recorded: Recorded, record: np.ndarray, attrs: dict[str, Any], notes: list[str]
 ) -> xarray.Dataset:
     """Rows of the lanes that came that far, with what follows from them."""
     scenario, arm, n, reached = simulation.scenario, simulation.arm, simulation.arm.n, recorded.reached
@@ -181,7 +181,7 @@ def _output(arm: Model, name: str, values: np.ndarray, dims: tuple[str, ...]) ->
     return (dims, values[..., 0], attributes) if name in WHOLE else ((*dims, "joint"), values, attributes)
 
 
-def _reduced(simulation: Simulation, dataset: xarray.Dataset, recorded: Recorded) -> None:
+def _reduced(simulation: LoopRunner, dataset: xarray.Dataset, recorded: Recorded) -> None:
     """Adds what the reducers came to, (lane, joint) or (joint,) each."""
     assert simulation.reduction is not None
     assert simulation.reference is not None

@@ -1,0 +1,327 @@
+"""The loop of a scenario: compiled, begun, taken through ticks, and its state read; `Simulation` runs and steps it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armwright.errors import ScenarioError
+from armwright.kernels.loop import Lanes
+from armwright.kernels.stages import state_blocks
+from armwright.simulation.inputs.acting import rows_of
+from armwright.simulation.inputs.schedule_ticks import held_values, landing_rows
+from armwright.simulation.integrate.cvodes import Cvodes, check_lanes
+from armwright.simulation.integrate.integrators import INTEGRATORS
+from armwright.simulation.integrate.stepping import begin_adaptive
+from armwright.simulation.loop.compiled import CompiledLoop
+from armwright.simulation.loop.config import LoopConfig, Sampling
+from armwright.simulation.loop.controller import ControllerAdapter
+from armwright.simulation.loop.initialisation import Initialisation
+from armwright.simulation.loop.python_controller import PythonController
+from armwright.simulation.loop.references import PARAMETERS, LoopReference
+from armwright.simulation.loop.sensor_set import SensorSet
+from armwright.simulation.loop.state import LoopState
+from armwright.simulation.loop.tick import plant_derivative, plant_watched
+from armwright.simulation.loop.timing import Delays
+from armwright.simulation.plant.plant import Plant
+from armwright.simulation.plant.stability import Stability, check_inertia
+from armwright.simulation.plant.varied_steps import VariedSteps
+from armwright.simulation.results.reducers import Reduction, check_known
+from armwright.simulation.scenario import Scenario
+
+if TYPE_CHECKING:
+    pass
+
+AHEAD = 1024  # ticks whose reference is worked out at once while a loop is stepped
+SLICE = 0.01  # [s] of a run in real time between two looks at the clock
+
+
+class LoopRunner:
+    """The loop of a scenario in native code: it begins groups of lanes, takes them through ticks, and reads their state.
+
+    Attributes:
+        scenario: with batches in place of its draws.   count: lanes.   period: [s] of a tick.
+        tick: that comes next.   origin: the tick that tables and records begin with.
+        config, initialisation, loop: what a tick is made of, how lanes begin, and both in native code.
+        inputs, rows: held from row to row, by block; and the ticks of their rows.
+        reference, reduction: what is followed, and computed along the way; None where there is none.
+        notes: what a user should know of how it is run.   plant: with the record's numbers.
+        untraced: why the controller runs in Python; None where it is compiled, or there is none.
+    """
+
+    def __init__(self, scenario: Scenario, *, loop: CompiledLoop | None = None):
+        self.scenario = scenario = scenario.resolved
+        self.arm = scenario.arm
+        self.count, self.period = scenario.lane_count or 1, scenario.tick
+        self.notes: list[str] = []
+        self._check_step(loop)
+        self._started = scenario.started
+        self.inputs = dict(scenario.inputs)
+        if scenario.sampled is False:
+            self.inputs["u"] = scenario.commands
+        self.reduction = Reduction.of(scenario.reduce, self.arm.n) if scenario.reduce else None
+        self.tick = self.origin = 0 if self._started is None else self._started.tick
+        self.reference = self.reference_of_ticks(
+            1 if scenario.duration is None else scenario.ticks, first=scenario.duration is not None
+        )
+        self.config, self.initialisation = self._configured()
+        if loop is not None:
+            loop.check(self.config, scenario.target, outputs=scenario.record == "all")
+        self.loop = loop or CompiledLoop.of(self.config, scenario.target, outputs=scenario.record == "all")
+        self.untraced, self.plant = self.loop.tick.untraced, self.config.bare
+        if self.untraced is not None and scenario.controller is not None:
+            lanes = "" if scenario.lane_count is None or self.controller.vectorised else " for every lane"
+            self.notes.append(
+                f"controller {self.controller.name!r} is not compiled ({self.untraced}): called in Python once a tick{lanes}, "
+                "which is slower"
+            )
+        if self._started is not None:
+            self.notes += self._begun_anew(self._started)
+        self.rows = {name: landing_rows(held, self.period) for name, held in self.inputs.items()}
+        if self.reference is not None and self.reference.rows is not None:
+            self.rows["r"] = landing_rows(self.reference.rows, self.period)
+        self._solver = self._cvodes() if scenario.integrator == "cvodes" else None
+        called = self.untraced is not None and scenario.controller is not None
+        self._in_python = PythonController(self.controller, self.arm, self.period) if called else None
+        self._keep = self._kept_blocks()
+
+    # Making.
+
+    @property
+    def controller(self) -> ControllerAdapter:
+        """The controller of a sampled loop."""
+        assert self.config.sampling is not None
+        return self.config.sampling.controller
+
+    def _check_step(self, loop: CompiledLoop | None) -> None:
+        """Refuses an arm that cannot move, and a step that is too large for one that can."""
+        scenario, arm, name = self.scenario, self.arm, self.scenario.integrator
+        check_inertia(arm, scenario.initial_state[0, : arm.n])
+        if name not in INTEGRATORS:
+            return
+        stability = Stability(arm) if loop is None else loop.stability
+        commands = np.zeros((1, arm.n)) if scenario.sampled else rows_of(scenario.commands)
+        if scenario.varied is not None:
+            stability = VariedSteps(scenario.varied, scenario.parameters, scenario.lane_count is not None)
+        stability.check_step(name, INTEGRATORS[name], scenario.integration_step, commands)
+
+    def reference_of_ticks(self, ticks: int, *, first: bool = False) -> LoopReference | None:
+        """The reference of so many ticks from here, `first` when the scenario is checked; None where nobody asks."""
+        scenario = self.scenario
+        if not scenario.sampled and self.reduction is None:
+            return None
+        numbers = np.arange(self.tick, self.tick + ticks + 1)
+        state = {} if self._started is None else self._started.blocks
+        start = state.get("r", scenario.initial_state)[:, : self.arm.n]
+        reference = scenario.reference
+        if isinstance(reference, (np.ndarray, list, tuple)) and np.ndim(reference) == 2 and not first:
+            begun = (
+                0 if scenario.started is None else scenario.started.tick
+            )  # the rows count from there; the last one stays
+            reference = np.asarray(reference)[np.clip(numbers - begun, 0, len(reference) - 1)]
+        return LoopReference.of(self.arm, reference, start, numbers, self.period)
+
+    def _configured(self) -> tuple[LoopConfig, Initialisation]:
+        """What a tick is made of, and how its lanes begin."""
+        scenario, n, sensors, controller = self.scenario, self.arm.n, None, None
+        plant = Plant.of(self.arm, brakes=scenario.brake is not None)
+        if self.reduction is not None:
+            check_known(self.reduction, self.arm, plant.outputs(plant.initial(np.zeros(n), np.zeros(n)), np.zeros(n)))
+            if self.reference is not None and "q" not in self.reference.layout:
+                raise ScenarioError(
+                    "reduce: the reference has no signal q; expected a reference of the joints beside reduce"
+                )
+        layouts = {"x": plant.layout}
+        if scenario.sampled:
+            assert self.reference is not None
+            sensors = SensorSet.of(plant, scenario.sensor_list, wrench=scenario.wrench is not None)
+            controller = ControllerAdapter(scenario.controller_fields, sensors.y, self.reference.layout)
+            layouts |= {"y": sensors.y, "r": self.reference.layout, "u_issued": scenario.command_layout}
+            layouts |= {"u": scenario.command_layout}
+        stored = {"none": (), "state": ("x",), "all": tuple(layouts)}[scenario.record]
+        config = LoopConfig(
+            self.arm,
+            scenario.varied,
+            scenario.integrator,
+            scenario.adaptivity,
+            scenario.substeps if scenario.sampled else 1,
+            inputs={name: rows_of(held).shape[1] for name, held in scenario.inputs.items()},
+            payload_frames=scenario.payload_frames,
+            recorded={name: layouts[name] for name in stored},
+            reduction=self.reduction,
+            reference=self.reference,
+        )
+        start = scenario.initial_state if self._started is None else self._started.blocks["x"]
+        first = (config, start, scenario.parameters, scenario.first_command, controller, sensors)
+        initialisation = Initialisation(*first, self.period, scenario.target)
+        if sensors is None or controller is None:
+            return config, initialisation
+        delays = Delays.of(scenario.timing, self.period)
+        outside = None if scenario.controller is not None else "it is commanded from outside"
+        sampling = Sampling(
+            controller, initialisation.states, sensors, scenario.shaping, delays, self.period,
+            outside or initialisation.untraced,
+        )  # fmt: skip
+        return replace(config, sampling=sampling), initialisation
+
+    def _cvodes(self) -> Cvodes:
+        """CVODES for the plant."""
+        assert self.scenario.adaptivity is not None
+        check_lanes(self.count)
+        stiff, watched = bool(self.plant.stiff), plant_watched(self.config)
+        return Cvodes(*plant_derivative(self.config), self.scenario.adaptivity, stiff, watched)
+
+    def _kept_blocks(self) -> set[str]:
+        """Names of the blocks that make the state of the loop."""
+        stages = [loop.stages for loop in self.loop.loops]
+        every = tuple(stage for part in stages for stage in part)
+        kept = state_blocks(every) | {"x", "frozen"}
+        if len(stages) > 1:  # a loop that is commanded from outside may be kept between both of its halves
+            kept |= state_blocks((*stages[1], *stages[0]))
+        if self._solver is not None:
+            kept |= {"u", "x_seen"} & {name for loop in self.loop.loops for name in loop.sizes}
+        if self.scenario.sampled and self.scenario.reference is None:
+            kept.add("r")  # where it began, and stays
+        return kept - {"reduced"}
+
+    # Lanes.
+
+    def begin(self, lanes: Lanes, state: LoopState | None) -> None:
+        """Fills the blocks of a group of lanes with initial values, then with those of a state to go on from."""
+        for loop in self.loop.loops:
+            loop.extend(lanes)
+        if self._solver is not None:
+            self._solver.extend(lanes)
+        values = self.initial_blocks(lanes)
+        x = values["x"]
+        for name, given in values.items():
+            if name in lanes.blocks:
+                lanes.set(name, given)
+        for name, rows in self.rows.items():
+            self.loop.loops[0].begin_rows(lanes, name, rows, self.tick)
+        if self.scenario.adaptivity is not None:
+            begin_adaptive(lanes, self.scenario.adaptivity, self.plant.layout, x)
+        for name, block in (("y_old", "y_kept"), ("u", "u"), ("u_queued", "u")):
+            if name in lanes.rings:
+                lanes.fill_ring(name, values[block])
+        if state is not None:
+            self._restore(lanes, state)
+        if self._in_python is not None:
+            self._in_python.begin(lanes, values["y"])
+
+    def acting(self, lanes: Lanes) -> tuple[np.ndarray, np.ndarray]:
+        """Payload and wrench (count or 1, entries) that act on a group of lanes in the tick that comes next."""
+        at = np.array([float(self.tick)])
+        payload, wrench = (
+            lanes.own(held_values(self.inputs[name], at, self.period)[:, 0])
+            if name in self.config.inputs
+            else np.zeros((1, 0))
+            for name in ("payload", "wrench")
+        )
+        return payload, wrench
+
+    def initial_blocks(self, lanes: Lanes) -> dict[str, np.ndarray]:
+        """Initial values of blocks for a group of lanes, (count, …) each, or (1, …) where they are the same for all."""
+        values = self.initialisation.blocks(lanes, *self.acting(lanes), sampling=self.config.sampling)
+        values |= {"p": lanes.own(self.scenario.parameters), "q_first": self.plant.part(values["x"], "q")}
+        if self.reference is not None and self.reference.final is not None:
+            values["r_final"] = lanes.own(self.reference.final)
+        if self.reference is not None and self.reference.values is not None:
+            values[PARAMETERS] = lanes.own(self.reference.values)
+        if self.reduction is not None:
+            values["reduced"] = np.atleast_2d(self.reduction.begin())
+        return values
+
+    def _restore(self, lanes: Lanes, state: LoopState) -> None:
+        """Fills the blocks of a group of lanes with those of a state, as far as this loop has them."""
+        anew = self._anew(state)
+        group = (
+            np.arange(lanes.first, lanes.first + lanes.count) if state.lanes > 1 else np.zeros(lanes.count, dtype=int)
+        )
+        for name in self._keep - anew:
+            if name in state.blocks and state.blocks[name].shape[1:] == lanes.blocks[name].shape[1:2]:
+                lanes.set(name, state.blocks[name][group])
+        for name, ring in lanes.rings.items():
+            if name not in anew and name in state.rings and state.rings[name].shape[1:] == ring.shape[1:3]:
+                lanes.set_ring(name, state.rings[name][group])
+        if self._in_python is not None and "s" not in anew:
+            self._in_python.restore(
+                lanes,
+                {lane: state.python[k] for lane, k in enumerate(group.tolist(), lanes.first) if k in state.python},
+            )
+
+    def _anew(self, state: LoopState) -> set[str]:
+        """Blocks and rings that do not go on, since the state comes from another controller."""
+        return {"s"} if self.scenario.controller is not None and state.controller != self.controller.name else set()
+
+    def measured_in(self, state: LoopState | None) -> bool:
+        """Whether a state to go on from has the measurement of its tick already.
+
+        Raises:
+            ScenarioError: it has, and this loop measures and commands in one go: sensors would measure twice.
+        """
+        if state is None or not state.measured:
+            return False
+        if len(self.loop.loops) == 1:
+            raise ScenarioError(
+                f"start: the state at t = {state.time:g} s has its measurement already; expected one from before "
+                "`measurement` was asked, such as after `step`, for a controller that is compiled"
+            )
+        return True
+
+    def _begun_anew(self, state: LoopState) -> list[str]:
+        """Notes of what does not go on from a state."""
+        if self.scenario.controller is None or state.controller in ("", self.controller.name):
+            return []
+        return [f"controller {self.controller.name!r} began anew at t = {state.time:g} s, behind {state.controller!r}"]
+
+    def state_of(self, groups: list[Lanes]) -> LoopState:
+        """The state of all lanes, which stand between two ticks."""
+        first = groups[0]
+        blocks = {name: np.concatenate([each.get(name) for each in groups]) for name in sorted(self._keep)}
+        rings = {name: np.concatenate([each.get_ring(name) for each in groups]) for name in first.rings}
+        python: Mapping[int, Any] = {} if self._in_python is None else self._in_python.memories(groups)
+        name = "" if self.scenario.controller is None else self.controller.name
+        entries = self.plant.layout.entry_names(self.arm.names)
+        return LoopState(self.tick, self.period, self.scenario.lane_count is None, entries, blocks, rings, python, name)
+
+    def advance(
+        self,
+        lanes: Lanes,
+        tick: int,
+        end: int,
+        last: int,
+        record: np.ndarray | None,
+        every: int,
+        *,
+        measured: bool = False,
+    ) -> None:
+        """Takes a group of lanes through ticks, from one to before another; in tick `last` nothing moves.
+
+        `measured`: whether the stages before the controller are done for the first of them.
+        """
+        run = {**self.given(), "last": last, "every": every, "records": {} if record is None else {"run": record}}
+        loops = self.loop.loops
+        if len(loops) == 1 and self._solver is None:
+            loops[0].run(lanes, self.period, (tick, end), **run)
+            return
+        before, *after = loops
+        for k in range(tick, end):
+            if not (after and measured and k == tick):
+                before.run(lanes, self.period, (k, k + 1), **run)
+            if self._in_python is not None:
+                self._in_python.step(lanes, k)
+            if after:
+                after[0].run(lanes, self.period, (k, k + 1), **run)
+            if self._solver is not None and k < last:
+                steady = 1 if self.scenario.sampled else last - k  # ticks in which schedules alone change anything
+                self._solver.tick(lanes, k, self.period, self.rows, steady)
+
+    def given(self) -> dict[str, Any]:
+        """What compiled loops take beside lanes and ticks."""
+        table = None if self.reference is None else self.reference.table
+        tables = {} if table is None else {"r": table}
+        return {"origin": self.origin, "seed": self.scenario.seed, "tables": tables, "schedules": self.rows}
