@@ -50,7 +50,7 @@ def test_a_lane_is_the_same_whatever_the_others():
     "wrong",
     [
         lambda: Draw.normal(1.0, -0.1), lambda: Draw.normal(1.0, np.nan), lambda: Draw.normal("1", 0.1),
-        lambda: Draw.normal(0.0, 1.0, low=2.0, high=1.0), lambda: Draw.uniform(1.0, 1.0), lambda: Draw.lognormal(-1.0, 0.1),
+        lambda: Draw.normal(0.0, 1.0, low=2.0, high=1.0), lambda: Draw.uniform(1.0, 0.9), lambda: Draw.lognormal(-1.0, 0.1),
         lambda: Draw().batch(0, "controller.kp", LANES), lambda: Draw.normal(np.inf, 1.0),
     ],
 )  # fmt: skip

@@ -86,7 +86,7 @@ class Draw:
         if any(each.dtype.kind not in "iuf" or np.isnan(each).any() for each in numbers):
             raise ScenarioError(f"{self!r}: expected numbers")
         centre, spread, low, high = numbers
-        wrong = spread <= centre if self.kind == "uniform" else spread < 0.0
+        wrong = spread < centre if self.kind == "uniform" else spread < 0.0
         if np.any(wrong) or np.any(low >= high) or (self.kind == "lognormal" and np.any(centre <= 0.0)):
             raise ScenarioError(f"{self!r}: expected {EXPECTED[self.kind]}, and low below high")
         if not np.isfinite(centre).all() or not np.isfinite(spread).all():

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, Strict, model_validator
 
 from armwright.description.quantity import Record
 from armwright.errors import ScenarioError
-from armwright.parameters import Batch, lane_values
+from armwright.parameters import Batch, Draw, lane_values
 
 MOST_LANES = 10**8
 Number = Annotated[float, Strict()]  # no text, and no true or false
@@ -85,15 +85,14 @@ class Values(Record):
             return np.array(self.values)
         return np.linspace(self.start or 0.0, self.stop or 0.0, self.count or 1)
 
-    def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
-        """So many values from the distribution."""
+    def draw(self) -> Draw:
+        """The distribution, where chance has a say."""
         if self.normal is not None:
-            return random.normal(*self.normal, size=count)
+            return Draw.normal(*self.normal)
         if self.uniform is not None:
-            return random.uniform(*self.uniform, size=count)
+            return Draw.uniform(*self.uniform)
         assert self.lognormal is not None
-        median, deviation = self.lognormal
-        return median * np.exp(random.normal(0.0, deviation, size=count))
+        return Draw.lognormal(*self.lognormal)
 
 
 class Lanes(Record):
@@ -128,16 +127,16 @@ class Lanes(Record):
         return self
 
     def columns(self) -> Mapping[str, np.ndarray]:
-        """(lanes,) values of every name, in the order of the file. A name's draws depend on the seed and its place alone."""
+        """(lanes,) values of every name, in the order of the file. A name's draws depend on the seed, the name and the lane."""
         if self.kind == "grid":
             axes = [values.listed() for values in self.vary.values()]
             grid = np.meshgrid(*axes, indexing="ij")
             return {name: part.ravel() for name, part in zip(self.vary, grid, strict=True)}
         columns: dict[str, np.ndarray] = {}
-        for place, (name, values) in enumerate(self.vary.items()):
-            random = np.random.Generator(np.random.Philox(key=[self.seed or 0, place]))
+        for name, values in self.vary.items():
             with np.errstate(over="ignore"):
-                columns[name] = values.draw(random, self.count or 1) if values.drawn else values.listed()
+                drawn = values.draw().batch(self.seed or 0, name, range(self.count or 1)) if values.drawn else None
+                columns[name] = values.listed() if drawn is None else drawn.values
             beyond = ~np.isfinite(columns[name])
             if beyond.any():
                 lane = int(np.argmax(beyond))
