@@ -317,7 +317,7 @@ def test_a_state_of_another_arm_or_of_other_lanes_is_refused():
         aw.Scenario(MANY["elastic"], command=[1.0], duration=0.01, step=2e-4, start=bare)
     lanes = aw.Simulation(aw.Scenario(arm("two-link"), command=aw.Batch(np.zeros((3, 2))), duration=0.01))
     other = aw.Simulation(aw.Scenario(arm("two-link"), command=aw.Batch(np.zeros((4, 2))), duration=0.01))
-    with pytest.raises(ScenarioError, match="restore: a state of 3 lanes; expected one of 4"):
+    with pytest.raises(ScenarioError, match="restore: a state of 3 lanes; expected 4"):
         other.restore(lanes.state)
     with pytest.raises(ScenarioError, match=r"lanes do not fit together: 4 of command, 3 of start"):
         dataclasses.replace(other.scenario, start=lanes.state)
@@ -337,7 +337,7 @@ def test_a_file_that_is_no_state_is_refused(tmp_path):
     (tmp_path / "text.npz").write_text("text")
     np.savez(tmp_path / "other.npz", q=np.zeros(2))
     for name in ("text.npz", "other.npz", "missing.npz"):
-        with pytest.raises(RunError, match=f"{name}: cannot be read as the state of a simulation"):
+        with pytest.raises(RunError, match=f"{name}: (cannot be read|expected the state of a simulation)"):
             aw.LoopState.load(tmp_path / name)
 
 
@@ -347,7 +347,7 @@ def test_commands_that_do_not_fit_are_refused():
         driven.step([0.0, 0.0])
     with pytest.raises(ScenarioError, match="step: no command; expected one"):
         outside.step()
-    with pytest.raises(ScenarioError, match=r"step: command of shape \(3,\) for 1 lanes; expected \(2,\)"):
+    with pytest.raises(ScenarioError, match=r"command has shape \(3,\), expected \(2,\)"):
         outside.step([0.0, 0.0, 0.0])
     with pytest.raises(ScenarioError, match="nothing drives the arm"):
         outside.run(0.01)

@@ -103,9 +103,10 @@ class LoopState:
                     kind, _, key = name.partition(" ")
                     if key:
                         found[kind][key] = archive[name]
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            reason = (str(error).splitlines() or [type(error).__name__])[0]
-            raise RunError(f"{path}: cannot be read as the state of a simulation: {reason}") from None
+        except OSError as error:
+            raise RunError(f"{path}: cannot be read: {error.strerror or error}") from None
+        except (ValueError, KeyError, TypeError):
+            raise RunError(f"{path}: expected the state of a simulation, as LoopState.save writes it") from None
         python = {int(lane): memory for lane, memory in found["python"].items()}
         return cls(**about, blocks=found["block"], rings=found["ring"], python=python)
 
