@@ -39,21 +39,9 @@ from armwright.simulation.scenario_checks import check_scenario, is_time, start_
 
 MOST_STEPS = 2**53
 BATCHED = (  # fields that may hold batches and draws
-    *(
-        "schedule",
-        "command",
-        "q0",
-        "qd0",
-        "initial_command",
-        "wrench",
-        "brake",
-        "payload",
-        "timing",
-        "vary",
-        "reference",
-    ),
-    *("controller", "sensors"),
-)
+    "schedule", "command", "q0", "qd0", "initial_command", "wrench", "brake", "payload", "timing", "vary", "reference",
+    "controller", "sensors",
+)  # fmt: skip
 STEP = 1e-3  # [s] of an integrator that is not told another
 
 
@@ -138,7 +126,7 @@ class Scenario:
     payload: Any = None
     brake: Any = None
     document: str | None = field(default=None, init=False, repr=False)
-    is_resolved: bool = field(default=False, repr=False)
+    _is_resolved: bool = field(default=False, repr=False)
 
     def __post_init__(self) -> None:
         check_scenario(self)
@@ -156,12 +144,12 @@ class Scenario:
         """
         parts = {name: getattr(self, name) for name in BATCHED}
         drawn = any(has_draws(part) for part in parts.values())
-        if self.is_resolved or not (drawn or isinstance(self.lanes, range)):
+        if self._is_resolved or not (drawn or isinstance(self.lanes, range)):
             return self
         lanes = self.lanes if isinstance(self.lanes, range) else range(self._described)
         parts["vary"] = {name: self._of_record(name, value) for name, value in self.vary.items()}
         found = {name: resolved(part, name, self.seed, lanes) for name, part in parts.items()}
-        copy = replace(self, **found, lanes=lanes, is_resolved=True)
+        copy = replace(self, **found, lanes=lanes, _is_resolved=True)
         object.__setattr__(copy, "document", self.document)
         return copy
 
