@@ -150,7 +150,7 @@ class Simulation(LoopRunner):
         run = run_dataset(self, recorded)
         if end is not None and scenario.record == "all":
             end.attach(run)
-        run.attrs |= {"seed": scenario.seed, "made_with": json.dumps(provenance(scenario.target))}
+        run.attrs |= {"seed": scenario.seed, "made_with": json.dumps(dict(provenance(scenario.target)))}
         begun = 0 if scenario.started is None else scenario.started.tick
         if scenario.document is not None and origin == begun:
             run.attrs["scenario"] = scenario.document

@@ -140,7 +140,8 @@ def _with_rows(
     if "y" in parts:
         for name, signal, values in _signals(simulation.config, parts):
             variables[name], labels = _signal(name, signal, squeeze(values), dims, labels)
-    return dataset.assign(variables).assign_coords(labels)  # at once, since xarray compares coordinates each time
+    dataset = dataset.assign(variables) if variables else dataset  # at once: xarray compares coordinates each time
+    return dataset.assign_coords(labels) if labels else dataset
 
 
 def _signals(config: LoopConfig, parts: Mapping[str, np.ndarray]) -> Iterator[tuple[str, Signal, np.ndarray]]:

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import importlib.metadata
+from collections.abc import Mapping
+from functools import cache
+from types import MappingProxyType
 
 from armwright.kernels.target import select_target
 
 PACKAGES = ("armwright", "casadi", "llvmlite", "numpy")
 
 
-def provenance(target: str | None = None) -> dict[str, str]:
+@cache
+def provenance(target: str | None = None) -> Mapping[str, str]:
     """Names and versions, as texts."""
     chosen = select_target(target)
     on = sorted(feature[1:] for feature in chosen.features.split(",") if feature.startswith("+"))
     versions = {name: importlib.metadata.version(name) for name in PACKAGES}
-    return versions | {"processor": chosen.cpu, "features": " ".join(on), "lanes at once": str(chosen.width)}
+    return MappingProxyType(
+        versions | {"processor": chosen.cpu, "features": " ".join(on), "lanes at once": str(chosen.width)}
+    )
