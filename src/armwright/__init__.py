@@ -52,9 +52,8 @@ if TYPE_CHECKING:
     from armwright.pictures.animate import animate
     from armwright.pictures.show import show
     from armwright.record import check, convert, diff
-    from armwright.scenarios import read_scenario, rerun
+    from armwright.scenarios import read_scenario, reproduce
     from armwright.signals import Layout, Signal
-    from armwright.simulation.converge import converge
     from armwright.simulation.inputs.payload import Payload
     from armwright.simulation.inputs.schedule import Schedule, read_schedule
     from armwright.simulation.integrate.events import joint_stops
@@ -68,6 +67,7 @@ if TYPE_CHECKING:
     from armwright.simulation.scenario import Scenario
     from armwright.simulation.sensitivity import sensitivities
     from armwright.simulation.simulation import Simulation, simulate
+    from armwright.simulation.step_study import step_study
     from armwright.trajectory import Quintic, Ramp, Sine, Step
 
 __version__ = "0.1.0"
@@ -92,8 +92,8 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.model": ("Model",),
     "armwright.model.load": ("load",),
     "armwright.modular": ("enumerate_assemblies", "rank_assemblies", "read_task"),
-    "armwright.scenarios": ("read_scenario", "rerun"),
-    "armwright.simulation.converge": ("converge",),
+    "armwright.scenarios": ("read_scenario", "reproduce"),
+    "armwright.simulation.step_study": ("step_study",),
     "armwright.simulation.integrate.events": ("joint_stops",),
     "armwright.parameters": ("Batch", "Draw"),
     "armwright.pictures.animate": ("animate",),
@@ -156,7 +156,6 @@ __all__ = [
     "check",
     "compile",
     "composite_body",
-    "converge",
     "convert",
     "coriolis_matrix",
     "diff",
@@ -190,12 +189,13 @@ __all__ = [
     "read_task",
     "regressor",
     "regressor_drive",
-    "rerun",
+    "reproduce",
     "save",
     "sensitivities",
     "show",
     "simulate",
     "statistics",
+    "step_study",
     "to_toml",
     "write_parts",
     "write_toml",

@@ -15,7 +15,7 @@ REFUSED = [
     (("--colour",), "No such option: --colour"),
     (("simulate",), "Missing argument 'ROBOT'"),
     (("simulate", "two-link", "--colour"), "No such option: --colour"),
-    (("inverse", "two-link"), "Missing argument 'IN.csv'"),
+    (("inverse-dynamics", "two-link"), "Missing argument 'IN.csv'"),
     (("info", "pma560"), "no robot 'pma560': not a built-in arm and not a file; did you mean puma560?"),
     (("info", "nowhere.toml"), "nowhere.toml: no such file"),
     (("simulate", "two-link"), "two-link: no command given; expected one of --schedule FILE and --torque N m,N m"),
@@ -95,7 +95,7 @@ def test_bad_schedules(text, message, tmp_path, monkeypatch):
     assert [entry.name for entry in tmp_path.iterdir()] == ["volts.csv"]
 
 
-@pytest.mark.parametrize("command", ["inverse", "forward"])
+@pytest.mark.parametrize("command", ["inverse-dynamics", "forward-dynamics"])
 def test_bad_tables(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "in.csv").write_text("1,2,3\n")

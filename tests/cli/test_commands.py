@@ -41,7 +41,7 @@ def test_version():
     assert run("--version").stdout == f"armwright {aw.__version__}\n"
 
 
-@pytest.mark.parametrize("command", ["robots", "info", "inverse", "forward", "simulate"])
+@pytest.mark.parametrize("command", ["robots", "info", "inverse-dynamics", "forward-dynamics", "simulate"])
 def test_help_teaches_by_example(command):
     shown = run(command, "--help").stdout
     assert re.search(r"^ *Usage: .*armwright|^ *Usage: ", shown, re.M)
@@ -52,7 +52,9 @@ def test_help_teaches_by_example(command):
 
 def test_alone_it_shows_its_help():
     shown = run().stdout
-    assert all(command in shown for command in ("robots", "info", "inverse", "forward", "simulate", "Try:"))
+    assert all(
+        command in shown for command in ("robots", "info", "inverse-dynamics", "forward-dynamics", "simulate", "Try:")
+    )
 
 
 def test_robots_lists_every_built_in_arm():
@@ -100,7 +102,7 @@ def test_info_shows_an_arm_that_load_would_refuse(tmp_path):
 def test_inverse(tmp_path, name):
     arm = aw.load(name)
     sets = motions(arm, ("q", "qd", "qdd"))
-    run("inverse", name, table(tmp_path / "in.csv", sets), "-o", tmp_path / "out.csv")
+    run("inverse-dynamics", name, table(tmp_path / "in.csv", sets), "-o", tmp_path / "out.csv")
     frame = pandas.read_csv(tmp_path / "out.csv")
     q, qd, qdd = (columns(sets, quantity, arm) for quantity in ("q", "qd", "qdd"))
     expected = np.array([aw.inverse_dynamics(arm, *row) for row in zip(q, qd, qdd, strict=True)])
@@ -122,11 +124,11 @@ def test_inverse(tmp_path, name):
 def test_forward_undoes_inverse(tmp_path):
     arm = aw.load("cmu-dd")
     sets = motions(arm, ("q", "qd", "qdd"))
-    run("inverse", "cmu-dd", table(tmp_path / "in.csv", sets), "-o", tmp_path / "out.csv")
+    run("inverse-dynamics", "cmu-dd", table(tmp_path / "in.csv", sets), "-o", tmp_path / "out.csv")
     volts = pandas.read_csv(tmp_path / "out.csv")
     states = {head: values for head, values in sets.items() if not head.startswith("qdd")}
     states |= {f"u_{joint}": volts[f"voltage_{joint} [V]"] for joint in arm.names}
-    shown = run("forward", "cmu-dd", table(tmp_path / "states.csv", states)).stdout  # without -o it is printed
+    shown = run("forward-dynamics", "cmu-dd", table(tmp_path / "states.csv", states)).stdout  # without -o it is printed
     frame = pandas.read_csv(io.StringIO(shown))
     got = np.stack([frame[f"qdd_{joint} [rad/s²]"] for joint in arm.names], axis=1)
     np.testing.assert_allclose(got, columns(sets, "qdd", arm), rtol=1e-8, atol=1e-8)
@@ -199,7 +201,7 @@ def test_inverse_knows_what_it_can_of_every_joint(tmp_path):
     path = mixed_file(tmp_path)
     arm = aw.load(path)
     sets = motions(arm, ("q", "qd", "qdd"))
-    frame = pandas.read_csv(io.StringIO(run("inverse", path, table(tmp_path / "in.csv", sets)).stdout))
+    frame = pandas.read_csv(io.StringIO(run("inverse-dynamics", path, table(tmp_path / "in.csv", sets)).stdout))
     tau, qd = frame["tau_turn [N m]"], sets["qd_turn"]
     np.testing.assert_allclose(frame["voltage_turn [V]"], 2.0 / (50 * 0.1) * tau + 50 * 0.1 * qd, rtol=1e-12)
     np.testing.assert_allclose(frame["current_turn [A]"], tau / (50 * 0.1), rtol=1e-12)
@@ -209,7 +211,7 @@ def test_inverse_knows_what_it_can_of_every_joint(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "command", [("robots",), ("info",), ("inverse",), ("forward",), ("simulate",), ("export", "c")]
+    "command", [("robots",), ("info",), ("inverse-dynamics",), ("forward-dynamics",), ("simulate",), ("export", "c")]
 )
 def test_help_fills_the_width(command):
     """A line of a paragraph ends where the next word would not have fitted, not where the source's line did."""

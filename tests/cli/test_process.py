@@ -73,7 +73,7 @@ def test_ctrl_c_ends_quietly_and_keeps_what_is_finished(tmp_path):
 def test_a_reader_that_leaves_early(tmp_path):
     rows = "\n".join(["0,0,0,0,0,0"] * 20000)
     (tmp_path / "in.csv").write_text(rows)
-    inverse = f'"{sys.executable}" -m armwright inverse two-link "{tmp_path / "in.csv"}" | head -1'
+    inverse = f'"{sys.executable}" -m armwright inverse-dynamics two-link "{tmp_path / "in.csv"}" | head -1'
     done = subprocess.run(inverse, shell=True, capture_output=True, text=True, check=False)
     assert done.stdout == "tau_shoulder [N m],tau_elbow [N m]\n"
     assert done.stderr == ""
@@ -81,14 +81,16 @@ def test_a_reader_that_leaves_early(tmp_path):
 
 FULL = pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
 COMMANDS = [
-    ("inverse", "two-link", "in.csv"),
+    ("inverse-dynamics", "two-link", "in.csv"),
     ("simulate", "two-link", "--torque=0", "--duration=0.1"),
     ("info", "panda"),
 ]
 
 
 @FULL
-@pytest.mark.parametrize("arguments", [*COMMANDS, ("robots",), ("--help",), ("inverse", "--help"), ("--version",)])
+@pytest.mark.parametrize(
+    "arguments", [*COMMANDS, ("robots",), ("--help",), ("inverse-dynamics", "--help"), ("--version",)]
+)
 @pytest.mark.parametrize("rows", [1, 20000])
 def test_a_full_disk_behind_standard_output(arguments, rows, tmp_path):
     """Found at once or at the last flush: one line, no traceback."""

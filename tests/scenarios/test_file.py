@@ -55,7 +55,7 @@ def test_schedules_and_robots_lie_beside_the_file(tmp_path):
     aw.save(run, tmp_path / "run.nc")
     for name in ("volts.csv", "mine.toml", "one.scenario.toml"):
         (tmp_path / name).unlink()
-    assert aw.rerun(tmp_path / "run.nc").same
+    assert aw.reproduce(tmp_path / "run.nc").same
 
 
 def test_a_controlled_arm_and_its_lanes(tmp_path):
@@ -90,7 +90,7 @@ def test_noise_and_losses_come_again(tmp_path):
     )
     run = aw.simulate(scenario(tmp_path, noisy))
     aw.save(run, tmp_path / "run.nc")
-    again = aw.rerun(tmp_path / "run.nc")
+    again = aw.reproduce(tmp_path / "run.nc")
     assert again.same
     assert again.surroundings == ()
     calm = aw.simulate(scenario(tmp_path, PID))
@@ -102,7 +102,7 @@ def test_another_surrounding_is_told_and_other_numbers_found(tmp_path):
     run.attrs["made_with"] = json.dumps(json.loads(run.attrs["made_with"]) | {"numpy": "1.0"})
     run["q"] = run["q"] + 1e-9
     aw.save(run, tmp_path / "run.nc")
-    again = aw.rerun(tmp_path / "run.nc")
+    again = aw.reproduce(tmp_path / "run.nc")
     assert not again.same
     assert again.surroundings[0].startswith("numpy: 1.0 then")
     assert again.differences["q"] == pytest.approx(1e-9, rel=1e-6)
@@ -112,7 +112,7 @@ def test_a_run_of_python_keeps_no_scenario(tmp_path):
     run = aw.simulate(aw.Scenario(aw.load("two-link"), command=[1.0, 1.0], duration=0.01))
     aw.save(run, tmp_path / "run.nc")
     with pytest.raises(RunError, match="keeps no scenario"):
-        aw.rerun(tmp_path / "run.nc")
+        aw.reproduce(tmp_path / "run.nc")
 
 
 @pytest.mark.parametrize(
@@ -217,7 +217,7 @@ def test_payloads_are_those_of_python_and_come_again(tmp_path):
     np.testing.assert_allclose(run.q[:51], plain.q[:51], atol=1e-15)
     assert (run.q[-1] != plain.q[-1]).all()
     aw.save(run, tmp_path / "run.nc")
-    assert aw.rerun(tmp_path / "run.nc").same
+    assert aw.reproduce(tmp_path / "run.nc").same
 
 
 def test_what_acts_differs_by_lane(tmp_path):
@@ -259,7 +259,7 @@ def test_brakes_are_applied_as_in_python(tmp_path, brake):
     same = aw.simulate(aw.Scenario(aw.load(tmp_path / "braked.toml"), command=np.zeros(3), brake=1, duration=0.1))
     np.testing.assert_array_equal(run.q, same.q)
     aw.save(run, tmp_path / "run.nc")
-    assert aw.rerun(tmp_path / "run.nc").same
+    assert aw.reproduce(tmp_path / "run.nc").same
 
 
 @pytest.mark.parametrize(

@@ -184,22 +184,22 @@ def test_a_lane_without_enough_steps_is_frozen_and_marked_and_the_others_go_on()
     model = motor_alone()
     run = aw.simulate(
         aw.Scenario(model, duration=0.1, step=0.02, command=aw.Batch([[0.0], [6.0]]), qd0=aw.Batch([[0.0], [30.0]]),
-                    integrator="rk45", rtol=1e-9, most_steps=2)
+                    integrator="rk45", rtol=1e-9, max_steps=2)
     )  # fmt: skip
     assert np.isnan(run.stalled_at.values[0])
     assert run.stalled_at.values[1] == 0.0
     assert np.isnan(run.diverged_at.values).all()
     assert run.steps_tried.values[1] == 2
-    with pytest.raises(DivergenceError, match=r"ran out of steps in the tick at t = 0 s.*most_steps"):
+    with pytest.raises(DivergenceError, match=r"ran out of steps in the tick at t = 0 s.*max_steps"):
         aw.simulate(
-            aw.Scenario(model, duration=0.1, step=0.02, command=[6.0], qd0=[30.0], integrator="rk45", most_steps=2)
+            aw.Scenario(model, duration=0.1, step=0.02, command=[6.0], qd0=[30.0], integrator="rk45", max_steps=2)
         )
 
 
 def test_a_lane_that_diverges_is_told_apart():
     run = aw.simulate(
         aw.Scenario(motor_alone(), duration=0.01, command=[1.0], q0=aw.Batch([[1e308], [0.0]]),
-                    qd0=aw.Batch([[1e308], [0.0]]), integrator="rk45", most_steps=20)
+                    qd0=aw.Batch([[1e308], [0.0]]), integrator="rk45", max_steps=20)
     )  # fmt: skip
     assert run.diverged_at.values[0] == 0.0
     assert np.isnan(run.stalled_at.values).all()

@@ -17,20 +17,20 @@ from armwright import __version__
 from armwright.cli.animate import animate
 from armwright.cli.assemble import assemble
 from armwright.cli.check import check
-from armwright.cli.converge import converge
 from armwright.cli.convert import convert
 from armwright.cli.diff import diff
 from armwright.cli.export import export
-from armwright.cli.forward import forward
+from armwright.cli.forward_dynamics import forward_dynamics
 from armwright.cli.info import info
-from armwright.cli.inverse import inverse
+from armwright.cli.inverse_dynamics import inverse_dynamics
 from armwright.cli.parts import parts
 from armwright.cli.plot import plot
-from armwright.cli.rerun import rerun
+from armwright.cli.reproduce import reproduce
 from armwright.cli.robots import robots
 from armwright.cli.show import show
 from armwright.cli.sim import sim
 from armwright.cli.simulate import simulate
+from armwright.cli.step_study import step_study
 from armwright.errors import ArmwrightError
 
 UsageError: Any = typer.BadParameter.__mro__[1]  # typer keeps it to itself
@@ -135,13 +135,13 @@ for command in (
     check,
     diff,
     convert,
-    inverse,
-    forward,
+    inverse_dynamics,
+    forward_dynamics,
     simulate,
     plot,
     animate,
-    converge,
-    rerun,
+    step_study,
+    reproduce,
     assemble,
     sim,
 ):

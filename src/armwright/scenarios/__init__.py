@@ -1,6 +1,6 @@
 """Scenario files: everything that decides a run, written down; many lanes of it; and a run done again."""
 
 from armwright.scenarios.file import read_scenario
-from armwright.scenarios.rerun import rerun
+from armwright.scenarios.reproduce import reproduce
 
-__all__ = ["read_scenario", "rerun"]
+__all__ = ["read_scenario", "reproduce"]

@@ -94,7 +94,7 @@ def _scenario(table: ScenarioTable, files: Files) -> Scenario:
         "integrator": table.integrator,
         "rtol": table.rtol,
         "atol": table.atol,
-        "most_steps": table.most_steps,
+        "max_steps": table.max_steps,
         "seed": table.seed,
         "vary": {name: _value(name, value, arm) for name, value in table.values.items()},
         "record": table.record.what,

@@ -150,7 +150,7 @@ class ScenarioTable(Record):
     atol: Number | None = Field(
         default=None, description="Absolute tolerance of rk45 and cvodes, in each state's unit."
     )
-    most_steps: Whole | None = Field(default=None, description="Of rk45 in one tick; a lane that wants more is frozen.")
+    max_steps: Whole | None = Field(default=None, description="Of rk45 in one tick; a lane that wants more is frozen.")
     seed: Whole = Field(default=0, ge=0, description="Of noise, jitter and losses.")
     initial: Initial = Field(default_factory=Initial, description="Where the arm begins.")
     drive: Drive | None = Field(default=None, description="Commands over time; or a controller.")

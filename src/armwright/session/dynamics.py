@@ -63,7 +63,7 @@ def _beyond(arm: Model, columns: list[tuple[str, list[str], np.ndarray]]) -> lis
 
 
 def _inverse_of_sets(session: Session, file: str) -> Listing:
-    """Every row of a table with q_JOINT, qd_JOINT and qdd_JOINT; the columns are those of `armwright inverse`."""
+    """Every row of a table with q_JOINT, qd_JOINT and qdd_JOINT; the columns are those of `armwright inverse-dynamics`."""
     state, arm = session.state, session.state.arm
     quantities = ("q", "qd", "qdd")
     data = read_table(file, dict.fromkeys(quantities, arm.names), {q: joint_units(arm, q) for q in quantities})

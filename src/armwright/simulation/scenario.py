@@ -83,7 +83,7 @@ class Scenario:
         integrator: a name of `integrators.RULES`: "rk3", "rk4", "semi_implicit_euler"; "rk45", which chooses its own steps
             within each tick; or "cvodes", slow and accurate, for some lanes.
         rtol, atol: of "rk45" and "cvodes": what each entry of the state may be wrong by in a step; default `TOLERANCES`.
-        most_steps: of "rk45" in one tick; a lane that wants more is frozen and marked.
+        max_steps: of "rk45" in one tick; a lane that wants more is frozen and marked.
         events: of "rk45", by name: functions (t, x) of time and state whose changes of sign are found, landed on and told,
             as `events.joint_stops` makes them.
         record_every: rows are recorded every so many steps; 0 records the first and the last state only.
@@ -119,7 +119,7 @@ class Scenario:
     seed: int = 0
     rtol: float | None = None
     atol: float | None = None
-    most_steps: int | None = None
+    max_steps: int | None = None
     events: Mapping[str, EventFunction] = field(default_factory=dict)
     reduce: Sequence[str] = ()
     wrench: Any = None
@@ -190,7 +190,7 @@ class Scenario:
     @property
     def adaptivity(self) -> Adaptivity | None:
         """How the integrator chooses its steps; None for rules of fixed step."""
-        return Adaptivity.of(self.integrator, self.substeps, self.rtol, self.atol, self.most_steps, self.events)
+        return Adaptivity.of(self.integrator, self.substeps, self.rtol, self.atol, self.max_steps, self.events)
 
     @cached_property
     def inputs(self) -> dict[str, Held]:

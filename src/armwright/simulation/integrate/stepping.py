@@ -44,7 +44,7 @@ class Adaptivity:
 
     @classmethod
     def of(
-        cls, integrator: str, substeps: int, rtol: Any, atol: Any, most_steps: Any, events: Mapping[str, EventFunction]
+        cls, integrator: str, substeps: int, rtol: Any, atol: Any, max_steps: Any, events: Mapping[str, EventFunction]
     ) -> Adaptivity | None:
         """What a scenario says about it; None where the integrator's step is fixed.
 
@@ -57,12 +57,12 @@ class Adaptivity:
                 raise ScenarioError(f"{name} goes with integrator = 'rk45' or 'cvodes', not {integrator!r}")
             if value is not None and not (_is_number(value) and 0.0 < value < 1.0):
                 raise ScenarioError(f"{name} = {value!r}: expected a tolerance above 0 and below 1")
-        if most_steps is not None and not lands:
-            raise ScenarioError(f"most_steps goes with integrator = 'rk45', not {integrator!r}")
-        if most_steps is not None and not (
-            isinstance(most_steps, Integral) and _is_number(most_steps) and int(most_steps) > 0
+        if max_steps is not None and not lands:
+            raise ScenarioError(f"max_steps goes with integrator = 'rk45', not {integrator!r}")
+        if max_steps is not None and not (
+            isinstance(max_steps, Integral) and _is_number(max_steps) and int(max_steps) > 0
         ):
-            raise ScenarioError(f"most_steps = {most_steps!r}: expected a whole number, 1 or more")
+            raise ScenarioError(f"max_steps = {max_steps!r}: expected a whole number, 1 or more")
         if not isinstance(events, Mapping) or not all(callable(each) for each in events.values()):
             raise ScenarioError(f"events = {events!r}: expected functions (t, x) by name")
         if events and not lands:
@@ -75,7 +75,7 @@ class Adaptivity:
         return cls(
             relative if rtol is None else float(rtol),
             absolute if atol is None else float(atol),
-            0 if not lands else MOST_STEPS if most_steps is None else int(most_steps),
+            0 if not lands else MOST_STEPS if max_steps is None else int(max_steps),
             tuple(events.items()),
         )
 
@@ -190,7 +190,7 @@ class Account:
         if self.stalled[0]:
             raise DivergenceError(
                 f"{name}: the integrator ran out of steps in the tick at {when}{more}; "
-                "expected looser tolerances, more most_steps, or integrator = 'cvodes'"
+                "expected looser tolerances, more max_steps, or integrator = 'cvodes'"
             )
         raise DivergenceError(f"{name}: the simulation left the finite numbers at {when}{more}")
 

@@ -1,4 +1,4 @@
-"""`armwright forward`: states and drive commands in, accelerations out."""
+"""`armwright forward-dynamics`: states and drive commands in, accelerations out."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 from armwright.cli.arguments import Out, Robot, Table
 
 
-def forward(robot: Robot, table: Table, output: Out = None) -> None:
+def forward_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
     """Accelerations that drive commands give in the states of a table: the forward arm, one set of data a row.
 
     The table has the columns q_JOINT, qd_JOINT in rad and rad/s (m for sliding joints) and u_JOINT, the command in the
@@ -16,8 +16,8 @@ def forward(robot: Robot, table: Table, output: Out = None) -> None:
 
     \b
     Examples:
-      armwright forward cmu-dd states.csv -o accelerations.csv
-      armwright forward my-arm.toml states.csv | head
+      armwright forward-dynamics cmu-dd states.csv -o accelerations.csv
+      armwright forward-dynamics my-arm.toml states.csv | head
     """
     import armwright as aw
     from armwright.cli.progress import progress

@@ -31,16 +31,16 @@ def test_a_changed_scenario_is_no_longer_the_files(tmp_path):
     run = aw.simulate(changed)
     assert "scenario" not in run.attrs
     with pytest.raises(RunError, match="keeps no scenario, since it was made by a Scenario in Python, or by a file's"):
-        aw.rerun(saved(tmp_path, run))
+        aw.reproduce(saved(tmp_path, run))
 
 
 def test_shapes_and_coordinates_are_compared(tmp_path):
     run = aw.simulate(scenario(tmp_path))
-    short = aw.rerun(saved(tmp_path, run.isel(time=slice(11))))
+    short = aw.reproduce(saved(tmp_path, run.isel(time=slice(11))))
     assert not short.same
     assert "q: shape (11, 2) then, (21, 2) now" in short.reshaped
     assert short.differences == {}
-    late = aw.rerun(saved(tmp_path, run.assign_coords(time=("time", 2.0 * run.time.values, run.time.attrs))))
+    late = aw.reproduce(saved(tmp_path, run.assign_coords(time=("time", 2.0 * run.time.values, run.time.attrs))))
     assert not late.same
     assert late.differences == {"time": pytest.approx(0.02)}
 
@@ -49,7 +49,7 @@ def test_what_a_run_was_made_with_must_be_readable(tmp_path):
     run = aw.simulate(scenario(tmp_path))
     run.attrs["made_with"] = "zzz"
     with pytest.raises(RunError, match="made_with = 'zzz': expected versions by name"):
-        aw.rerun(saved(tmp_path, run))
+        aw.reproduce(saved(tmp_path, run))
 
 
 def test_nothing_is_left_behind(tmp_path, monkeypatch):
@@ -58,7 +58,7 @@ def test_nothing_is_left_behind(tmp_path, monkeypatch):
     path = saved(tmp_path, aw.simulate(scenario(tmp_path, TEXT + '[drive]\nschedule = "u.csv"\n')))
     (tmp_path / "temporary").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
-    assert aw.rerun(path).same
+    assert aw.reproduce(path).same
     assert list(Path(tmp_path / "temporary").iterdir()) == []
 
 
@@ -75,10 +75,10 @@ def test_of_a_stopped_run_what_there_is_comes_again(tmp_path, lanes):
     with pytest.raises(Interrupted) as stopped:
         aw.simulate(scenario(tmp_path, text), progress=stop, threads=1)
     path = saved(tmp_path, stopped.value.run)
-    again = aw.rerun(path)
+    again = aw.reproduce(path)
     assert again.part.startswith("stopped by Ctrl-C after")
     assert again.same
     run = stopped.value.run
     run["q"] = run["q"] + 1e-9
-    changed = aw.rerun(saved(tmp_path, run))
+    changed = aw.reproduce(saved(tmp_path, run))
     np.testing.assert_allclose(list(changed.differences.values()), 1e-9, rtol=1e-5)

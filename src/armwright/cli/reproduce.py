@@ -1,4 +1,4 @@
-"""`armwright rerun`: a saved run, done again."""
+"""`armwright reproduce`: a saved run, done again."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 
-def rerun(
+def reproduce(
     run: Annotated[Path, typer.Argument(metavar="RUN.nc", help="A run of a scenario file.", show_default=False)],
     output: Annotated[
         Path | None,
@@ -24,7 +24,7 @@ def rerun(
 
     \b
     Example:
-      armwright rerun run.nc
+      armwright reproduce run.nc
     """
     import armwright as aw
     from armwright.cli.progress import progress
@@ -33,7 +33,7 @@ def rerun(
     if output is not None:
         check_recording(output)
     with progress(f"running {run.name} again") as tell:
-        done = aw.rerun(run, progress=tell)
+        done = aw.reproduce(run, progress=tell)
     if output is not None:
         aw.save(done.run, output)
         print(f"wrote {output}")

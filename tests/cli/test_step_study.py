@@ -1,4 +1,4 @@
-"""`armwright converge`: a table of steps and what is recommended; what cannot be tried is refused in one line."""
+"""`armwright step-study`: a table of steps and what is recommended; what cannot be tried is refused in one line."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ velocity = "difference"
 
 
 def asked(*arguments: str):
-    return CliRunner().invoke(app, ["converge", *arguments])
+    return CliRunner().invoke(app, ["step-study", *arguments])
 
 
 def test_steps_and_recommendations_are_shown():

@@ -26,7 +26,7 @@ STOPPED = "stopped by Ctrl-C"  # how the first note of such a run begins
 
 
 @dataclass(frozen=True, eq=False)
-class Rerun:
+class Reproduction:
     """A run done again.
 
     Attributes:
@@ -45,13 +45,13 @@ class Rerun:
     part: str = ""
 
 
-def rerun(path: str | os.PathLike[str], progress: Progress | None = None) -> Rerun:
+def reproduce(path: str | os.PathLike[str], progress: Progress | None = None) -> Reproduction:
     """The run in a file, done again from the scenario that it keeps.
 
     Args:
         path: of a saved run, `.nc`.   progress: called now and then with the steps done and those there are.
     Returns:
-        rerun: the new run, and in what it differs from the old one.
+        reproduction: the new run, and in what it differs from the old one.
     Raises:
         RunError: no run, or one that keeps no scenario: it was made in Python, not from a scenario file.
     """
@@ -80,7 +80,7 @@ def rerun(path: str | os.PathLike[str], progress: Progress | None = None) -> Rer
     part = str(old.attrs.get("notes", "")).partition("\n")[0]
     part = part if part.startswith(STOPPED) else ""
     differences, reshaped = _compared(old, _kept_part(old, new) if part else new, whole=not part)
-    return Rerun(new, not differences and not reshaped, tuple(changed), differences, tuple(reshaped), part)
+    return Reproduction(new, not differences and not reshaped, tuple(changed), differences, tuple(reshaped), part)
 
 
 def _made_with(path: str | os.PathLike[str], text: Any) -> dict[str, Any]:

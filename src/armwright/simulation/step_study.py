@@ -59,7 +59,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Convergence:
+class StepStudy:
     """How the error of a scenario shrinks with the step.
 
     Attributes:
@@ -76,13 +76,13 @@ class Convergence:
     recommended: dict[float, Trial | None]
 
 
-def converge(
+def step_study(
     scenario: Scenario,
     *,
     steps: int = STEPS,
     accuracies: Sequence[float] = ACCURACIES,
     threads: int | None = None,
-) -> Convergence:
+) -> StepStudy:
     """Runs a scenario with steps that halve, and says which are small enough.
 
     A sampled controller keeps its period and its substeps are doubled; in open loop the step itself is halved. Errors are
@@ -92,7 +92,7 @@ def converge(
         scenario: with an integrator of fixed step.   steps: how many are tried.
         accuracies: to recommend for, [rad, rad/s | m, m/s].   threads: as in `simulate`.
     Returns:
-        convergence: the steps with their errors, the order seen and what they cost; and what is recommended.
+        study: the steps with their errors, the order seen and what they cost; and what is recommended.
     Raises:
         ScenarioError: an integrator that chooses its own steps, no steps, no such accuracy, too many lanes for CVODES.
         DivergenceError: CVODES cannot solve it.
@@ -127,7 +127,7 @@ def converge(
         floor = max(trials[-1].error - rest, 0.0)
     told = [trials[0], *(replace(trial, order=_order(last, trial, floor)) for last, trial in pairwise(trials))]
     chosen = {accuracy: _largest(told, accuracy) for accuracy in accuracies}
-    return Convergence(scenario.arm.name, scenario.integrator, rule.order, tuple(told), floor, chosen)
+    return StepStudy(scenario.arm.name, scenario.integrator, rule.order, tuple(told), floor, chosen)
 
 
 def _order(last: Trial, trial: Trial, floor: float) -> float:

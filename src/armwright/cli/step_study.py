@@ -1,4 +1,4 @@
-"""`armwright converge`: which integration step is small enough."""
+"""`armwright step-study`: which integration step is small enough."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from armwright.cli.simulate import SCENARIO, Numbers, driven_by, option
 from armwright.errors import ScenarioError
 
 if TYPE_CHECKING:
-    from armwright.simulation.converge import Convergence
+    from armwright.simulation.step_study import StepStudy
 
 
-def converge(
+def step_study(
     robot: Robot,
     schedule: Annotated[
         Path | None, option("--schedule", "FILE", "CSV: t in s and one column a joint, held from row to row.")
@@ -58,9 +58,9 @@ def converge(
 
     \b
     Examples:
-      armwright converge cmu-dd --voltage 8,12,8,4,2,1 --duration 1
-      armwright converge puma560 --voltage 5 --duration 0.5 --integrator rk4 --accuracy 1e-6
-      armwright converge swing.scenario.toml
+      armwright step-study cmu-dd --voltage 8,12,8,4,2,1 --duration 1
+      armwright step-study puma560 --voltage 5 --duration 0.5 --integrator rk4 --accuracy 1e-6
+      armwright step-study swing.scenario.toml
     """
     import armwright as aw
     from armwright.cli.progress import progress
@@ -74,7 +74,7 @@ def converge(
                 raise ScenarioError(f"{robot}: --{name}, but a scenario file says all of it; expected one or the other")
         scenario = aw.read_scenario(robot)
         if integrator is not None:
-            scenario = replace(scenario, integrator=integrator, rtol=None, atol=None, most_steps=None)
+            scenario = replace(scenario, integrator=integrator, rtol=None, atol=None, max_steps=None)
     else:
         arm = aw.load(robot)
         scenario = aw.Scenario(
@@ -88,7 +88,7 @@ def converge(
         )
     with progress(f"trying steps for {scenario.arm.name}"):
         start = time.perf_counter()
-        found = aw.converge(scenario, steps=steps, accuracies=_accuracies(accuracy))
+        found = aw.step_study(scenario, steps=steps, accuracies=_accuracies(accuracy))
         spent = time.perf_counter() - start
     _show(found, spent)
 
@@ -105,7 +105,7 @@ def _accuracies(text: str) -> list[float]:
         raise ScenarioError(f"--accuracy {text}: expected numbers with commas between, such as 1e-3,1e-6") from None
 
 
-def _show(found: Convergence, spent: float) -> None:
+def _show(found: StepStudy, spent: float) -> None:
     from armwright.cli.tables import console_for_tables, number, table
 
     console = console_for_tables()

@@ -1,4 +1,4 @@
-"""`armwright inverse`: motions in, torques and voltages out."""
+"""`armwright inverse-dynamics`: motions in, torques and voltages out."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 from armwright.cli.arguments import Out, Robot, Table
 
 
-def inverse(robot: Robot, table: Table, output: Out = None) -> None:
+def inverse_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
     """Torques and voltages that give the motions of a table: the inverse arm, one set of data a row.
 
     The table has the columns q_JOINT, qd_JOINT and qdd_JOINT in rad, rad/s and rad/s² (m for sliding joints), in any order;
@@ -17,8 +17,8 @@ def inverse(robot: Robot, table: Table, output: Out = None) -> None:
 
     \b
     Examples:
-      armwright inverse puma560 motions.csv -o torques.csv
-      armwright inverse my-arm.toml motions.csv | head
+      armwright inverse-dynamics puma560 motions.csv -o torques.csv
+      armwright inverse-dynamics my-arm.toml motions.csv | head
     """
     import numpy as np
 
