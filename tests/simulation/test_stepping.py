@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.errors import ScenarioError
+from armwright.errors import DivergenceError, ScenarioError
 from physics.arms import arm
 
 PERIOD = 1e-3
@@ -145,3 +145,15 @@ def test_a_run_that_was_cut_is_no_start():
     assert aw.Scenario(arm("two-link"), start=run.isel(time=slice(5, None)), **common).started.tick == 10
     with pytest.raises(ScenarioError, match=r"part of a run, to t = 0.004 s"):
         aw.Scenario(arm("two-link"), start=run.isel(time=slice(5)), **common)
+
+
+def test_a_single_lane_that_diverges_says_so():
+    two = arm("two-link")
+    alone = aw.Simulation(aw.Scenario(two, command=np.zeros(2), qd0=[1e200, 0.0], duration=0.01))
+    with pytest.raises(DivergenceError, match="t = 0 s"):
+        alone.step()
+    many = aw.Simulation(aw.Scenario(two, command=np.zeros(2), qd0=aw.Batch([[1e200, 0.0], [0.1, 0.0]]), duration=0.01))
+    for _ in range(3):
+        many.step()
+    assert many.plant_state.qd[1, 0] != 0.1
+    assert many.state.blocks["frozen"][:, 0].tolist() == [0.0, -1.0]

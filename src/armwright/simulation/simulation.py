@@ -178,6 +178,7 @@ class Simulation(LoopRunner):
                 constant commands is told in this tick. It passes through the command's delays and limits.
         Raises:
             ScenarioError: a command beside another one that drives the arm, none where none does, or one of another shape.
+            DivergenceError: a single lane left the finite numbers; of several, those that do are frozen.
         """
         if (command is None) == self.scenario.external:
             raise ScenarioError(
@@ -196,6 +197,10 @@ class Simulation(LoopRunner):
         room, measured = self._room(1, 2, lanes.width), self._measured
         self.advance(lanes, self.tick, self.tick + 1, self.tick + 2, room, ENDLESS, measured=measured)
         self.tick, self._measured = self.tick + 1, False
+        if self.scenario.lane_count is None and lanes.get("frozen")[0, 0] >= 0.0:
+            account = Account.of(1, len(self.scenario.events))
+            account.read(lanes)
+            account.check(self.arm.name, self.period)
 
     def _stepped(self) -> Lanes:
         """The lanes of a loop that is stepped, all in one group."""
