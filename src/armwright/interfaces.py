@@ -1,4 +1,4 @@
-"""What users write themselves: controllers, sensors and trajectories, as plain functions and small frozen dataclasses.
+"""Protocols of what users write: controllers, sensors and trajectories, as plain functions and small frozen dataclasses.
 
 All are written with `armwright.scalar` on the arrays of one lane, and are traced into the compiled loop.
 """
@@ -17,7 +17,7 @@ from armwright.signals import Signal
 
 @dataclass(frozen=True, eq=False)
 class JointReference:
-    """Where the arm should be: positions, speeds and accelerations of the joints, each (n,)."""
+    """Reference of the joints at one time: positions, speeds and accelerations, each (n,)."""
 
     q: Array  # [rad | m]
     qd: Array  # [rad/s | m/s]
@@ -26,7 +26,7 @@ class JointReference:
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """What the sensors say, each (n,); `applied` is what the drives really did with the last command, within their limits.
+    """Measured signals of the joints, each (n,); `applied` is what the drives really did with the last command, within their limits.
 
     Signals of further sensors are attributes too: `y.force`.
     """
@@ -121,5 +121,5 @@ UNTRACEABLE = (Exception,)  # whatever users' code raises on symbols that it can
 
 
 def why(error: Exception) -> str:
-    """What went wrong in a trace, in one line."""
+    """Cause of a failed trace, in one line."""
     return f"{type(error).__name__}: {(str(error).splitlines() or [''])[0]}"
