@@ -26,7 +26,7 @@ class JointReference:
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """Measured signals of the joints, each (n,); `applied` is what the drives really did with the last command, within their limits.
+    """Measured signals of the joints, each (n,); `applied` is what the drives did with the last command, within their limits.
 
     Signals of further sensors are attributes too: `y.force`.
     """
