@@ -15,17 +15,16 @@ from armwright_tables import table
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from armwright.description import compliance, drive, mimic, motor_effects, robot, supply
-from armwright.description.later import Later
-from armwright.description.modules import assembly, library
-from armwright.description.parts import built_from, materials
-from armwright.description.parts import records as parts
-from armwright.description.quantity import Quantity, Source
-from armwright.description.solids import shapes as solids
-from armwright.description.solids import visual
-from armwright.modular import task
+from armwright.description import built_from, compliance, drive, mimic, motor_effects, robot, supply
+from armwright.lazy_schema import Later
+from armwright.modules import assembly, library, task
+from armwright.parts import materials
+from armwright.parts import records as parts
+from armwright.quantity import Quantity, Source
 from armwright.scenarios import lanes
 from armwright.scenarios import records as scenario
+from armwright.solids import shapes as solids
+from armwright.solids import visual
 
 TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("The file itself", "", (robot.RobotDescription,)),

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from armwright.actuators import motor_current, motor_torque, motor_voltage
     from armwright.control import Cascade, ComputedTorque, JointPID
     from armwright.description import RobotDescription, builtin_names
-    from armwright.description.modules import assemble, read_modules
-    from armwright.description.parts.output import write_parts
     from armwright.description.writer import to_toml, write_toml
     from armwright.dynamics import (
         articulated_body,
@@ -47,11 +45,19 @@ if TYPE_CHECKING:
     from armwright.kinematics import forward_kinematics, jacobian, jacobian_dot_qd
     from armwright.model import Model
     from armwright.model.load import load
-    from armwright.modular import enumerate_assemblies, rank_assemblies, read_task
+    from armwright.modules.assemble import assemble
+    from armwright.modules.assembly import read_modules
+    from armwright.modules.enumerate import enumerate_assemblies
+    from armwright.modules.rank import rank_assemblies
+    from armwright.modules.task import read_task
     from armwright.parameters import Batch, Draw
+    from armwright.parts.output import write_parts
     from armwright.pictures.animate import animate
     from armwright.pictures.show import show
-    from armwright.record import check, convert, diff
+    from armwright.results.plot import plot
+    from armwright.results.recording import load_run, save
+    from armwright.results.statistics import statistics
+    from armwright.robotfiles import check, convert, diff
     from armwright.scenarios import read_scenario, reproduce
     from armwright.signals import Layout, Signal
     from armwright.simulation.inputs.payload import Payload
@@ -61,9 +67,6 @@ if TYPE_CHECKING:
     from armwright.simulation.loop.shaping import Shaping
     from armwright.simulation.loop.state import LoopState
     from armwright.simulation.loop.timing import Timing
-    from armwright.simulation.results.plot import plot
-    from armwright.simulation.results.recording import load_run, save
-    from armwright.simulation.results.statistics import statistics
     from armwright.simulation.scenario import Scenario
     from armwright.simulation.sensitivity import sensitivities
     from armwright.simulation.simulation import Simulation, simulate
@@ -76,8 +79,9 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.actuators": ("motor_current", "motor_torque", "motor_voltage"),
     "armwright.control": ("Cascade", "ComputedTorque", "JointPID"),
     "armwright.description": ("RobotDescription", "builtin_names"),
-    "armwright.description.modules": ("assemble", "read_modules"),
-    "armwright.description.parts.output": ("write_parts",),
+    "armwright.modules.assemble": ("assemble",),
+    "armwright.modules.assembly": ("read_modules",),
+    "armwright.parts.output": ("write_parts",),
     "armwright.description.writer": ("to_toml", "write_toml"),
     "armwright.dynamics": (
         *("articulated_body", "bias_torques", "centre_of_mass", "composite_body", "coriolis_matrix"),
@@ -91,18 +95,20 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.kinematics": ("forward_kinematics", "jacobian", "jacobian_dot_qd"),
     "armwright.model": ("Model",),
     "armwright.model.load": ("load",),
-    "armwright.modular": ("enumerate_assemblies", "rank_assemblies", "read_task"),
+    "armwright.modules.enumerate": ("enumerate_assemblies",),
+    "armwright.modules.rank": ("rank_assemblies",),
+    "armwright.modules.task": ("read_task",),
     "armwright.scenarios": ("read_scenario", "reproduce"),
     "armwright.simulation.step_study": ("step_study",),
     "armwright.simulation.integrate.events": ("joint_stops",),
     "armwright.parameters": ("Batch", "Draw"),
     "armwright.pictures.animate": ("animate",),
     "armwright.pictures.show": ("show",),
-    "armwright.record": ("check", "convert", "diff"),
+    "armwright.robotfiles": ("check", "convert", "diff"),
     "armwright.simulation.inputs.payload": ("Payload",),
-    "armwright.simulation.results.plot": ("plot",),
+    "armwright.results.plot": ("plot",),
     "armwright.interfaces": ("Controller", "JointReference", "Measurement", "Sensor", "Trajectory"),
-    "armwright.simulation.results.recording": ("load_run", "save"),
+    "armwright.results.recording": ("load_run", "save"),
     "armwright.simulation.scenario": ("Scenario",),
     "armwright.simulation.inputs.schedule": ("Schedule", "read_schedule"),
     "armwright.signals": ("Layout", "Signal"),
@@ -111,7 +117,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.simulation.loop.shaping": ("Shaping",),
     "armwright.simulation.sensitivity": ("sensitivities",),
     "armwright.simulation.simulation": ("Simulation", "simulate"),
-    "armwright.simulation.results.statistics": ("statistics",),
+    "armwright.results.statistics": ("statistics",),
     "armwright.simulation.loop.timing": ("Timing",),
     "armwright.trajectory": ("Quintic", "Ramp", "Sine", "Step"),
 }

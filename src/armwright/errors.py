@@ -1,13 +1,115 @@
-"""The exceptions of Armwright. Every one is a single line that names the place, the value and what was expected."""
+"""Exceptions of Armwright and the problems they report: file, place, value, expectation and choices, one line as text."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+LONGEST = 60  # characters of a value that a sentence repeats
+ABSENT: Any = type("Absent", (), {"__repr__": lambda self: "ABSENT", "__bool__": lambda self: False})()
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong, or a note about something worth knowing; `str` gives it as one sentence.
+
+    Attributes:
+        what: the problem in words, where "expected" does not say it all.
+        place: the field, key or joint, as the user wrote it: `motor.resistance_ohm`, `payload[0].mass`.
+        value: what stands there; ABSENT where nothing does.   expected: what may stand there.
+        choices: all names that are allowed; the sentence shows the nearest.   file: path, with `:line` where known.
+    """
+
+    what: str = ""
+    place: str = ""
+    value: Any = ABSENT
+    expected: str = ""
+    choices: tuple[str, ...] = ()
+    file: str = ""
+
+    def __str__(self) -> str:
+        given = "" if self.value is ABSENT else shown(self.value)
+        subject = f"{self.place} = {given}" if self.place and given else self.place or given
+        reasons = [self.what, f"expected {self.expected}" if self.expected else ""]
+        if self.choices or not any(reasons):
+            reasons.append(nearest(str(self.value if self.value is not ABSENT else self.place), self.choices))
+        return ": ".join(part for part in (self.file, subject, "; ".join(filter(None, reasons))) if part)
+
+    def within(self, place: str = "", file: Any = "") -> Problem:
+        """The problem as seen from outside: `place` is put before its own place, a missing `file` is filled in."""
+        dot = "" if not place or not self.place or self.place.startswith(("[", " ")) else "."
+        return replace(self, place=f"{place}{dot}{self.place}", file=self.file or str(file))
 
 
 class ArmwrightError(Exception):
-    """Root of all exceptions that Armwright raises for its users' sake."""
+    """Root of all exceptions that Armwright raises for its users' sake.
+
+    Args:
+        what, place, value, expected, choices, file: as in `Problem`.   others: further problems of the same input.
+
+    Attributes:
+        problems: all that is wrong, the most telling first; `str` shows the first and how many more there are.
+    """
+
+    def __init__(
+        self,
+        what: str = "",
+        *,
+        place: str = "",
+        value: Any = ABSENT,
+        expected: str = "",
+        choices: Iterable[str] = (),
+        file: Any = "",
+        others: Sequence[Problem] = (),
+    ):
+        super().__init__(what)
+        self.problems = (Problem(what, place, value, expected, tuple(choices), str(file)), *others)
+
+    @classmethod
+    def of(cls, first: Problem, *others: Problem) -> Self:
+        """An error that reports these problems."""
+        error = cls(first.what)
+        error.problems = (first, *others)
+        return error
+
+    def within(self, place: str = "", file: Any = "") -> Self:
+        """The same error seen from outside, for the caller to raise: see `Problem.within`."""
+        return self.of(*(problem.within(place, file) for problem in self.problems))
+
+    @property
+    def what(self) -> str:
+        """The problem in words."""
+        return self.problems[0].what
+
+    @property
+    def place(self) -> str:
+        """The field, key or joint."""
+        return self.problems[0].place
+
+    @property
+    def value(self) -> Any:
+        """What stands there, or ABSENT."""
+        return self.problems[0].value
+
+    @property
+    def expected(self) -> str:
+        """What may stand there."""
+        return self.problems[0].expected
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """All names that are allowed there."""
+        return self.problems[0].choices
+
+    @property
+    def file(self) -> str:
+        """Path of the file, with its line where known."""
+        return self.problems[0].file
+
+    def __str__(self) -> str:
+        more = f" (and {len(self.problems) - 1} more)" if len(self.problems) > 1 else ""
+        return f"{self.problems[0]}{more}"
 
 
 class DescriptionError(ArmwrightError):
@@ -68,6 +170,17 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, message: str, run: Any):
         super().__init__(message)
         self.run = run
+
+
+def shown(value: Any) -> str:
+    """A value as a sentence repeats it: on one line, shortened; text in quotes, arrays as lists."""
+    value = value.tolist() if hasattr(value, "tolist") else value
+    try:
+        text = value if isinstance(value, type) else repr(list(value) if isinstance(value, tuple) else value)
+    except ValueError:  # an integer of more digits than Python prints
+        return "a number too long to print"
+    text = " ".join(str(text).split())
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
 
 
 def nearest(name: str, choices: Iterable[str]) -> str:

@@ -18,7 +18,7 @@ PHYSICS = (
     "simulation/plant/joint_drive.py",
     "simulation/plant/plant.py",
     "simulation/plant/flow.py",
-    "simulation/plant/readings.py",
+    "simulation/plant/outputs.py",
     "simulation/integration/integrators.py",
 )
 

@@ -25,7 +25,7 @@ NEVER = (  # in a script that loads an arm and calls a kernel
     ),
     *(f"armwright.description.{name}" for name in ("urdf", "mjcf", "modules", "parts", "solids")),
     *(f"armwright.description.{name}" for name in ("compliance", "motor_effects", "supply")),  # that puma560 has not
-    *("armwright.model.hull_doubts", "armwright.model.vary", "armwright.model.variants", "armwright.simulation"),
+    *("armwright.lint.hulls", "armwright.model.vary", "armwright.model.variants", "armwright.simulation"),
 )
 EMITTER = ("llvm", "llvm_machine", "tiles", "walk", "lowering", "polynomials")  # of kernels: what prints code
 
@@ -33,9 +33,9 @@ SCRIPT = """
 import json, sys
 import armwright as aw
 first = sorted(sys.modules)
-from armwright.description import later
-built, original = [], later.TypeAdapter
-later.TypeAdapter = lambda kind: built.append(kind.__name__) or original(kind)
+from armwright import lazy_schema
+built, original = [], lazy_schema.TypeAdapter
+lazy_schema.TypeAdapter = lambda kind: built.append(kind.__name__) or original(kind)
 arm = aw.load("puma560")
 plain = list(built)
 dyn = aw.compile(arm)
@@ -72,7 +72,7 @@ def test_first_kernel_brings_nothing_that_it_does_not_need(starts, which):
 
 
 def test_kernel_from_the_cache_needs_nothing_that_prints_code(starts):
-    printing = {f"armwright.kernels.{name}" for name in EMITTER} | {"armwright.program.fuse", "armwright.program.cut"}
+    printing = {f"armwright.kernels.{name}" for name in EMITTER} | {"armwright.program.passes", "armwright.program.cut"}
     assert printing <= set(starts["cold"]["modules"])
     assert not printing & set(starts["warm"]["modules"])
 

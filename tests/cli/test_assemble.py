@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import armwright as aw
 from armwright.cli.app import app
-from description.modules_of_tests import assembly, library, put
+from modules.modules_of_tests import assembly, library, put
 
 TASK = """
 name = "sort"

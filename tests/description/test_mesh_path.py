@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from armwright.description.solids.mesh_path import find_mesh, package_folders
+from armwright.description.mesh_path import find_mesh, package_folders
 from armwright.description.xml_tree import Element
 from armwright.errors import DescriptionError
 

@@ -14,7 +14,7 @@ from armwright.kinematics import AxialMotion, joint_motions
 from armwright.model import Model, build_model
 from armwright.model.simplify import base_parameters, simplified
 from armwright.program import interpret, trace
-from armwright.program.fuse import optimised
+from armwright.program.passes import optimised
 from physics.arms import FREE, arm
 from reference.chains import chain
 from reference.random_trees import random_description, random_position

@@ -9,7 +9,7 @@ from armwright.errors import ModelError
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.model import Model
 from armwright.program import Program
-from armwright.program.fuse import optimised
+from armwright.program.passes import optimised
 
 DIGITS = 16  # hexadecimal, of a digest
 

@@ -13,7 +13,7 @@ import numpy as np
 
 import armwright as aw
 from armwright.description import builtin_names
-from armwright.simulation.loop.state import VARIABLE
+from armwright.results.aliases import LOOP_STATE
 from frozen.programs import DIGITS, kernel_digests
 from frozen.runs import RUNS
 
@@ -36,7 +36,7 @@ def run_digests(name: str, target: str | None = None) -> dict[str, Any]:
     run = aw.simulate(scenario if target is None else replace(scenario, target=target), threads=1)
     if scenario.integrator == "cvodes":
         return {"q": run["q"].values[-1].tolist()}
-    names = sorted(str(name) for name in run.data_vars if name != VARIABLE)  # what the state consists of may change
+    names = sorted(str(name) for name in run.data_vars if name != LOOP_STATE)  # what the state consists of may change
     return {name: _digest(run[name].values) for name in names}
 
 

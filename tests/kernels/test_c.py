@@ -10,8 +10,8 @@ import pytest
 
 from armwright.kernels import lowering
 from armwright.kernels.c import c_source, c_text
+from armwright.kernels.c_syntax import C_DOUBLE, C_FLOAT, Dialect, identifier, literal
 from armwright.kernels.c_unit import Unit
-from armwright.kernels.c_words import C_DOUBLE, C_FLOAT, Dialect, identifier, literal
 from armwright.program import call, trace
 from armwright.program.operations import OPERATIONS
 from armwright.scalar import sin

@@ -9,7 +9,7 @@ import pytest
 
 import armwright as aw
 from armwright.kernels.c import c_source
-from armwright.kernels.c_words import C_FLOAT
+from armwright.kernels.c_syntax import C_FLOAT
 from armwright.kernels.format import SINGLE
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.program.operations import OPERATIONS

@@ -13,8 +13,8 @@ from armwright.description import builtin_names
 from armwright.description.paths import quantities, with_values
 from armwright.errors import DescriptionError, ModelError, ShapeError
 from armwright.kernels.signatures import SIGNATURES
+from armwright.lint.feasibility import is_possible
 from armwright.model import build_model, vary
-from armwright.model.plausibility import is_possible
 from armwright.model.vary import Varied
 from armwright.spatial import pseudo_inertia
 from physics.arms import arm

@@ -8,11 +8,11 @@ import trimesh
 
 import armwright as aw
 from armwright.description.database import parse
-from armwright.description.solids.shapes import SHAPES
-from armwright.description.solids.surface import surface
 from armwright.model import build_model
 from armwright.pictures.scene import body_shapes
 from armwright.pictures.still import still
+from armwright.solids.shapes import SHAPES
+from armwright.solids.surface import surface
 from armwright.spatial import rotation_rpy
 from physics.arms import workshop
 

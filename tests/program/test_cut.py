@@ -12,7 +12,7 @@ from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.kernels.target import select_target
 from armwright.program import call, evaluate, trace
 from armwright.program.cut import cut
-from armwright.program.fuse import optimised
+from armwright.program.passes import optimised
 
 
 @pytest.fixture(scope="module")

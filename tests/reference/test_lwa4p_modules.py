@@ -7,9 +7,11 @@ import pytest
 
 import armwright as aw
 from armwright.description.inertia_point import about_com, impossible
-from armwright.description.modules import Assembly, ModuleLibrary, assemble, read_modules
 from armwright.errors import DescriptionError
 from armwright.model import build_model
+from armwright.modules.assemble import assemble
+from armwright.modules.assembly import Assembly, read_modules
+from armwright.modules.library import ModuleLibrary
 
 PRINTED = 1.01e-7  # [kg m²]: tensors are published to 1e-7, and both sides are rounded
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from armwright.description.database import read_toml
 from armwright.model import Model, build_model
-from armwright.simulation.results.recording import make_dataset
+from armwright.results.recording import make_dataset
 
 MIXED = """
 name = "lathe"

@@ -13,12 +13,12 @@ import pytest
 
 import armwright as aw
 from armwright.errors import RunError, ScenarioError
-from armwright.simulation.loop.state import VARIABLE
+from armwright.results.aliases import LOOP_STATE
 from frozen.runs import RUNS, controlled, stubborn, two_link
 from physics.arms import arm
 from simulation.plants import BRAKE, MANY, MOTOR, pendulum
 
-OF_A_PART = {VARIABLE, "diverged_at", "stalled_at", "steps_tried", "event_count", "event_time"}  # not of single rows
+OF_A_PART = {LOOP_STATE, "diverged_at", "stalled_at", "steps_tried", "event_count", "event_time"}  # not of single rows
 NO_STATE = ("reduced", "continued")  # a run that records nothing, and one that starts from another
 WITHOUT_BITS = [name for name in RUNS if "cvodes" in name]  # a multistep solver restarts at low order
 
@@ -73,7 +73,7 @@ def test_two_halves_are_the_uninterrupted_run(name, way, tmp_path):
             joined, expected = np.concatenate([first[:-1], second]), whole[variable].transpose("time", ...).values
             np.testing.assert_array_equal(joined, expected, err_msg=str(variable))
     np.testing.assert_allclose(np.concatenate([parts[0].time[:-1], parts[1].time]), whole.time, rtol=1e-12)
-    np.testing.assert_array_equal(parts[1][VARIABLE].values, whole[VARIABLE].values)
+    np.testing.assert_array_equal(parts[1][LOOP_STATE].values, whole[LOOP_STATE].values)
 
 
 @pytest.mark.parametrize("name", WITHOUT_BITS)
@@ -294,7 +294,7 @@ RENAMED = dataclasses.replace(STATE, entries=("q a", *STATE.entries[1:]))
             "start: part of a run, without rows; expected it with its end at t = 0.01 s",
         ),
         ({"start": RUN.isel(time=slice(5))}, "start: part of a run, to t = 0.004 s; expected it with its end"),
-        ({"start": RUN.drop_vars(VARIABLE)}, "start: a dataset without loop_state; expected a run"),
+        ({"start": RUN.drop_vars(LOOP_STATE)}, "start: a dataset without loop_state; expected a run"),
         ({"start": RUN, "q0": [0.0, 0.0]}, "q0 and start: expected one of them"),
         ({"start": RUN.assign_coords(joint=["a", "b"])}, "a run of the joints a, b; expected shoulder, elbow"),
         ({"start": RENAMED}, "start: a state with 'q a'; expected the 4 numbers of two-link with its drives"),
@@ -355,7 +355,7 @@ def test_commands_that_do_not_fit_are_refused():
 
 def test_statistics_and_tables_leave_the_state_out(tmp_path):
     run = aw.simulate(RUNS["two-link of 100 lanes"]())
-    assert VARIABLE in run
-    assert VARIABLE not in aw.statistics(run)
+    assert LOOP_STATE in run
+    assert LOOP_STATE not in aw.statistics(run)
     aw.save(run, tmp_path / "run.csv")
-    assert VARIABLE not in (tmp_path / "run.csv").read_text(encoding="utf-8").partition("\n")[0]
+    assert LOOP_STATE not in (tmp_path / "run.csv").read_text(encoding="utf-8").partition("\n")[0]

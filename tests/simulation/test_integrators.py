@@ -10,7 +10,7 @@ import armwright as aw
 from armwright.errors import ScenarioError
 from armwright.simulation.integrate.integrators import INTEGRATORS, semi_implicit_euler_step
 from armwright.simulation.loop.compiled import compile_loop
-from armwright.simulation.plant.stability import Stability
+from armwright.simulation.plant.step_limits import Stability
 from physics.arms import arm
 from simulation.plants import ELASTIC, LUGRE, MOTOR, ON_MOTOR, chain
 

@@ -8,7 +8,7 @@ import pytest
 from armwright.errors import ScenarioError
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.plant.plant import Plant
-from armwright.simulation.plant.stability import Stability
+from armwright.simulation.plant.step_limits import Stability
 from simulation.plants import COULOMB, ELASTIC, LUGRE, MANY, MOTOR, RK3, STOPS, pendulum, steps
 
 NOTHING = np.zeros(1)

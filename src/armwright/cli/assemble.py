@@ -12,7 +12,8 @@ from armwright.cli.tables import number, table
 from armwright.errors import ScenarioError
 
 if TYPE_CHECKING:
-    from armwright.description.modules import Assembly, ModuleLibrary
+    from armwright.modules.assembly import Assembly
+    from armwright.modules.library import ModuleLibrary
 
 ENDINGS = (".toml", ".csv")
 

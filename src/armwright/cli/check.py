@@ -27,7 +27,7 @@ def check(
       armwright check my-arm.urdf --strict
     """
     import armwright as aw
-    from armwright.record.check import CHECKS
+    from armwright.robotfiles.check import CHECKS
 
     report = aw.check(robot)
     console = console_for_tables()

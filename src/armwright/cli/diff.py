@@ -9,9 +9,9 @@ import typer
 from armwright.cli.tables import console_for_tables, number, table
 
 if TYPE_CHECKING:
-    from armwright.description.quantity import Source
-    from armwright.record import Change
-    from armwright.record.consequence import Consequence
+    from armwright.quantity import Source
+    from armwright.robotfiles import Change
+    from armwright.robotfiles.dynamic_effect import Consequence
 
 
 def _arm(which: str) -> Any:

@@ -23,7 +23,7 @@ def forward_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
     from armwright.cli.progress import progress
     from armwright.model.joint_signals import joint_units
     from armwright.output import check_destination
-    from armwright.simulation.results.tables import joint_columns, read_table, write_table
+    from armwright.results.tables import joint_columns, read_table, write_table
 
     arm = aw.load(robot)
     if output is not None:

@@ -20,7 +20,7 @@ def operation_table(arm: Model) -> Any:
     from armwright.errors import ModelError
     from armwright.kernels.signatures import SIGNATURES, trace_kernel
     from armwright.model.simplify import STEPS
-    from armwright.program.fuse import optimised
+    from armwright.program.passes import optimised
 
     columns = ["kernel", "products, sums as told", *(step.__name__.replace("_", " ") for step in STEPS)]
     columns += ["sin, cos", "operations", "after the passes"]

@@ -50,7 +50,7 @@ def plot(
     import armwright as aw
     from armwright.cli.tables import console_for_tables
     from armwright.pictures.terminal import show_runs
-    from armwright.simulation.results.plot import check_plot
+    from armwright.results.plot import check_plot
 
     if output is not None:
         check_plot(output)

@@ -28,7 +28,7 @@ def reproduce(
     """
     import armwright as aw
     from armwright.cli.progress import progress
-    from armwright.simulation.results.recording import check_recording
+    from armwright.results.recording import check_recording
 
     if output is not None:
         check_recording(output)

@@ -78,8 +78,8 @@ def simulate(
     """
     import armwright as aw
     from armwright.model.joint_signals import joint_units
-    from armwright.simulation.results.plot import check_plot
-    from armwright.simulation.results.recording import check_recording
+    from armwright.results.plot import check_plot
+    from armwright.results.recording import check_recording
 
     if output is not None:
         check_recording(output)

@@ -59,7 +59,7 @@ def end_state(run: xr.Dataset) -> Group | None:
     """Where joints are at the end of a run, what motors do there, and what reducers came to; of lanes, statistics."""
     from rich.console import Group
 
-    from armwright.simulation.results.recording import run_units
+    from armwright.results.recording import run_units
 
     parts = []
     if "time" in run.coords:
@@ -83,7 +83,7 @@ def _of_joints(run: xr.Dataset, shown: Mapping[str, Sequence[str]], title: str) 
     from rich.console import Group
     from rich.text import Text
 
-    from armwright.simulation.results.statistics import statistics
+    from armwright.results.statistics import statistics
 
     heads = [f"{name} [{' | '.join(dict.fromkeys(units))}]" for name, units in shown.items()]
     joints = [str(joint) for joint in run["joint"].values]

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from armwright.description.quantity import NotNegative, Number, Positive, Record
+from armwright.quantity import NotNegative, Number, Positive, Record
 
 STIFFENING = "κ of a harmonic drive that stiffens under load; absent: the spring is linear. Goes without play."
 PLAY = "Width of the gap between the flanks in which nothing is transmitted; absent: none."

@@ -11,9 +11,9 @@ from typing import Any
 
 import pydantic
 
-from armwright.description.refusal import refusal
 from armwright.description.robot import RobotDescription
 from armwright.errors import DescriptionError, nearest
+from armwright.validation import refusal
 
 BOM = b"\xef\xbb\xbf"  # what some editors put before UTF-8
 XML_ENDINGS = (".urdf", ".xml", ".mjcf", ".xacro")

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field, model_validator
 
-from armwright.description.later import imported_later
-from armwright.description.quantity import NotNegative, NotZero, Number, Positive, Range, Record, Share
+from armwright.lazy_schema import imported_later
+from armwright.quantity import NotNegative, NotZero, Number, Positive, Range, Record, Share
 
 if TYPE_CHECKING:
     from armwright.description.motor_effects import Cogging, Coupling, Thermal

@@ -26,9 +26,9 @@ from pydantic import Field
 
 from armwright.description.database import read_document
 from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
-from armwright.description.quantity import Positive, Record, Source, Vector3
-from armwright.description.refusal import refusal
 from armwright.errors import DescriptionError, nearest
+from armwright.quantity import Positive, Record, Source, Vector3
+from armwright.validation import refusal
 
 ENDING = ".drive.toml"
 PARTS = ("elasticity", "stops", "brake")  # of a joint that no other format knows

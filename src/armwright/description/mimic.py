@@ -6,8 +6,8 @@ from typing import Any
 
 from pydantic import Field
 
-from armwright.description.quantity import NotZero, Number, Record
 from armwright.errors import nearest
+from armwright.quantity import NotZero, Number, Record
 
 MASTER = "The joint that it follows; that may follow another in turn."
 MULTIPLIER = "How far it moves by the master's 1 rad or m, in its own unit."

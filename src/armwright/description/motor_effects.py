@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field, model_validator
 
-from armwright.description.quantity import NotNegative, NotZero, Number, Positive, Record
+from armwright.quantity import NotNegative, NotZero, Number, Positive, Record
 
 
 class Coupling(Record):

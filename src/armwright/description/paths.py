@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, get_args
 
-from armwright.description.quantity import Quantity, Reading, Record
+from armwright.quantity import Quantity, Reading, Record
 
 
 def quantities(record: Record, *, pictures: bool = True) -> Iterator[tuple[str, Quantity, str | None]]:

@@ -9,10 +9,11 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
 from armwright.description.drive_effects import check_drive_effects
-from armwright.description.later import imported_later
 from armwright.description.mimic import LinearMimic, RotaryMimic, check_mimics
 from armwright.description.paths import quantities
-from armwright.description.quantity import (
+from armwright.errors import DescriptionError, nearest
+from armwright.lazy_schema import imported_later
+from armwright.quantity import (
     Direction,
     NotNegative,
     Number,
@@ -22,9 +23,9 @@ from armwright.description.quantity import (
     SourceKind,
     Vector3,
 )
-from armwright.errors import DescriptionError, nearest
 
 if TYPE_CHECKING:
+    from armwright.description.built_from import BuiltFrom
     from armwright.description.compliance import (
         LinearElasticity,
         LinearStops,
@@ -33,16 +34,15 @@ if TYPE_CHECKING:
         RotaryStops,
         SlideBrake,
     )
-    from armwright.description.parts.built_from import BuiltFrom
-    from armwright.description.solids.visual import Visual
     from armwright.description.supply import Supply
+    from armwright.solids.visual import Visual
 else:
     LinearElasticity, LinearStops, RotaryBrake, RotaryElasticity, RotaryStops, SlideBrake = imported_later(
         "armwright.description.compliance",
         *("LinearElasticity", "LinearStops", "RotaryBrake", "RotaryElasticity", "RotaryStops", "SlideBrake"),
     )
-    (BuiltFrom,) = imported_later("armwright.description.parts.built_from", "BuiltFrom")
-    (Visual,) = imported_later("armwright.description.solids.visual", "Visual")
+    (BuiltFrom,) = imported_later("armwright.description.built_from", "BuiltFrom")
+    (Visual,) = imported_later("armwright.solids.visual", "Visual")
     (Supply,) = imported_later("armwright.description.supply", "Supply")
 
 Name = Annotated[str, Field(min_length=1, pattern=r"^[^\s.\[\]]+$")]

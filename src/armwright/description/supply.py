@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field, model_validator
 
-from armwright.description.quantity import Positive, Record
+from armwright.quantity import Positive, Record
 
 
 class Supply(Record):

@@ -13,11 +13,11 @@ from pathlib import Path
 from re import fullmatch
 from typing import Any
 
-from armwright.description.quantity import Quantity, Record
 from armwright.description.robot import RobotDescription
-from armwright.description.solids.mesh import Mesh
 from armwright.errors import OutputError
 from armwright.output import whole_file
+from armwright.quantity import Quantity, Record
+from armwright.solids.mesh import Mesh
 
 FIRST = ("source", "name", "type", "parent", "child")  # of a table, whatever the order of its record
 TABLES = ("motor", "friction", "limits", "built_from")  # that have a heading of their own; others stand in one line

@@ -18,8 +18,8 @@ from armwright.export.c_header import header, prototype
 from armwright.export.c_selftest import selftest
 from armwright.export.form import WRITTEN, parse_form
 from armwright.kernels.c import REALS, c_text
+from armwright.kernels.c_syntax import identifier
 from armwright.kernels.c_unit import Unit
-from armwright.kernels.c_words import identifier
 from armwright.kernels.signatures import SIGNATURES
 from armwright.model import Model
 from armwright.output import whole_file

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from armwright.errors import ModelError
 from armwright.export.form import Form
-from armwright.kernels.c_words import identifier
+from armwright.kernels.c_syntax import identifier
 from armwright.kernels.signatures import SIGNATURES, Argument
 from armwright.model import Model
 from armwright.program import Program

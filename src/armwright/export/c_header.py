@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from armwright.export.c_comment import comment
 from armwright.export.c_function import CFunction
-from armwright.kernels.c_words import parameters, port_names
+from armwright.kernels.c_syntax import parameters, port_names
 from armwright.model import Model
 
 WIDTH = 100  # of a function's first line, above which its parameters stand below each other

@@ -10,7 +10,7 @@ import numpy as np
 from armwright.export.c_comment import comment
 from armwright.export.c_function import CFunction
 from armwright.kernels.c import REALS
-from armwright.kernels.c_words import literal, port_names
+from armwright.kernels.c_syntax import literal, port_names
 from armwright.model import Model
 from armwright.program import interpret
 

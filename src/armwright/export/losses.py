@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from armwright.description.drive import LinearFriction, LinearLimits, RotaryFriction, RotaryLimits
 from armwright.description.drive_file import PARTS
 from armwright.description.paths import quantities
-from armwright.description.quantity import Quantity
 from armwright.description.robot import FixedJoint, RobotDescription
+from armwright.quantity import Quantity
 
 
 class Losses:

@@ -10,13 +10,13 @@ from xml.etree import ElementTree
 import numpy as np
 
 from armwright.description.robot import FixedJoint, MovingJoint, PrismaticJoint, RobotDescription
-from armwright.description.solids.shapes import Box, Cylinder, Ellipsoid, Sphere
 from armwright.export.joint_frames import JointFrame, joint_frames, place_of, tip_of
 from armwright.export.losses import Losses, of_all_formats, of_friction, plain_friction
 from armwright.export.plain_limits import plain_limits
+from armwright.lint.feasibility import is_possible
 from armwright.model.build import STANDARD_GRAVITY
-from armwright.model.plausibility import is_possible
 from armwright.output import whole_file
+from armwright.solids.shapes import Box, Cylinder, Ellipsoid, Sphere
 from armwright.spatial import Placement, pseudo_inertia, rotation_quaternion
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from armwright.description.quantity import Quantity
 from armwright.description.robot import MovingJoint, PrismaticJoint
+from armwright.quantity import Quantity
 
 Limit = Quantity | None
 

@@ -11,14 +11,14 @@ import numpy as np
 
 from armwright.description.drive_file import ENDING
 from armwright.description.robot import FixedJoint, PrismaticJoint, RobotDescription
-from armwright.description.solids.mesh import Mesh
-from armwright.description.solids.shapes import Box, Cylinder, Sphere
-from armwright.description.solids.visual import Visual
 from armwright.export.drive_file import drive_file
 from armwright.export.joint_frames import JointFrame, joint_frames, moved_tip, place_of, tip_of
 from armwright.export.losses import Losses, of_all_formats, of_friction, plain_friction, told
 from armwright.export.plain_limits import plain_limits
 from armwright.output import whole_file
+from armwright.solids.mesh import Mesh
+from armwright.solids.shapes import Box, Cylinder, Sphere
+from armwright.solids.visual import Visual
 from armwright.spatial import Placement, roll_pitch_yaw
 
 FAR = 1e6  # [m]; a slide must have position limits in a URDF

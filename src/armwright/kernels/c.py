@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from armwright.kernels.c_syntax import C_DOUBLE, C_FLOAT, Dialect, identifier, parameters
 from armwright.kernels.c_unit import Unit
-from armwright.kernels.c_words import C_DOUBLE, C_FLOAT, Dialect, identifier, parameters
 from armwright.program import Program
 
 REALS: dict[str, Dialect] = {"double": C_DOUBLE, "float": C_FLOAT}

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from armwright.kernels.c_words import NAME, Dialect, literal
+from armwright.kernels.c_syntax import NAME, Dialect, literal
 from armwright.kernels.machine import Machine, Slow, Value
 from armwright.program import Program
 

@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 
 from armwright.kernels import lowering, polynomials
 from armwright.kernels.c_machine import CMachine
-from armwright.kernels.c_words import C_DOUBLE, Dialect, identifier, parameters, port_names
+from armwright.kernels.c_syntax import C_DOUBLE, Dialect, identifier, parameters, port_names
 from armwright.kernels.machine import Machine, Value
 from armwright.kernels.walk import walk, walk_instructions
 from armwright.program import Program
 from armwright.program.cut import WHOLE, Cut, Piece, cut
-from armwright.program.fuse import optimised
-from armwright.program.live import most_alive
+from armwright.program.liveness import most_alive
+from armwright.program.passes import optimised
 
 #: Operations whose polynomial is printed once, as a function; sine and cosine share one.
 CALLED = ("EXP", "LOG", "TAN", "ATAN", "TANH", "ATAN2", "ERFINV", "EXPM1", "HYPOT")

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ModelError, ShapeError
+from armwright.kernels.c_syntax import identifier
 from armwright.kernels.c_unit import Unit
-from armwright.kernels.c_words import identifier
 from armwright.kernels.cuda_machine import BITS, CUDA
 from armwright.program import Program
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from armwright.kernels.c_words import Dialect
+from armwright.kernels.c_syntax import Dialect
 
 CUDA = Dialect(
     integer="unsigned long long",

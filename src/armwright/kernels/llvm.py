@@ -15,7 +15,7 @@ from armwright.kernels.tiles import load_tile, store_tile, store_tile_loop
 from armwright.kernels.walk import walk, walk_instructions
 from armwright.program import Instruction, Program
 from armwright.program.cut import WHOLE, Piece, cut
-from armwright.program.fuse import optimised
+from armwright.program.passes import optimised
 
 WIDE = 256  # columns of an output that are stored in a loop rather than a line
 CACHE_LINE = 64  # bytes; a guess that is too small or too large costs a little time

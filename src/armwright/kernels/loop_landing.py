@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from armwright.kernels.loop_words import LoopWords
+from armwright.kernels.loop_syntax import LoopWords
 from armwright.kernels.machine import Value
 from armwright.kernels.stages import LANDINGS, NEXT, SECANTS, SINCE, Adapt, Integrate
 

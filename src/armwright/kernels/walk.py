@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from armwright.kernels import lowering
 from armwright.kernels.machine import Machine, Value
 from armwright.program import Instruction, Program
-from armwright.program.fuse import optimised
+from armwright.program.passes import optimised
 
 Call = Callable[[Program, list[Value]], list[Value]]
 Lower = Callable[..., Value]

@@ -10,15 +10,17 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from armwright import scalar
-from armwright.description.quantity import Quantity
 from armwright.description.robot import FixedJoint, Link, MovingJoint, PrismaticJoint, RevoluteJoint, RobotDescription
 from armwright.errors import DescriptionError
-from armwright.model.doubts import doubts, massless
+from armwright.lint.feasibility import check_bodies, check_drives
+from armwright.lint.mass_properties import doubts
+from armwright.model.joint_side import brake_of, drive_of, elasticity_of, friction_of, limits_of, stops_of, supply_of
 from armwright.model.mimics import Mimics
 from armwright.model.model import BASE, Body, Frame, Model
-from armwright.model.plausibility import check_bodies, check_drives
-from armwright.model.referred import brake_of, drive_of, elasticity_of, friction_of, limits_of, stops_of, supply_of
+from armwright.quantity import Quantity
 from armwright.scalar import Array, Scalar
 from armwright.spatial import Placement, inertia_about_origin, rotation_rpy, rotation_to_axis, rotation_x, rotation_z
 
@@ -57,6 +59,20 @@ def places_of_joints(robot: RobotDescription, model: Model) -> dict[str, list[An
                 (after if not isinstance(joint, FixedJoint) else before @ after).inverse().position
             )
     return places
+
+
+def massless(model: Model) -> list[str]:
+    """Warning that names joints that move no mass: their acceleration has no solution."""
+    carried = [
+        float(body.mass) + float(np.trace(body.inertia)) + abs(float(body.drive.reflected)) for body in model.bodies
+    ]
+    for i, body in model.inward():
+        if body.parent != BASE:
+            carried[body.parent] += carried[i]
+    if model.mimics is not None:
+        carried = list(model.mimics.moved(carried))
+    names = [name for name, moved in zip(model.names, carried, strict=True) if moved == 0.0]
+    return [f"joints {', '.join(names)} move no mass: forward dynamics cannot be computed"] if names else []
 
 
 def assembled(robot: RobotDescription) -> Model:

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from armwright.description.paths import quantities, reading_at, unit_at, with_values
-from armwright.description.quantity import Reading
 from armwright.description.robot import Link, RobotDescription
 from armwright.errors import ModelError, nearest
+from armwright.lint.feasibility import IMPOSSIBLE, is_possible
 from armwright.model.build import assembled
 from armwright.model.model import Model
-from armwright.model.plausibility import IMPOSSIBLE, is_possible
+from armwright.quantity import Reading
 from armwright.scalar import Array
 from armwright.spatial import pseudo_inertia
 

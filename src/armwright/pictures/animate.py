@@ -18,11 +18,11 @@ from armwright.errors import RunError
 from armwright.model import Model
 from armwright.output import check_destination, whole_file
 from armwright.pictures.animated import animated_arm
-from armwright.simulation.results.plot_curves import describe
-from armwright.simulation.results.plot_page import PAGES as PLOT_PAGES
-from armwright.simulation.results.plot_page import Numbers, embedded, packed, page, plot_data
-from armwright.simulation.results.recording import in_order
-from armwright.simulation.results.spoken import PARTIAL
+from armwright.results.aliases import PARTIAL
+from armwright.results.plot_curves import describe
+from armwright.results.plot_page import PAGES as PLOT_PAGES
+from armwright.results.plot_page import Numbers, embedded, packed, page, plot_data
+from armwright.results.recording import in_order
 
 if TYPE_CHECKING:
     import xarray as xr

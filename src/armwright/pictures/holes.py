@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from armwright.description.robot import Link
-from armwright.description.solids.manifold import manifold
-from armwright.description.solids.visual import Visual
+from armwright.solids.manifold import manifold
+from armwright.solids.visual import Visual
 
 # [m] by which a hole is larger when it is drawn. A bore as long as its plate ends in the plate's faces only up to the
 # rounding of its pose, 1e-9 m after `parts build` and 1e-6 m where angles have six digits; subtracted as it is, it leaves a

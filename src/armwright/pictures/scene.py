@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from armwright.description.robot import Link
-from armwright.description.solids.surface import AROUND, surface
-from armwright.description.solids.visual import Visual
 from armwright.errors import DescriptionError, RunError
 from armwright.model import BASE, Model
 from armwright.pictures.holes import GROWN, Patch, bored, holes_of
+from armwright.solids.surface import AROUND, surface
+from armwright.solids.visual import Visual
 from armwright.spatial import Placement, rotation_to_axis
 
 CREASE = radians(30)  # faces that meet at less are shaded as one smooth surface

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armwright.simulation.results.plot_curves import INK, Curve, describe
+from armwright.results.plot_curves import INK, Curve, describe
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -10,7 +10,7 @@ import heapq
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from armwright.program.fuse import in_ready_order, in_recursion_order, turns_first
+from armwright.program.passes import in_ready_order, in_recursion_order, turns_first
 from armwright.program.program import Instruction, Value
 
 LONGEST = 400  # instructions in a piece; of 100 joints forward dynamics loses 3 % in pieces of 300, the mass matrix 6 % in 500

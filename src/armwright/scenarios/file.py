@@ -16,7 +16,6 @@ import pydantic
 
 from armwright import scalar
 from armwright.description.database import read_document
-from armwright.description.refusal import refusal
 from armwright.errors import ArmwrightError, DescriptionError, ScenarioError, nearest
 from armwright.expressions import expression
 from armwright.model import Model, build_model
@@ -32,6 +31,7 @@ from armwright.simulation.loop.sensors import Sensors
 from armwright.simulation.loop.shaping import Shaping
 from armwright.simulation.loop.timing import Timing
 from armwright.simulation.scenario import Scenario
+from armwright.validation import refusal
 
 HOMES = {"controller": "armwright.control", "reference": "armwright.trajectory"}
 CONFIGURED = {"controller": ("arm", "model", "signs", "period"), "reference": ("arm", "model")}  # what no file tells

@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, Strict, model_validator
 
-from armwright.description.quantity import Record
 from armwright.errors import ScenarioError
 from armwright.parameters import Batch, Draw, lane_values
+from armwright.quantity import Record
 
 MOST_LANES = 10**8
 Number = Annotated[float, Strict()]  # no text, and no true or false

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from armwright.description.quantity import Record
+from armwright.quantity import Record
 from armwright.scenarios.lanes import Lanes, Number, Whole, counted
 
 PerJoint = Number | tuple[Number, ...] | dict[str, Number]

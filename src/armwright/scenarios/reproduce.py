@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.errors import RunError
+from armwright.results.provenance import provenance
+from armwright.results.recording import load_run
 from armwright.scenarios.file import parse_scenario
 from armwright.scenarios.files import Files
 from armwright.simulation.batch_runner import Progress
-from armwright.simulation.results.provenance import provenance
-from armwright.simulation.results.recording import load_run
 from armwright.simulation.simulation import simulate
 
 if TYPE_CHECKING:

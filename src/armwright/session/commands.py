@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from armwright.session import arms, dynamics, files, help_pages, past, printing, python_prompt, saved, simulation, tour
+from armwright.session import arms, dynamics, files, help_pages, printing, python_prompt, saved, simulation, tour, undo
 from armwright.session.arguments import YES_NO, Argument
 from armwright.session.listing import Shown
 from armwright.session.variables import same
@@ -159,11 +159,11 @@ TABLE = (
             "T = A₁ A₂ … A_N", "[DenavitHartenberg1955]", "pose"),
     Command("jacobian", "speeds of the hand for a unit of each joint's speed", dynamics.jacobian, (FRAME,),
             "[v; ω] = J(θ) θ̇", "[Whitney1972]", "jacobian"),
-    Command("show", "all variables, or one", past.show,
+    Command("show", "all variables, or one", undo.show,
             (Argument("name", "text", "a variable; by default all", default=""),), recorded=False, example="show"),
-    Command("undo", "take the last changes back; files stay as they are", past.undo,
+    Command("undo", "take the last changes back; files stay as they are", undo.undo,
             (Argument("steps", "count", "how many", default=""),), recorded=False, example="undo"),
-    Command("history", "all that was done, as a script", past.history, recorded=False, example="history"),
+    Command("history", "all that was done, as a script", undo.history, recorded=False, example="history"),
     Command(
         "save", "save the whole state: variables, arm, payload, controller and simulation", saved.save,
         (Argument("file", "file", "file to write, .nc", prompt="Name of the file (.nc)"),), example="save here.nc",
@@ -192,7 +192,7 @@ TABLE = (
         (Argument("topic", "text", "a command or variable", default=""),), recorded=False, example="help simulate",
     ),
     Command("tour", "a first lesson in robot dynamics, in a session of its own", tour.tour, recorded=False, example="tour"),
-    Command("quit", "leave", past.leave, recorded=False, example="quit"),
+    Command("quit", "leave", undo.leave, recorded=False, example="quit"),
 )  # fmt: skip
 
 COMMANDS = {same(command.name): command for command in TABLE}

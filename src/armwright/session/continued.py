@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armwright.results.aliases import LOOP_STATE, PARTIAL
 from armwright.session.state import State
-from armwright.simulation.loop.state import END, VARIABLE, LoopState
-from armwright.simulation.results.spoken import PARTIAL
+from armwright.simulation.loop.state import END, LoopState
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -90,12 +90,12 @@ def joined_runs(before: xr.Dataset, behind: xr.Dataset, anew: list[str]) -> xr.D
     shifted = behind.assign_coords(time=("time", behind["time"].values + shift, behind["time"].attrs))
     parts = (before.isel(time=slice(None, -1)), shifted)
     whole = xr.concat(
-        [part.drop_vars(VARIABLE, errors="ignore") for part in parts], "time",
+        [part.drop_vars(LOOP_STATE, errors="ignore") for part in parts], "time",
         data_vars="all", coords="minimal", compat="override", join="override", combine_attrs="override",
     )  # fmt: skip
     whole = whole.transpose("time", "joint")
-    if VARIABLE in behind:
-        whole[VARIABLE] = behind[VARIABLE].assign_attrs({END: float(whole["time"][-1])})
+    if LOOP_STATE in behind:
+        whole[LOOP_STATE] = behind[LOOP_STATE].assign_attrs({END: float(whole["time"][-1])})
     notes = [*part_notes(before, 0.0), *part_notes(behind, shift)]
     notes = list({TIME.sub("", note): note for note in reversed(notes)}.values())[::-1]  # of the same note the first
     notes += [f"{what} began anew at t = {met:g} s" for what in anew]

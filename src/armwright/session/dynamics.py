@@ -11,9 +11,9 @@ from armwright.actuators import demanded_drive
 from armwright.errors import SessionError
 from armwright.model import Model
 from armwright.model.joint_signals import joint_units
-from armwright.session import tied
+from armwright.results.tables import joint_columns, read_table
+from armwright.session import motor_quantities
 from armwright.session.listing import Line, Listing, Sheet, Shown, aligned, by_joint, significant
-from armwright.simulation.results.tables import joint_columns, read_table
 from armwright.spatial import roll_pitch_yaw
 
 if TYPE_CHECKING:
@@ -26,14 +26,15 @@ def inverse_arm(session: Session, given: dict[str, Any]) -> list[Shown]:
         return session.emit(_inverse_of_sets(session, given["file"]))
     state = session.state
     torque = np.asarray(state.loaded.dyn.inverse_dynamics(state.q, state.qd, state.qdd))
-    state = tied.with_torque(state, torque)
+    state = motor_quantities.with_torque(state, torque)
     _check_finite("inverse-arm", "theta, omega and alpha", torque, state.u)
     session.state = state
     arm = state.arm
     columns = [(name, joint_units(arm, q), v) for name, q, v in (
-        ("theta", "q", state.q), ("omega", "qd", state.qd), ("alpha", "qdd", state.qdd), ("torque", "tau", tied.torque(state)),
+        ("theta", "q", state.q), ("omega", "qd", state.qd), ("alpha", "qdd", state.qdd),
+        ("torque", "tau", motor_quantities.torque(state)),
     )]  # fmt: skip
-    drives = {"voltage": tied.voltage(state), "current": tied.current(state)}
+    drives = {"voltage": motor_quantities.voltage(state), "current": motor_quantities.current(state)}
     columns += [(name, joint_units(arm, name), values) for name, values in drives.items() if not np.isnan(values).all()]
     return [by_joint("Inverse Arm", arm.names, columns), *_beyond(arm, columns)]
 
@@ -98,8 +99,8 @@ def forward_arm(session: Session, given: dict[str, Any]) -> list[Shown]:
     _check_finite("forward-arm", "theta, omega and voltage", alpha)
     session.state = state = state.replace(qdd=alpha)
     arm = state.arm
-    told = "voltage" if not np.isnan(tied.voltage(state)).any() else "torque"
-    values = tied.voltage(state) if told == "voltage" else tied.torque(state)
+    told = "voltage" if not np.isnan(motor_quantities.voltage(state)).any() else "torque"
+    values = motor_quantities.voltage(state) if told == "voltage" else motor_quantities.torque(state)
     columns = [
         ("theta", joint_units(arm, "q"), state.q),
         ("omega", joint_units(arm, "qd"), state.qd),

@@ -8,14 +8,14 @@ import numpy as np
 
 import armwright as aw
 from armwright.errors import SessionError, nearest
+from armwright.results.aliases import QUANTITIES
+from armwright.results.recording import in_order, run_units
+from armwright.results.tables import joint_columns
 from armwright.session.continued import PARTIAL
 from armwright.session.dynamics import by_row
 from armwright.session.listing import Drawing, Line, Listing, Shown, shortest
 from armwright.session.simulation import the_run
 from armwright.session.variables import joint_number, same
-from armwright.simulation.results.recording import in_order, run_units
-from armwright.simulation.results.spoken import QUANTITIES
-from armwright.simulation.results.tables import joint_columns
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -12,7 +12,7 @@ import numpy as np
 from armwright.errors import ArmwrightError, SessionError, nearest
 from armwright.model import Model
 from armwright.model.joint_signals import joint_units
-from armwright.session import tied
+from armwright.session import motor_quantities
 from armwright.session.state import State
 from armwright.session.values import number, vector
 
@@ -61,11 +61,11 @@ def _time(name: str, field: str) -> Callable[[State, float], State]:
 
 
 def _dac(state: State) -> np.ndarray:
-    return tied.voltage(state) if state.wiring is None else state.dac
+    return motor_quantities.voltage(state) if state.wiring is None else state.dac
 
 
 def _with_dac(state: State, values: np.ndarray) -> State:
-    return tied.with_voltage(state, values) if state.wiring is None else state.replace(dac=values)
+    return motor_quantities.with_voltage(state, values) if state.wiring is None else state.replace(dac=values)
 
 
 TIED = "V = R τ / (n Kt) + n Ke θ̇,  τ = n Kt (V − n Ke θ̇) / R"
@@ -99,14 +99,14 @@ TABLE = (
     ),
     Variable(
         "torque", "motor torques referred to the joints; tied to voltage at the present omega",
-        "tau", "", tied.torque, tied.with_torque, TIED, "CMU report, eqs (11) and (12)",
+        "tau", "", motor_quantities.torque, motor_quantities.with_torque, TIED, "CMU report, eqs (11) and (12)",
     ),
     Variable(
         "voltage", "motor voltages; stored, so that the torque changes with omega",
-        "voltage", "", tied.voltage, tied.with_voltage, TIED, "CMU report, eqs (11) and (12)",
+        "voltage", "", motor_quantities.voltage, motor_quantities.with_voltage, TIED, "CMU report, eqs (11) and (12)",
     ),
     Variable(
-        "current", "motor currents; tied to torque", "current", "", tied.current, tied.with_current,
+        "current", "motor currents; tied to torque", "current", "", motor_quantities.current, motor_quantities.with_current,
         "τ = n Kt i", "CMU report, eq. (12)", False,
     ),
     Variable(

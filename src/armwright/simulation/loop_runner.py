@@ -11,6 +11,7 @@ import numpy as np
 from armwright.errors import ScenarioError
 from armwright.kernels.loop import Lanes
 from armwright.kernels.stages import state_blocks
+from armwright.results.reducers import Reduction, check_known
 from armwright.simulation.inputs.acting import rows_of
 from armwright.simulation.inputs.schedule_ticks import held_values, landing_rows
 from armwright.simulation.integrate.cvodes import Cvodes, check_lanes
@@ -27,9 +28,8 @@ from armwright.simulation.loop.state import LoopState
 from armwright.simulation.loop.tick import plant_derivative, plant_watched
 from armwright.simulation.loop.timing import Delays
 from armwright.simulation.plant.plant import Plant
-from armwright.simulation.plant.stability import Stability, check_inertia
+from armwright.simulation.plant.step_limits import Stability, check_inertia
 from armwright.simulation.plant.varied_steps import VariedSteps
-from armwright.simulation.results.reducers import Reduction, check_known
 from armwright.simulation.scenario import Scenario
 
 if TYPE_CHECKING:

@@ -11,13 +11,13 @@ import numpy as np
 
 from armwright.errors import ScenarioError, nearest
 from armwright.model import Model
+from armwright.results.reducers import reducer
 from armwright.simulation.integrate.integrators import RULES
 from armwright.simulation.loop.sensors import Sensors
 from armwright.simulation.loop.shaping import Shaping
 from armwright.simulation.loop.state import LoopState
 from armwright.simulation.loop.timing import Timing
 from armwright.simulation.plant.plant import Plant
-from armwright.simulation.results.reducers import reducer
 
 if TYPE_CHECKING:
     from armwright.simulation.scenario import Scenario

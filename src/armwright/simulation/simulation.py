@@ -14,8 +14,10 @@ import numpy as np
 from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement
 from armwright.kernels.loop import ENDLESS, Lanes
+from armwright.results.provenance import provenance
 from armwright.signals import Values
 from armwright.simulation.batch_runner import Progress, Work, handed_out, run_groups
+from armwright.simulation.dataset import Recorded, run_dataset
 from armwright.simulation.inputs.acting import numbers_of
 from armwright.simulation.integrate.stepping import Account
 from armwright.simulation.loop.compiled import CompiledLoop
@@ -23,8 +25,6 @@ from armwright.simulation.loop.controller import reference_of
 from armwright.simulation.loop.sensor_set import measurement_of
 from armwright.simulation.loop.state import LoopState
 from armwright.simulation.loop_runner import LoopRunner
-from armwright.simulation.results.dataset import Recorded, run_dataset
-from armwright.simulation.results.provenance import provenance
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_checks import check_threads, checked_state
 

@@ -19,10 +19,10 @@ from armwright.description.mjcf.actuators import Actuation, actuations
 from armwright.description.mjcf.equalities import check_equalities, followed, mimic_record
 from armwright.description.mjcf.refused import check_offered, check_sizes
 from armwright.description.mjcf.safety import check_file
-from armwright.description.refusal import refusal
 from armwright.description.robot import RobotDescription
 from armwright.errors import DescriptionError
 from armwright.spatial import Placement, roll_pitch_yaw, rotation_to_axis, rotation_z
+from armwright.validation import refusal
 
 SOURCE = "mjcf_file"
 SMOOTHING = "smoothing_argument"

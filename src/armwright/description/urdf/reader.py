@@ -12,9 +12,8 @@ from typing import Any
 import pydantic
 
 from armwright.description.drive_file import PLACEHOLDER, add_drives, find_drive_file, read_drive_file
-from armwright.description.refusal import refusal
+from armwright.description.mesh_path import package_folders
 from armwright.description.robot import RobotDescription
-from armwright.description.solids.mesh_path import package_folders
 from armwright.description.urdf.inertials import link_record
 from armwright.description.urdf.joints import check_masters, joint_record, with_mimic
 from armwright.description.urdf.reading import UrdfReading
@@ -23,6 +22,7 @@ from armwright.description.urdf.transmissions import reductions
 from armwright.description.urdf.visuals import colours, visuals
 from armwright.description.xml_tree import Element, read_xml
 from armwright.errors import DescriptionError, nearest
+from armwright.validation import refusal
 
 MIMIC = ("coupled", "independent", "fixed")
 MOST_LINKS = 2000  # a tree of more is no robot, and would keep its checks busy for minutes

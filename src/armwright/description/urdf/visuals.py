@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from armwright.description.solids.mesh_path import find_mesh
+from armwright.description.mesh_path import find_mesh
 from armwright.description.urdf.joints import bounded, pose
 from armwright.description.urdf.reading import UrdfReading
 from armwright.description.xml_tree import Element

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from armwright.description.quantity import Quantity
 from armwright.description.robot import (
     FixedDH,
     FixedJoint,
@@ -19,7 +18,8 @@ from armwright.description.robot import (
     RobotDescription,
 )
 from armwright.errors import DescriptionError
-from armwright.model.variants.made import check_name, chosen, made, replaced
+from armwright.model.variants.edits import check_name, chosen, made, replaced
+from armwright.quantity import Quantity
 from armwright.spatial import roll_pitch_yaw, rotation_rpy, rotation_to_axis, rotation_z
 
 

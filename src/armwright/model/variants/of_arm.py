@@ -8,9 +8,9 @@ from typing import Any
 
 from armwright.description.robot import RobotDescription
 from armwright.errors import ModelError
+from armwright.lint.feasibility import impossible_links
 from armwright.model.build import build_model
 from armwright.model.model import Model
-from armwright.model.plausibility import impossible_links
 from armwright.model.variants.subchain import subchain
 from armwright.spatial import rotated
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from armwright.description.robot import FixedJoint, Inertia, JointFrame, Link, RobotDescription
 from armwright.errors import DescriptionError
-from armwright.model.variants.made import CHOSEN, check_name, made, replaced, tip_of
+from armwright.model.variants.edits import CHOSEN, check_name, made, replaced, tip_of
 
 
 def with_payload(

@@ -11,8 +11,8 @@ from armwright.description.robot import FixedJoint, JointFrame, Link, NamedFrame
 from armwright.errors import DescriptionError
 from armwright.model.build import STANDARD_GRAVITY, assembled
 from armwright.model.model import BASE, Model
+from armwright.model.variants.edits import CHOSEN, check_name, chosen, made, replaced
 from armwright.model.variants.locked import uncoupled
-from armwright.model.variants.made import CHOSEN, check_name, chosen, made, replaced
 from armwright.spatial import Frozen, Placement, roll_pitch_yaw, rotated, rotation_rpy, rotation_z
 
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from armwright.description.paths import quantities, reading_at
-from armwright.description.quantity import Quantity, Record
 from armwright.description.robot import RobotDescription
 from armwright.errors import DescriptionError, nearest
-from armwright.model.variants.made import CHOSEN, replaced
+from armwright.model.variants.edits import CHOSEN, replaced
+from armwright.quantity import Quantity, Record
 
 
 def with_values(robot: RobotDescription, values: Mapping[str, Any], source: str = CHOSEN) -> RobotDescription:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armwright.errors import ScheduleError
-from armwright.simulation.results.tables import Column, read_numbers
+from armwright.results.tables import Column, read_numbers
 
 COMMAND_UNITS = ("V", "A", "N m", "N")
 

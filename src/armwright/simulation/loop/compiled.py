@@ -16,7 +16,7 @@ from armwright.simulation.integrate.stepping import Adaptivity
 from armwright.simulation.loop.config import LoopConfig
 from armwright.simulation.loop.tick import Tick, make_tick, plant_outputs, plant_step
 from armwright.simulation.plant.plant import Plant
-from armwright.simulation.plant.stability import Stability
+from armwright.simulation.plant.step_limits import Stability
 
 
 @dataclass(frozen=True, eq=False)

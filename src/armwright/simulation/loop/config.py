@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from armwright.model import Model
-from armwright.model.carried import carrying
+from armwright.model.add_load import carrying
 from armwright.model.simplify import simplified
 from armwright.model.vary import Varied
+from armwright.results.reducers import Reduction
 from armwright.scalar import Array
 from armwright.signals import Layout
 from armwright.simulation.integrate.stepping import Adaptivity
@@ -17,8 +18,8 @@ from armwright.simulation.loop.references import LoopReference
 from armwright.simulation.loop.sensor_set import SensorSet
 from armwright.simulation.loop.shaping import Shaping
 from armwright.simulation.loop.timing import Delays
+from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
-from armwright.simulation.results.reducers import Reduction
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,3 +86,7 @@ class LoopConfig:
         for k, frame in enumerate(self.payload_frames if "payload" in values else ()):
             arm = carrying(arm, frame, values["payload"][10 * k : 10 * k + 10])
         return Plant.of(simplified(arm) if simple else arm, brakes="brake" in self.inputs)
+
+    def plant_inputs(self, command: Array, values: Mapping[str, Array]) -> PlantInputs:
+        """Inputs of the plant from commands (n,) and the blocks of the tick."""
+        return PlantInputs.named(command, values)

@@ -14,11 +14,11 @@ import numpy as np
 
 from armwright.errors import RunError, ScenarioError
 from armwright.output import whole_file
+from armwright.results.aliases import LOOP_STATE
 
 if TYPE_CHECKING:
     import xarray
 
-VARIABLE = "loop_state"  # of a run: the state at its end
 END = "time_s"  # attribute of that variable: the run's last time
 ENDING = ".npz"
 
@@ -132,7 +132,7 @@ class LoopState:
         about = json.dumps(about)
         attributes: dict[str, Any] = {"long_name": "state of the loop at the end of the run", "layout": about}
         attributes[END] = float(run["time"].values[-1])
-        run[VARIABLE] = (dims, rows[0] if self.single else rows, attributes)
+        run[LOOP_STATE] = (dims, rows[0] if self.single else rows, attributes)
 
     @classmethod
     def of_run(cls, run: xarray.Dataset) -> LoopState | None:
@@ -141,24 +141,24 @@ class LoopState:
         Raises:
             ScenarioError: a state that cannot be read, or a run without its last row.
         """
-        if VARIABLE not in run:
+        if LOOP_STATE not in run:
             return None
         try:
-            times, end = np.atleast_1d(run["time"].values), run[VARIABLE].attrs[END]
+            times, end = np.atleast_1d(run["time"].values), run[LOOP_STATE].attrs[END]
             if not times.size or times[-1] != end:
                 told = f"to t = {times[-1]:g} s" if times.size else "without rows"
                 raise ScenarioError(f"start: part of a run, {told}; expected it with its end at t = {end:g} s")
-            about = json.loads(run[VARIABLE].attrs["layout"])
-            rows, parts = np.atleast_2d(run[VARIABLE].values), about.pop("parts")
+            about = json.loads(run[LOOP_STATE].attrs["layout"])
+            rows, parts = np.atleast_2d(run[LOOP_STATE].values), about.pop("parts")
             ends = np.cumsum([int(np.prod(shape)) for _, _, shape in parts])
             found: dict[str, dict[str, np.ndarray]] = {"block": {}, "ring": {}, "python": {}}
             for (kind, name, shape), values in zip(parts, np.split(rows, ends[:-1], axis=1), strict=True):
                 found[kind][name] = values.reshape(len(rows), *shape)
             python = dict(enumerate(found["python"].get("", [])))
-            single = "lane" not in run[VARIABLE].dims
+            single = "lane" not in run[LOOP_STATE].dims
             return cls(**about, single=single, blocks=found["block"], rings=found["ring"], python=python)
         except (ValueError, KeyError, TypeError) as error:
-            raise ScenarioError(f"start: the run's {VARIABLE} cannot be read: {error}") from None
+            raise ScenarioError(f"start: the run's {LOOP_STATE} cannot be read: {error}") from None
 
 
 def _read_only(values: np.ndarray) -> np.ndarray:

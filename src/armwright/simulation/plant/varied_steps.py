@@ -10,7 +10,7 @@ from armwright.errors import ScenarioError
 from armwright.model.vary import Varied
 from armwright.program import Program, interpret
 from armwright.simulation.integrate.integrators import Integrator
-from armwright.simulation.plant.stability import Stability, linearised
+from armwright.simulation.plant.step_limits import Stability, linearised
 
 LOOKED_AT = 256  # lanes, beside those with the least and the most of every parameter
 FULLY = 2  # lanes that are checked in every state, of each kind of mode

@@ -1,0 +1,1 @@
+"""Plausibility checks: physical feasibility, units, mass properties, shapes, densities."""

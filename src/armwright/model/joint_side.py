@@ -1,0 +1,214 @@
+"""A joint's drive, friction and limits, from the record's sides and bases to the joint side and DC-equivalents."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.description.brushless import DC_EQUIVALENT
+from armwright.description.drive import LinearFriction, RotaryFriction
+from armwright.description.robot import MovingJoint, RevoluteJoint
+from armwright.model.model import Brake, Cogging, Drive, Elasticity, Friction, Limits, Stops, Supply, Thermal
+from armwright.quantity import Quantity
+from armwright.scalar import Scalar
+
+
+def drive_of(joint: MovingJoint, command: Any) -> Drive:
+    """Motor and gear of a joint, electrical constants as DC-equivalents."""
+    motor = joint.motor
+    if motor is None:
+        return Drive(command)
+    factor = DC_EQUIVALENT[motor.basis]
+    constant = _scaled(motor.torque_constant_n_m_per_a, factor.torque_constant)
+    ke = _scaled(motor.back_emf_constant_v_s_per_rad, factor.back_emf_constant)
+    return Drive(
+        command,
+        gear_ratio=motor.gear_ratio.number,
+        rotor_inertia=motor.rotor_inertia_kg_m2.number,
+        efficiency=_lossy(motor.gear_efficiency),
+        smoothing=_smoothing(joint),
+        torque_constant=constant,
+        back_emf_constant=constant if ke is None else ke,
+        resistance=_scaled(motor.resistance_ohm, factor.impedance),
+        inductance=_scaled(motor.inductance_h, factor.impedance),
+        current_loop=_number(motor.current_loop_hz),
+        coasts=motor.pwm == "coast",
+        thermal=_thermal_of(motor.thermal),
+        cogging=None
+        if motor.cogging is None
+        else Cogging(*_numbers(motor.cogging, "amplitude_n_m", "periods", "phase_rad")),
+        coupling=tuple((coupling.joint, coupling.ratio.number) for coupling in motor.coupling),
+    )
+
+
+def _thermal_of(given: Any) -> Thermal | None:
+    if given is None:
+        return None
+    bodies = {
+        body: _numbers(given, f"{body}_capacity_j_per_k", f"{body}_resistance_k_per_w")
+        for body in ("winding", "housing")
+    }
+    return Thermal(
+        ambient=given.ambient_c.number,
+        reference=given.reference_c.number,
+        winding=bodies["winding"],
+        housing=None if given.housing_capacity_j_per_k is None else bodies["housing"],
+        resistance_rise=_number(given.resistance_rise_per_k),
+        constant_fall=_number(given.constant_fall_per_k),
+    )
+
+
+def _number(quantity: Quantity | None) -> Scalar | None:
+    return None if quantity is None else quantity.number
+
+
+def _numbers(record: Any, *keys: str) -> tuple[Scalar, ...]:
+    return tuple(_number(getattr(record, key)) for key in keys)
+
+
+def _scaled(quantity: Quantity | None, factor: float) -> Scalar | None:
+    return None if quantity is None else quantity.number * factor
+
+
+def _lossy(efficiency: Quantity | None) -> Scalar | None:
+    """η of a gear that loses power; None for η = 1, which has no loss to smooth."""
+    if efficiency is None or (not scalar.is_symbolic(efficiency.number) and efficiency.number == 1.0):
+        return None
+    return efficiency.number
+
+
+def _smoothing(joint: MovingJoint) -> Scalar | None:
+    """Speed of the joint over which friction and gear loss are smoothed; one on the motor side is divided by |n|."""
+    if isinstance(joint.friction, LinearFriction):
+        given, ratio = joint.friction.smoothing_m_per_s, 1.0
+    elif isinstance(joint.friction, RotaryFriction):
+        given, ratio = joint.friction.smoothing_rad_per_s, _side_ratio(joint)
+    else:
+        return None
+    return None if given is None else given.number / ratio
+
+
+def _side_ratio(joint: MovingJoint) -> Scalar:
+    """|n| where friction is given on the motor side, else 1."""
+    on_motor = joint.friction is not None and joint.friction.side == "motor"
+    return scalar.abs(joint.motor.gear_ratio.number) if on_motor and joint.motor is not None else 1.0
+
+
+def friction_of(joint: MovingJoint) -> Friction | None:
+    """Referred to the joint: torques by |n|, viscous by n², speeds by 1/|n|. Signs are the joint's on either side."""
+    given = joint.friction
+    if given is None:
+        return None
+    n = _side_ratio(joint)
+    if isinstance(given, LinearFriction):
+        viscous, plus, minus, offset = (
+            given.viscous_n_s_per_m,
+            given.coulomb_positive_n,
+            given.coulomb_negative_n,
+            given.offset_n,
+        )
+        stribeck, speed = given.stribeck_force_n, given.stribeck_speed_m_per_s
+        sigmoid = (given.sigmoid_amplitude_n, given.sigmoid_slope_s_per_m, given.sigmoid_shift_m_per_s)
+        bristle, damping = given.bristle_stiffness_n_per_m, given.bristle_damping_n_s_per_m
+    else:
+        viscous, plus, minus = given.viscous_n_m_s_per_rad, given.coulomb_positive_n_m, given.coulomb_negative_n_m
+        offset, stribeck, speed = given.offset_n_m, given.stribeck_torque_n_m, given.stribeck_speed_rad_per_s
+        sigmoid = (given.sigmoid_amplitude_n_m, given.sigmoid_slope_s_per_rad, given.sigmoid_shift_rad_per_s)
+        bristle, damping = given.bristle_stiffness_n_m_per_rad, given.bristle_damping_n_m_s_per_rad
+
+    def referred(quantity: Quantity | None, by: Scalar) -> Scalar:
+        return 0.0 if quantity is None else quantity.number * by
+
+    a, b, c = sigmoid
+    return Friction(
+        viscous=referred(viscous, n * n),
+        coulomb_positive=referred(plus, n),
+        coulomb_negative=referred(minus, n),
+        offset=referred(offset, n),
+        stribeck=None if stribeck is None else referred(stribeck, n),
+        stribeck_speed=1.0 if speed is None else referred(speed, 1.0 / n),
+        smoothing=_smoothing(joint),
+        sigmoid=(referred(a, n), referred(b, n), referred(c, 1.0 / n)) if given.law == "sigmoid" else None,
+        on_motor=given.side == "motor",
+        bristle=(referred(bristle, n * n), referred(damping, n * n)) if given.law == "lugre" else None,
+        load_share=_number(given.load_share),
+        viscous_fall=_number(given.viscous_fall_k),
+    )
+
+
+def elasticity_of(joint: MovingJoint) -> Elasticity | None:
+    """The gear's elasticity, which the record gives at the joint."""
+    given, (angle, force) = joint.elasticity, _units(joint)
+    if given is None:
+        return None
+    stiffness, damping = _numbers(given, f"stiffness_{force}_per_{angle}", f"damping_{force}_s_per_{angle}")
+    cubic, gap, *error = _numbers(
+        given, f"cubic_{force}_per_{angle}3", f"backlash_{angle}", f"error_{angle}", "error_phase_rad"
+    )
+    return Elasticity(stiffness, damping, cubic, gap, None if error[0] is None else (error[0], error[1]))
+
+
+def stops_of(joint: MovingJoint) -> Stops | None:
+    """End stops of a joint."""
+    given, (angle, force) = joint.stops, _units(joint)
+    return (
+        None
+        if given is None
+        else Stops(*_numbers(given, f"stiffness_{force}_per_{angle}", f"damping_{force}_s_per_{angle}"))
+    )
+
+
+def brake_of(joint: MovingJoint) -> Brake | None:
+    """The holding brake referred to the joint: torques by |n|, stiffness and damping by n²."""
+    given = joint.brake
+    if given is None:
+        return None
+    on_motor = given.side == "motor"
+    n = scalar.abs(joint.motor.gear_ratio.number) if on_motor and joint.motor is not None else 1.0
+    if hasattr(given, "holding_torque_n_m"):
+        keys = ("holding_torque_n_m", "stiffness_n_m_per_rad", "damping_n_m_s_per_rad")
+    else:
+        keys = ("holding_force_n", "stiffness_n_per_m", "damping_n_s_per_m")
+    holding, stiffness, damping = _numbers(given, *keys)
+    return Brake(holding * n, stiffness * n * n, damping * n * n, given.release_time_s.number, on_motor)
+
+
+def supply_of(given: Any) -> Supply | None:
+    """The supply that all drives share."""
+    if given is None:
+        return None
+    chopper = _numbers(given, "chopper_voltage_v", "chopper_band_v", "chopper_resistance_ohm")
+    plain = _numbers(given, "voltage_v", "source_resistance_ohm", "capacitance_f")
+    return Supply(plain[0], plain[1], plain[2], None if chopper[0] is None else (chopper[0], chopper[1], chopper[2]))
+
+
+def _units(joint: MovingJoint) -> tuple[str, str]:
+    """Endings of keys: of positions and of torques or forces."""
+    return ("rad", "n_m") if isinstance(joint, RevoluteJoint) else ("m", "n")
+
+
+def limits_of(joint: MovingJoint) -> Limits:
+    """Limits of a joint, infinite where the record gives none."""
+    given = joint.limits
+    if isinstance(joint, RevoluteJoint):
+        position, velocity, torque = joint.limits.position_rad, joint.limits.velocity_rad_per_s, joint.limits.torque_n_m
+        acceleration = joint.limits.acceleration_rad_per_s2
+    else:
+        position, velocity, torque = joint.limits.position_m, joint.limits.velocity_m_per_s, joint.limits.force_n
+        acceleration = joint.limits.acceleration_m_per_s2
+    factor = DC_EQUIVALENT[joint.motor.basis if joint.motor is not None else "dc"]
+
+    def bound(quantity: Quantity | None, by: float = 1.0) -> Scalar:
+        return np.inf if quantity is None else quantity.number * by
+
+    low, high = (-np.inf, np.inf) if position is None else position.numbers
+    return Limits(
+        position=(low, high),
+        velocity=bound(velocity),
+        acceleration=bound(acceleration),
+        torque=bound(torque),
+        voltage=bound(given.voltage_v, factor.voltage),
+        current=bound(given.current_a, factor.current),
+    )

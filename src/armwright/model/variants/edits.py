@@ -1,0 +1,66 @@
+"""Records made in Python, refused in our words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, TypeVar
+
+import pydantic
+
+from armwright.description.robot import RobotDescription
+from armwright.errors import DescriptionError, nearest
+from armwright.quantity import Quantity, Record
+from armwright.validation import refusal
+
+CHOSEN = "definition"  # the source of a number that whoever made the variant gave
+SomeRecord = TypeVar("SomeRecord", bound=Record)
+
+
+def made(record: type[SomeRecord], place: str, **fields: Any) -> SomeRecord:
+    """A record of these fields.
+
+    Raises:
+        DescriptionError: `place`, the field, its value and what was expected.
+    """
+    try:
+        return record(**fields)
+    except pydantic.ValidationError as error:
+        raise DescriptionError(f"{place}: {refusal(error, fields, record)}") from None
+
+
+def replaced(robot: RobotDescription, place: str, **fields: Any) -> RobotDescription:
+    """A description with other fields, no longer the one that was built from its parts.
+
+    Raises:
+        DescriptionError: `place` and what does not go together.
+    """
+    try:
+        return robot.replace(built_from=None, **fields)
+    except DescriptionError as error:
+        raise DescriptionError(f"{robot.name}: {place}: {str(error).removeprefix('replace: ')}") from None
+
+
+def chosen(*numbers: Any) -> Quantity:
+    """A quantity, one number or several, whose source is whoever called."""
+    values = [float(number) for number in numbers]
+    return Quantity(value=tuple(values) if len(values) > 1 else values[0], source=CHOSEN)
+
+
+def check_name(robot: RobotDescription, place: str, name: str, known: Iterable[str]) -> None:
+    """Refuses a name that is not there.
+
+    Raises:
+        DescriptionError: names the nearest.
+    """
+    known = list(known)
+    if name not in known:
+        raise DescriptionError(f"{robot.name}: {place}: no {name!r}; {nearest(str(name), known)}")
+
+
+def tip_of(robot: RobotDescription) -> str | None:
+    """The tip's name: as the description has it, or the last link of a chain."""
+    if robot.tip is not None:
+        return robot.tip
+    parents = {joint.parent for joint in robot.joints}
+    ends = [link.name for link in robot.links if link.name not in parents]
+    return ends[0] if len(ends) == 1 else None

@@ -1,0 +1,176 @@
+"""An assembly: `*.assembly.toml`, which modules stand on which connectors. Reading it, and the libraries it names."""
+
+from __future__ import annotations
+
+import os
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import pydantic
+from pydantic import Field
+
+from armwright.description.built_from import BuiltFrom, assembled_from
+from armwright.description.database import read_document
+from armwright.description.drive import Command
+from armwright.description.robot import Name, check_sources
+from armwright.errors import DescriptionError, nearest
+from armwright.modules.library import ModuleLibrary
+from armwright.quantity import Number, Record, Source, Vector3
+from armwright.validation import refusal
+
+MODULES, ASSEMBLY = ".modules.toml", ".assembly.toml"
+Place = Annotated[str, Field(pattern=r"^[^\s.\[\]]+\.[^\s.\[\]]+$")]
+
+Read = TypeVar("Read", bound=Record)
+
+
+class Placed(Record):
+    """A module of an assembly, and the connector that it stands on."""
+
+    source: str | None = None
+    module: Name = Field(description="Which module of the libraries it is.")
+    name: Name | None = Field(default=None, description="What it is called here; absent: as the module.")
+    on: Place | None = Field(
+        default=None,
+        description="The connector that carries it, NAME.CONNECTOR; absent only for the one on the ground.",
+    )
+    by: Name | None = Field(
+        default=None, description="Its own connector there; absent: the only one that fits, or the module's ground."
+    )
+    angle_rad: Number | None = Field(
+        default=None, description="How far it is turned about the carrying face's z axis; needed where there are steps."
+    )
+
+    @property
+    def called(self) -> str:
+        """What the assembly calls it."""
+        return self.name or self.module
+
+
+class Assembly(Record):
+    """An arm of modules."""
+
+    name: Name = Field(description="What the arm is called.")
+    title: str | None = Field(default=None, description="One line for the catalogue.")
+    notes: str | None = Field(default=None, description="What a user should know, in a few sentences.")
+    source: str | None = Field(default=None, description="Source of every number of this file that names none.")
+    sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: where numbers come from.")
+    libraries: tuple[str, ...] = Field(
+        min_length=1, description="Names of built-in libraries, or paths of *.modules.toml beside this file."
+    )
+    gravity_m_s2: Vector3 | None = Field(default=None, description="In base axes; absent: standard gravity along -z.")
+    base: Name = Field(default="ground", description="What the joints' parents call the ground.")
+    command: Command | None = Field(default=None, description="What drives the joints; absent: the libraries' word.")
+    tip: Place | None = Field(default=None, description="The free connector NAME.CONNECTOR that kinematics are about.")
+    modules: tuple[Placed, ...] = Field(min_length=1, description="One table a module, from the ground outward.")
+    limits: dict[Name, dict[str, Any]] = Field(
+        default_factory=dict, description="[limits.JOINT]: limits that are narrower here than the module's own."
+    )
+
+    @pydantic.model_validator(mode="after")
+    def _sourced(self) -> Assembly:
+        check_sources(self)
+        return self
+
+
+def library_names() -> list[str]:
+    """Names of the module libraries that come with Armwright, in alphabetical order."""
+    return _builtin(MODULES)
+
+
+def assembly_names() -> list[str]:
+    """Names of the assemblies that come with Armwright, in alphabetical order."""
+    return _builtin(ASSEMBLY)
+
+
+def read_modules(name_or_path: str | os.PathLike[str]) -> ModuleLibrary:
+    """A module library, by the name of a built-in one or the path of a TOML file.
+
+    Args:
+        name_or_path: such as "improv" or "mine.modules.toml".
+    Returns:
+        library: its modules, each number with its source. Impossible bodies are refused when they are assembled.
+    Raises:
+        DescriptionError: no such library, or a file that cannot be believed.
+    """
+    return _read(name_or_path, ModuleLibrary, MODULES, "module library")
+
+
+def read_assembly(name_or_path: str | os.PathLike[str]) -> tuple[Assembly, list[ModuleLibrary]]:
+    """An assembly and the libraries that it names, by the name of a built-in one or the path of a TOML file.
+
+    Args:
+        name_or_path: such as "lwa4p" or "mine.assembly.toml".
+    Returns:
+        assembly, libraries: what `assemble` takes; paths of libraries start where the assembly's file is.
+    Raises:
+        DescriptionError: no such file, or one that cannot be believed.
+    """
+    assembly = _read(name_or_path, Assembly, ASSEMBLY, "assembly")
+    return assembly, [read_modules(place) for place in _library_places(assembly, Path(name_or_path).parent)]
+
+
+def origin(name_or_path: str | os.PathLike[str], folder: str | os.PathLike[str] | None = None) -> BuiltFrom:
+    """The files of an assembly and its libraries as they are now.
+
+    Args:
+        name_or_path: as `read_assembly` takes it.   folder: where the arm's file will stand; None: beside the assembly's.
+    Raises:
+        DescriptionError: as `read_assembly`.
+    """
+    assembly, beside = _read(name_or_path, Assembly, ASSEMBLY, "assembly"), Path(name_or_path).parent
+    files = [_file(library, MODULES) for library in _library_places(assembly, beside)]
+    return assembled_from(_file(name_or_path, ASSEMBLY), files, None if folder is None else Path(folder))
+
+
+def _library_places(assembly: Assembly, beside: Path) -> list[str | Path]:
+    """Names of built-in libraries, and paths of the others."""
+    return [
+        name if name in library_names() or Path(name).is_absolute() else beside / name for name in assembly.libraries
+    ]
+
+
+def _file(name_or_path: str | os.PathLike[str], ending: str) -> str | Path:
+    """The file's name where it comes with Armwright, its path elsewhere."""
+    path, name = Path(name_or_path), os.fspath(name_or_path).removesuffix(ending)
+    builtin = name in _builtin(ending) and not (path.suffix == ".toml" and path.exists())
+    return f"{name}{ending}" if builtin else path
+
+
+def _builtin(ending: str) -> list[str]:
+    folder = resources.files("armwright.robots") / "modules"
+    return sorted(entry.name.removesuffix(ending) for entry in folder.iterdir() if entry.name.endswith(ending))
+
+
+def _read(name_or_path: str | os.PathLike[str], record: type[Read], ending: str, what: str) -> Read:
+    text = os.fspath(name_or_path) if isinstance(name_or_path, (str, os.PathLike)) else None
+    if not isinstance(text, str) or not text:
+        raise DescriptionError(f"{name_or_path!r}: expected the name of a built-in {what}, or the path of a TOML file")
+    path, names = Path(text), _builtin(ending)
+    file = _file(text, ending)
+    if isinstance(file, str):
+        with resources.as_file(resources.files("armwright.robots") / "modules" / file) as builtin:
+            return _parsed(builtin, record)
+    if path.suffix == ".toml" or path.exists():
+        return _parsed(path, record)
+    raise DescriptionError(f"no {what} {text!r}: not a built-in one and not a file; {nearest(text, names)}")
+
+
+def _parsed(path: Path, record: type[Read]) -> Read:
+    return parse_record(read_document(path), str(path), record, path.parent)
+
+
+def parse_record(data: dict[str, Any], place: str, record: type[Read], folder: Path | None = None) -> Read:
+    """A parsed TOML document as a record.
+
+    Args:
+        data: the document.   place: what errors call it.   record: what it should be.
+        folder: where the paths of meshes start, and stay.
+    Raises:
+        DescriptionError: it is none; one line that names place, value and what was expected.
+    """
+    try:
+        return record.model_validate(data, context={"folder": folder})
+    except pydantic.ValidationError as error:
+        raise DescriptionError(f"{place}: {refusal(error, data, record)}") from None

@@ -1,0 +1,220 @@
+"""A module library: `*.modules.toml`. A module is a piece of an arm that comes as one: bodies, joints with drives, connectors."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from armwright.description.drive import Command
+from armwright.description.robot import (
+    FixedJoint,
+    Inertia,
+    JointFrame,
+    Name,
+    PrismaticJoint,
+    RevoluteJoint,
+    check_sources,
+)
+from armwright.errors import DescriptionError, nearest
+from armwright.quantity import NotNegative, Record, Source, Vector3
+from armwright.solids.visual import Visual
+from armwright.spatial import Placement, rotation_rpy, rotation_x
+
+Gender = Literal["m", "f", "n"]
+HALF_TURN = 3.141592653589793  # [rad]
+
+
+class ModuleBody(Record):
+    """A rigid body of a module, in a frame of its own."""
+
+    source: str | None = None
+    name: Name = Field(description="What joints and connectors of the module call it.")
+    mass_kg: NotNegative = Field(description="0 is allowed where it is written.")
+    com_m: Vector3 = Field(description="Centre of mass in the body's frame.")
+    inertia_kg_m2: Inertia = Field(description="About the point that inertia_about names, in the body's axes.")
+    inertia_about: Literal["com", "frame"] = Field(
+        description="The point that the tensor is about: the centre of mass, or the origin of the body's frame."
+    )
+    accept_impossible: str | None = Field(
+        default=None, min_length=1, description="Why an impossible inertia is accepted."
+    )
+    visuals: tuple[Visual, ...] = Field(default=(), description="What it looks like: solids in the body's frame.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _point_is_told(cls, data: Any) -> Any:
+        if isinstance(data, dict) and "inertia_about" not in data:
+            raise ValueError(
+                'inertia_about is missing; expected "com" or "frame", the point that the tensor is about: there is no '
+                "default, since reading one for the other counts m c² twice or not at all"
+            )
+        return data
+
+
+class _ModuleJoint(Record):
+    child_frame: JointFrame | None = Field(
+        default=None, description="Where the child's own frame stands in the joint's, which has moved; absent: in it."
+    )
+
+    @model_validator(mode="after")
+    def _stands_in_its_parent(self) -> Any:
+        if getattr(self, "frame", None) is None:
+            raise ValueError("a module's joint stands in its parent body: expected frame, not dh or modified_dh")
+        if getattr(self, "mimic", None) is not None:
+            raise ValueError("a module's joint moves by itself: expected no mimic")
+        return self
+
+
+class ModuleRevolute(_ModuleJoint, RevoluteJoint):
+    """A joint of a module that turns about `axis` in its frame."""
+
+
+class ModulePrismatic(_ModuleJoint, PrismaticJoint):
+    """A joint of a module that slides along `axis` in its frame."""
+
+
+class ModuleFixed(_ModuleJoint, FixedJoint):
+    """Two bodies of a module that are one."""
+
+
+ModuleJoint = Annotated[ModuleRevolute | ModulePrismatic | ModuleFixed, Field(discriminator="type")]
+
+
+class Connector(Record):
+    """A face where modules meet. Its frame's z axis points out of the module; the faces' z axes oppose each other.
+
+    At the angle 0 the x axes of both faces agree, at another the module that is put on is turned about the z axis of
+    the face that carries it.
+    """
+
+    source: str | None = None
+    name: Name = Field(description="What assemblies and errors call it.")
+    body: Name = Field(description="The body of the module that it is a part of.")
+    kind: str = Field(min_length=1, description="Only connectors of one kind fit.")
+    size: str = Field(min_length=1, description="Only connectors of one size fit.")
+    gender: Gender = Field(description="m fits f, n fits n.")
+    frame: JointFrame = Field(description="Where it stands in its body.")
+    flipped: bool = Field(
+        default=False, description="The frame is given with z into the module: it is turned by π about its x axis."
+    )
+    angle_steps: int = Field(
+        ge=1, le=360, description="In how many equal steps a turn it can be put on; 1: one way only."
+    )
+
+    def placement(self) -> Placement:
+        """The face in its body, z out of the module."""
+        placed = placement(self.frame)
+        return placed @ Placement(rotation_x(HALF_TURN), 0.0 * placed.position) if self.flipped else placed
+
+
+class Module(Record):
+    """A piece of an arm that comes as one: bodies in a tree, the joints between them, and connectors."""
+
+    source: str | None = Field(default=None, description="Source of every number of the module that names none.")
+    name: Name = Field(description="What assemblies call it.")
+    title: str | None = Field(default=None, description="One line for lists.")
+    ground: Name | None = Field(
+        default=None, description="The connector that stands on the ground, of a module that an arm begins with."
+    )
+    available: int | None = Field(default=None, ge=1, description="How many there are; absent: any number.")
+    bodies: tuple[ModuleBody, ...] = Field(min_length=1, description="One table a body.")
+    joints: tuple[ModuleJoint, ...] = Field(default=(), description="One table a joint.")
+    connectors: tuple[Connector, ...] = Field(min_length=1, description="One table a connector.")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Module:
+        bodies = [body.name for body in self.bodies]
+        _unique("bodies", bodies)
+        _unique("joints", [joint.name for joint in self.joints])
+        _unique("connectors", [connector.name for connector in self.connectors])
+        for connector in self.connectors:
+            if connector.body not in bodies:
+                raise ValueError(
+                    f"connector {connector.name!r}: body = {connector.body!r} is none; {nearest(connector.body, bodies)}"
+                )
+        connectors = [connector.name for connector in self.connectors]
+        if self.ground is not None and self.ground not in connectors:
+            raise ValueError(f"ground = {self.ground!r} is no connector; {nearest(self.ground, connectors)}")
+        if len(bodies) > 1 and set(bodies) & set(connectors):
+            both = min(set(bodies) & set(connectors))
+            raise ValueError(f"a body and a connector are both called {both!r}: expected different names")
+        _check_tree(self.joints, bodies)
+        return self
+
+    def connector(self, name: str) -> Connector:
+        """The connector of that name.
+
+        Raises:
+            DescriptionError: there is none.
+        """
+        known = {connector.name: connector for connector in self.connectors}
+        if name not in known:
+            raise DescriptionError(f"module {self.name!r} has no connector {name!r}; {nearest(name, known)}")
+        return known[name]
+
+
+class ModuleLibrary(Record):
+    """Modules that fit each other, each number with its source."""
+
+    name: Name = Field(description="What the library is called.")
+    title: str | None = Field(default=None, description="One line for lists.")
+    notes: str | None = Field(default=None, description="What a user should know, in a few sentences.")
+    source: str | None = Field(default=None, description="Source of every number below that names none of its own.")
+    sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: where numbers come from.")
+    command: Command | None = Field(default=None, description="What drives the joints that do not say it themselves.")
+    modules: tuple[Module, ...] = Field(min_length=1, description="One table a module.")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> ModuleLibrary:
+        _unique("modules", [module.name for module in self.modules])
+        check_sources(self)
+        return self
+
+    def module(self, name: str) -> Module:
+        """The module of that name.
+
+        Raises:
+            DescriptionError: there is none.
+        """
+        known = {module.name: module for module in self.modules}
+        if name not in known:
+            raise DescriptionError(f"{self.name}: no module {name!r}; {nearest(name, known)}")
+        return known[name]
+
+
+def placement(frame: JointFrame | None) -> Placement:
+    """A frame of a file as a placement; none is the frame that it would stand in."""
+    if frame is None:
+        return Placement.identity()
+    return Placement(rotation_rpy(*np.array(frame.rpy_rad)), np.array(frame.xyz_m))
+
+
+def _unique(what: str, names: list[str]) -> None:
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(f"two {what} are called {twice[0]!r}: expected every name once")
+
+
+def _check_tree(joints: tuple[Any, ...], bodies: list[str]) -> None:
+    """Bodies hang together in one tree: each but one is the child of one joint, and none carries itself."""
+    parent: dict[str, str] = {}
+    for joint in joints:
+        for side in ("parent", "child"):
+            name = getattr(joint, side)
+            if name not in bodies:
+                raise ValueError(f"joint {joint.name!r}: {side} = {name!r} is no body; {nearest(name, bodies)}")
+        if joint.child in parent:
+            raise ValueError(f"body {joint.child!r} is moved by two joints: closed chains are not offered")
+        parent[joint.child] = joint.parent
+    roots = [name for name in bodies if name not in parent]
+    if len(roots) > 1:
+        raise ValueError(f"bodies {roots[0]!r} and {roots[1]!r} both hang on no joint: expected one root")
+    for name in bodies:
+        seen: set[str] = set()
+        while name in parent:
+            if name in seen:
+                raise ValueError(f"body {name!r} carries itself: closed chains are not offered")
+            seen.add(name)
+            name = parent[name]

@@ -1,0 +1,55 @@
+"""Parts Database in, Manipulator Database and audit out."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from armwright.description.database import read_toml
+from armwright.description.robot import RobotDescription
+from armwright.description.writer import to_toml
+from armwright.errors import DescriptionError, OutputError
+from armwright.output import check_destination, whole_file
+from armwright.parts.build import PartsBuild, build_parts
+
+
+def write_parts(
+    parts: str | os.PathLike[str], arm: str | os.PathLike[str], audit: str | os.PathLike[str] | None = None
+) -> PartsBuild:
+    """Builds an arm from its parts and writes its file, and how it comes about if that is asked for.
+
+    Args:
+        parts: the *.parts.toml file.   arm: the file to write.   audit: an HTML page to write; it also tells what changed
+            since the arm's file that was there.
+    Returns:
+        build: the arm with its weighed links, its warnings and what was measured.
+    Raises:
+        DescriptionError: the parts cannot be believed.   OutputError: a file cannot be written; then none is.
+    """
+    parts, arm = Path(parts), Path(arm)
+    if arm.resolve() == parts.resolve():
+        raise OutputError(f"{arm}: is the parts database itself; expected another file for the arm")
+    check_destination(arm, (".toml",))
+    if audit is not None and check_destination(audit, (".html", ".htm")).resolve() == arm.resolve():
+        raise OutputError(f"{audit}: expected another file than the arm's")
+    build = build_parts(parts, arm.parent)
+    text = to_toml(build.description, arm.parent)
+    page = None
+    if audit is not None:
+        from armwright.parts.audit_page import audit_page
+
+        page = audit_page(build, _previous(arm))
+    with whole_file(arm) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+    if audit is not None and page is not None:
+        with whole_file(audit) as temporary:
+            temporary.write_text(page, encoding="utf-8", newline="\n")
+    return build
+
+
+def _previous(path: Path) -> RobotDescription | None:
+    """The arm that a file held, if there was one."""
+    try:
+        return read_toml(path)
+    except DescriptionError:
+        return None

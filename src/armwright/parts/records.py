@@ -1,0 +1,218 @@
+"""The Parts Database: links made of parts, parts made of sections, as in the mechanical drawings. [SwartzReport]
+
+A section is a solid of one density; a part, known by its drawing number, is a set of sections, or carries what was weighed
+and measured; a link is a set of parts, placed in a frame chosen for convenience.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from armwright.description.drive import Command
+from armwright.description.robot import KINDS, Inertia, Joint, JointFrame, Name, NamedFrame, check_sources
+from armwright.errors import nearest
+from armwright.parts.materials import Material, common_materials
+from armwright.quantity import Direction, NotZero, Positive, Record, Source, Vector3
+from armwright.solids.shapes import Solid
+from armwright.spatial import Placement, rotation_rpy, rotation_to_axis, rotation_z
+
+MOST_COPIES = 1000  # of one section
+Text = Annotated[str, Field(min_length=1)]
+
+
+class LinearPattern(Record):
+    """Copies in a row."""
+
+    source: str | None = None
+    type: Literal["linear"] = Field(description="Kind of pattern.")
+    step_m: Direction = Field(description="From one copy to the next, in the part's frame.")
+
+    def copies(self, count: int) -> list[Placement]:
+        """Where each copy of the part's frame stands in it."""
+        return [Placement(np.eye(3), k * np.array(self.step_m)) for k in range(count)]
+
+
+class PolarPattern(Record):
+    """Copies about an axis."""
+
+    source: str | None = None
+    type: Literal["polar"] = Field(description="Kind of pattern.")
+    axis: Direction = Field(description="Direction of the axis in the part's frame.")
+    through_m: Vector3 = Field(description="A point of the axis.")
+    step_rad: NotZero | None = Field(
+        default=None, description="From one copy to the next; absent: the copies go evenly round the full circle."
+    )
+
+    def copies(self, count: int) -> list[Placement]:
+        """Where each copy of the part's frame stands in it."""
+        step = float(self.step_rad) if self.step_rad is not None else 2 * np.pi / count
+        to_axis, through = rotation_to_axis(np.array(self.axis)), np.array(self.through_m)
+        turns = [to_axis @ rotation_z(k * step) @ to_axis.T for k in range(count)]
+        return [Placement(turn, through - turn @ through) for turn in turns]
+
+
+class Section(Record):
+    """A solid of one density, or a hole of that shape, placed in its part."""
+
+    source: str | None = None
+    name: Text = Field(description="What audit and errors call it.")
+    solid: Solid = Field(description="The shape, with its dimensions.")
+    xyz_m: Vector3 = Field(description="Origin of the solid in the part's frame.")
+    rpy_rad: Vector3 = Field(description="Angles about the part's fixed x, then y, then z.")
+    material: Text | None = Field(default=None, description="A key of [materials]; absent: the part's.")
+    density_kg_per_m3: Positive | None = Field(default=None, description="Instead of a material.")
+    hole: bool = Field(default=False, description="Whether it is taken out of the part: a section of negative mass.")
+    count: Annotated[int, Field(ge=1, le=MOST_COPIES, strict=True)] = Field(
+        default=1, description="How many of them there are; more than one follow the pattern."
+    )
+    pattern: Annotated[LinearPattern | PolarPattern, Field(discriminator="type")] | None = Field(
+        default=None, description="Where the copies stand."
+    )
+
+    @model_validator(mode="after")
+    def _repeats(self) -> Section:
+        if self.count > 1 and self.pattern is None:
+            raise ValueError(f"count = {self.count} needs a pattern, which says where the copies stand")
+        if self.count == 1 and self.pattern is not None:
+            raise ValueError("pattern needs count = 2 or more")
+        return self
+
+    def placements(self) -> list[Placement]:
+        """Where each copy of the solid stands in the part's frame."""
+        first = Placement(rotation_rpy(*np.array(self.rpy_rad)), np.array(self.xyz_m))
+        copies = self.pattern.copies(self.count) if self.pattern is not None else [Placement.identity()]
+        return [copy @ first for copy in copies]
+
+
+class Pendulum(Record):
+    """A part's moment of inertia about one axis, from how it swings or twists."""
+
+    source: str | None = None
+    axis: Direction = Field(description="Direction of the axis in the part's frame.")
+    through_m: Vector3 = Field(description="A point of the axis.")
+    inertia_kg_m2: Positive = Field(description="About the axis.")
+
+
+class Part(Record):
+    """What one drawing shows. What was measured overrides what the sections say."""
+
+    source: str | None = None
+    name: Text = Field(description="Drawing number, or what else the part is known by.")
+    title: Text | None = Field(default=None, description="What it is.")
+    xyz_m: Vector3 = Field(description="Origin of the part's frame in the link's construction frame.")
+    rpy_rad: Vector3 = Field(description="Angles about that frame's fixed x, then y, then z.")
+    material: Text | None = Field(default=None, description="Of sections that name none.")
+    density_kg_per_m3: Positive | None = Field(default=None, description="Instead of a material.")
+    weighed_mass_kg: Positive | None = Field(default=None, description="From the scales.")
+    measured_com_m: Vector3 | None = Field(default=None, description="Centre of mass in the part's frame.")
+    measured_inertia_kg_m2: Inertia | None = Field(
+        default=None, description="About the centre of mass, in the part's axes."
+    )
+    pendulums: tuple[Pendulum, ...] = Field(default=(), description="Moments of inertia about single axes.")
+    overlaps: Literal["ok"] | None = Field(default=None, description='"ok": its sections overlap by design.')
+    sections: tuple[Section, ...] = Field(default=(), description="One table a section.")
+
+    @model_validator(mode="after")
+    def _complete(self) -> Part:
+        if not self.sections:
+            needed = ("weighed_mass_kg", "measured_com_m", "measured_inertia_kg_m2")
+            missing = [key for key in needed if getattr(self, key) is None]
+            if missing:
+                raise ValueError(f"a part without sections needs {' and '.join(missing)}")
+        if self.measured_inertia_kg_m2 is not None and self.pendulums:
+            raise ValueError("measured_inertia_kg_m2 and pendulums: expected one of them")
+        return self
+
+    def placement(self) -> Placement:
+        """The part's frame in the link's construction frame."""
+        return Placement(rotation_rpy(*np.array(self.rpy_rad)), np.array(self.xyz_m))
+
+
+class PartsLink(Record):
+    """A link of parts. Its frame is as in the arm's file: that of the joint that moves it."""
+
+    source: str | None = None
+    name: Name = Field(description="What joints and errors call it.")
+    frame: JointFrame | None = Field(
+        default=None, description="The construction frame in the link's frame; absent: they are the same."
+    )
+    parts: tuple[Part, ...] = Field(description="One table a part; an empty list where the link has no mass.")
+
+    def construction_frame(self) -> Placement:
+        """The frame that parts are placed in, in the link's frame."""
+        if self.frame is None:
+            return Placement.identity()
+        return Placement(rotation_rpy(*np.array(self.frame.rpy_rad)), np.array(self.frame.xyz_m))
+
+
+class PartsDatabase(Record):
+    """A robot arm in parts. All but [materials] and the links' parts is as in the arm's file that it is built into."""
+
+    name: Name = Field(description="What the arm is called.")
+    title: str | None = Field(default=None, description="One line for the catalogue.")
+    notes: str | None = Field(default=None, description="What a user should know, in a few sentences.")
+    source: str | None = Field(default=None, description="Source of every number below that names none of its own.")
+    sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: where numbers come from.")
+    gravity_m_s2: Vector3 | None = Field(default=None, description="In base axes; absent: standard gravity along -z.")
+    base: Name = Field(default="base", description="What the joints' parents call the base.")
+    command: Command | None = Field(default=None, description="What drives the joints that do not say it themselves.")
+    tip: Name | None = Field(default=None, description="The frame or link that kinematics and wrench are about.")
+    materials: dict[str, Material] = Field(
+        default_factory=dict, description="[materials.KEY]: densities, before those that come with Armwright."
+    )
+    joints: tuple[Joint, ...] = Field(description="One table a joint, in the order of q.")
+    links: tuple[PartsLink, ...] = Field(description="One table a link.")
+    frames: tuple[NamedFrame, ...] = Field(default=(), description="One table a named frame.")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> PartsDatabase:
+        check_sources(self)
+        for key, material in self.materials.items():
+            source = material.density_kg_per_m3.source or material.source or self.source
+            if source is None or (source not in self.sources and source not in KINDS):
+                known = nearest(source or "", [*self.sources, *KINDS])
+                raise ValueError(f"materials.{key}: expected source = ... that is a key of [sources]; {known}")
+        for link in self.links:
+            _check_link(link, {**common_materials().materials, **self.materials})
+        return self
+
+    def material(self, key: str) -> Material:
+        """Of that name: the file's own, or one that comes with Armwright."""
+        return self.materials[key] if key in self.materials else common_materials().materials[key]
+
+    def substance(self, part: Part, section: Section) -> tuple[str, float, Any]:
+        """What a section is made of: the name or density to show, the density [kg/m³], and the material if there is one."""
+        for record in (section, part):
+            if record.density_kg_per_m3 is not None:
+                density = float(record.density_kg_per_m3)
+                return f"{density:g} kg/m³", density, None
+            if record.material is not None:
+                material = self.material(record.material)
+                return record.material, material.density, material
+        raise AssertionError(section.name)  # checked when the file was read
+
+
+def _check_link(link: PartsLink, materials: dict[str, Material]) -> None:
+    names = [part.name for part in link.parts]
+    for part in link.parts:
+        place = f"link {link.name!r} part {part.name!r}"
+        if names.count(part.name) > 1:
+            raise ValueError(f"{place}: there are two of them in the link; expected every name once")
+        inner = [section.name for section in part.sections]
+        for record, where in ((part, place), *((s, f"{place} section {s.name!r}") for s in part.sections)):
+            if isinstance(record, Section) and inner.count(record.name) > 1:
+                raise ValueError(f"{where}: there are two of them in the part; expected every name once")
+            if record.material is not None and record.density_kg_per_m3 is not None:
+                raise ValueError(f"{where}: material and density_kg_per_m3: expected one of them")
+            if record.material is not None and record.material not in materials:
+                raise ValueError(
+                    f"{where}: material = {record.material!r} is no key of [materials]; "
+                    f"{nearest(record.material, materials)}"
+                )
+            if isinstance(record, Section) and not any(
+                owner.material is not None or owner.density_kg_per_m3 is not None for owner in (record, part)
+            ):
+                raise ValueError(f"{where}: expected a material or density_kg_per_m3, here or in its part")

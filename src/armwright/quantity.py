@@ -1,0 +1,206 @@
+"""A number of a robot, with the source it came from."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import inf, isfinite
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
+from pydantic_core import CoreSchema, core_schema
+
+from armwright.errors import DescriptionError
+from armwright.validation import refusal
+
+SourceKind = Literal[
+    "drawing",
+    "cad",
+    "datasheet",
+    "measurement",
+    "fit",
+    "estimate",
+    "publication",
+    "definition",
+    "import",  # another program's file, which does not say where it has its numbers from
+]
+
+
+class Record(BaseModel):
+    """A table of a robot file: frozen, and refusing every key it does not know."""
+
+    model_config = ConfigDict(
+        frozen=True,
+        extra="forbid",
+        strict=False,
+        allow_inf_nan=False,
+        protected_namespaces=(),
+        defer_build=True,  # a file's own record is built when one is read, and with it all that it holds: once, not each
+    )
+
+    def replace(self, **changes: Any) -> Any:
+        """A copy with some fields changed, validated like the original.
+
+        Raises:
+            DescriptionError: the changed record cannot be believed.
+        """
+        fields = {name: getattr(self, name) for name in self.model_fields_set} | changes
+        try:
+            return type(self)(**fields)
+        except ValidationError as error:
+            raise DescriptionError(f"replace: {refusal(error, fields, type(self))}") from None
+
+
+def _written_date(value: Any) -> Any:
+    """A day, a month or a year as ISO 8601 writes them; TOML's dates need no quotes."""
+    if isinstance(value, (datetime.date, datetime.datetime)):
+        return value.isoformat()
+    if isinstance(value, str):
+        first = {4: f"{value}-01-01", 7: f"{value}-01"}.get(len(value), value)
+        try:
+            datetime.datetime.fromisoformat(first)
+        except ValueError:
+            raise ValueError("expected a date such as 2026-05-04, 2026-05 or 2026") from None
+    return value
+
+
+Date = Annotated[str, BeforeValidator(_written_date)]
+
+
+class Source(Record):
+    """Where numbers come from: `[sources.KEY]` of a robot file, named elsewhere as `source = "KEY"`."""
+
+    kind: SourceKind = Field(description="What sort of evidence it is.")
+    text: str = Field(min_length=1, description="The citation, drawing number or reasoning, for a reader to follow.")
+    date: Date | None = Field(default=None, description="When it was measured, drawn or published.")
+    licence: str | None = Field(default=None, description="What it may be used under.")
+    url: str | None = Field(default=None, description="Where to find it.")
+
+
+def _spread(value: Any) -> Any:
+    """A standard deviation, or one for each of several numbers."""
+    numbers = value if isinstance(value, (list, tuple)) else [value]
+    if any(_is_number(v) and v < 0 for v in numbers):
+        raise ValueError("expected a standard deviation of 0 or more")
+    return value
+
+
+Spread = Annotated[float | tuple[float, ...], BeforeValidator(_spread)]
+
+
+class Quantity(Record):
+    """A value with its source. In a file either a bare number (the source of the enclosing table holds) or a table.
+
+    `mass_kg = 3.9`  or  `mass_kg = { value = 3.9, std = 0.05, source = "scales", date = "2026-05-04" }`.
+    The unit is the ending of the key.
+    """
+
+    value: float | tuple[float, ...] | tuple[tuple[float, ...], ...] = Field(
+        description="The number, or as many as the key takes."
+    )
+    std: Spread | None = Field(default=None, description="Standard deviation, same unit.")
+    source: str | None = Field(default=None, description="A key of [sources], or a kind of source such as 'estimate'.")
+    date: Date | None = Field(default=None, description="When this number was found.")
+
+    @property
+    def number(self) -> Any:
+        """The one number, or the symbol that stands for it in a trace."""
+        return self.value
+
+    @property
+    def numbers(self) -> tuple[Any, ...]:
+        """The several numbers, or symbols."""
+        assert isinstance(self.value, tuple)
+        return self.value
+
+    def __float__(self) -> float:
+        if isinstance(self.value, tuple):
+            raise TypeError("a vector quantity has no single value")
+        return self.value
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return np.array(self.value, dtype=dtype or float)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+
+
+def _finite(value: Any) -> float:
+    try:
+        number = float(value)
+    except OverflowError:  # an integer beyond the largest float
+        number = inf
+    if not isfinite(number):
+        raise ValueError("expected a finite number")
+    return number
+
+
+def _one(value: Any) -> float:
+    if isinstance(value, (list, tuple, np.ndarray)):
+        raise ValueError(f"expected one number, not {len(value)}")
+    if not _is_number(value):
+        raise ValueError("expected a number")
+    return _finite(value)
+
+
+def _several(size: int, value: Any) -> tuple[float, ...]:
+    if not isinstance(value, (list, tuple, np.ndarray)) or not all(_is_number(v) for v in value):
+        raise ValueError(f"expected {size} numbers")
+    if len(value) != size:
+        raise ValueError(f"expected {size} numbers, not {len(value)}")
+    return tuple(_finite(v) for v in value)
+
+
+def _one_or_three(value: Any) -> tuple[float, ...]:
+    return (_finite(value),) * 3 if _is_number(value) else _several(3, value)
+
+
+def _points(value: Any) -> tuple[tuple[float, ...], ...]:
+    if not isinstance(value, (list, tuple, np.ndarray)):
+        raise ValueError("expected a list of points [x, y]")
+    return tuple(_several(2, point) for point in value)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a file may give for a quantity: `read` understands its value, `test` allows it, `expected` says so in errors.
+
+    A single number's test takes arrays of them as well; `bounds` are those of what it allows.
+    """
+
+    expected: str
+    read: Callable[[Any], Any]
+    test: Callable[[Any], bool] = lambda value: True
+    bounds: tuple[float, float] = (-inf, inf)
+
+    def __get_pydantic_core_schema__(self, kind: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """A quantity that is read before it is checked; as `BeforeValidator`, which looks at signatures for a while first."""
+        return core_schema.no_info_before_validator_function(self, handler(kind))
+
+    def __call__(self, given: Any) -> Any:
+        """What a file gives, as the fields of a quantity."""
+        if isinstance(given, dict) and "value" not in given:
+            return given  # refused for that
+        value = self.read(given["value"] if isinstance(given, dict) else getattr(given, "value", given))
+        if not self.test(value):
+            raise ValueError(f"expected {self.expected}")
+        if isinstance(given, Quantity):
+            return given
+        return {**given, "value": value} if isinstance(given, dict) else {"value": value}
+
+
+Number = Annotated[Quantity, Reading("a number", _one)]
+Positive = Annotated[Quantity, Reading("a number above 0", _one, lambda v: v > 0, (0.0, inf))]
+NotNegative = Annotated[Quantity, Reading("a number of 0 or more", _one, lambda v: v >= 0, (0.0, inf))]
+NotZero = Annotated[Quantity, Reading("a number other than 0", _one, lambda v: v != 0)]
+Share = Annotated[Quantity, Reading("a number above 0, at most 1", _one, lambda v: (v > 0) & (v <= 1), (0.0, 1.0))]
+Vector3 = Annotated[Quantity, Reading("3 numbers", partial(_several, 3))]
+Direction = Annotated[Quantity, Reading("a direction, 3 numbers not all 0", partial(_several, 3), any)]
+Range = Annotated[Quantity, Reading("2 numbers", partial(_several, 2))]
+Size3 = Annotated[Quantity, Reading("3 numbers above 0", partial(_several, 3), lambda v: all(k > 0 for k in v))]
+Scale3 = Annotated[Quantity, Reading("a number other than 0, or 3 of them", _one_or_three, all)]
+Outline = Annotated[Quantity, Reading("a list of points [x, y]", _points)]

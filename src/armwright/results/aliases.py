@@ -1,0 +1,25 @@
+"""Names that the session and the 1982 report have for what a run holds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+QUANTITIES = {
+    "theta": "q", "omega": "qd", "alpha": "qdd", "torque": "tau", "voltage": "voltage", "current": "current",
+    "command": "u", "reference": "q_reference", "measured": "q_measured",
+}  # fmt: skip
+"""What the session calls it → the run's variable."""
+
+LOOP_STATE = "loop_state"  # variable of a run: the state of the loop at its end, as numbers of no unit
+PARTIAL = "partial"  # attribute of a run that was interrupted: after how many steps
+
+
+def variables(names: Sequence[str] | None) -> list[str] | None:
+    """Quantities by the names of the run's variables; the session's names are known too."""
+    return None if names is None else list(dict.fromkeys(QUANTITIES.get(name, name) for name in names))
+
+
+def joint_names(joints: Sequence[str] | None, known: Sequence[str]) -> list[str] | None:
+    """Joints by name; numbers count from 1, as in the session. What is neither stays as it is."""
+    by_number = {str(k): name for k, name in enumerate(known, 1) if str(k) not in known}
+    return None if joints is None else [by_number.get(str(joint), str(joint)) for joint in joints]

@@ -1,0 +1,269 @@
+"""What a simulation leaves behind: one dataset with names, units and coordinates, and the files it is saved in.
+
+| ending   | what is written                                                              | read by                         |
+|----------|------------------------------------------------------------------------------|---------------------------------|
+| .nc      | the dataset as it is, NetCDF 4                                               | `load_run`, xarray, MATLAB, …   |
+| .csv     | one row a lane and time, columns `q_joint1 [rad]`                            | pandas, MATLAB, spreadsheets    |
+| .parquet | the same columns, units in the fields' metadata too (extra `logs`: pyarrow)  | pandas, polars, DuckDB          |
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armwright.errors import OutputError, RunError
+from armwright.model import Model
+from armwright.model.joint_signals import LONG_NAMES, UNITS, command_unit, joint_units
+from armwright.output import check_destination, whole_file
+from armwright.results.tables import joint_columns, write_table
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+ENDINGS = (".nc", ".csv", ".parquet")
+DIMENSIONS = ("lane", "time", "joint", "event")  # of a run, in order; the last where events were watched
+
+
+def make_dataset(
+    arm: Model,
+    t: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    u: np.ndarray,
+    *,
+    qdd: np.ndarray | None = None,
+    tau: np.ndarray | None = None,
+    voltage: np.ndarray | None = None,
+    current: np.ndarray | None = None,
+    attrs: Mapping[str, Any] | None = None,
+) -> xr.Dataset:
+    """A run as a dataset with dimensions (time, joint) or (lane, time, joint).
+
+    Args:
+        arm: the arm that moved.   t: (k,) [s].
+        q: (…, k, n) [rad | m].   qd: (…, k, n) [rad/s | m/s].   u: (…, k, n) [V | A | N m | N]; … is nothing or the lanes.
+        qdd: (…, k, n) [rad/s² | m/s²].   tau: (…, k, n) [N m | N].   voltage: (…, k, n) [V].   current: (…, k, n) [A].
+        attrs: what the whole run should remember, texts and numbers; of a list of texts each gets a line.
+    Returns:
+        run: coordinates time [s], joint (names), kind and command of each joint. Voltage and current are left out where
+            the motors' constants are known of no joint, and NaN for joints without.
+    """
+    dims = ("lane", "time", "joint") if np.ndim(q) == 3 else ("time", "joint")
+    given = {"q": q, "qd": qd, "qdd": qdd, "u": u, "tau": tau, "voltage": voltage, "current": current}
+    known = {"voltage": _known(arm, "resistance", "torque_constant"), "current": _known(arm, "torque_constant")}
+    variables = {}
+    for name, values in given.items():
+        if values is None or not np.any(known.get(name, True)):
+            continue
+        values = np.asarray(values, dtype=float)
+        if name in known and not np.all(known[name]):
+            values = np.where(known[name], values, np.nan)
+        units = joint_units(arm, name)
+        about = {"units": " | ".join(dict.fromkeys(units)), "long_name": LONG_NAMES[name]}
+        variables[name] = (dims, values, about)
+    time = ("time", np.asarray(t, dtype=float), {"units": "s", "long_name": "time"})
+    lanes = np.shape(q)[0] if len(dims) == 3 else None
+    return bare_dataset(arm, attrs or {}, lanes).assign_coords(time=time).assign(variables)
+
+
+def bare_dataset(arm: Model, attrs: Mapping[str, Any], lanes: int | None) -> xr.Dataset:
+    """A run of which nothing was recorded: coordinates joint, kind, command and, where there are lanes, lane.
+
+    Args:
+        arm: the arm that moved.   attrs: as in `make_dataset`.   lanes: how many; None: a run without a lane axis.
+    """
+    import xarray as xr
+
+    coordinates: dict[str, Any] = {
+        "joint": ("joint", list(arm.names), {"long_name": "joint"}),
+        "kind": ("joint", [body.kind for body in arm.coordinates], {"long_name": "kind of joint"}),
+        "command": ("joint", [body.drive.command for body in arm.coordinates], {"long_name": "what the drive is told"}),
+    }
+    if lanes is not None:
+        coordinates["lane"] = ("lane", np.arange(lanes), {"long_name": "lane: one simulation of many"})
+    about: dict[str, Any] = {"robot": arm.name}
+    if arm.description is not None and arm.description.title:
+        about["title"] = arm.description.title
+    return xr.Dataset({}, coordinates, {**about, **_storable(attrs)})
+
+
+def _storable(attrs: Mapping[str, Any]) -> dict[str, Any]:
+    """Attributes that come back from a file as they went in: NetCDF has no lists of texts."""
+    return {key: "\n".join(value) if _are_texts(value) else value for key, value in attrs.items()}
+
+
+def _are_texts(value: Any) -> bool:
+    return isinstance(value, (list, tuple)) and all(isinstance(item, str) for item in value)
+
+
+def _known(arm: Model, *constants: str) -> np.ndarray:
+    """(n,) whether the record gives all those constants of a joint's motor."""
+    return np.array([all(getattr(body.drive, name) is not None for name in constants) for body in arm.coordinates])
+
+
+def in_order(run: xr.Dataset) -> xr.Dataset:
+    """The run, or the part of it that was selected, with the dimensions (time, joint) or (lane, time, joint) in that order.
+
+    A time or a joint selected alone, `run.isel(joint=0)`, is a dimension again.
+
+    Raises:
+        RunError: no run: no dataset, one without the coordinates of a run, or one whose motion has further dimensions;
+            those of single variables, such as the entries of a sensor's signal, stay behind.
+    """
+    _check_dataset(run)
+    missing = [name for name in ("time", "joint", "kind", "command") if name not in run.coords]
+    if missing:
+        raise RunError(f"no coordinate {missing[0]!r}: expected a run, the dataset that simulate returns")
+    for dim, coordinates in {"joint": ("joint", "kind", "command"), "time": ("time",)}.items():
+        if dim not in run.dims:
+            varying = [name for name, variable in run.variables.items() if name in LONG_NAMES or name in coordinates]
+            varying += [name for name, variable in run.data_vars.items() if {"time", "joint"} & set(variable.dims)]
+            run = run.assign({name: run[name].variable.expand_dims(dim) for name in dict.fromkeys(varying)})
+    further = [str(dim) for name in LONG_NAMES if name in run for dim in run[name].dims if dim not in DIMENSIONS]
+    if further:
+        raise RunError(f"dimension {further[0]!r}: expected those of a run, lane, time and joint")
+    return run.transpose(*(dim for dim in DIMENSIONS if dim in run.dims), ...)
+
+
+def _check_dataset(run: Any) -> None:
+    import xarray as xr
+
+    if not isinstance(run, xr.Dataset):
+        raise RunError(f"a {type(run).__name__} is no run; expected the dataset that simulate returns")
+
+
+def wide(run: xr.Dataset) -> dict[str, np.ndarray]:
+    """The run as one table: `lane` (where there are lanes), `t [s]`, then `q_joint1 [rad]` and so on.
+
+    Returns:
+        columns: header → (rows,), one row a lane and time, lanes one after the other;
+            of a run that recorded no motion one row a lane, with what its reducers came to.
+    Raises:
+        RunError: no run.
+    """
+    _check_dataset(run)
+    if "joint" in run.dims and not {"time", *LONG_NAMES} & {*run.dims, *run.variables}:
+        return _wide_reduced(run)
+    run = in_order(run)
+    lanes = run.sizes.get("lane", 1)
+    times, joints = run["time"].values, [str(joint) for joint in run["joint"].values]
+    columns = {"lane": np.repeat(run["lane"].values, len(times))} if "lane" in run.dims else {}
+    columns["t [s]"] = np.tile(times, lanes)
+    for name, variable in run.data_vars.items():
+        if "joint" not in variable.dims or "time" not in variable.dims:
+            continue
+        rows = variable.values.reshape(-1, run.sizes["joint"])
+        columns |= joint_columns(str(name), joints, run_units(run, str(name)), rows)
+    return columns
+
+
+def _wide_reduced(run: xr.Dataset) -> dict[str, np.ndarray]:
+    """A run that left no motion as one table: a row a lane, what each joint's reducers came to."""
+    joints = [str(joint) for joint in run["joint"].values]
+    columns = {"lane": run["lane"].values} if "lane" in run.dims else {}
+    for name, variable in run.data_vars.items():
+        if "joint" in variable.dims:
+            rows = variable.transpose(..., "joint").values.reshape(-1, len(joints))
+            columns |= joint_columns(str(name), joints, [str(variable.attrs.get("units", "-"))] * len(joints), rows)
+    if not any(name != "lane" for name in columns):
+        raise RunError("no coordinate 'time': expected a run, the dataset that simulate returns")
+    return columns
+
+
+def run_units(run: xr.Dataset, name: str) -> list[str]:
+    """The unit of each joint's part of a variable; its attribute only lists the units that occur."""
+    linear = [kind == "prismatic" for kind in run["kind"].values]
+    if name == "u":
+        commands = [str(command) for command in run["command"].values]
+        return [command_unit(command, k) for command, k in zip(commands, linear, strict=True)]
+    if name in UNITS:
+        return [UNITS[name][k] for k in linear]
+    return [str(run[name].attrs.get("units", "-"))] * len(linear)
+
+
+def check_recording(path: str | os.PathLike[str]) -> Path:
+    """The path, if a run can be saved there; to be asked before a long simulation.
+
+    Raises:
+        OutputError: as `save`.
+    """
+    path = check_destination(path, ENDINGS)
+    if path.suffix.lower() == ".parquet" and importlib.util.find_spec("pyarrow") is None:
+        raise OutputError(f"{path}: Parquet needs pyarrow, which is not installed: pip install armwright[logs]")
+    return path
+
+
+def save(run: xr.Dataset, path: str | os.PathLike[str]) -> None:
+    """Writes a run in the format that the file's ending names: .nc, .csv or .parquet; whole or not at all.
+
+    Args:
+        run: what `simulate` returned, or a part of it such as `run.isel(joint=0)`.
+        path: the file; one that is there is replaced when the new one is complete.
+    Raises:
+        RunError: no run.
+        OutputError: an unknown ending, a folder that is missing, no permission, a full disk, Parquet without pyarrow.
+    """
+    _check_dataset(run)
+    path = check_recording(path)
+    writers = {".nc": _write_netcdf, ".csv": _write_csv, ".parquet": _write_parquet}
+    with whole_file(path, ENDINGS) as temporary:
+        try:
+            writers[path.suffix.lower()](run, temporary)
+        except (RuntimeError, ValueError, TypeError) as error:  # an attribute that the format cannot hold
+            reason = (str(error).splitlines() or [type(error).__name__])[0]
+            raise OutputError(f"{path}: cannot be written: {reason}") from error
+
+
+def _write_netcdf(run: xr.Dataset, path: Path) -> None:
+    """Made in memory first: on a disk that fills up HDF5 itself ends the process with a segmentation fault."""
+    path.write_bytes(run.to_netcdf(engine="h5netcdf", format="NETCDF4"))
+
+
+def _write_csv(run: xr.Dataset, path: Path) -> None:
+    with open(path, "w", encoding="utf-8", newline="") as file:
+        write_table(None, wide(run), file)
+
+
+def _write_parquet(run: xr.Dataset, path: Path) -> None:
+    import json
+
+    import pyarrow
+    import pyarrow.parquet
+
+    columns = wide(run)
+    fields = []
+    for header, values in columns.items():
+        unit = header.partition(" [")[2].removesuffix("]")
+        about = {"unit": unit} if unit else None
+        fields.append(pyarrow.field(header, pyarrow.from_numpy_dtype(values.dtype), metadata=about))
+    remembered = {"armwright": json.dumps({str(key): value for key, value in run.attrs.items()}, default=str)}
+    table = pyarrow.table(list(columns.values()), schema=pyarrow.schema(fields, metadata=remembered))
+    pyarrow.parquet.write_table(table, path)
+
+
+def load_run(path: str | os.PathLike[str]) -> xr.Dataset:
+    """A run that `save` wrote as NetCDF, all of it in memory.
+
+    Args:
+        path: the file, ending in .nc.
+    Returns:
+        run: what `simulate` returned.
+    Raises:
+        RunError: no such file, or one that is no NetCDF file.
+    """
+    import xarray as xr
+
+    path = Path(path)
+    if not path.is_file():
+        raise RunError(f"{path}: {'a folder' if path.is_dir() else 'no such file'}; expected a run saved as .nc")
+    try:
+        return xr.load_dataset(path, engine="h5netcdf")
+    except (OSError, ValueError, KeyError) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise RunError(f"{path}: cannot be read as a run; expected NetCDF 4: {reason}") from None

@@ -1,0 +1,80 @@
+"""Statistics over the lanes of a run: mean, spread and percentiles of everything that each lane tells."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from armwright.errors import RunError
+from armwright.results.aliases import LOOP_STATE
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+NO_STATISTICS = ("diverged_at", "stalled_at", LOOP_STATE)
+PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
+PIECE = 4_000_000  # numbers that are looked at in one go
+
+
+def statistics(run: xr.Dataset, percentiles: Sequence[float] = PERCENTILES) -> xr.Dataset:
+    """Mean, standard deviation, least, most and percentiles over the lanes, of every variable that has them.
+
+    Lanes that left the finite numbers or ran out of steps are left out, and counted in the attributes; numbers that a lane
+    does not know (NaN) are left out of that one's statistics.
+
+    Args:
+        run: what `simulate` returned, with lanes.   percentiles: (k,) within 0 and 100 [%].
+    Returns:
+        statistics: the variables with dimension `statistic` instead of `lane`: "mean", "std" (over the lanes, divided by their
+            number less one), "min", "max", "p5", "p25", …; units as in the run.
+    Raises:
+        RunError: no run, one without lanes, no lane that came to its end, or percentiles that are none.
+    """
+    import xarray as xr
+
+    if not isinstance(run, xr.Dataset):
+        raise RunError(f"a {type(run).__name__} is no run; expected the dataset that simulate returns")
+    if "lane" not in run.dims:
+        raise RunError("statistics are over lanes; expected a run of many lanes")
+    try:
+        shares = np.atleast_1d(np.asarray(percentiles, dtype=float))
+    except (TypeError, ValueError):
+        shares = np.full(1, np.nan)
+    if shares.ndim != 1 or not np.all((shares >= 0.0) & (shares <= 100.0)):
+        raise RunError(f"percentiles = {percentiles!r}: expected numbers from 0 to 100")
+    whole = np.ones(run.sizes["lane"], dtype=bool)
+    for name in ("diverged_at", "stalled_at"):
+        if name in run:
+            whole &= np.isnan(run[name].values)
+    if not whole.any():
+        raise RunError(f"none of the {len(whole)} lanes came to its end; expected at least one for statistics")
+    names = ["mean", "std", "min", "max", *(f"p{share:g}" for share in shares)]
+    found = {}
+    for name, variable in run.data_vars.items():
+        if "lane" in variable.dims and variable.dtype.kind == "f" and name not in NO_STATISTICS:
+            rest = [dim for dim in variable.dims if dim != "lane"]
+            values = variable.transpose("lane", *rest).values[whole]
+            found[name] = (("statistic", *rest), _over_lanes(values, shares), variable.attrs)
+    coordinates = {name: value for name, value in run.coords.items() if "lane" not in value.dims}
+    lanes = {"lanes": int(whole.sum()), "lanes_left_out": int((~whole).sum())}
+    about = ("statistic", names, {"long_name": "statistic over the lanes"})
+    return xr.Dataset(found, {**coordinates, "statistic": about}, {**run.attrs, **lanes})
+
+
+def _over_lanes(values: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """(statistics, …) from (lanes, …), some columns at a time."""
+    shape = values.shape[1:]
+    flat = values.reshape(len(values), -1)
+    found = np.empty((4 + len(shares), flat.shape[1]))
+    width = max(1, PIECE // len(values))
+    for start in range(0, flat.shape[1], width):
+        part = flat[:, start : start + width]
+        with warnings.catch_warnings():  # a column of which nobody knows anything stays unknown
+            warnings.simplefilter("ignore", RuntimeWarning)
+            spread = np.nanstd(part, axis=0, ddof=1) if len(part) > 1 else np.full(part.shape[1], np.nan)
+            rows = [np.nanmean(part, axis=0), spread, np.nanmin(part, axis=0), np.nanmax(part, axis=0)]
+            found[:, start : start + width] = [*rows, *np.nanpercentile(part, shares, axis=0)]
+    return found.reshape(len(found), *shape)

@@ -1,0 +1,206 @@
+"""What a run leaves: what was recorded, what follows from it, and what reducers came to, as one dataset."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armwright.model import Model
+from armwright.model.joint_signals import joint_units
+from armwright.results.notes import limit_notes
+from armwright.results.recording import bare_dataset, make_dataset
+from armwright.results.reducers import Ends, reducer
+from armwright.signals import Signal
+from armwright.simulation.batch_runner import Reached
+from armwright.simulation.inputs.schedule_ticks import held_values
+from armwright.simulation.integrate.stepping import Account
+from armwright.simulation.loop.config import LoopConfig
+from armwright.simulation.loop.tick import USUAL
+from armwright.simulation.loop_runner import LoopRunner
+
+if TYPE_CHECKING:
+    import xarray
+
+
+FURTHER = {  # what the plant tells beside the usual: whose unit it has, and what it is
+    "tau_link": ("tau", "torque behind the gear, as a joint torque sensor reads it"),
+    "heat": ("W", "heat in the motor's winding"),
+    "friction_loss": ("W", "power that rubs and damps away"),
+    "electrical_power": ("W", "electrical power into the drive"),
+    "motor_q": ("rad", "position of the motor behind its elastic gear"),
+    "motor_qd": ("rad/s", "velocity of the motor behind its elastic gear"),
+    "bristle": ("q", "deflection of the bristles"),
+    "brake": ("q", "how far the brake gave way"),
+    "winding_temperature": ("°C", "temperature of the motor's winding"),
+    "housing_temperature": ("°C", "temperature of the motor's housing"),
+    "bus_voltage": ("V", "voltage of the supply's bus"),
+}
+UNSTORED = ("applied", "current", "qdd")  # measured or followed signals that other variables hold already
+MOTION = {"q": "position", "qd": "velocity"}
+WHOLE = ("bus_voltage",)  # of the whole arm, not of a joint
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """What the compiled loop left of a run.
+
+    Attributes:
+        rows: (rows, lanes in whole tiles, entries); None: nothing was recorded.   every: ticks from row to row.
+        reached: which lanes came how far.   account: what became of them.   reduced: (lanes, k) by the reducers.
+        origin: the tick of the first row.
+    """
+
+    rows: np.ndarray | None
+    every: int
+    reached: Reached
+    account: Account
+    reduced: np.ndarray
+    origin: int
+
+    def last_row(self, simulation: LoopRunner) -> str:
+        """The end of a single run that diverged, in words: where it was, and what the controller asked for."""
+        if self.rows is None:
+            return ""
+        parts = _parts(simulation, self.rows[-1, 0])
+        asked = parts.get("u_issued", np.zeros(0))
+        wrong = "" if np.isfinite(asked).all() else f", where the controller commanded {_shown(asked)}"
+        return f"last state q = {_shown(parts['x'][: simulation.arm.n])}{wrong}"
+
+
+def _shown(values: np.ndarray) -> str:
+    return np.array2string(values, precision=4, max_line_width=10**6)
+
+
+def _parts(simulation: LoopRunner, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """The recorded blocks by name from rows (…, entries)."""
+    sizes = {name: layout.size for name, layout in simulation.config.recorded.items()}
+    return dict(zip(sizes, np.split(rows, np.cumsum(list(sizes.values()))[:-1], axis=-1), strict=True))
+
+
+def run_dataset(simulation: LoopRunner, recorded: Recorded) -> xarray.Dataset:
+    """The dataset of a run."""
+    scenario, arm, reached = simulation.scenario, simulation.arm, recorded.reached
+    attrs: dict[str, Any] = {"integrator": scenario.integrator, "step_s": scenario.integration_step}
+    if scenario.sampled:
+        attrs["sample_period_s"] = simulation.period
+        why = simulation.untraced
+        attrs["controller"] = "compiled" if why is None else f"called in Python once a tick: {why}"
+    notes = [*simulation.notes, *(() if simulation.reference is None else simulation.reference.notes)]
+    numbers = None if scenario.lane_count is None else reached.lanes
+    if recorded.rows is None:
+        dataset = bare_dataset(arm, attrs | {"notes": notes}, None if numbers is None else len(numbers))
+    else:
+        dataset = _with_rows(simulation, recorded, recorded.rows, attrs, notes)
+    if numbers is not None and (reached.stopped or scenario.first_lane):
+        dataset = dataset.assign_coords(lane=("lane", numbers + scenario.first_lane, dataset["lane"].attrs))
+    if reached.ticks == scenario.ticks and simulation.reduction is not None:
+        _reduced(simulation, dataset, recorded)
+    account = recorded.account.of_lanes(reached.lanes)
+    account.tell(dataset, simulation.period, scenario.adaptivity, scenario.lane_count is None)
+    return dataset
+
+
+def _with_rows(
+    simulation: LoopRunner, recorded: Recorded, record: np.ndarray, attrs: dict[str, Any], notes: list[str]
+) -> xarray.Dataset:
+    """Rows of the lanes that came that far, with what follows from them."""
+    scenario, arm, n, reached = simulation.scenario, simulation.arm, simulation.arm.n, recorded.reached
+
+    def own(values: np.ndarray) -> np.ndarray:
+        return values[reached.lanes] if reached.stopped and len(values) > 1 else values
+
+    there = reached.rows(recorded.every, len(record))
+    ticks = recorded.origin + np.arange(len(record))[there] * recorded.every
+    t, rows = ticks * simulation.period, own(record[there, : simulation.count].transpose(1, 0, 2))
+    parts = _parts(simulation, rows)
+    x = parts["x"]
+    acting = {name: own(held_values(held, ticks, simulation.period)) for name, held in simulation.inputs.items()}
+    u = parts.get("u", acting.pop("u", np.full((1, 1, n), np.nan)))
+    u = np.broadcast_to(u, (len(rows), len(t), n))
+    outputs: dict[str, np.ndarray] = {}
+    if scenario.record == "all":
+        given = [x, u, *(acting[name] for name in simulation.config.inputs)]
+        given += [own(scenario.parameters)[:, None, :]] if scenario.varied is not None else []
+        kernel = simulation.loop.outputs
+        assert kernel is not None
+        outputs = dict(zip(simulation.loop.names, kernel(*given, threads=os.cpu_count() or 1), strict=True))
+    squeeze = (lambda v: v[0]) if scenario.lane_count is None else (lambda v: v)
+    q, qd = simulation.plant.part(x, "q"), simulation.plant.part(x, "qd")
+    attrs["notes"] = [*notes, *limit_notes(arm, q, qd, u, outputs, t)]
+    known = {name: squeeze(values) for name, values in outputs.items() if name in USUAL}
+    dataset = make_dataset(arm, t, squeeze(q), squeeze(qd), squeeze(u), **known, attrs=attrs)
+    dims = tuple(str(dim) for dim in dataset["q"].dims[:-1])
+    further = {name: squeeze(values) for name, values in outputs.items() if name not in USUAL}
+    variables = {name: _output(arm, name, values, dims) for name, values in further.items()}
+    labels: dict[str, Any] = {}
+    if "y" in parts:
+        for name, signal, values in _signals(simulation.config, parts):
+            variables[name], labels = _signal(name, signal, squeeze(values), dims, labels)
+    dataset = dataset.assign(variables) if variables else dataset  # at once: xarray compares coordinates each time
+    return dataset.assign_coords(labels) if labels else dataset
+
+
+def _signals(config: LoopConfig, parts: Mapping[str, np.ndarray]) -> Iterator[tuple[str, Signal, np.ndarray]]:
+    """Name, signal and values of what was measured, what was to be followed, and the commands as they left the controller."""
+    for block, ending in (("y", "measured"), ("r", "reference")):
+        for signal in config.recorded[block]:
+            if signal.name not in UNSTORED:
+                values = config.recorded[block].part(parts[block], signal.name)
+                about = signal.about if block == "y" or signal.joints is None else f"reference {MOTION[signal.name]}"
+                yield f"{signal.name}_{ending}", replace(signal, about=about), values
+    yield (
+        "u_issued",
+        replace(config.recorded["u_issued"]["u"], about="command as it left the controller"),
+        parts["u_issued"],
+    )
+
+
+def _signal(
+    name: str, signal: Signal, values: np.ndarray, dims: tuple[str, ...], labels: dict[str, Any]
+) -> tuple[tuple[Any, ...], dict[str, Any]]:
+    """A signal's values (…, *shape) as a variable, and the labels of its entries beside those there are.
+
+    Its dimension is joint, or one of its own.
+    """
+    attributes = {"units": signal.unit, "long_name": signal.about or name}
+    if signal.joints is not None:
+        return ((*dims, "joint"), values, attributes), labels
+    own = [f"{name}_entry" if k + 1 == len(signal.shape) else f"{name}_entry_{k}" for k in range(len(signal.shape))]
+    if signal.labels is not None and own:
+        labels = {**labels, own[-1]: list(signal.labels)}
+    return ((*dims, *own), values, attributes), labels
+
+
+def _output(arm: Model, name: str, values: np.ndarray, dims: tuple[str, ...]) -> tuple[Any, ...]:
+    """What the plant tells beside the usual as a variable: (…, n) one a joint, or (…, 1) of the whole arm."""
+    quantity, about = FURTHER[name]
+    attributes = {"units": _unit(arm, quantity), "long_name": about}
+    return (dims, values[..., 0], attributes) if name in WHOLE else ((*dims, "joint"), values, attributes)
+
+
+def _reduced(simulation: LoopRunner, dataset: xarray.Dataset, recorded: Recorded) -> None:
+    """Adds what the reducers came to, (lane, joint) or (joint,) each."""
+    assert simulation.reduction is not None
+    assert simulation.reference is not None
+    assert simulation.reference.final is not None
+    lanes, scenario = recorded.reached.lanes, simulation.scenario
+    first, final = scenario.initial_state[:, : simulation.arm.n], simulation.reference.final
+    held, first, final = (v if len(v) in (1, len(lanes)) else v[lanes] for v in (recorded.reduced, first, final))
+    stopped = recorded.account.frozen[lanes][:, None] >= 0.0
+    ends = Ends(held[:, -1:], simulation.period, first, final, stopped)
+    for name, values in simulation.reduction.results(held, ends).items():
+        about = reducer(name)
+        attributes = {"units": _unit(simulation.arm, about.unit), "long_name": about.about}
+        single = scenario.lane_count is None
+        dataset[name] = (("joint",), values[0], attributes) if single else (("lane", "joint"), values, attributes)
+
+
+def _unit(arm: Model, quantity: str) -> str:
+    """The units of a quantity that occur, or a unit as it is."""
+    if quantity in ("q", "qd", "qdd", "tau", "voltage", "current", "u"):
+        return " | ".join(dict.fromkeys(joint_units(arm, quantity)))
+    return quantity

@@ -1,0 +1,181 @@
+"""A solid from a mesh file (STL, OBJ, PLY): volume, centre and inertia from its closed surface, through trimesh."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import struct
+import warnings
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
+
+from armwright.errors import DescriptionError
+from armwright.quantity import Scale3
+from armwright.solids.moments import Moments
+from armwright.solids.solid import SolidRecord
+
+if TYPE_CHECKING:
+    import trimesh
+
+
+# What trimesh's readers stumble over in a broken file.
+UNREADABLE = (
+    *(ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, OSError, struct.error),
+    ImportError,  # COLLADA (.dae) without pycollada
+)
+
+
+FARTHEST = 1e12  # units of the file: a vertex beyond it is no robot's
+FLAT = 1e-12  # of the cube of a mesh's size: a volume below it is none
+SPOT = 1e-8  # of a mesh's size: vertices nearer than this are one
+
+
+class Mesh(SolidRecord):
+    """A closed surface from a file, in the file's own frame.
+
+    `file` is a path relative to the robot file that names it, and never leads out of that file's folder.
+    """
+
+    shape: Literal["mesh"] = Field(description="Kind of solid.")
+    file: str = Field(min_length=1, description="Path of the mesh, relative to this file and below its folder.")
+    scale: Scale3 = Field(description="Metres per unit of the mesh file: 0.001 where that is in mm; or 3 of them.")
+    _folder: Path | None = PrivateAttr(default=None)
+
+    @model_validator(mode="after")
+    def _inside(self, info: ValidationInfo) -> Mesh:
+        folder = (info.context or {}).get("folder")
+        if folder is None:
+            return self  # made in Python: the path is the caller's
+        base = Path(folder).resolve()
+        if "\0" in self.file or Path(self.file).is_absolute() or not _resolved(base, self.file).is_relative_to(base):
+            raise ValueError(f"file = {self.file!r} leads out of {os.fspath(folder)!r}: expected a path below it")
+        self._folder = base
+        return self
+
+    @property
+    def path(self) -> Path:
+        """Where the mesh is: below the folder of the file that named it."""
+        return Path(self.file) if self._folder is None else self._folder / self.file
+
+    def surface(self) -> trimesh.Trimesh:
+        """The mesh, in metres; a mirroring scale keeps the faces outward.
+
+        Raises:
+            DescriptionError: no such file, or nothing in it that can be read as a mesh.
+        """
+        surface = _read(self.path, _stamp(self.path)).copy()
+        scale = np.array(self.scale)
+        surface.vertices *= scale
+        if scale.prod() < 0:
+            surface.invert()
+        return surface
+
+    def moments(self) -> Moments:
+        """Sums over the tetrahedra between the origin and each triangle.
+
+        Raises:
+            DescriptionError: an open mesh, one whose faces cross or disagree on the outside, one with a shell in another
+            that counts twice, or one of no volume.
+        """
+        from armwright.solids.self_intersection import crossing_faces
+        from armwright.solids.shells import misplaced_shell
+
+        surface = self.surface()
+        if not len(surface.faces) or not surface.is_watertight:
+            raise DescriptionError(f"{self.file}: an open mesh has no volume; expected a closed surface")
+        if not surface.is_winding_consistent:
+            raise DescriptionError(f"{self.file}: its faces disagree on which side is out; expected a closed surface")
+        crossing = crossing_faces(np.asarray(surface.triangles))
+        if crossing is not None:
+            one, two = (surface.triangles[face].mean(axis=0).round(6).tolist() for face in crossing)
+            raise DescriptionError(f"{self.file}: faces cross near {one} and {two} m; expected a surface that does not")
+        misplaced = misplaced_shell(surface)
+        if misplaced is not None:
+            place, number = misplaced[0].round(6).tolist(), misplaced[1]
+            told = (
+                "points inward and lies in nothing"
+                if number < 0
+                else f"lies in another: its inside counts {number} times"
+            )
+            raise DescriptionError(
+                f"{self.file}: the shell about {place} m {told}; expected solids apart, and cavities whose faces point inward"
+            )
+        a, b, c = np.moveaxis(np.asarray(surface.triangles) - surface.vertices.mean(axis=0), 1, 0)
+        volume = float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
+        if not abs(volume) > FLAT * float(np.ptp(surface.vertices, axis=0).max()) ** 3:
+            raise DescriptionError(f"{self.file}: a volume of {volume:.3g} m³; expected a solid")
+        from trimesh.triangles import mass_properties
+
+        found = mass_properties(surface.triangles, crosses=surface.triangles_cross, density=1.0)
+        return Moments.of_tensor(abs(volume), found.center_mass, found.inertia * np.sign(volume))
+
+
+def _resolved(base: Path, file: str) -> Path:
+    try:
+        return (base / file).resolve()
+    except (OSError, RuntimeError):  # a loop of links
+        return Path("/")
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    try:
+        stat = path.stat()
+    except OSError as error:
+        raise DescriptionError(f"{path}: cannot be read: {error.strerror}") from None
+    return stat.st_mtime_ns, stat.st_size
+
+
+@lru_cache(maxsize=64)
+def _read(path: Path, stamp: tuple[int, int]) -> trimesh.Trimesh:
+    """The mesh in a file, its equal vertices merged; `stamp` makes a changed file another one."""
+    import trimesh
+
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in ("stl", "obj", "ply", "dae"):
+        raise DescriptionError(f"{path}: no kind of mesh that is read; expected .stl, .obj, .ply or .dae")
+    try:
+        with _silenced():
+            mesh = trimesh.load_mesh(path, file_type=kind, process=False)
+    except UNREADABLE as error:
+        first = (str(error).splitlines() or [type(error).__name__])[0]
+        raise DescriptionError(f"{path}: not a mesh that can be read: {first}") from None
+    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+        raise DescriptionError(f"{path}: holds no triangles; expected a mesh")
+    vertices, faces = np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces)
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+        raise DescriptionError(f"{path}: not a mesh that can be read: expected triangles of points x, y, z")
+    if not (np.isfinite(vertices).all() and np.abs(vertices).max() < FARTHEST):
+        raise DescriptionError(f"{path}: a vertex is no finite point")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise DescriptionError(f"{path}: a face names a vertex that is not there")
+    return trimesh.Trimesh(*_merged(vertices, faces), process=False)
+
+
+def _merged(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices that lie on one spot made one, as the triangles of an STL need it; triangles of no area are left out."""
+    size = float(np.ptp(vertices, axis=0).max()) or 1.0
+    _, first, which = np.unique(np.rint(vertices / (SPOT * size)), axis=0, return_index=True, return_inverse=True)
+    faces = which.reshape(-1)[faces]
+    sound = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    return vertices[first], faces[sound]
+
+
+@contextlib.contextmanager
+def _silenced() -> Iterator[None]:
+    """trimesh tells its log and NumPy's warnings what it tried; what comes out is judged here."""
+    import logging
+
+    logger = logging.getLogger("trimesh")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logger.setLevel(level)
