@@ -47,8 +47,8 @@ WARMTH = {
     "reference_c": 25.0,
     "winding_capacity_j_per_k": 50.0,
     "winding_resistance_k_per_w": 1.0,
-    "resistance_rise_per_k": 0.0039,
-    "constant_fall_per_k": 0.0011,
+    "resistance_temperature_coefficient_per_k": 0.0039,
+    "magnet_temperature_coefficient_per_k": -0.0011,
 }
 SPRING_HZ, SPRING_DAMPING = (
     10.0,

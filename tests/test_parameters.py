@@ -170,8 +170,8 @@ def test_the_table_holds_every_number_of_the_record(name):
         ("joint2.friction.viscous_n_m_s_per_rad", "N m s/rad"), ("gravity_m_s2", "m/s²"), ("link1.com_m[2]", "m"),
         ("link1.inertia_kg_m2.xx", "kg m²"), ("joint1.motor.torque_constant_n_m_per_a", "N m/A"), ("joint1.dh.a_m", "m"),
         ("joint1.motor.gear_ratio", "1"), ("joint1.motor.thermal.winding_capacity_j_per_k", "J/K"),
-        ("joint1.motor.thermal.resistance_rise_per_k", "1/K"), ("joint1.elasticity.cubic_n_m_per_rad3", "N m/rad³"),
-        ("supply.source_resistance_ohm", "Ω"),
+        ("joint1.motor.thermal.resistance_temperature_coefficient_per_k", "1/K"),
+        ("joint1.elasticity.cubic_n_m_per_rad3", "N m/rad³"), ("supply.source_resistance_ohm", "Ω"),
     ],
 )  # fmt: skip
 def test_units_are_those_of_the_keys(path, unit):

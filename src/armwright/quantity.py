@@ -196,6 +196,7 @@ class Reading:
 Number = Annotated[Quantity, Reading("a number", _one)]
 Positive = Annotated[Quantity, Reading("a number above 0", _one, lambda v: v > 0, (0.0, inf))]
 NotNegative = Annotated[Quantity, Reading("a number of 0 or more", _one, lambda v: v >= 0, (0.0, inf))]
+NotPositive = Annotated[Quantity, Reading("a number of 0 or less", _one, lambda v: v <= 0, (-inf, 0.0))]
 NotZero = Annotated[Quantity, Reading("a number other than 0", _one, lambda v: v != 0)]
 Share = Annotated[Quantity, Reading("a number above 0, at most 1", _one, lambda v: (v > 0) & (v <= 1), (0.0, 1.0))]
 Vector3 = Annotated[Quantity, Reading("3 numbers", partial(_several, 3))]

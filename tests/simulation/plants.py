@@ -43,8 +43,8 @@ THERMAL = {
     "winding_resistance_k_per_w": 1.5,
     "housing_capacity_j_per_k": 200.0,
     "housing_resistance_k_per_w": 3.0,
-    "resistance_rise_per_k": 0.0039,
-    "constant_fall_per_k": 0.0011,
+    "resistance_temperature_coefficient_per_k": 0.0039,
+    "magnet_temperature_coefficient_per_k": -0.0011,
 }
 ELASTIC = {"stiffness_n_m_per_rad": 4e3, "damping_n_m_s_per_rad": 6.0}
 HARMONIC = {**ELASTIC, "cubic_n_m_per_rad3": 1e6, "error_rad": 2e-4, "error_phase_rad": 0.2}
@@ -150,7 +150,7 @@ MANY = {  # an arm for each effect, and one that has them all
     "cogging": pendulum(motor={**MOTOR, "cogging": COGGING}, friction=COULOMB),
     "coast": pendulum(motor={**MOTOR, "pwm": "coast"}, friction=COULOMB, limits={"voltage_v": 24.0}),
     "lugre": pendulum(motor=MOTOR, friction=LUGRE),
-    "load": pendulum(motor={**MOTOR, "gear_efficiency": 0.8}, friction={**COULOMB, "load_share": 0.05}),
+    "load": pendulum(motor={**MOTOR, "gear_efficiency": 0.8}, friction={**COULOMB, "load_coefficient": 0.05}),
     "elastic": pendulum(motor=MOTOR, friction=COULOMB, elasticity=ELASTIC),
     "harmonic": pendulum(motor=MOTOR, friction=ON_MOTOR, elasticity=HARMONIC),
     "supply": pendulum(motor=MOTOR, friction=COULOMB, robot={"supply": SUPPLY}),

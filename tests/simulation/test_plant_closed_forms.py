@@ -65,9 +65,7 @@ def test_two_masses():
 
 def test_temperatures_at_rest_and_on_their_way():
     """P = R i² of a held current:  T = ambient + P R_th (1 - exp(-t/τ)), and at last with R rising with T."""
-    one = {
-        key: value for key, value in THERMAL.items() if "housing" not in key and "rise" not in key and "fall" not in key
-    }
+    one = {key: value for key, value in THERMAL.items() if "housing" not in key and "coefficient" not in key}
     plant = free(command="current", motor={**MOTOR, "thermal": one, "rotor_inertia_kg_m2": 1e12})
     x = steps(plant, plant.initial([0.0], [0.0]), [4.0], 0.01, 1000)[-1]
     power, tau = R * 16.0, 8.0 * 1.5

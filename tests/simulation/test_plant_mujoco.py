@@ -19,7 +19,7 @@ BRISTLE = 'lugre="0.8 0.002 0.04 0.06 5.0"'  # ON_MOTOR's
 WARM = {
     "ambient_c": 25.0,
     "reference_c": 20.0,
-    "resistance_rise_per_k": 0.004,
+    "resistance_temperature_coefficient_per_k": 0.004,
     "winding_capacity_j_per_k": 2.0,
     "winding_resistance_k_per_w": 1.5,
 }

@@ -46,8 +46,8 @@ def dry_level(friction: Friction, speed: Scalar, load: Scalar | None = None) -> 
     plus, minus = friction.coulomb_positive, friction.coulomb_negative
     level = plus if _same(plus, minus) else scalar.where(scalar.less(speed, 0.0), minus, plus)
     most = friction.stribeck
-    if load is not None and friction.load_share is not None:
-        added = friction.load_share * scalar.abs(load)
+    if load is not None and friction.load_coefficient is not None:
+        added = friction.load_coefficient * scalar.abs(load)
         level, most = level + added, None if most is None else most + added
     if most is not None:
         ratio = speed / friction.stribeck_speed

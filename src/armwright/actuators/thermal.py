@@ -11,7 +11,7 @@ from armwright.scalar import Scalar
 def warmed(drive: Drive, winding: Scalar, housing: Scalar | None) -> Drive:
     """The drive with the constants it has at its temperatures.
 
-    R = R_ref (1 + rise (T_w - T_ref)),  Kt and Ke = theirs at T_ref · (1 - fall (T - T_ref)),
+    R = R_ref (1 + α_R (T_w - T_ref)),  Kt and Ke = theirs at T_ref · (1 + α_B (T - T_ref)),
     T of the magnets: the housing's, or the winding's where the motor is one body.
 
     Args:
@@ -20,12 +20,14 @@ def warmed(drive: Drive, winding: Scalar, housing: Scalar | None) -> Drive:
     thermal = drive.thermal
     assert thermal is not None
     changed = {}
-    if thermal.resistance_rise is not None:
-        changed["resistance"] = drive.resistance * (1.0 + thermal.resistance_rise * (winding - thermal.reference))
-    if thermal.constant_fall is not None:
-        share = 1.0 - thermal.constant_fall * ((winding if housing is None else housing) - thermal.reference)
-        changed["torque_constant"] = drive.torque_constant * share
-        changed["back_emf_constant"] = drive.back_emf_constant * share
+    if thermal.resistance_temperature_coefficient is not None:
+        change = thermal.resistance_temperature_coefficient * (winding - thermal.reference)
+        changed["resistance"] = drive.resistance * (1.0 + change)
+    if thermal.magnet_temperature_coefficient is not None:
+        magnets = winding if housing is None else housing
+        change = thermal.magnet_temperature_coefficient * (magnets - thermal.reference)
+        changed["torque_constant"] = drive.torque_constant * (1.0 + change)
+        changed["back_emf_constant"] = drive.back_emf_constant * (1.0 + change)
     return replace(drive, **changed)
 
 

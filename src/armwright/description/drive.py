@@ -81,7 +81,7 @@ class RotaryFriction(Record):
     `law = "sigmoid"`:  f = a / (1 + exp(-b (q̇ + c))) - a / (1 + exp(-b c)) + viscous q̇ + offset. [Gaz2019]
     `law = "lugre"`: in the simulator  f = offset + viscous q̇ + bristle_stiffness z + bristle_damping ż,
     ż = q̇ - bristle_stiffness |q̇| / g z,  g the bracket of the Coulomb law; that law itself in the kernels. [CanudasEtAl1995]
-    Load and temperature count in the simulator only: Coulomb's levels rise by load_share · |torque through the gear|,
+    Load and temperature count in the simulator only: Coulomb's levels rise by load_coefficient · |torque through the gear|,
     viscous falls by exp(-(T - T_reference) / viscous_fall_k), T of the motor's housing, or winding. [BittencourtGunnarsson2012]
     """
 
@@ -116,7 +116,7 @@ class RotaryFriction(Record):
     sigmoid_shift_rad_per_s: Number | None = Field(default=None, description="c of the sigmoid law.")
     bristle_stiffness_n_m_per_rad: Positive | None = Field(default=None, description="σ0 of LuGre.")
     bristle_damping_n_m_s_per_rad: NotNegative | None = Field(default=None, description="σ1 of LuGre.")
-    load_share: NotNegative | None = Field(
+    load_coefficient: NotNegative | None = Field(
         default=None, description="What the dry friction gains of the torque through the gear; absent: nothing."
     )
     viscous_fall_k: Positive | None = Field(
@@ -161,7 +161,7 @@ class LinearFriction(Record):
     sigmoid_shift_m_per_s: Number | None = Field(default=None, description="c of the sigmoid law.")
     bristle_stiffness_n_per_m: Positive | None = Field(default=None, description="σ0 of LuGre.")
     bristle_damping_n_s_per_m: NotNegative | None = Field(default=None, description="σ1 of LuGre.")
-    load_share: NotNegative | None = Field(
+    load_coefficient: NotNegative | None = Field(
         default=None, description="What the dry friction gains of the torque through the gear; absent: nothing."
     )
     viscous_fall_k: Positive | None = Field(
@@ -201,8 +201,8 @@ def _check_friction(friction: RotaryFriction | LinearFriction, force: str, lengt
             raise ValueError(f'{flat[0]}: law = "lugre" expects a level above 0, at which the bristles slip')
     elif bristle[0] in given or bristle[1] in given:
         raise ValueError(f'{next(key for key in bristle if key in given)} needs law = "lugre"')
-    if "load_share" in given and coulomb[0] not in given:
-        raise ValueError(f"load_share needs {coulomb[0]} and {coulomb[1]} beside it, which rise with the load")
+    if "load_coefficient" in given and coulomb[0] not in given:
+        raise ValueError(f"load_coefficient needs {coulomb[0]} and {coulomb[1]} beside it, which rise with the load")
     if "viscous_fall_k" in given and not any(key.startswith("viscous_n") for key in given):
         raise ValueError("viscous_fall_k needs viscous friction, which falls")
     if friction.law == "sigmoid":

@@ -24,7 +24,7 @@ OF_A_MOTOR = (
     "source",
     "basis",
 )  # all that a motor which is only carried along shows
-SIMULATED = ("load_share", "viscous_fall_k")  # friction that needs a drive's states
+SIMULATED = ("load_coefficient", "viscous_fall_k")  # friction that needs a drive's states
 
 
 class RotaryMimic(Record):

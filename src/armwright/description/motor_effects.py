@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field, model_validator
 
-from armwright.quantity import NotNegative, NotZero, Number, Positive, Record
+from armwright.quantity import NotNegative, NotPositive, NotZero, Number, Positive, Record
 
 
 class Coupling(Record):
@@ -21,8 +21,9 @@ class Thermal(Record):
     One body:    C_w Ṫ_w = heat - (T_w - ambient) / winding_resistance
     Two bodies:  C_w Ṫ_w = heat - (T_w - T_h) / winding_resistance,
                  C_h Ṫ_h = (T_w - T_h) / winding_resistance - (T_h - ambient) / housing_resistance
-    heat = R i²,  R = resistance_ohm · (1 + resistance_rise (T_w - reference)),
-    Kt and Ke = their constants · (1 - constant_fall (T - reference)), T of the housing where there is one, else T_w.
+    heat = R i²,  R = resistance_ohm · (1 + resistance_temperature_coefficient (T_w - reference)),
+    Kt and Ke = their constants · (1 + magnet_temperature_coefficient (T - reference)),
+    T of the housing where there is one, else T_w.
     """
 
     source: str | None = None
@@ -32,12 +33,12 @@ class Thermal(Record):
     winding_resistance_k_per_w: Positive = Field(description="From the winding to the housing, or to the ambient.")
     housing_capacity_j_per_k: Positive | None = Field(default=None, description="Absent: one body.")
     housing_resistance_k_per_w: Positive | None = Field(default=None, description="From the housing to the ambient.")
-    resistance_rise_per_k: NotNegative | None = Field(
-        default=None, description="Share by which R rises with a kelvin, 0.0039 for copper; absent: R is constant."
+    resistance_temperature_coefficient_per_k: NotNegative | None = Field(
+        default=None, description="Relative change of R per kelvin, 0.0039 for copper; absent: R is constant."
     )
-    constant_fall_per_k: NotNegative | None = Field(
+    magnet_temperature_coefficient_per_k: NotPositive | None = Field(
         default=None,
-        description="Share by which Kt and Ke fall with a kelvin of the magnets, 0.0011 for NdFeB; absent: constant.",
+        description="Relative change of Kt and Ke per kelvin of the magnets, -0.0011 for NdFeB; absent: none.",
     )
 
     @model_validator(mode="after")

@@ -109,7 +109,9 @@ def _beyond_coulomb(friction: RotaryFriction | LinearFriction) -> list[str]:
     if offset is not None and float(offset):
         lost.append("friction offset")
     lost += [
-        f"{key} of the friction" for key in ("load_share", "viscous_fall_k") if getattr(friction, key, None) is not None
+        f"{key} of the friction"
+        for key in ("load_coefficient", "viscous_fall_k")
+        if getattr(friction, key, None) is not None
     ]
     if level is not None:
         lost.append("Stribeck friction")

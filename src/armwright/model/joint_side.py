@@ -55,8 +55,8 @@ def _thermal_of(given: Any) -> Thermal | None:
         reference=given.reference_c.number,
         winding=bodies["winding"],
         housing=None if given.housing_capacity_j_per_k is None else bodies["housing"],
-        resistance_rise=_number(given.resistance_rise_per_k),
-        constant_fall=_number(given.constant_fall_per_k),
+        resistance_temperature_coefficient=_number(given.resistance_temperature_coefficient_per_k),
+        magnet_temperature_coefficient=_number(given.magnet_temperature_coefficient_per_k),
     )
 
 
@@ -133,7 +133,7 @@ def friction_of(joint: MovingJoint) -> Friction | None:
         sigmoid=(referred(a, n), referred(b, n), referred(c, 1.0 / n)) if given.law == "sigmoid" else None,
         on_motor=given.side == "motor",
         bristle=(referred(bristle, n * n), referred(damping, n * n)) if given.law == "lugre" else None,
-        load_share=_number(given.load_share),
+        load_coefficient=_number(given.load_coefficient),
         viscous_fall=_number(given.viscous_fall_k),
     )
 

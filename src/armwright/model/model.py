@@ -39,7 +39,7 @@ class Friction:
     )
     on_motor: bool = False  # whose speed it acts on, where the gear gives way or the motor turns several joints
     bristle: tuple[Scalar, Scalar] | None = None  # LuGre's σ0 [N m/rad | N/m] and σ1 [N m s/rad | N s/m]
-    load_share: Scalar | None = None  # what Coulomb's levels gain of the torque through the gear [-]
+    load_coefficient: Scalar | None = None  # what Coulomb's levels gain of the torque through the gear [-]
     viscous_fall: Scalar | None = None  # warming over which viscous falls to 1/e [K]
 
 
@@ -51,8 +51,8 @@ class Thermal:
     reference: Scalar  # [°C] at which the constants were measured
     winding: tuple[Scalar, Scalar]  # heat capacity [J/K], resistance to housing or ambient [K/W]
     housing: tuple[Scalar, Scalar] | None = None  # heat capacity [J/K], resistance to the ambient [K/W]
-    resistance_rise: Scalar | None = None  # share of R a kelvin [1/K]
-    constant_fall: Scalar | None = None  # share of Kt and Ke a kelvin [1/K]
+    resistance_temperature_coefficient: Scalar | None = None  # relative change of R [1/K]
+    magnet_temperature_coefficient: Scalar | None = None  # of Kt and Ke, at most 0 [1/K]
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,6 +52,6 @@ def contacts_of(body: Body) -> int:
 def has_extra(body: Body) -> bool:
     """Whether a joint has what `forward_dynamics` does not know, be it with a state or without."""
     friction, drive = body.friction, body.drive
-    rising = friction is not None and friction.load_share is not None
+    rising = friction is not None and friction.load_coefficient is not None
     told = (body.elasticity, body.stops, drive.cogging, drive.thermal)
     return rising or drive.coasts or bool(drive.coupling) or any(part is not None for part in told)
