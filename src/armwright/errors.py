@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 LONGEST = 60  # characters of a value that a sentence repeats
+UNKNOWN_KEY = "unknown key"  # `what` of a problem whose choices stand for the last key of its place, not for its value
 ABSENT: Any = type("Absent", (), {"__repr__": lambda self: "ABSENT", "__bool__": lambda self: False})()
 
 
@@ -33,13 +34,17 @@ class Problem:
         subject = f"{self.place} = {given}" if self.place and given else self.place or given
         reasons = [self.what, f"expected {self.expected}" if self.expected else ""]
         if self.choices or not any(reasons):
-            reasons.append(nearest(str(self.value if self.value is not ABSENT else self.place), self.choices))
+            is_key = self.value is ABSENT or self.what == UNKNOWN_KEY
+            name = self.place.replace(" ", ".").rpartition(".")[2] if is_key else str(self.value)
+            reasons.append(nearest(name, self.choices))
         return ": ".join(part for part in (self.file, subject, "; ".join(filter(None, reasons))) if part)
 
     def within(self, place: str = "", file: Any = "") -> Problem:
         """The problem as seen from outside: `place` is put before its own place, a missing `file` is filled in."""
-        dot = "" if not place or not self.place or self.place.startswith(("[", " ")) else "."
-        return replace(self, place=f"{place}{dot}{self.place}", file=self.file or str(file))
+        separator = "" if not place or not self.place or self.place.startswith(("[", " ")) else "."
+        if separator and place.endswith("'"):  # of a table with a name: joint 'elbow' motor
+            separator = " "
+        return replace(self, place=f"{place}{separator}{self.place}", file=self.file or str(file))
 
 
 class ArmwrightError(Exception):

@@ -10,11 +10,10 @@ from math import inf, isfinite
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from armwright.errors import DescriptionError
-from armwright.validation import refusal
+from armwright.validation import Invalid, validated
 
 SourceKind = Literal[
     "drawing",
@@ -48,10 +47,7 @@ class Record(BaseModel):
             DescriptionError: the changed record cannot be believed.
         """
         fields = {name: getattr(self, name) for name in self.model_fields_set} | changes
-        try:
-            return type(self)(**fields)
-        except ValidationError as error:
-            raise DescriptionError(f"replace: {refusal(error, fields, type(self))}") from None
+        return validated(type(self), fields)
 
 
 def _written_date(value: Any) -> Any:
@@ -63,7 +59,7 @@ def _written_date(value: Any) -> Any:
         try:
             datetime.datetime.fromisoformat(first)
         except ValueError:
-            raise ValueError("expected a date such as 2026-05-04, 2026-05 or 2026") from None
+            raise Invalid(expected="a date such as 2026-05-04, 2026-05 or 2026") from None
     return value
 
 
@@ -84,7 +80,7 @@ def _spread(value: Any) -> Any:
     """A standard deviation, or one for each of several numbers."""
     numbers = value if isinstance(value, (list, tuple)) else [value]
     if any(_is_number(v) and v < 0 for v in numbers):
-        raise ValueError("expected a standard deviation of 0 or more")
+        raise Invalid(expected="a standard deviation of 0 or more")
     return value
 
 
@@ -135,23 +131,23 @@ def _finite(value: Any) -> float:
     except OverflowError:  # an integer beyond the largest float
         number = inf
     if not isfinite(number):
-        raise ValueError("expected a finite number")
+        raise Invalid(expected="a finite number")
     return number
 
 
 def _one(value: Any) -> float:
     if isinstance(value, (list, tuple, np.ndarray)):
-        raise ValueError(f"expected one number, not {len(value)}")
+        raise Invalid(expected=f"one number, not {len(value)}")
     if not _is_number(value):
-        raise ValueError("expected a number")
+        raise Invalid(expected="a number")
     return _finite(value)
 
 
 def _several(size: int, value: Any) -> tuple[float, ...]:
     if not isinstance(value, (list, tuple, np.ndarray)) or not all(_is_number(v) for v in value):
-        raise ValueError(f"expected {size} numbers")
+        raise Invalid(expected=f"{size} numbers")
     if len(value) != size:
-        raise ValueError(f"expected {size} numbers, not {len(value)}")
+        raise Invalid(expected=f"{size} numbers, not {len(value)}")
     return tuple(_finite(v) for v in value)
 
 
@@ -161,7 +157,7 @@ def _one_or_three(value: Any) -> tuple[float, ...]:
 
 def _points(value: Any) -> tuple[tuple[float, ...], ...]:
     if not isinstance(value, (list, tuple, np.ndarray)):
-        raise ValueError("expected a list of points [x, y]")
+        raise Invalid(expected="a list of points [x, y]")
     return tuple(_several(2, point) for point in value)
 
 
@@ -187,7 +183,7 @@ class Reading:
             return given  # refused for that
         value = self.read(given["value"] if isinstance(given, dict) else getattr(given, "value", given))
         if not self.test(value):
-            raise ValueError(f"expected {self.expected}")
+            raise Invalid(expected=self.expected)
         if isinstance(given, Quantity):
             return given
         return {**given, "value": value} if isinstance(given, dict) else {"value": value}

@@ -1,15 +1,18 @@
-"""Why a record is refused, in one line for whoever wrote it: the place, the value, what was expected."""
+"""Data as records: a file's tables are checked, and what is wrong is reported with place, value and expectation."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
 
 import pydantic
 
-from armwright.errors import nearest
+from armwright.errors import ABSENT, UNKNOWN_KEY, ArmwrightError, DescriptionError, Problem
 from armwright.lazy_schema import Later
 
 Location = tuple[int | str, ...]
+AnyRecord = TypeVar("AnyRecord", bound=pydantic.BaseModel)
 LISTS = {  # whose tables are called by their names, not by their numbers
     "joints": "joint",
     "links": "link",
@@ -21,93 +24,121 @@ LISTS = {  # whose tables are called by their names, not by their numbers
     "parts": "part",
     "sections": "section",
 }
-TAGS = ("type", "shape")  # the keys that tell kinds of a table apart
+TAGS = ("type", "shape")  # keys that name the kind of a table
 SCALAR = ("float_type", "float_parsing", "int_type", "int_parsing", "string_type", "bool_type")  # no list, no table
-LONGEST = 60  # characters of a value that an error repeats
+EXPECTED = {  # by pydantic's kinds of errors
+    **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "a table"),
+    **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "a whole number"),
+    **dict.fromkeys(("float_type", "float_parsing", "finite_number"), "a finite number"),
+    "string_pattern_mismatch": "a name without spaces, dots and brackets",
+    "string_type": "text",
+    "string_too_short": "text that is not empty",
+}
 
 
-def refusal(error: pydantic.ValidationError, data: dict[str, Any], record: type[pydantic.BaseModel]) -> str:
-    """The most telling of pydantic's errors as a sentence: `link 'link2' mass_kg = -1.0: expected a number of 0 or more`.
+class Invalid(ValueError):
+    """What a record's validator raises; `place` is seen from the record, and empty for the validated field itself."""
+
+    def __init__(
+        self,
+        what: str = "",
+        *,
+        place: str = "",
+        value: Any = ABSENT,
+        expected: str = "",
+        choices: Iterable[str] = (),
+    ):
+        self.problem = Problem(what, place, value, expected, tuple(choices))
+        super().__init__(str(self.problem))
+
+
+def validated(
+    record: type[AnyRecord],
+    data: Mapping[str, Any],
+    *,
+    place: str = "",
+    file: Any = "",
+    folder: Path | None = None,
+    error: type[ArmwrightError] = DescriptionError,
+) -> AnyRecord:
+    """`data` as a record.
+
+    Args:
+        record: its type.   data: a table of a file, or fields made in Python.
+        place: of the table in the file.   file: its path.   folder: where the paths of meshes start, and stay.
+        error: what is raised.
+    Raises:
+        error: with all problems, the most telling first.
+    """
+    try:
+        return record.model_validate(data, context={"folder": folder})
+    except pydantic.ValidationError as invalid:
+        raise error.of(*problems(invalid, data, record)).within(place, file) from None
+
+
+def problems(error: pydantic.ValidationError, data: Any, record: type[pydantic.BaseModel]) -> list[Problem]:
+    """Everything wrong that pydantic found, the most telling first, one problem for each place.
 
     Args:
         error: what validating `data` as a `record` raised.
     """
     errors = error.errors()
-    unknown = [e for e in errors if e["type"] == "extra_forbidden"]  # a wrong key is why another one is missing
-    first = (unknown or errors)[0]
     places = [_place(e["loc"], data, is_missing=e["type"] == "missing") for e in errors]
-    where = _place(first["loc"], data, is_missing=first["type"] == "missing")
-    if first["type"] in SCALAR and isinstance(
-        first["input"], (list, tuple, dict)
-    ):  # the way that goes further was meant
-        deeper = [(p, e) for p, e in zip(places, errors, strict=True) if p != where and p.startswith(where)]
-        where, first = deeper[0] if deeper else (where, first)
-    shown = _shown(first["input"])
-    told = f"{where} = {shown}" if where and shown and first["type"] != "missing" else where
-    sentence = _sentence(first, data, record)
-    others = (
-        len({p for p in places if not p.startswith(where) and not where.startswith(p)}) if where else len(errors) - 1
-    )
-    more = f" (and {others} more)" if others else ""
-    return f"{told}: {sentence}{more}" if told else f"{sentence}{more}"
+    first = next((k for k, e in enumerate(errors) if e["type"] == "extra_forbidden"), 0)  # why another key is missing
+    if errors[first]["type"] in SCALAR and isinstance(errors[first]["input"], (list, tuple, dict)):
+        # of several kinds that a value may have, the one that was recognised further down was meant
+        first = next((k for k, at in enumerate(places) if at != places[first] and at.startswith(places[first])), first)
+    chosen = {places[first]: first}
+    for k, at in enumerate(places):
+        if not places[first] or not (at.startswith(places[first]) or places[first].startswith(at)):
+            chosen.setdefault(at, k)
+    return [_problem(errors[k], data, record).within(at) for at, k in chosen.items()]
 
 
-def _sentence(error: Any, data: dict[str, Any], record: type[pydantic.BaseModel]) -> str:
+def _problem(error: Any, data: Any, record: type[pydantic.BaseModel]) -> Problem:
+    """One of pydantic's errors, seen from its place."""
     kind, location = error["type"], error["loc"]
+    value = _plain(error["input"])
     if kind == "extra_forbidden":
-        return f"unknown key; {nearest(str(location[-1]), _fields_at(location, record))}"
+        return Problem(UNKNOWN_KEY, value=value, choices=tuple(_fields_at(location, record)))
     if kind == "missing" and isinstance(location[-1], int):  # of a list whose length is fixed
-        return f"expected more numbers than {len(error['input'])}"
+        return Problem(value=value, expected=f"more numbers than {len(error['input'])}")
     if kind == "missing":
         name = str(location[-1])
-        return f"missing; expected {_expected(name, _fields_at(location, record).get(name))}"
+        return Problem("missing", expected=_expected(name, _fields_at(location, record).get(name)))
     if kind == "value_error":
-        return error["msg"].removeprefix("Value error, ")
+        raised = error["ctx"]["error"]
+        found = raised.problem if isinstance(raised, Invalid) else Problem(str(raised))
+        return found if found.place or found.value is not ABSENT else Problem(**{**vars(found), "value": value})
     if kind in ("union_tag_not_found", "union_tag_invalid"):
         return _wrong_tag(error, record)
-    if kind in ("model_type", "model_attributes_type", "dict_type"):
-        return "expected a table"
     if kind == "tuple_type":
-        return f"expected [[{location[-1]}]] tables" if location[-1] in LISTS else "expected a list"
-    if kind == "string_pattern_mismatch":
-        return "expected a name without spaces, dots and brackets"
-    if kind in ("string_type", "string_too_short"):
-        return "expected text" if kind == "string_type" else "expected text that is not empty"
+        return Problem(value=value, expected=f"[[{location[-1]}]] tables" if location[-1] in LISTS else "a list")
     if kind == "too_short":
-        least = error["ctx"]["min_length"]
-        return f"expected {least} or more, not {error['ctx']['actual_length']}"
-    if kind in ("int_type", "int_parsing", "int_from_float"):
-        return "expected a whole number"
-    if kind in ("float_type", "float_parsing", "finite_number"):
-        return "expected a finite number"
-    message = error["msg"].removeprefix("Input should be ")
-    return f"expected {message[0].lower()}{message[1:]}"
+        least, length = error["ctx"]["min_length"], error["ctx"]["actual_length"]
+        return Problem(value=value, expected=f"{least} or more, not {length}")
+    if kind == "literal_error":
+        return Problem(value=value, expected=error["ctx"]["expected"])
+    message = error["msg"].removeprefix("Input should be ")  # pydantic's own words, which end in what it expects
+    return Problem(value=value, expected=EXPECTED.get(kind, f"{message[0].lower()}{message[1:]}"))
 
 
-def _wrong_tag(error: Any, record: type[pydantic.BaseModel]) -> str:
-    """Which kinds of a table there are: joints by `type`, solids by `shape`."""
+def _wrong_tag(error: Any, record: type[pydantic.BaseModel]) -> Problem:
+    """An unknown kind of a table: joints have a `type`, solids a `shape`."""
     key = error["ctx"]["discriminator"].strip("'")
     kinds = [tag for tag in map(_tag, _records_at((*error["loc"], key), record)) if tag]
-    expected = f"expected {', '.join(kinds[:-1])} or {kinds[-1]}"
+    expected = f"{', '.join(kinds[:-1])} or {kinds[-1]}"
     if error["type"] == "union_tag_not_found":
-        return f"{key} is missing; {expected}"
-    return f"{key} = {_shown(error['input'].get(key)) or 'a table'}; {expected}"
+        return Problem("missing", place=key, expected=expected)
+    return Problem(place=key, value=_plain(error["input"].get(key)), expected=expected)
 
 
-def _shown(value: Any) -> str:
-    """A plain value as the file has it, shortened; nothing for a table, whose `value` is shown where it has one."""
+def _plain(value: Any) -> Any:
+    """A value as a problem shows it: a number, text or a list of them; of a table its `value`, else nothing."""
     if isinstance(value, dict):
         value = value.get("value")
-    if isinstance(value, tuple):
-        value = list(value)
-    plain = (str, int, float, bool)
-    if not (isinstance(value, plain) or (isinstance(value, list) and all(isinstance(v, plain) for v in value))):
-        return ""
-    try:
-        text = repr(value)
-    except ValueError:  # an integer of more digits than Python prints
-        return "a number too long to print"
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
+    items = value if isinstance(value, (list, tuple)) else [value]
+    return value if all(isinstance(item, (str, int, float, bool)) for item in items) else ABSENT
 
 
 def _place(location: Location, data: Any, *, is_missing: bool) -> str:
@@ -139,7 +170,7 @@ def _fields_at(location: Location, record: type[pydantic.BaseModel]) -> dict[str
 
 
 def _records_at(location: Location, record: type[pydantic.BaseModel]) -> list[Any]:
-    """What the table at the end of a location may be, found by walking the record types."""
+    """The types that the table at the end of a location may have, found by walking the records."""
     options: list[Any] = [record]
     for key in location[:-1]:
         if isinstance(key, int):
@@ -153,12 +184,12 @@ def _records_at(location: Location, record: type[pydantic.BaseModel]) -> list[An
 
 
 def _expected(name: str, field: Any) -> str:
-    """What a missing field should be, from what its type says of itself."""
+    """A description of what a missing field should hold, from its type."""
     if name in LISTS:
         return f"[[{name}]] tables"
-    told = [note.expected for note in field.metadata if hasattr(note, "expected")]
-    if told:
-        return told[0]
+    notes = [note.expected for note in field.metadata if hasattr(note, "expected")]
+    if notes:
+        return notes[0]
     if getattr(field.annotation, "__origin__", None) is dict:
         return "a table, by name"
     records = _records_in(field.annotation)
@@ -170,7 +201,7 @@ def _expected(name: str, field: Any) -> str:
 
 
 def _tag(record: Any) -> str | None:
-    """What a record's `type` or `shape` says in a file."""
+    """The word that a record's `type` or `shape` has in a file."""
     for key in TAGS:
         field = record.model_fields.get(key)
         if field is not None and hasattr(field.annotation, "__args__"):
@@ -179,6 +210,7 @@ def _tag(record: Any) -> str | None:
 
 
 def _records_in(annotation: Any) -> list[Any]:
+    """The record types that an annotation names."""
     for note in getattr(annotation, "__metadata__", ()):
         if isinstance(note, Later):
             return _records_in(note.kind)

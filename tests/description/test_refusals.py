@@ -84,7 +84,7 @@ PUMA: dict[str, tuple[tuple[Any, ...], Any, str]] = {  # where, what, and the li
         GONE,
         "joint 'elbow' motor.gear_ratio: missing; expected a number other",
     ),
-    "missing type": ((*ELBOW, "type"), GONE, "joint 'elbow': type is missing; expected revolute, prismatic or fixed"),
+    "missing type": ((*ELBOW, "type"), GONE, "joint 'elbow' type: missing; expected revolute, prismatic or fixed"),
     "missing placement": (
         (*ELBOW, "dh"),
         GONE,
@@ -172,8 +172,8 @@ PUMA: dict[str, tuple[tuple[Any, ...], Any, str]] = {  # where, what, and the li
         "joint 'elbow' limits: position_rad = [2.0, 1.0]: expected the lowest",
     ),
     "axis with DH": ((*ELBOW, "axis"), [0, 0, 1], "joint 'elbow': axis goes with frame (the axis of a DH joint is z)"),
-    "wrong type": ((*ELBOW, "type"), "rotary", "joint 'elbow': type = 'rotary'; expected revolute, prismatic or fixed"),
-    "type of no text": ((*ELBOW, "type"), [1], "joint 'elbow': type = [1]; expected revolute, prismatic or fixed"),
+    "wrong type": ((*ELBOW, "type"), "rotary", "joint 'elbow' type = 'rotary': expected revolute, prismatic or fixed"),
+    "type of no text": ((*ELBOW, "type"), [1], "joint 'elbow' type = [1]: expected revolute, prismatic or fixed"),
     "wrong command": (("command",), "volts", "command = 'volts': expected 'voltage', 'current' or 'torque'"),
     "no command": (("command",), GONE, "joint 'waist' has no command: expected voltage, current or torque"),
     "wrong basis": (
@@ -470,7 +470,7 @@ def test_folder_as_file(tmp_path):
     folder = tmp_path / "arm.toml"
     folder.mkdir()
     for place in (folder, tmp_path):
-        with pytest.raises(DescriptionError, match="a folder, expected a TOML file"):
+        with pytest.raises(DescriptionError, match="a folder; expected a TOML file"):
             read_description(place)
 
 

@@ -42,7 +42,7 @@ def test_a_built_in_name_is_that_arm(tmp_path, monkeypatch):
     assert load("panda").name == "panda"
     assert load("two-link").name == "two-link"
     assert load(Path("puma560")).name == "puma560"
-    with pytest.raises(DescriptionError, match="a folder, expected a TOML file"):
+    with pytest.raises(DescriptionError, match="a folder; expected a TOML file"):
         load("./panda")
     with pytest.raises(DescriptionError, match="not TOML"):
         load(Path("./two-link"))

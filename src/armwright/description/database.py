@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import inspect
 import os
-import tomllib
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import pydantic
-
 from armwright.description.robot import RobotDescription
+from armwright.description.toml_file import read_document
 from armwright.errors import DescriptionError, nearest
-from armwright.validation import refusal
+from armwright.validation import validated
 
-BOM = b"\xef\xbb\xbf"  # what some editors put before UTF-8
 XML_ENDINGS = (".urdf", ".xml", ".mjcf", ".xacro")
 
 LONGEST = 2000  # letters of a path
@@ -89,39 +86,10 @@ def read_toml(path: Path) -> RobotDescription:
     return parse(read_document(path), str(path), folder=path.parent)
 
 
-def read_document(path: Path) -> dict[str, Any]:
-    """What a TOML file holds, unchecked.
-
-    Raises:
-        DescriptionError: no such file, or no TOML.
-    """
-    try:
-        with open(path, "rb") as file:
-            content = file.read()
-        if content.startswith(BOM):
-            raise DescriptionError(f"{path}: not TOML: begins with a byte order mark (BOM); expected UTF-8 without")
-        return tomllib.loads(content.decode("utf-8"))
-    except FileNotFoundError:
-        raise DescriptionError(f"{path}: no such file") from None
-    except IsADirectoryError:
-        raise DescriptionError(f"{path}: a folder, expected a TOML file") from None
-    except OSError as error:
-        raise DescriptionError(f"{path}: cannot be read: {error.strerror}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise DescriptionError(f"{path}: not TOML: {error}") from None
-    except UnicodeDecodeError as error:
-        raise DescriptionError(f"{path}: not TOML: byte {error.start} is no UTF-8 text") from None
-    except (ValueError, RecursionError) as error:  # a number of a million digits, a list in a list in a list …
-        raise DescriptionError(f"{path}: not TOML that can be read: {error}") from None
-
-
 def parse(data: dict[str, Any], place: str, folder: Path | None = None) -> RobotDescription:
     """The description in a parsed TOML document.
 
     Args:
-        data: the document.   place: what errors call it.   folder: where the paths of meshes start, and stay.
+        data: the document.   place: its file, for errors.   folder: where the paths of meshes start, and stay.
     """
-    try:
-        return RobotDescription.model_validate(data, context={"folder": folder})
-    except pydantic.ValidationError as error:
-        raise DescriptionError(f"{place}: {refusal(error, data, RobotDescription)}") from None
+    return validated(RobotDescription, data, file=place, folder=folder)

@@ -21,14 +21,13 @@ import os
 from pathlib import Path
 from typing import Any
 
-import pydantic
 from pydantic import Field
 
-from armwright.description.database import read_document
 from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
+from armwright.description.toml_file import read_document
 from armwright.errors import DescriptionError, nearest
 from armwright.quantity import Positive, Record, Source, Vector3
-from armwright.validation import refusal
+from armwright.validation import validated
 
 ENDING = ".drive.toml"
 PARTS = ("elasticity", "stops", "brake")  # of a joint that no other format knows
@@ -75,7 +74,7 @@ def read_drive_file(path: Path) -> DriveFile:
     Raises:
         DescriptionError: no such file, no TOML, an unknown key.
     """
-    return _validated(path, "", DriveFile, read_document(path))
+    return validated(DriveFile, read_document(path), file=path)
 
 
 def add_drives(path: Path, drives: DriveFile, robot: dict[str, Any], reductions: dict[str, float]) -> None:
@@ -144,7 +143,7 @@ def _with_reduction(
 
 def _part(path: Path, place: str, kind: type[Record], data: dict[str, Any], source: str | None) -> Any:
     """A table as a record that bears its source."""
-    record = _validated(path, f"{place} ", kind, data)
+    record = validated(kind, data, place=place, file=path)
     if getattr(record, "source", None) is None:
         if source is None:
             raise DescriptionError(f"{path}: {place} has no source: expected source = ... in it or for the whole file")
@@ -172,10 +171,3 @@ def _sourced(limits: Any, source: str | None) -> dict[str, Any]:
         for name, quantity in fields
         if name != "source" and quantity is not None
     }
-
-
-def _validated(path: Path, place: str, kind: type[Record], data: dict[str, Any]) -> Any:
-    try:
-        return kind.model_validate(data)
-    except pydantic.ValidationError as error:
-        raise DescriptionError(f"{path}: {place}{refusal(error, data, kind)}") from None

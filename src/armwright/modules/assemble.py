@@ -25,7 +25,7 @@ from armwright.modules.order import Instance, ground_first, instances_of
 from armwright.modules.placed_body import frame_of, link_of
 from armwright.quantity import Source
 from armwright.spatial import Placement
-from armwright.validation import refusal
+from armwright.validation import problems, validated
 
 COMPOSED = "composed"  # the key of [sources] for frames that follow from where connectors are
 OWN = ("child_frame", "name", "parent", "child", "frame", "axis", "source", "type", "command")
@@ -70,9 +70,9 @@ def assemble(
     try:
         robot = _assembled(assembly, list(libraries))
     except DescriptionError as error:
-        raise DescriptionError(f"{place}: {error}") from None
+        raise error.within(file=place) from None
     except pydantic.ValidationError as error:  # places beyond the largest float
-        raise DescriptionError(f"{place}: {refusal(error, {}, RobotDescription)}") from None
+        raise DescriptionError.of(*problems(error, {}, RobotDescription)).within(file=place) from None
     return robot if built_from is None else robot.model_copy(update={"built_from": built_from})
 
 
@@ -98,10 +98,7 @@ def _assembled(assembly: Assembly, libraries: list[ModuleLibrary]) -> RobotDescr
         "frames": [_frame(instance, connector, ground) for instance, connector in free],
         "remarks": tuple(sentence for instance in instances.values() for sentence in _doubts(instance)),
     }
-    try:
-        robot = RobotDescription(**fields)
-    except pydantic.ValidationError as error:
-        raise DescriptionError(refusal(error, fields, RobotDescription)) from None
+    robot = validated(RobotDescription, fields)
     used = {source for _, _, source in quantities(robot)}
     return robot.model_copy(update={"sources": {key: draft.sources[key] for key in draft.sources if key in used}})
 

@@ -7,17 +7,16 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-import pydantic
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from armwright.description.built_from import BuiltFrom, assembled_from
-from armwright.description.database import read_document
 from armwright.description.drive import Command
 from armwright.description.robot import Name, check_sources
+from armwright.description.toml_file import read_document
 from armwright.errors import DescriptionError, nearest
 from armwright.modules.library import ModuleLibrary
 from armwright.quantity import Number, Record, Source, Vector3
-from armwright.validation import refusal
+from armwright.validation import validated
 
 MODULES, ASSEMBLY = ".modules.toml", ".assembly.toml"
 Place = Annotated[str, Field(pattern=r"^[^\s.\[\]]+\.[^\s.\[\]]+$")]
@@ -68,7 +67,7 @@ class Assembly(Record):
         default_factory=dict, description="[limits.JOINT]: limits that are narrower here than the module's own."
     )
 
-    @pydantic.model_validator(mode="after")
+    @model_validator(mode="after")
     def _sourced(self) -> Assembly:
         check_sources(self)
         return self
@@ -170,7 +169,4 @@ def parse_record(data: dict[str, Any], place: str, record: type[Read], folder: P
     Raises:
         DescriptionError: it is none; one line that names place, value and what was expected.
     """
-    try:
-        return record.model_validate(data, context={"folder": folder})
-    except pydantic.ValidationError as error:
-        raise DescriptionError(f"{place}: {refusal(error, data, record)}") from None
+    return validated(record, data, file=place, folder=folder)

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import pydantic
 
 from armwright.description.robot import FixedJoint
 from armwright.errors import DescriptionError, nearest
 from armwright.modules.assembly import Assembly
 from armwright.quantity import Quantity
-from armwright.validation import refusal
+from armwright.validation import validated
 
 
 def narrowed(assembly: Assembly, joints: Sequence[Any]) -> list[Any]:
@@ -25,10 +24,7 @@ def narrowed(assembly: Assembly, joints: Sequence[Any]) -> list[Any]:
         joint = joints[known[name]]
         data = {key: value for key, value in given.items() if key != "source"}
         source = given.get("source") or assembly.source
-        try:
-            narrowed = type(joint.limits).model_validate(data)
-        except pydantic.ValidationError as error:
-            raise DescriptionError(f"limits.{name} {refusal(error, data, type(joint.limits))}") from None
+        narrowed = validated(type(joint.limits), data, place=f"limits.{name}")
         new = {}
         for key in narrowed.model_fields_set:
             value, old = getattr(narrowed, key), getattr(joint.limits, key)

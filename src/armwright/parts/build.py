@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pydantic
 
 from armwright.description.built_from import BuiltFrom, built_from
 from armwright.description.paths import quantities
@@ -25,7 +24,7 @@ from armwright.quantity import Source
 from armwright.solids.mesh import Mesh
 from armwright.solids.visual import Visual
 from armwright.spatial import Placement, rpy_angles, snap
-from armwright.validation import refusal
+from armwright.validation import validated
 
 DIGITS = 12  # of the largest entry; what lies behind them depends on the order of a sum
 TRUST = ("estimate", "cad", "drawing", "datasheet", "publication", "definition", "fit", "measurement")  # least first
@@ -85,10 +84,7 @@ def arm_of_parts(database: PartsDatabase, origin: BuiltFrom) -> PartsBuild:
     shared = {"name", "title", "notes", "source", "gravity_m_s2", "base", "command", "tip", "joints", "frames"}
     head = {name: getattr(database, name) for name in sorted(shared & database.model_fields_set)}
     fields = {**head, "sources": sources, "built_from": origin, "remarks": warnings, "links": tuple(records)}
-    try:
-        description = RobotDescription(**fields)
-    except pydantic.ValidationError as error:
-        raise DescriptionError(refusal(error, fields, RobotDescription)) from None
+    description = validated(RobotDescription, fields)
     told = tuple(
         f"link {link.link.name!r} part {part.part.name!r}: {override}"
         for link in links

@@ -6,12 +6,9 @@ import os
 from pathlib import Path
 from typing import Any
 
-import pydantic
-
-from armwright.description.database import read_document
-from armwright.errors import DescriptionError
+from armwright.description.toml_file import read_document
 from armwright.parts.records import PartsDatabase
-from armwright.validation import refusal
+from armwright.validation import validated
 
 
 def read_parts(path: str | os.PathLike[str]) -> PartsDatabase:
@@ -35,7 +32,4 @@ def parse_parts(data: dict[str, Any], place: str, folder: Path | None = None) ->
     Args:
         data: the document.   place: what errors call it.   folder: where the paths of meshes start, and stay.
     """
-    try:
-        return PartsDatabase.model_validate(data, context={"folder": folder})
-    except pydantic.ValidationError as error:
-        raise DescriptionError(f"{place}: {refusal(error, data, PartsDatabase)}") from None
+    return validated(PartsDatabase, data, file=place, folder=folder)

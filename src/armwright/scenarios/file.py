@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pydantic
 
 from armwright import scalar
-from armwright.description.database import read_document
+from armwright.description.toml_file import read_document
 from armwright.errors import ArmwrightError, DescriptionError, ScenarioError, nearest
 from armwright.expressions import expression
 from armwright.model import Model, build_model
@@ -31,7 +30,7 @@ from armwright.simulation.loop.sensors import Sensors
 from armwright.simulation.loop.shaping import Shaping
 from armwright.simulation.loop.timing import Timing
 from armwright.simulation.scenario import Scenario
-from armwright.validation import refusal
+from armwright.validation import validated
 
 HOMES = {"controller": "armwright.control", "reference": "armwright.trajectory"}
 CONFIGURED = {"controller": ("arm", "model", "signs", "period"), "reference": ("arm", "model")}  # what no file tells
@@ -57,7 +56,7 @@ def read_scenario(path: str | os.PathLike[str]) -> Scenario:
         document = read_document(path)
         text = path.read_text(encoding="utf-8")
     except DescriptionError as error:
-        raise ScenarioError(str(error)) from None
+        raise ScenarioError.of(*error.problems) from None
     return parse_scenario(document, str(path), Files(path.parent), text)
 
 
@@ -65,10 +64,7 @@ def parse_scenario(document: dict[str, Any], place: str, files: Files, text: str
     """The scenario in a parsed TOML document; `place` is what errors call it."""
     if "faults" in document:
         raise ScenarioError(f"{place}: faults: {FAULTS}")
-    try:
-        table = ScenarioTable.model_validate(document)
-    except pydantic.ValidationError as error:
-        raise ScenarioError(f"{place}: {refusal(error, document, ScenarioTable)}") from None
+    table = validated(ScenarioTable, document, file=place, error=ScenarioError)
     try:
         scenario = _scenario(table, files)
     except ArmwrightError as error:

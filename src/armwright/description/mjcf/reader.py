@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pydantic
 
 from armwright.description.mjcf.actuators import Actuation, actuations
 from armwright.description.mjcf.equalities import check_equalities, followed, mimic_record
@@ -22,7 +21,7 @@ from armwright.description.mjcf.safety import check_file
 from armwright.description.robot import RobotDescription
 from armwright.errors import DescriptionError
 from armwright.spatial import Placement, roll_pitch_yaw, rotation_to_axis, rotation_z
-from armwright.validation import refusal
+from armwright.validation import validated
 
 SOURCE = "mjcf_file"
 SMOOTHING = "smoothing_argument"
@@ -121,10 +120,7 @@ class _Reader:
             "frames": frames,
             **({"tip": tips[0]} if len(tips) == 1 else {}),
         }
-        try:
-            return RobotDescription.model_validate(record)
-        except pydantic.ValidationError as error:
-            raise DescriptionError(f"{self.file}: {refusal(error, record, RobotDescription)}") from None
+        return validated(RobotDescription, record, file=self.file)
 
     def _name(self, kind: Any, i: int, word: str) -> str:
         """A body's, joint's or site's name, made where it has none; once each."""

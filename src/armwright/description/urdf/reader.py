@@ -9,8 +9,6 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-import pydantic
-
 from armwright.description.drive_file import PLACEHOLDER, add_drives, find_drive_file, read_drive_file
 from armwright.description.mesh_path import package_folders
 from armwright.description.robot import RobotDescription
@@ -22,7 +20,7 @@ from armwright.description.urdf.transmissions import reductions
 from armwright.description.urdf.visuals import colours, visuals
 from armwright.description.xml_tree import Element, read_xml
 from armwright.errors import DescriptionError, nearest
-from armwright.validation import refusal
+from armwright.validation import validated
 
 MIMIC = ("coupled", "independent", "fixed")
 MOST_LINKS = 2000  # a tree of more is no robot, and would keep its checks busy for minutes
@@ -228,12 +226,9 @@ def _check_gazebo(reading: UrdfReading, robot: Element) -> None:
 def _validated(reading: UrdfReading, record: dict[str, Any]) -> RobotDescription:
     """The record with names that a robot file may use, checked as any robot is."""
     _rename(reading, record)
-    notes, remarks = reading.notes(), reading.told()
-    try:
-        return RobotDescription.model_validate({**record, "notes": notes, "remarks": remarks})
-    except pydantic.ValidationError as error:
-        both = reading.path if reading.drives is None else f"{reading.path} with its drive file"
-        raise DescriptionError(f"{both}: {refusal(error, record, RobotDescription)}") from None
+    record |= {"notes": reading.notes(), "remarks": reading.told()}
+    file = reading.path if reading.drives is None else f"{reading.path} with its drive file"
+    return validated(RobotDescription, record, file=file)
 
 
 def _rename(reading: UrdfReading, record: dict[str, Any]) -> None:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, TypeVar
 
-import pydantic
-
 from armwright.description.robot import RobotDescription
 from armwright.errors import DescriptionError, nearest
 from armwright.quantity import Quantity, Record
-from armwright.validation import refusal
+from armwright.validation import validated
 
 CHOSEN = "definition"  # the source of a number that whoever made the variant gave
 SomeRecord = TypeVar("SomeRecord", bound=Record)
@@ -22,10 +20,7 @@ def made(record: type[SomeRecord], place: str, **fields: Any) -> SomeRecord:
     Raises:
         DescriptionError: `place`, the field, its value and what was expected.
     """
-    try:
-        return record(**fields)
-    except pydantic.ValidationError as error:
-        raise DescriptionError(f"{place}: {refusal(error, fields, record)}") from None
+    return validated(record, fields, place=place)
 
 
 def replaced(robot: RobotDescription, place: str, **fields: Any) -> RobotDescription:
@@ -37,7 +32,7 @@ def replaced(robot: RobotDescription, place: str, **fields: Any) -> RobotDescrip
     try:
         return robot.replace(built_from=None, **fields)
     except DescriptionError as error:
-        raise DescriptionError(f"{robot.name}: {place}: {str(error).removeprefix('replace: ')}") from None
+        raise error.within(place, file=robot.name) from None
 
 
 def chosen(*numbers: Any) -> Quantity:
