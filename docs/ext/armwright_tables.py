@@ -10,7 +10,6 @@ from typing import Any
 import typer.main
 
 import armwright as aw
-from armwright.actuators.drive import UNITS as COMMAND_UNITS
 from armwright.cli.app import app
 from armwright.cli.tables import number
 from armwright.description.brushless import DC_EQUIVALENT
@@ -51,7 +50,7 @@ def results() -> str:
     """What a run holds."""
     rows = []
     for name, text in LONG_NAMES.items():
-        units = [*COMMAND_UNITS.values(), "N"] if name == "u" else list(dict.fromkeys(UNITS[name]))
+        units = ["V", "A", "N m", "N"] if name == "u" else list(dict.fromkeys(UNITS[name]))
         rows.append([f"`{name}`", text, " | ".join(units)])
     return table(("variable", "what it is", "unit"), rows)
 

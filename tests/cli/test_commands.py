@@ -193,7 +193,7 @@ def test_info_counts_operations():
     assert "base parameters" in text
     line = next(line for line in text.splitlines() if line.startswith("inverse_dynamics "))
     assert re.search(r"276, 254 +264, 243 +217, 198 +5, 5", line)  # with friction; each step saves
-    assert "needs motor.resistance_ohm" in text
+    assert "motor.resistance_ohm: motor_voltage needs it" in text
 
 
 def test_inverse_knows_what_it_can_of_every_joint(tmp_path):

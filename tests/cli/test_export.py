@@ -47,7 +47,7 @@ REFUSED = [
     (("export", "c", "panda", "--functions", ",", "-o", "x"), "no function is named; there is inverse_dynamics,"),
     (
         ("export", "c", "panda", "--functions", "motor_torque", "-o", "x"),
-        "panda: motor_torque needs motor.resistance_ohm of joint 'joint1'",
+        "joint1.motor.resistance_ohm: motor_torque needs it",
     ),
     (("export", "c", "panda", "--functions", "jacobian", "-o", "file"), "file: cannot be made or is no folder"),
     (("export", "c", "panda", "--functions", "jacobian", "-o", "file/x"), "file/x: cannot be made or is no folder"),

@@ -37,5 +37,5 @@ def test_missing_constants_are_named():
     model = arm("cmu-dd")
     bare = dataclasses.replace(model.bodies[1], drive=dataclasses.replace(model.bodies[1].drive, resistance=None))
     model = dataclasses.replace(model, bodies=(model.bodies[0], bare, *model.bodies[2:]))
-    with pytest.raises(ModelError, match=rf"joint '{bare.joint}' .* motor\.resistance_ohm"):
+    with pytest.raises(ModelError, match=rf"{bare.joint}\.motor\.resistance_ohm: a command of voltage needs it"):
         forward_arm_linearised(model, *random_state(model, 0))

@@ -417,7 +417,7 @@ def test_the_text_is_always_the_same():
         (["jacobian", "Jacobian"], r"no function 'Jacobian'; there is"),
         ([], r"no function is named; there is inverse_dynamics, .*, written NAME, NAME\+INPUT or NAME:OPTION=VALUE"),
         (["jacobian:frame=hand"], r"panda: no frame 'hand'; there is base, flange, link1"),
-        (["motor_voltage"], r"panda: motor_voltage needs motor\.\w+ of joint 'joint1'"),
+        (["motor_voltage"], r"joint1\.motor\.\w+: motor_voltage needs it"),
     ],
 )
 def test_refusals(tmp_path, functions, message):

@@ -82,9 +82,9 @@ def test_kernel_equals_float_run(compiled, name, kernel, optional):
 def test_kernel_without_constants_is_refused(compiled, name, kernel):
     """A kernel whose constants are absent names joint and key."""
     arm = compiled[name].arm
-    message = "needs six joints" if kernel == "operational_inertia" else rf"needs motor\.\w+ of joint '{arm.names[0]}'"
-    with pytest.raises(ModelError, match=f"{kernel} {message}"):
+    with pytest.raises(ModelError, match=f"{kernel} needs") as error:
         getattr(compiled[name], kernel)(*(np.zeros(arm.n) for _ in SIGNATURES[kernel].inputs))
+    assert kernel == "operational_inertia" or error.value.place.startswith(f"{arm.names[0]}.motor.")
 
 
 @pytest.mark.parametrize("kernel", sorted(SIGNATURES))

@@ -9,7 +9,7 @@ import pytest
 
 import armwright as aw
 from armwright import scalar
-from armwright.actuators import holding_command, limited_drive, told_command
+from armwright.actuators import holding_command, in_command_units, limited_drive
 from armwright.errors import ScenarioError
 from armwright.interfaces import Measurement
 from armwright.model.joint_signals import motion_layout
@@ -59,7 +59,7 @@ def accounted(model, law, reference, ticks, timing=None, shaping=None, substeps=
     earlier = timing.measurement_delay / PERIOD
     x = np.zeros(2 * n) if x0 is None else x0
     hold = holding_command(model, aw.gravity_torques(model, x[:n]))
-    applied = lambda x, u: told_command(model, limited_drive(model, x[n:], u))  # noqa: E731
+    applied = lambda x, u: in_command_units(model, limited_drive(model, x[n:], u))  # noqa: E731
     tell = lambda x: np.concatenate([x, limited_drive(model, x[n:], hold).current])  # noqa: E731
     y = aw_measurement(tell(x), applied(x, hold), n)
     s = law.init(model, y) if hasattr(law, "init") else None

@@ -1,9 +1,8 @@
 """Motor, gear and friction: equations over any scalar."""
 
-from armwright.actuators.drive import DriveOutput, demanded_drive, limited_drive
+from armwright.actuators.drive import DriveOutput, demanded_drive, holding_command, in_command_units, limited_drive
 from armwright.actuators.friction import friction_torques
 from armwright.actuators.gear import transmission
-from armwright.actuators.holding import holding_command, told_command
 from armwright.actuators.motor import drive_torque, motor_current, motor_torque, motor_voltage
 
 __all__ = [
@@ -12,10 +11,10 @@ __all__ = [
     "drive_torque",
     "friction_torques",
     "holding_command",
+    "in_command_units",
     "limited_drive",
     "motor_current",
     "motor_torque",
     "motor_voltage",
-    "told_command",
     "transmission",
 ]

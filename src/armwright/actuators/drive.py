@@ -1,4 +1,4 @@
-"""What a drive makes of its command, within its limits: design section 4, step 6."""
+"""All drives of an arm: what they make of their commands, what torques ask of them, and the command that holds the arm."""
 
 from __future__ import annotations
 
@@ -8,18 +8,17 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators.coupling import from_joints, shares_of, to_motors
-from armwright.actuators.motor import check_command, joint_constant, joint_current, joint_torque, joint_voltage
-from armwright.model import Body, Model
-from armwright.scalar import Array, Scalar
-
-UNITS = {"voltage": "V", "current": "A", "torque": "N m"}
+from armwright.actuators.motor import check_command, joint_current, joint_voltage
+from armwright.actuators.winding import driven_winding
+from armwright.model import Model
+from armwright.scalar import Array
 
 
 @dataclass(frozen=True, eq=False)
 class DriveOutput:
-    """What the drives really do: torques referred to the joints, and voltages and currents of the motors.
+    """Torques of the motors referred to the joints, voltages and currents.
 
-    Voltage and current are NaN where the record has not the constants to know them.
+    Voltage and current are NaN where the record lacks the constants to know them.
     """
 
     tau: Array  # (n,) [N m | N]
@@ -28,11 +27,7 @@ class DriveOutput:
 
 
 def limited_drive(model: Model, qd: Array, u: Array) -> DriveOutput:
-    """Torques that drives with limits give for their commands.
-
-    A current limit (or the torque limit it amounts to, over |n| Kt) is realised through the voltage, so that power
-    balances; then the voltage limit holds, even where that lets the current pass its own: a motor that is driven back
-    faster than the supply can answer.
+    """Torques that drives with limits give for their commands in steady state, as `winding.driven_winding`.
 
     Args:
         model: the arm.   qd: (n,) [rad/s | m/s].   u: (n,) [V | A | N m | N], by the joint's `command`.
@@ -41,12 +36,16 @@ def limited_drive(model: Model, qd: Array, u: Array) -> DriveOutput:
     Raises:
         ModelError: a drive without the constants that its command needs.
     """
-    rows = [limited_joint(model, body, qd[i], u[i]) for i, body in enumerate(model.coordinates)]
+    rows = []
+    for i, body in enumerate(model.coordinates):
+        check_command(body)
+        winding = driven_winding(body, body.drive, qd[i], u[i], body.limits.voltage)
+        rows.append((winding.torque, winding.voltage, winding.current))
     return DriveOutput(*(scalar.array(column) for column in zip(*rows, strict=True)))
 
 
 def demanded_drive(model: Model, qd: Array, tau: Array) -> DriveOutput:
-    """Voltages and currents that torques ask of the motors, eq. (11) and i = tau / (n Kt), whatever the limits.
+    """Voltages and currents that torques ask of the motors, eq. (11) and i = tau / (n Kt), without limits.
 
     Args:
         model: the arm.   qd: (n, …) [rad/s | m/s].   tau: (n, …) [N m | N].
@@ -58,55 +57,29 @@ def demanded_drive(model: Model, qd: Array, tau: Array) -> DriveOutput:
     voltage, current = [], []
     for i, body in enumerate(model.coordinates):
         drive, unknown = body.drive, np.nan * tau[i]
-        known = drive.torque_constant is not None
-        current.append(joint_current(drive, tau[i]) if known else unknown)
-        has_resistance = known and drive.resistance is not None
+        has_constant = drive.torque_constant is not None
+        current.append(joint_current(drive, tau[i]) if has_constant else unknown)
+        has_resistance = has_constant and drive.resistance is not None
         voltage.append(joint_voltage(drive, qd[i], tau[i]) if has_resistance else unknown)
     return DriveOutput(tau, scalar.stack(voltage), scalar.stack(current))
 
 
-def limited_joint(model: Model, body: Body, speed: Scalar, u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """Torque [N m | N], voltage [V] and current [A] of one drive, as `limited_drive`."""
-    check_command(model, body)
-    drive, supply = body.drive, body.limits.voltage
-    if drive.torque_constant is None:
-        return clipped(u, body.limits.torque), np.nan, np.nan
-    constant, most = joint_constant(drive), most_current(body)
-    if drive.command == "voltage":
-        voltage = u
-        if is_limit(most):
-            lowest, highest = (joint_voltage(drive, speed, constant * i) for i in (-most, most))
-            voltage = scalar.clip(u, lowest, highest)
-        voltage = clipped(voltage, supply)
-        torque = joint_torque(drive, speed, voltage)
-        return torque, voltage, joint_current(drive, torque)
-    if drive.command == "current":
-        torque = constant * clipped(u, most)
-    else:
-        torque = clipped(u, scalar.abs(constant) * most) if is_limit(most) else u
-    if drive.resistance is None:
-        return torque, np.nan, joint_current(drive, torque)
-    voltage = joint_voltage(drive, speed, torque)
-    if is_limit(supply):
-        voltage = clipped(voltage, supply)
-        torque = joint_torque(drive, speed, voltage)
-    return torque, voltage, joint_current(drive, torque)
+def in_command_units(model: Model, output: DriveOutput) -> np.ndarray:
+    """The drives' output (n,) in the unit of each joint's command [V | A | N m | N]."""
+    parts = {"voltage": output.voltage, "current": output.current, "torque": output.tau}
+    return scalar.array([parts[body.drive.command][i] for i, body in enumerate(model.coordinates)])
 
 
-def most_current(body: Body) -> Scalar:
-    """The most current [A] that the limits of current and of torque allow; infinite without either."""
-    current, torque = body.limits.current, body.limits.torque
-    if not is_limit(torque):
-        return current
-    of_torque = joint_current(body.drive, torque)
-    return scalar.minimum(current, scalar.abs(of_torque)) if is_limit(current) else scalar.abs(of_torque)
+def holding_command(model: Model, gravity_torques: Array) -> np.ndarray:
+    """Commands whose torques balance the arm's weight at rest, as far as the drives' limits allow.
 
-
-def clipped(value: Scalar, most: Scalar) -> Scalar:
-    """The value within ±most, where that is a limit."""
-    return scalar.clip(value, -most, most) if is_limit(most) else value
-
-
-def is_limit(most: Scalar) -> bool:
-    """Whether there is a limit at all: a symbol or a finite number."""
-    return scalar.is_symbolic(most) or most < np.inf
+    Args:
+        model: the arm.   gravity_torques: (n,) [N m | N] at the pose to be held.
+    Returns:
+        u: (n,) [V | A | N m | N], each in its joint's own unit.
+    Raises:
+        ModelError: a drive without the constants that its command needs.
+    """
+    still = scalar.array(0.0 * gravity_torques)
+    wanted = in_command_units(model, demanded_drive(model, still, gravity_torques))
+    return in_command_units(model, limited_drive(model, still, wanted))

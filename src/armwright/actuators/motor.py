@@ -8,27 +8,12 @@ from __future__ import annotations
 import numpy as np
 
 from armwright import scalar
+from armwright.description.drive import COMMAND_NEEDS
 from armwright.errors import ModelError
 from armwright.model import Body, Drive, Model, one_state
 from armwright.scalar import Array, Scalar
 
-ELECTRICAL = {"resistance": "resistance_ohm", "torque_constant": "torque_constant_n_m_per_a"}
-
-
-def need_constants(model: Model, what: str, *constants: str) -> None:
-    """Refuses to compute `what` for an arm whose drives lack one of the named constants.
-
-    Raises:
-        ModelError: names the joint and the key that its record would need.
-    """
-    for body in model.coordinates:
-        check_uncoupled(model, body, what)
-        for constant in constants:
-            if getattr(body.drive, constant) is None:
-                key = f"motor.{ELECTRICAL[constant]}"
-                raise ModelError(
-                    f"{model.name}: {what} needs {key} of joint {body.joint!r}, which its record does not give"
-                )
+ATTRIBUTES = {"resistance_ohm": "resistance", "torque_constant_n_m_per_a": "torque_constant"}  # by key of the record
 
 
 @one_state
@@ -42,7 +27,7 @@ def motor_current(model: Model, tau: Array) -> np.ndarray:
     Raises:
         ModelError: a drive without a torque constant.
     """
-    need_constants(model, "motor_current", "torque_constant")
+    _check_motors(model, "motor_current", "torque_constant_n_m_per_a")
     return scalar.array([joint_current(body.drive, tau[i]) for i, body in enumerate(model.coordinates)])
 
 
@@ -57,7 +42,7 @@ def motor_voltage(model: Model, qd: Array, tau: Array) -> np.ndarray:
     Raises:
         ModelError: a drive without resistance or torque constant.
     """
-    need_constants(model, "motor_voltage", "resistance", "torque_constant")
+    _check_motors(model, "motor_voltage", *COMMAND_NEEDS["voltage"])
     return scalar.array([joint_voltage(body.drive, qd[i], tau[i]) for i, body in enumerate(model.coordinates)])
 
 
@@ -72,7 +57,7 @@ def motor_torque(model: Model, qd: Array, voltage: Array) -> np.ndarray:
     Raises:
         ModelError: a drive without resistance or torque constant.
     """
-    need_constants(model, "motor_torque", "resistance", "torque_constant")
+    _check_motors(model, "motor_torque", *COMMAND_NEEDS["voltage"])
     return scalar.array([joint_torque(body.drive, qd[i], voltage[i]) for i, body in enumerate(model.coordinates)])
 
 
@@ -86,13 +71,12 @@ def drive_torque(model: Model, qd: Array, u: Array) -> np.ndarray:
     Raises:
         ModelError: a drive without the constants that its command needs.
     """
-    return scalar.array([_torque_of_command(model, i, qd[i], u[i]) for i in range(model.n)])
+    return scalar.array([_torque_of_command(body, qd[i], u[i]) for i, body in enumerate(model.coordinates)])
 
 
-def _torque_of_command(model: Model, joint: int, speed: Scalar, u: Scalar) -> Scalar:
-    body = model.coordinates[joint]
-    check_uncoupled(model, body, "drive_torque")
-    check_command(model, body)
+def _torque_of_command(body: Body, speed: Scalar, u: Scalar) -> Scalar:
+    check_uncoupled(body, "drive_torque")
+    check_command(body)
     if body.drive.command == "torque":
         return u
     if body.drive.command == "current":
@@ -100,32 +84,46 @@ def _torque_of_command(model: Model, joint: int, speed: Scalar, u: Scalar) -> Sc
     return joint_torque(body.drive, speed, u)
 
 
-def check_command(model: Model, body: Body) -> None:
+def check_command(body: Body) -> None:
     """Refuses a drive that lacks the constants its command needs.
 
     Raises:
-        ModelError: names the joint.
+        ModelError: names the joint and the key.
     """
-    needed = {"voltage": ("resistance", "torque_constant"), "current": ("torque_constant",), "torque": ()}
-    for constant in needed[body.drive.command]:
-        if getattr(body.drive, constant) is None:
-            raise ModelError(
-                f"{model.name}: joint {body.joint!r} is driven by {body.drive.command}, "
-                f"but its record has no motor.{ELECTRICAL[constant]}"
-            )
+    command = body.drive.command
+    check_constants(body, f"a command of {command}", *COMMAND_NEEDS[command])
 
 
-def check_uncoupled(model: Model, body: Body, what: str) -> None:
+def check_constants(body: Body, what: str, *keys: str) -> None:
+    """Refuses a motor whose record lacks one of these constants, which `what` needs.
+
+    Raises:
+        ModelError: names the joint and the key.
+    """
+    for key in keys:
+        if getattr(body.drive, ATTRIBUTES[key]) is None:
+            raise ModelError(f"{what} needs it, and the record does not have it", place=f"{body.joint}.motor.{key}")
+
+
+def check_uncoupled(body: Body, what: str) -> None:
     """Refuses a motor that several joints turn, whose speed is not that of its joint.
 
     Raises:
         ModelError: names the joint.
     """
     if body.drive.coupling:
+        other = body.drive.coupling[0][0]
         raise ModelError(
-            f"{model.name}: {what} does not know the coupled motor of joint {body.joint!r}, "
-            f"which {body.drive.coupling[0][0]!r} turns as well; only the simulator does"
+            f"{what} is for motors of one joint, and {other!r} turns this one too; only the simulator knows coupled motors",
+            place=f"{body.joint}.motor.coupling",
         )
+
+
+def _check_motors(model: Model, what: str, *keys: str) -> None:
+    """Refuses an arm with coupled motors, or whose motors lack constants."""
+    for body in model.coordinates:
+        check_uncoupled(body, what)
+        check_constants(body, what, *keys)
 
 
 def joint_constant(drive: Drive) -> Scalar:
@@ -140,9 +138,8 @@ def joint_current(drive: Drive, torque: Scalar) -> Scalar:
 
 def joint_voltage(drive: Drive, speed: Scalar, torque: Scalar) -> Scalar:
     """Eq. (11) of one joint [V]."""
-    return (
-        drive.resistance / joint_constant(drive) * torque + drive.gear_ratio * drive.back_emf_constant * speed
-    )  # (11)
+    emf = drive.gear_ratio * drive.back_emf_constant * speed
+    return drive.resistance / joint_constant(drive) * torque + emf  # (11)
 
 
 def joint_torque(drive: Drive, speed: Scalar, voltage: Scalar) -> Scalar:

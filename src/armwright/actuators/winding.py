@@ -1,12 +1,13 @@
-"""The winding between command and torque, with what eq. (11) leaves out: inductance, heat, the supply as it is.
+"""The drive and the winding of one motor, from its command to its torque, with limits, inductance, PWM and a real supply.
 
 With everything referred to the joint, E = n Ke q̇:   L di/dt = V - R i - E,   tau = n Kt i.  Without L:  i = (V - E) / R.
 
-The drive makes V of its command. A limit of current is a limit of that voltage, V within E ± R i_most: the current that it
-comes to stays within, and power balances. Then the supply clips. A drive told a current or a torque applies the voltage
+The drive turns its command into a voltage V. A limit of current limits that voltage, V within E ± R i_max: the current that
+follows stays within it, and power balances. Then the supply clips V, even where the current then passes its own limit: a
+motor that is driven back faster than the supply can answer. A drive with a command of current or torque applies the voltage
 that gives it in the end, V = R i* + E; or, with a current controller of bandwidth f,  V = R i + E + 2π f L (i* - i):
 the current follows as di/dt = 2π f (i* - i), which a PI controller with its zero on the winding's pole comes to.
-The drive turns torques into currents by the constant of the record, whatever the motor's temperature has made of it.
+The drive turns torques into currents by the constant of the record, whatever the motor's temperature.
 """
 
 from __future__ import annotations
@@ -16,8 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armwright import scalar
-from armwright.actuators.drive import clipped, is_limit, most_current
-from armwright.actuators.motor import joint_constant, joint_current
+from armwright.actuators.motor import joint_constant, joint_current, joint_torque, joint_voltage
 from armwright.actuators.pwm import coasting, coasting_limits
 from armwright.model import Body, Drive
 from armwright.scalar import Scalar
@@ -25,13 +25,13 @@ from armwright.scalar import Scalar
 
 @dataclass(frozen=True, eq=False)
 class Winding:
-    """What a motor does electrically."""
+    """Electrical state of one motor; voltage and current are NaN where the record lacks the constants to know them."""
 
     torque: Scalar  # n Kt i [N m | N]
     voltage: Scalar  # V, averaged over the PWM [V]
     current: Scalar  # i [A]
-    heat: Scalar  # in the resistance [W]
     power: Scalar  # from the supply [W]
+    heat: Scalar | None = None  # in the resistance [W]; None where it is not known
     change: Scalar | None = None  # di/dt [A/s], where the current is a state
     rate: Scalar | None = None  # its part that is linear in i [1/s], below 0
 
@@ -39,40 +39,85 @@ class Winding:
 def driven_winding(
     body: Body, drive: Drive, speed: Scalar, u: Scalar, supply: Scalar, current: Scalar | None = None
 ) -> Winding:
-    """What the drive's command makes of the winding.
+    """Torque, voltage and current that a drive gives for its command.
 
     Args:
         body: the joint with its limits and the drive of the record.
-        drive: the same as it is now (`thermal.warmed`).
+        drive: the same at its present temperature (`thermal.warmed`).
         speed: of the motor, referred to the joint [rad/s | m/s].   u: [V | A | N m | N], by the drive's command.
-        supply: the most voltage there is [V].   current: i [A], where it is a state.
+        supply: the highest voltage there is [V].   current: i [A], where it is a state.
     """
-    assert drive.resistance is not None
-    assert drive.back_emf_constant is not None
-    resistance, emf, most = drive.resistance, drive.gear_ratio * drive.back_emf_constant * speed, most_current(body)
-    if drive.coasts:
-        voltage = scalar.clip(u, *coasting_limits(most, supply, emf, resistance)) if is_limit(most) else u
+    if drive.torque_constant is None:
+        torque = clipped(u, body.limits.torque)
+        return Winding(torque, np.nan, np.nan, torque * speed)
+    constant, most = joint_constant(drive), current_limit(body)
+    if drive.resistance is None:  # commanded by current or torque
+        torque = _commanded_torque(body, drive, u, most)
+        return Winding(torque, np.nan, joint_current(drive, torque), torque * speed)
+    if drive.coasts:  # the record has it with a command of voltage and without inductance only
+        emf = drive.gear_ratio * drive.back_emf_constant * speed
+        voltage = scalar.clip(u, *coasting_limits(most, supply, emf, drive.resistance)) if is_limit(most) else u
         voltage = clipped(voltage, supply)
-        current, heat, power = coasting(voltage, supply, emf, resistance)
-        return Winding(joint_constant(drive) * current, voltage, current, heat, power)
-    wanted = None
+        current, heat, power = coasting(voltage, supply, emf, drive.resistance)
+        return Winding(constant * current, voltage, current, power, heat)
     if drive.command == "voltage":
-        voltage = scalar.clip(u, emf - resistance * most, emf + resistance * most) if is_limit(most) else u
+        voltage = u
+        if is_limit(most):
+            voltage = scalar.clip(u, *(joint_voltage(drive, speed, constant * i) for i in (-most, most)))
+        torque = joint_torque(drive, speed, voltage)
     else:
-        wanted = clipped(u if drive.command == "current" else joint_current(body.drive, u), most)
-        voltage = resistance * wanted + emf
-    if current is None:
+        torque = _commanded_torque(body, drive, u, most)
+        voltage = joint_voltage(drive, speed, torque)
+    if current is not None:
+        return _inductive(drive, speed, voltage, torque, supply, current)
+    if is_limit(supply):
         voltage = clipped(voltage, supply)
-        current = (voltage - emf) / resistance
-        heat, power = resistance * current * current, voltage * current
-        return Winding(joint_constant(drive) * current, voltage, current, heat, power)
-    rate = -resistance / drive.inductance
-    if drive.current_loop is not None and wanted is not None:
+        torque = joint_torque(drive, speed, voltage)
+    current = joint_current(drive, torque)
+    return Winding(torque, voltage, current, voltage * current, drive.resistance * current * current)
+
+
+def _commanded_torque(body: Body, drive: Drive, u: Scalar, most: Scalar) -> Scalar:
+    """Torque [N m | N] for a command of current or torque, within the limit of current."""
+    if drive.command == "current":
+        return joint_constant(drive) * clipped(u, most)
+    torque = clipped(u, scalar.abs(joint_constant(body.drive)) * most) if is_limit(most) else u
+    return torque if drive is body.drive else torque * (joint_constant(drive) / joint_constant(body.drive))
+
+
+def _inductive(
+    drive: Drive, speed: Scalar, voltage: Scalar, torque: Scalar, supply: Scalar, current: Scalar
+) -> Winding:
+    """The winding whose current is a state; `voltage`, `torque`: what the drive would apply and reach in the end."""
+    assert drive.resistance is not None
+    assert drive.inductance is not None
+    emf, rate = drive.gear_ratio * drive.back_emf_constant * speed, -drive.resistance / drive.inductance
+    if drive.current_loop is not None and drive.command != "voltage":
         bandwidth = 2.0 * np.pi * drive.current_loop  # [1/s]
-        voltage = resistance * current + emf + bandwidth * drive.inductance * (wanted - current)
+        missing = joint_current(drive, torque) - current
+        voltage = drive.resistance * current + emf + bandwidth * drive.inductance * missing
         within = scalar.less(scalar.abs(voltage), supply) if is_limit(supply) else None
         rate = -bandwidth if within is None else scalar.where(within, -bandwidth, rate)
     voltage = clipped(voltage, supply)
-    change = (voltage - emf - resistance * current) / drive.inductance
-    heat, power = resistance * current * current, voltage * current
-    return Winding(joint_constant(drive) * current, voltage, current, heat, power, change, rate)
+    change = (voltage - emf - drive.resistance * current) / drive.inductance
+    heat, power = drive.resistance * current * current, voltage * current
+    return Winding(joint_constant(drive) * current, voltage, current, power, heat, change, rate)
+
+
+def current_limit(body: Body) -> Scalar:
+    """Highest current [A] within the limits of current and of torque; infinite without either."""
+    current, torque = body.limits.current, body.limits.torque
+    if not is_limit(torque):
+        return current
+    of_torque = joint_current(body.drive, torque)
+    return scalar.minimum(current, scalar.abs(of_torque)) if is_limit(current) else scalar.abs(of_torque)
+
+
+def clipped(value: Scalar, most: Scalar) -> Scalar:
+    """The value within ±most, where that is a limit."""
+    return scalar.clip(value, -most, most) if is_limit(most) else value
+
+
+def is_limit(most: Scalar) -> bool:
+    """True for a symbol or a finite number."""
+    return scalar.is_symbolic(most) or most < np.inf

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armwright.actuators import demanded_drive, told_command
+from armwright.actuators import demanded_drive, in_command_units
 from armwright.model import Model
 from armwright.scalar import Array
 
@@ -17,7 +17,7 @@ def torque_commands(model: Model, qd: Array, tau: Array) -> np.ndarray:
     Returns:
         u: (n,) [V | A | N m | N], each in its joint's own unit.
     """
-    return told_command(model, demanded_drive(model, qd, tau))
+    return in_command_units(model, demanded_drive(model, qd, tau))
 
 
 def command_signs(model: Model) -> np.ndarray:

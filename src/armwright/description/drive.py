@@ -15,6 +15,11 @@ else:
     Cogging, Coupling, Thermal = imported_later("armwright.description.motor_effects", "Cogging", "Coupling", "Thermal")
 
 Command = Literal["voltage", "current", "torque"]
+COMMAND_NEEDS = {  # keys of [motor] without which a drive cannot follow its command
+    "voltage": ("resistance_ohm", "torque_constant_n_m_per_a"),
+    "current": ("torque_constant_n_m_per_a",),
+    "torque": (),
+}
 Basis = Literal["dc", "phase_peak", "phase_rms", "line_peak", "line_rms"]
 
 

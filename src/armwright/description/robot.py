@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
+from armwright.description.drive import (
+    COMMAND_NEEDS,
+    Command,
+    LinearFriction,
+    LinearLimits,
+    Motor,
+    RotaryFriction,
+    RotaryLimits,
+)
 from armwright.description.drive_effects import check_drive_effects
 from armwright.description.mimic import LinearMimic, RotaryMimic, check_mimics
 from armwright.description.paths import quantities
@@ -345,14 +353,13 @@ def _check_tree(robot: RobotDescription) -> None:
 
 
 def _check_commands(robot: RobotDescription) -> None:
-    needs = {"voltage": ("resistance_ohm", "torque_constant_n_m_per_a"), "current": ("torque_constant_n_m_per_a",)}
     for joint in robot.joints:
         if isinstance(joint, FixedJoint):
             continue
         command = joint.command or robot.command if joint.mimic is None else "torque"
         if command is None:
             raise ValueError(f"joint {joint.name!r} has no command: expected voltage, current or torque")
-        for key in needs.get(command, ()):
+        for key in COMMAND_NEEDS[command]:
             if joint.motor is None or getattr(joint.motor, key) is None:
                 raise ValueError(f"joint {joint.name!r}: command = {command!r} needs motor.{key}")
         on_motor_side = joint.friction is not None and joint.friction.side == "motor"

@@ -37,17 +37,26 @@ def articulated_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Arra
     """
     if model.mimics is not None:
         raise ModelError(
-            f"{model.name}: articulated_body is for joints that each move by themselves, and some mimic others; "
-            "expected forward_dynamics or composite_body"
+            "articulated_body is for joints that each move by themselves, and some mimic others",
+            value=model.name,
+            expected="forward_dynamics or composite_body",
         )
+    driven = transmission(model, qd, tau) * tau
+    return articulated_accelerations(model, q, qd, driven, friction_torques(model, qd), wrench)
+
+
+def articulated_accelerations(
+    model: Model, q: Array, qd: Array, driven: Array, resisting: Array, wrench: Array | None = None
+) -> np.ndarray:
+    """`forward.accelerations` by the recursion over articulated bodies."""
     motion = joint_motions(model, q)
     axial = [AxialMotion(body, motion[i], q[i]) for i, body in model.outward()]
     share, d = articulated_shares(model, axial)
     f, n = inertial_forces(model, motion, qd, scalar.zeros(model.n), wrench)
-    driven = transmission(model, qd, tau) * tau - friction_torques(model, qd)
+    net = driven - resisting
     freely = {}  # r/D, the acceleration of a joint whose parent has none beyond its bias
     for i, body in model.inward():
-        r = driven[i] - (n[i] if body.kind == "revolute" else f[i])[2]
+        r = net[i] - (n[i] if body.kind == "revolute" else f[i])[2]
         freely[i] = r / d[i]
         if body.parent != BASE:
             k, kn = share[i]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from armwright import scalar
-from armwright.actuators import transmission
-from armwright.dynamics.inverse import bias_torques
+from armwright.actuators import friction_torques, transmission
+from armwright.dynamics.inverse import newton_euler
 from armwright.dynamics.mass_matrix import mass_matrix
 from armwright.model import Model, one_state
 from armwright.scalar import Array
@@ -28,4 +28,12 @@ def composite_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Array 
         ModelError: a wrench on an arm that branches and names no tip.
     """
     driven = transmission(model, qd, tau) * tau
-    return scalar.solve_symmetric(mass_matrix(model, q), driven - bias_torques(model, q, qd, wrench))  # (15)
+    return composite_accelerations(model, q, qd, driven, friction_torques(model, qd), wrench)
+
+
+def composite_accelerations(
+    model: Model, q: Array, qd: Array, driven: Array, resisting: Array, wrench: Array | None = None
+) -> np.ndarray:
+    """`forward.accelerations` by the mass matrix."""
+    bias = newton_euler(model, q, qd, scalar.zeros(model.n), wrench) + resisting
+    return scalar.solve_symmetric(mass_matrix(model, q), driven - bias)  # (15)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from armwright.actuators import drive_torque
-from armwright.dynamics.articulated_body import articulated_body
-from armwright.dynamics.composite_body import composite_body
+from armwright.actuators import drive_torque, friction_torques, transmission
+from armwright.dynamics.articulated_body import articulated_accelerations
+from armwright.dynamics.composite_body import composite_accelerations
 from armwright.model import Model, one_state
 from armwright.scalar import Array
 
@@ -31,8 +31,25 @@ def forward_dynamics(model: Model, q: Array, qd: Array, tau: Array, wrench: Arra
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
+    return accelerations(model, q, qd, transmission(model, qd, tau) * tau, friction_torques(model, qd), wrench)
+
+
+def accelerations(
+    model: Model, q: Array, qd: Array, driven: Array, resisting: Array, wrench: Array | None = None
+) -> np.ndarray:
+    """Accelerations for torques behind the gears and torques that resist, which replace the model's own gear loss and friction.
+
+    q̈ = M⁻¹ ( driven - resisting - C q̇ - g + Jᵀ wrench ),  by the way that `forward_dynamics` chooses.
+
+    Args:
+        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   driven, resisting: (n,) [N m | N].
+        wrench: (6,) [N, N m] of the environment on the arm at the tip, in base axes.
+    Returns:
+        qdd: (n,) [rad/s² | m/s²]; not finite where M is singular.
+    """
     far = model.mimics is None and sum(len(model.path(i)) for i in range(model.n)) > SHORT * model.n
-    return (articulated_body if far else composite_body)(model, q, qd, tau, wrench)
+    algorithm = articulated_accelerations if far else composite_accelerations
+    return algorithm(model, q, qd, driven, resisting, wrench)
 
 
 @one_state

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from armwright.actuators.drive import UNITS
 from armwright.model import Body, Model
+from armwright.model.joint_signals import command_unit
 
 ROUNDING = 1e-9  # of the largest command of a run: less is no clipping
 UNREAL = 1e12  # [rad | m, or a second]: sines of such angles are rounding
@@ -36,7 +36,7 @@ def limit_notes(
             asked, applied = np.where(finite, asked, 0.0), np.where(finite, applied, 0.0)
             clipped = np.abs(applied - asked) > ROUNDING * max(np.abs(asked).max(), np.abs(applied).max())
             if clipped.any():
-                unit = "N" if command == "torque" and body.kind == "prismatic" else UNITS[command]
+                unit = command_unit(command, body.kind == "prismatic")
                 notes.append(
                     f"{body.joint}: the drive's limits clipped its {command} in {clipped.mean():.0%} of the rows, "
                     f"first at t = {_first(t, clipped):g} s (asked for up to {np.abs(asked[clipped]).max():.4g} {unit})"

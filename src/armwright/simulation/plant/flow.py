@@ -9,15 +9,18 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators.coupling import Shares, reflected_inertia, shares_of, to_joints, to_motors
+from armwright.actuators.friction import friction_torques
 from armwright.actuators.supply import Bus, bus
-from armwright.dynamics import bias_torques, forward_dynamics, mass_matrix
+from armwright.dynamics import mass_matrix
+from armwright.dynamics.forward import accelerations
+from armwright.dynamics.inverse import newton_euler
 from armwright.errors import ScenarioError
 from armwright.model import Body, Model
 from armwright.scalar import Array, Scalar
 from armwright.signals import Layout
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.joint_drive import DrivenJoint, JointMotion, JointStates, driven_joint
-from armwright.simulation.plant.state import contacts_of, has_extra
+from armwright.simulation.plant.state import contacts_of
 
 STIFF = ("current", "bristle", "brake", "bus_voltage")  # linear in themselves, and integrated exactly
 
@@ -51,11 +54,6 @@ class PlantFlow:
         return self.layout.size
 
     @cached_property
-    def is_plain(self) -> bool:
-        """Whether x is (q, q̇) and each drive acts on its joint alone: then `forward_dynamics` says all."""
-        return len(self.layout.signals) == 2 and not any(has_extra(body) for body in self.model.coordinates)
-
-    @cached_property
     def stiff(self) -> tuple[int, ...]:
         """Places in x of what is integrated exactly."""
         places = [self.layout.place(name) for name in self.layout.names if name in STIFF]
@@ -86,11 +84,16 @@ class PlantFlow:
         model, n = self.model, self.model.n
         q, qd = x[:n], x[n : 2 * n]
         joints = self._driven(x, inputs)
-        if self.is_plain:
-            qdd = forward_dynamics(model, q, qd, scalar.array([joint.tau for joint in joints]), inputs.wrench)
+        driven = to_joints(self.shares, [joint.gear for joint in joints])
+        resisting = to_joints(self.shares, [joint.motor_resisting for joint in joints])
+        resisting = resisting + scalar.array([joint.resisting for joint in joints])
+        if model.mimics is not None:
+            resisting = resisting + friction_torques(self._followers, qd)
+        if any(self.shares):
+            bias = newton_euler(self._links(rotors=True), q, qd, scalar.zeros(n), inputs.wrench) + resisting
+            qdd = scalar.solve_symmetric(self.inertia(q), driven - bias)
         else:
-            pushed = to_joints(self.shares, [joint.gear for joint in joints])
-            qdd = self._accelerations(q, qd, pushed + scalar.array([joint.direct for joint in joints]), inputs.wrench)
+            qdd = accelerations(self._links(rotors=True), q, qd, driven, resisting, inputs.wrench)
         change, rates, fed = self._of_drives(x, joints)
         return Flow(qdd, joints, {"q": list(qd), "qd": list(qdd), **change}, rates, fed)
 
@@ -102,7 +105,7 @@ class PlantFlow:
         volts = self.part(x, "bus_voltage")[0] if self.model.supply is not None else None
         applied = dict.fromkeys(self.braked, 0.0) if brake is None else dict(zip(self.braked, brake, strict=True))
         return [
-            driven_joint(self.model, body, self._states(x, i), at, u[i], volts, applied.get(i), of[i])
+            driven_joint(body, self._states(x, i), at, u[i], volts, applied.get(i), of[i])
             for (i, body), at in zip(enumerate(self.model.coordinates), self._motions(x), strict=True)
         ]
 
@@ -127,13 +130,6 @@ class PlantFlow:
                 change[part.name] = [joints[i].change[part.name] for i in joints_of]
                 rates += [joints[i].rates[part.name] for i in joints_of if part.name in STIFF]
         return change, rates, fed
-
-    def _accelerations(self, q: Array, qd: Array, torque: Array, wrench: Array | None) -> Array:
-        """q̈ for torques on the joints [N m | N], the rotors of rigid gears carried along."""
-        links = self._links(rotors=True)
-        if not any(self.shares):
-            return forward_dynamics(links, q, qd, torque, wrench)
-        return scalar.solve_symmetric(self.inertia(q), torque - bias_torques(links, q, qd, wrench))
 
     def inertia(self, q: Array) -> np.ndarray:
         """What torques on the joints accelerate: links and the rotors of rigid gears, coupled or not.
@@ -182,15 +178,21 @@ class PlantFlow:
         return JointStates(**own)
 
     def _links(self, *, rotors: bool) -> Model:
-        """The arm without drives but for the rotors of rigid gears, which `forward_dynamics` can carry where none is coupled."""
-        carried = rotors and not any(self.shares)
+        """The arm without the rotors of its coordinates; `rotors`: with those that turn with one joint, behind rigid gears."""
+        if rotors and not any(self.shares) and all(body.elasticity is None for body in self.model.coordinates):
+            return self.model
+        names = set(self.model.names)  # joints that follow others keep their rotors
 
         def bare(body: Body) -> Body:
-            inertia = body.drive.rotor_inertia if carried and body.elasticity is None else 0.0
-            return replace(
-                body, friction=None, drive=replace(body.drive, efficiency=None, rotor_inertia=inertia, coupling=())
-            )
+            if body.joint not in names or (rotors and not any(self.shares) and body.elasticity is None):
+                return body
+            return replace(body, drive=replace(body.drive, rotor_inertia=0.0, coupling=()))
 
-        own = set(self.model.names)  # joints that follow others keep what they have
-        bodies = tuple(bare(body) if body.joint in own else body for body in self.model.bodies)
-        return replace(self.model, bodies=bodies)
+        return replace(self.model, bodies=tuple(bare(body) for body in self.model.bodies))
+
+    @cached_property
+    def _followers(self) -> Model:
+        """The arm with friction in those joints only that follow others."""
+        names = set(self.model.names)
+        bodies = (replace(body, friction=None) if body.joint in names else body for body in self.model.bodies)
+        return replace(self.model, bodies=tuple(bodies))

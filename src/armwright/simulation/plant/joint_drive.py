@@ -6,13 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from armwright import scalar
 from armwright.actuators.backlash import flank_depths
 from armwright.actuators.brake import holding
 from armwright.actuators.cogging import cogging_energy, cogging_torque
-from armwright.actuators.drive import limited_joint
 from armwright.actuators.elasticity import bent, transmitted
 from armwright.actuators.friction import has_corner, joint_friction
 from armwright.actuators.gear import joint_transmission
@@ -20,7 +17,7 @@ from armwright.actuators.lugre import bristle_friction, sliding
 from armwright.actuators.motor import check_command
 from armwright.actuators.stops import stop_depths, stopped
 from armwright.actuators.thermal import warmed, warming_rates
-from armwright.actuators.winding import Winding, driven_winding
+from armwright.actuators.winding import Winding, driven_winding, is_limit
 from armwright.model import Body, Model
 from armwright.scalar import Array, Scalar
 
@@ -60,7 +57,10 @@ class DrivenJoint:
     power: Scalar  # into the drive [W]
     heat: Scalar | None  # in the winding [W]; None where its resistance is not known
     gear: Scalar  # from the gear to the links, and to all joints that turn the motor [N m | N]
-    direct: Scalar  # to the joint itself: its friction, brake and stops [N m | N]
+    motor_resisting: (
+        Scalar  # friction and brake on the motor side of a rigid gear, felt like `gear`, against positive motion
+    )
+    resisting: Scalar  # on the joint itself, against positive motion: its friction, brake and stops [N m | N]
     friction: Scalar  # of the joint itself [N m | N]
     loss: Scalar  # in gear, friction, dampers, brake [W]
     acceleration: Scalar | None  # of the motor behind an elastic gear [rad/s²]
@@ -89,7 +89,6 @@ def contact_depths(body: Body, at: JointMotion) -> list[Scalar]:
 
 
 def driven_joint(
-    model: Model,
     body: Body,
     states: JointStates,
     at: JointMotion,
@@ -101,7 +100,7 @@ def driven_joint(
     """All that one joint's drive does in a state.
 
     Args:
-        model, body: the arm and the joint.   states: of its drive.   at: where it is.   u: its command.
+        body: the joint.   states: of its drive.   at: where it is.   u: its command.
         volts: of the bus [V]; None: the supply never sags.   applied: 1 where its brake is applied; None: it has none.
         touching: 1 for each of `contact_depths` that counts as a contact; None: where it is not below 0.
     """
@@ -111,7 +110,7 @@ def driven_joint(
     corners: list[Corner] = []
     change: dict[str, Scalar] = {}
     rates: dict[str, Scalar] = {}
-    winding, heat = _winding(model, body, states, at.motor_speed, u, volts)
+    winding = _winding(body, states, at.motor_speed, u, volts)
     if winding.change is not None:
         change["current"], rates["current"] = winding.change, winding.rate
     torque = winding.torque
@@ -120,7 +119,7 @@ def driven_joint(
         torque = torque + ratio * cogging_torque(body.drive.cogging, ratio * at.motor)
     driven = joint_transmission(body.drive, at.motor_speed, torque) * torque
     loss = 0.0 if body.drive.efficiency is None else (torque - driven) * at.motor_speed
-    warming = _warming(body, states, heat, change)
+    warming = _warming(body, states, winding.heat, change)
     spring = None
     if body.elasticity is not None:
         flanks = (touching[-2], touching[-1]) if len(touching) > of_stops else None
@@ -144,19 +143,17 @@ def driven_joint(
             before = before + held.torque
         else:
             behind = behind + held.torque
-    direct = -behind
     if body.stops is not None:
         stop = stopped(body.stops, *body.limits.position, at.q, at.qd, (touching[0], touching[1]))
-        direct, loss = direct + stop.torque, loss + stop.loss
+        behind, loss = behind - stop.torque, loss + stop.loss
         corners += _felt(stop.pushes, touching)
-    acceleration, gear = None, driven - before
+    acceleration, gear = None, driven
     if spring is not None:
-        gear = spring.torque
         referred = (driven - before - spring.slope * spring.torque) / body.drive.reflected
-        acceleration = body.drive.gear_ratio * referred
+        acceleration, gear, before = body.drive.gear_ratio * referred, spring.torque, 0.0
     return DrivenJoint(
-        winding.torque, winding.voltage, winding.current, winding.power, heat, gear, direct, own, loss, acceleration,
-        change, rates, corners,
+        winding.torque, winding.voltage, winding.current, winding.power, winding.heat, gear, before, behind, own,
+        loss, acceleration, change, rates, corners,
     )  # fmt: skip
 
 
@@ -171,26 +168,15 @@ def _turning(body: Body, speed: Scalar) -> Corner:
     return Corner(speed, STANDING * (1.0 if friction is None or friction.smoothing is None else friction.smoothing))
 
 
-def _winding(
-    model: Model, body: Body, states: JointStates, speed: Scalar, u: Scalar, volts: Scalar | None
-) -> tuple[Winding, Scalar | None]:
-    """What the command makes of the motor, and the heat of its winding."""
-    check_command(model, body)
+def _winding(body: Body, states: JointStates, speed: Scalar, u: Scalar, volts: Scalar | None) -> Winding:
+    """What the command makes of the motor at its present temperature and supply."""
+    check_command(body)
     drive, supply = body.drive, body.limits.voltage
     if volts is not None:
-        supply = scalar.minimum(supply, volts) if scalar.is_symbolic(supply) or supply < np.inf else volts
-    known = drive.torque_constant is not None and drive.resistance is not None
-    if known and (drive.thermal is not None or drive.coasts or drive.inductance is not None or volts is not None):
-        now = drive
-        if states.winding_temperature is not None:
-            now = warmed(drive, states.winding_temperature, states.housing_temperature)
-        winding = driven_winding(body, now, speed, u, supply, states.current)
-        return winding, winding.heat
-    torque, voltage, current = limited_joint(model, body, speed, u)
-    if known:
-        heat = drive.resistance * current * current
-        return Winding(torque, voltage, current, heat, voltage * current), heat
-    return Winding(torque, voltage, current, 0.0, torque * speed), None
+        supply = scalar.minimum(supply, volts) if is_limit(supply) else volts
+    if states.winding_temperature is not None:
+        drive = warmed(drive, states.winding_temperature, states.housing_temperature)
+    return driven_winding(body, drive, speed, u, supply, states.current)
 
 
 def _warming(body: Body, states: JointStates, heat: Scalar | None, change: dict[str, Scalar]) -> Scalar | None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from armwright import scalar
-from armwright.actuators import DriveOutput, friction_torques, limited_drive, told_command
+from armwright.actuators import DriveOutput, friction_torques, in_command_units
 from armwright.actuators.coupling import from_motors, to_joints, to_motors
 from armwright.dynamics import energy
 from armwright.kinematics import jacobian
@@ -15,6 +16,7 @@ from armwright.scalar import Array, Scalar
 from armwright.simulation.plant.flow import Flow, PlantFlow
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.joint_drive import stored
+from armwright.simulation.plant.state import has_effect
 
 TOLD = ("motor_q", "motor_qd", "bristle", "brake", "winding_temperature", "housing_temperature")  # states told as such
 
@@ -22,6 +24,11 @@ TOLD = ("motor_q", "motor_qd", "bristle", "brake", "winding_temperature", "housi
 @dataclass(frozen=True, eq=False)
 class PlantReadings(PlantFlow):
     """What follows from a state."""
+
+    @cached_property
+    def is_plain(self) -> bool:
+        """Whether the drives have neither states nor effects: then q, q̇, torque, voltage and current say all."""
+        return len(self.layout.signals) == 2 and not any(has_effect(body) for body in self.model.coordinates)
 
     def outputs(self, x: Array, inputs: PlantInputs | Array) -> dict[str, np.ndarray]:
         """What is known beside the state, each (n,) but for the bus; NaN for joints whose record cannot say it.
@@ -89,12 +96,10 @@ class PlantReadings(PlantFlow):
         Returns:
             applied: (n,) [V | A | N m | N], each in its joint's own unit.
         """
-        return told_command(self.model, self._done(x, u))
+        return in_command_units(self.model, self._done(x, u))
 
     def _done(self, x: Array, u: Array) -> DriveOutput:
         """Torques, voltages and currents of the motors."""
-        if self.is_plain:
-            return limited_drive(self.model, x[self.model.n :], u)
         joints = self._driven(x, PlantInputs(u))
         columns = zip(*((joint.tau, joint.voltage, joint.current) for joint in joints), strict=True)
         return DriveOutput(*(scalar.array(list(column)) for column in columns))
@@ -104,7 +109,7 @@ class PlantReadings(PlantFlow):
         motors = to_motors(self.shares, flow.qdd)
         rigid = [body.elasticity is None for body in self.model.coordinates]
         leaves = [
-            joint.gear - body.drive.reflected * motors[i] if rigid[i] else joint.gear
+            joint.gear - joint.motor_resisting - body.drive.reflected * motors[i] if rigid[i] else joint.gear
             for i, (joint, body) in enumerate(zip(flow.joints, self.model.coordinates, strict=True))
         ]
         own = [joint.friction if rigid[i] else 0.0 for i, joint in enumerate(flow.joints)]
@@ -153,4 +158,4 @@ class PlantReadings(PlantFlow):
         if self.model.mimics is None:
             return [0.0] * n
         qd = x[n : 2 * n]
-        return list(friction_torques(self._links(rotors=False), qd) * qd)
+        return list(friction_torques(self._followers, qd) * qd)

@@ -17,9 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from armwright import scalar
-from armwright.actuators import limited_drive
 from armwright.actuators.coupling import to_motors
-from armwright.dynamics import forward_dynamics
 from armwright.errors import ModelError
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
@@ -96,11 +94,6 @@ class Plant(PlantReadings):
     def split(self, x: Array, inputs: PlantInputs | Array) -> tuple[np.ndarray, np.ndarray]:
         """dx/dt (size,), and λ [1/s] of the entries `stiff`, which have  ż = λ z + what does not depend on z."""
         inputs = PlantInputs.of(inputs)
-        if self.is_plain:
-            n = self.model.n
-            q, qd = x[:n], x[n:]
-            qdd = forward_dynamics(self.model, q, qd, limited_drive(self.model, qd, inputs.command).tau, inputs.wrench)
-            return scalar.array(np.concatenate([qd, qdd])), scalar.zeros(0)
         flow = self._flow(x, inputs)
         change = [value for name in self.layout.names for value in flow.change[name]]
         return scalar.array(change), scalar.array(flow.rates)

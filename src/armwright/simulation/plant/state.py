@@ -49,8 +49,8 @@ def contacts_of(body: Body) -> int:
     return 2 * (body.stops is not None) + 2 * plays
 
 
-def has_extra(body: Body) -> bool:
-    """Whether a joint has what `forward_dynamics` does not know, be it with a state or without."""
+def has_effect(body: Body) -> bool:
+    """Whether a joint's drive has an effect that `forward_dynamics` does not know, be it with a state or without."""
     friction, drive = body.friction, body.drive
     rising = friction is not None and friction.load_coefficient is not None
     told = (body.elasticity, body.stops, drive.cogging, drive.thermal)
