@@ -14,6 +14,33 @@ from armwright.kernels.c_syntax import NAME, Dialect, literal
 from armwright.kernels.machine import Machine, Slow, Value
 from armwright.program import Program
 
+FUNCTIONS = ("fabs", "copysign", "sqrt", "floor", "ceil", "trunc", "rint")  # of <math.h>
+
+# Operation: the letter that names of its results begin with (v real, p truth, i integer), and its expression.
+EXPRESSIONS = {
+    "add": ("v", "{} + {}"),
+    "sub": ("v", "{} - {}"),
+    "mul": ("v", "{} * {}"),
+    "div": ("v", "{} / {}"),
+    "lt": ("p", "{} < {}"),
+    "le": ("p", "{} <= {}"),
+    "eq": ("p", "{} == {}"),
+    "ne": ("p", "{} != {}"),
+    "both": ("p", "{} && {}"),
+    "either": ("p", "{} || {}"),
+    "inverse": ("p", "!{}"),
+    "bits": ("i", "{prefix}bits_of({})"),
+    "from_bits": ("v", "{prefix}from_bits({})"),
+    "int_add": ("i", "{} + {}"),
+    "int_sub": ("i", "{} - {}"),
+    "int_and": ("i", "{} & {}"),
+    "int_or": ("i", "{} | {}"),
+    "int_xor": ("i", "{} ^ {}"),
+    "int_eq": ("p", "{} == {}"),
+    "shift_left": ("i", "{} << {}"),
+    "shift_right": ("i", "{} >> {}"),
+}
+
 
 class CMachine(Machine):
     """Prints the body of one function. Identical operations are printed once; what is not used is not printed.
@@ -43,8 +70,8 @@ class CMachine(Machine):
         return "\n".join(f"    {part}" for line in reversed(kept) for part in line.split("\n"))
 
     def copy(self, value: Value) -> Value:
-        """The value under a name of its own."""
-        return self._pure("v", self.dialect.real, value)
+        """The value, stored under a new name."""
+        return self._real(value)
 
     def pair(self, name: str, *arguments: Value) -> tuple[Value, Value]:
         """Both results of a function `name(…, *first, *second)`."""
@@ -86,40 +113,32 @@ class CMachine(Machine):
         self._count += 1
         return f"{letter}{self._count}"
 
-    def _pure(self, letter: str, kind: str, expression: str) -> Value:
+    def _pure(self, letter: str, expression: str) -> Value:
         if expression not in self._printed:
+            kind = {"v": self.dialect.real, "p": "int", "i": self.dialect.integer}[letter]
             name = self._printed[expression] = self._fresh(letter)
             self._lines.append(((name,), f"const {kind} {name} = {expression};"))
         return self._printed[expression]
 
     def _real(self, expression: str) -> Value:
-        return self._pure("v", self.dialect.real, expression)
-
-    def _truth(self, expression: str) -> Value:
-        return self._pure("p", "int", expression)
-
-    def _integer(self, expression: str) -> Value:
-        return self._pure("i", self.dialect.integer, expression)
+        return self._pure("v", expression)
 
     def _function(self, name: str, *arguments: Value) -> Value:
         return self._real(f"{name}{self._suffix}({', '.join(arguments)})")
 
-    # Reals.
+    def operate(self, name, *values):
+        if name in FUNCTIONS:
+            return self._function(name, *values)
+        letter, expression = EXPRESSIONS[name]
+        return self._pure(letter, expression.format(*values, prefix=self.prefix))
+
+    # What C writes in another way than by an operator or a function.
 
     def constant(self, number: float) -> Value:
         return literal(number, self.dialect)
 
-    def add(self, a, b):
-        return self._real(f"{a} + {b}")
-
-    def sub(self, a, b):
-        return self._real(f"{a} - {b}")
-
-    def mul(self, a, b):
-        return self._real(f"{a} * {b}")
-
-    def div(self, a, b):
-        return self._real(f"{a} / {b}")
+    def int_constant(self, number):
+        return self.dialect.literal.format(number % (1 << self.format.bits))
 
     def fma(self, a, b, c):
         return self._marked(self._function("fma", a, b, c))
@@ -129,98 +148,21 @@ class CMachine(Machine):
             return self._real(f"{self.prefix}negated({a})")
         return a[1:] if a.startswith("-") else f"-{a}"
 
-    def fabs(self, a):
-        return self._function("fabs", a)
-
-    def copysign(self, a, b):
-        return self._function("copysign", a, b)
-
-    def sqrt(self, a):
-        return self._function("sqrt", a)
-
-    def floor(self, a):
-        return self._function("floor", a)
-
-    def ceil(self, a):
-        return self._function("ceil", a)
-
-    def trunc(self, a):
-        return self._function("trunc", a)
-
-    def rint(self, a):
-        return self._function("rint", a)
-
-    # Truth values.
-
-    def lt(self, a, b):
-        return self._truth(f"{a} < {b}")
-
-    def le(self, a, b):
-        return self._truth(f"{a} <= {b}")
-
-    def eq(self, a, b):
-        return self._truth(f"{a} == {b}")
-
-    def ne(self, a, b):
-        return self._truth(f"{a} != {b}")
-
-    def both(self, p, q):
-        return self._truth(f"{p} && {q}")
-
-    def either(self, p, q):
-        return self._truth(f"{p} || {q}")
-
-    def inverse(self, p):
-        return self._truth(f"!{p}")
-
     def select(self, p, a, b):
         return a if a == b else self._real(f"{p} ? {a} : {b}")
-
-    # Integers: unsigned ones, whose arithmetic C defines; signs are compared with the top bit flipped.
-
-    def bits(self, a):
-        return self._integer(f"{self.prefix}bits_of({a})")
-
-    def from_bits(self, i):
-        return self._real(f"{self.prefix}from_bits({i})")
-
-    def int_constant(self, number):
-        return self.dialect.literal.format(number % (1 << self.format.bits))
-
-    def int_add(self, i, j):
-        return self._integer(f"{i} + {j}")
-
-    def int_sub(self, i, j):
-        return self._integer(f"{i} - {j}")
-
-    def int_and(self, i, j):
-        return self._integer(f"{i} & {j}")
-
-    def int_or(self, i, j):
-        return self._integer(f"{i} | {j}")
-
-    def int_xor(self, i, j):
-        return self._integer(f"{i} ^ {j}")
-
-    def shift_left(self, i, count):
-        return self._integer(f"{i} << {count}")
-
-    def shift_right(self, i, count):
-        return self._integer(f"{i} >> {count}")
 
     def arithmetic_shift_right(self, i, count):
         if count == 0:
             return i
         ones = self.int_constant(((1 << count) - 1) << (self.format.bits - count))
-        sign = self._truth(f"({i} >> {self.format.bits - 1}) != 0")
-        return self._integer(f"({i} >> {count}) | ({sign} ? {ones} : {self.int_constant(0)})")
+        sign = self._pure("p", f"({i} >> {self.format.bits - 1}) != 0")
+        return self._pure("i", f"({i} >> {count}) | ({sign} ? {ones} : {self.int_constant(0)})")
 
-    def int_eq(self, i, j):
-        return self._truth(f"{i} == {j}")
-
-    def int_lt(self, i, j):
+    def int_lt(
+        self, i, j
+    ):  # integers are unsigned, as C defines their overflow: the top bit is flipped to compare signs
         top = self.int_constant(1 << (self.format.bits - 1))
-        return self._truth(f"({i} ^ {top}) < ({j} ^ {top})")
+        return self._pure("p", f"({i} ^ {top}) < ({j} ^ {top})")
 
     # Leaving the straight line.
 

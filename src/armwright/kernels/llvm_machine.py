@@ -8,6 +8,34 @@ from collections.abc import Sequence
 from armwright.kernels.format import DOUBLE, Format
 from armwright.kernels.machine import Machine, Slow, Value
 
+INTRINSICS = ("fma", "fabs", "copysign", "sqrt", "floor", "ceil", "trunc", "rint")
+INSTRUCTIONS = {
+    "add": "fadd {real} {}, {}",
+    "sub": "fsub {real} {}, {}",
+    "mul": "fmul {real} {}, {}",
+    "div": "fdiv {real} {}, {}",
+    "neg": "fneg {real} {}",
+    "lt": "fcmp olt {real} {}, {}",
+    "le": "fcmp ole {real} {}, {}",
+    "eq": "fcmp oeq {real} {}, {}",
+    "ne": "fcmp une {real} {}, {}",
+    "both": "and {mask} {}, {}",
+    "either": "or {mask} {}, {}",
+    "select": "select {mask} {}, {real} {}, {real} {}",
+    "bits": "bitcast {real} {} to {integer}",
+    "from_bits": "bitcast {integer} {} to {real}",
+    "int_add": "add {integer} {}, {}",
+    "int_sub": "sub {integer} {}, {}",
+    "int_and": "and {integer} {}, {}",
+    "int_or": "or {integer} {}, {}",
+    "int_xor": "xor {integer} {}, {}",
+    "int_eq": "icmp eq {integer} {}, {}",
+    "int_lt": "icmp slt {integer} {}, {}",
+    "shift_left": "shl {integer} {}, {}",
+    "shift_right": "lshr {integer} {}, {}",
+    "arithmetic_shift_right": "ashr {integer} {}, {}",
+}
+
 
 class LlvmMachine(Machine):
     """Prints the body of one function, line by line, into `lines`.
@@ -76,120 +104,22 @@ class LlvmMachine(Machine):
         given = ", ".join(f"{self.real} {argument}" for argument in arguments)
         return self._pure(f"call {self.real} @llvm.{name}.{self._suffix}({given})")
 
-    # Reals.
+    def operate(self, name, *values):
+        if name in INTRINSICS:
+            return self._intrinsic(name, *values)
+        given = [self.int_constant(v) if isinstance(v, int) else v for v in values]
+        return self._pure(INSTRUCTIONS[name].format(*given, real=self.real, integer=self.integer, mask=self.mask))
 
     def constant(self, number: float) -> Value:
-        bits = struct.unpack("<Q", struct.pack("<d", self.format.rounded(number)))[
-            0
-        ]  # LLVM writes floats as doubles, too
+        (bits,) = struct.unpack("<Q", struct.pack("<d", self.format.rounded(number)))  # LLVM writes floats as doubles
         return self._splat(f"{self.format.real} 0x{bits:016X}")
-
-    def add(self, a, b):
-        return self._pure(f"fadd {self.real} {a}, {b}")
-
-    def sub(self, a, b):
-        return self._pure(f"fsub {self.real} {a}, {b}")
-
-    def mul(self, a, b):
-        return self._pure(f"fmul {self.real} {a}, {b}")
-
-    def div(self, a, b):
-        return self._pure(f"fdiv {self.real} {a}, {b}")
-
-    def fma(self, a, b, c):
-        return self._intrinsic("fma", a, b, c)
-
-    def neg(self, a):
-        return self._pure(f"fneg {self.real} {a}")
-
-    def fabs(self, a):
-        return self._intrinsic("fabs", a)
-
-    def copysign(self, a, b):
-        return self._intrinsic("copysign", a, b)
-
-    def sqrt(self, a):
-        return self._intrinsic("sqrt", a)
-
-    def floor(self, a):
-        return self._intrinsic("floor", a)
-
-    def ceil(self, a):
-        return self._intrinsic("ceil", a)
-
-    def trunc(self, a):
-        return self._intrinsic("trunc", a)
-
-    def rint(self, a):
-        return self._intrinsic("rint", a)
-
-    # Truth values.
-
-    def lt(self, a, b):
-        return self._pure(f"fcmp olt {self.real} {a}, {b}")
-
-    def le(self, a, b):
-        return self._pure(f"fcmp ole {self.real} {a}, {b}")
-
-    def eq(self, a, b):
-        return self._pure(f"fcmp oeq {self.real} {a}, {b}")
-
-    def ne(self, a, b):
-        return self._pure(f"fcmp une {self.real} {a}, {b}")
-
-    def both(self, p, q):
-        return self._pure(f"and {self.mask} {p}, {q}")
-
-    def either(self, p, q):
-        return self._pure(f"or {self.mask} {p}, {q}")
-
-    def inverse(self, p):
-        return self._pure(f"xor {self.mask} {p}, {self._splat('i1 true')}")
-
-    def select(self, p, a, b):
-        return self._pure(f"select {self.mask} {p}, {self.real} {a}, {self.real} {b}")
-
-    # Integers.
-
-    def bits(self, a):
-        return self._pure(f"bitcast {self.real} {a} to {self.integer}")
-
-    def from_bits(self, i):
-        return self._pure(f"bitcast {self.integer} {i} to {self.real}")
 
     def int_constant(self, number):
         half = 1 << (self.format.bits - 1)
         return self._splat(f"{self.format.integer} {(number + half) % (2 * half) - half}")
 
-    def int_add(self, i, j):
-        return self._pure(f"add {self.integer} {i}, {j}")
-
-    def int_sub(self, i, j):
-        return self._pure(f"sub {self.integer} {i}, {j}")
-
-    def int_and(self, i, j):
-        return self._pure(f"and {self.integer} {i}, {j}")
-
-    def int_or(self, i, j):
-        return self._pure(f"or {self.integer} {i}, {j}")
-
-    def int_xor(self, i, j):
-        return self._pure(f"xor {self.integer} {i}, {j}")
-
-    def shift_left(self, i, count):
-        return self._pure(f"shl {self.integer} {i}, {self.int_constant(count)}")
-
-    def shift_right(self, i, count):
-        return self._pure(f"lshr {self.integer} {i}, {self.int_constant(count)}")
-
-    def arithmetic_shift_right(self, i, count):
-        return self._pure(f"ashr {self.integer} {i}, {self.int_constant(count)}")
-
-    def int_eq(self, i, j):
-        return self._pure(f"icmp eq {self.integer} {i}, {j}")
-
-    def int_lt(self, i, j):
-        return self._pure(f"icmp slt {self.integer} {i}, {j}")
+    def inverse(self, p):
+        return self._pure(f"xor {self.mask} {p}, {self._splat('i1 true')}")
 
     # Leaving the straight line.
 

@@ -19,154 +19,158 @@ Slow: TypeAlias = tuple[str, tuple[Value, ...]]
 
 
 class Machine(ABC):
-    """The operations that a back end must print; derived ones, in terms of these, are at the end."""
+    """The operations that a back end prints: most by one table, in `operate`. Those derived from others are at the end."""
 
     def __init__(self, format: Format = DOUBLE) -> None:
         self.format = format
         self.memo: dict[Hashable, Value] = {}  # what functions over the machine share, such as sin and cos of one value
+
+    @abstractmethod
+    def operate(self, name: str, *values: Value) -> Value:
+        """Prints the operation of a method with that name; a count of shifts is an int."""
 
     # Reals.
     @abstractmethod
     def constant(self, number: float) -> Value:
         """The double `number` in every lane, to the bit; in another format, rounded once."""
 
-    @abstractmethod
     def add(self, a: Value, b: Value) -> Value:
         """a + b."""
+        return self.operate("add", a, b)
 
-    @abstractmethod
     def sub(self, a: Value, b: Value) -> Value:
         """a - b."""
+        return self.operate("sub", a, b)
 
-    @abstractmethod
     def mul(self, a: Value, b: Value) -> Value:
         """a b."""
+        return self.operate("mul", a, b)
 
-    @abstractmethod
     def div(self, a: Value, b: Value) -> Value:
         """a / b."""
+        return self.operate("div", a, b)
 
-    @abstractmethod
     def fma(self, a: Value, b: Value, c: Value) -> Value:
         """a b + c, rounded once."""
+        return self.operate("fma", a, b, c)
 
-    @abstractmethod
     def neg(self, a: Value) -> Value:
         """a with the other sign bit, for NaN and zero too."""
+        return self.operate("neg", a)
 
-    @abstractmethod
     def fabs(self, a: Value) -> Value:
         """a without its sign bit."""
+        return self.operate("fabs", a)
 
-    @abstractmethod
     def copysign(self, a: Value, b: Value) -> Value:
         """a with the sign bit of b."""
+        return self.operate("copysign", a, b)
 
-    @abstractmethod
     def sqrt(self, a: Value) -> Value:
         """The square root, correctly rounded."""
+        return self.operate("sqrt", a)
 
-    @abstractmethod
     def floor(self, a: Value) -> Value:
         """Largest integer <= a."""
+        return self.operate("floor", a)
 
-    @abstractmethod
     def ceil(self, a: Value) -> Value:
         """Smallest integer >= a."""
+        return self.operate("ceil", a)
 
-    @abstractmethod
     def trunc(self, a: Value) -> Value:
         """Nearest integer towards zero."""
+        return self.operate("trunc", a)
 
-    @abstractmethod
     def rint(self, a: Value) -> Value:
         """Nearest integer, ties to even."""
+        return self.operate("rint", a)
 
     # Truth values.
-    @abstractmethod
     def lt(self, a: Value, b: Value) -> Value:
         """a < b, false with NaN."""
+        return self.operate("lt", a, b)
 
-    @abstractmethod
     def le(self, a: Value, b: Value) -> Value:
         """a <= b, false with NaN."""
+        return self.operate("le", a, b)
 
-    @abstractmethod
     def eq(self, a: Value, b: Value) -> Value:
         """a == b, false with NaN."""
+        return self.operate("eq", a, b)
 
-    @abstractmethod
     def ne(self, a: Value, b: Value) -> Value:
         """a != b, true with NaN."""
+        return self.operate("ne", a, b)
 
-    @abstractmethod
     def both(self, p: Value, q: Value) -> Value:
         """p and q."""
+        return self.operate("both", p, q)
 
-    @abstractmethod
     def either(self, p: Value, q: Value) -> Value:
         """p or q."""
+        return self.operate("either", p, q)
 
-    @abstractmethod
     def inverse(self, p: Value) -> Value:
         """not p."""
+        return self.operate("inverse", p)
 
-    @abstractmethod
     def select(self, p: Value, a: Value, b: Value) -> Value:
         """The real a in lanes where p is true, else b."""
+        return self.operate("select", p, a, b)
 
     # Integers.
-    @abstractmethod
     def bits(self, a: Value) -> Value:
         """The real a as an integer, bit by bit."""
+        return self.operate("bits", a)
 
-    @abstractmethod
     def from_bits(self, i: Value) -> Value:
         """The integer i as a real, bit by bit."""
+        return self.operate("from_bits", i)
 
     @abstractmethod
     def int_constant(self, number: int) -> Value:
         """The integer `number`, taken modulo 2^bits, in every lane."""
 
-    @abstractmethod
     def int_add(self, i: Value, j: Value) -> Value:
         """i + j modulo 2^bits."""
+        return self.operate("int_add", i, j)
 
-    @abstractmethod
     def int_sub(self, i: Value, j: Value) -> Value:
         """i - j modulo 2^bits."""
+        return self.operate("int_sub", i, j)
 
-    @abstractmethod
     def int_and(self, i: Value, j: Value) -> Value:
         """Bits that both have."""
+        return self.operate("int_and", i, j)
 
-    @abstractmethod
     def int_or(self, i: Value, j: Value) -> Value:
         """Bits that one of them has."""
+        return self.operate("int_or", i, j)
 
-    @abstractmethod
     def int_xor(self, i: Value, j: Value) -> Value:
         """Bits that exactly one of them has."""
+        return self.operate("int_xor", i, j)
 
-    @abstractmethod
     def shift_left(self, i: Value, count: int) -> Value:
         """i shifted up by `count` bits, zeros following."""
+        return self.operate("shift_left", i, count)
 
-    @abstractmethod
     def shift_right(self, i: Value, count: int) -> Value:
         """i shifted down by `count` bits, zeros following."""
+        return self.operate("shift_right", i, count)
 
-    @abstractmethod
     def arithmetic_shift_right(self, i: Value, count: int) -> Value:
         """i shifted down by `count` bits, copies of the sign bit following (slow on AVX2: prefer `shift_right`)."""
+        return self.operate("arithmetic_shift_right", i, count)
 
-    @abstractmethod
     def int_eq(self, i: Value, j: Value) -> Value:
         """i == j."""
+        return self.operate("int_eq", i, j)
 
-    @abstractmethod
     def int_lt(self, i: Value, j: Value) -> Value:
         """i < j, signed."""
+        return self.operate("int_lt", i, j)
 
     # Leaving the straight line.
     @abstractmethod
