@@ -124,9 +124,9 @@ def test_the_best_arm_for_a_task_is_written() -> None:
         (("arm.assembly.toml", "--all"), "--all and a file given"),
         (("--all",), "--all needs --modules FILE"),
         (("arm.assembly.toml", "--task", "sort.task.toml"), "--task goes with --all"),
-        (("lwa5p",), "no assembly 'lwa5p': not a built-in one and not a file; did you mean lwa4p"),
+        (("lwa5p",), "assembly = 'lwa5p': neither built in nor a file; did you mean lwa4p"),
         (("nowhere.assembly.toml",), "nowhere.assembly.toml: no such file"),
-        (("--all", "--modules", "impro"), "no module library 'impro'"),
+        (("--all", "--modules", "impro"), "module library = 'impro'"),
         (("arm.assembly.toml", "-o", "arm.csv"), "the ending '.csv' is not offered"),
         (("arm.assembly.toml", "-o", "nowhere/arm.toml"), "there is no folder 'nowhere'"),
         (("--all", "--modules", "toy.modules.toml", "-o", "best.toml"), "needs --task FILE"),
@@ -154,7 +154,7 @@ def test_what_does_not_fit_names_the_file(folder: Path) -> None:
     (folder / "arm.assembly.toml").write_text(text.replace('module = "hand"', 'module = "either"'))
     told = run("assemble", "arm.assembly.toml", "-o", "arm.toml", code=2)
     assert told.startswith(
-        "armwright: error: arm.assembly.toml: module 'either' has no connector that fits 'elbow.out'"
+        "armwright: error: arm.assembly.toml: module 'either' on = 'elbow.out': the module has no connector that fits"
     )
 
 

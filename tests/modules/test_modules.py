@@ -18,17 +18,18 @@ from armwright.description.writer import to_toml
 from armwright.errors import DescriptionError
 from armwright.model import Model, build_model
 from armwright.modules.assemble import assemble
-from armwright.modules.assembly import Assembly, assembly_names, library_names, parse_record, read_modules
+from armwright.modules.assembly import Assembly, assembly_names, library_names, read_modules
 from armwright.modules.library import ModuleLibrary
 from armwright.spatial import Placement, parallel_axes, rotation_z
+from armwright.validation import validated
 from modules.modules_of_tests import assembly, body, library, put
 
 TWO = (put("foot"), put("elbow", "foot.top"), put("elbow", "elbow.out", pi / 2, name="wrist"), put("hand", "wrist.out"))
 
 
 def made(document: dict[str, Any], modules: dict[str, Any] | None = None) -> RobotDescription:
-    toy = parse_record(modules or library(), "toy.modules.toml", ModuleLibrary)
-    return assemble(parse_record(document, "arm.assembly.toml", Assembly), [toy])
+    toy = validated(ModuleLibrary, modules or library(), file="toy.modules.toml")
+    return assemble(validated(Assembly, document, file="arm.assembly.toml"), [toy])
 
 
 def toy_arm(document: dict[str, Any], modules: dict[str, Any] | None = None) -> Model:
@@ -225,7 +226,7 @@ LIBRARIES = {
 @pytest.mark.parametrize(("path", "value", "message"), LIBRARIES.values(), ids=LIBRARIES)
 def test_libraries_that_are_refused(path: tuple[Any, ...], value: Any, message: str) -> None:
     with pytest.raises(DescriptionError) as caught:
-        parse_record(changed(*path, value=value), "toy.modules.toml", ModuleLibrary)
+        validated(ModuleLibrary, changed(*path, value=value), file="toy.modules.toml")
     told = str(caught.value)
     assert told.startswith("toy.modules.toml: ")
     assert message in told
@@ -233,82 +234,121 @@ def test_libraries_that_are_refused(path: tuple[Any, ...], value: Any, message: 
 
 
 ASSEMBLIES = {
-    "unknown module": ((put("foot"), put("elbw", "foot.top")), "no module 'elbw'; did you mean elbow"),
-    "unknown carrier": ((put("foot"), put("elbow", "feet.top")), "no module is called 'feet'; did you mean foot"),
+    "unknown module": ((put("foot"), put("elbw", "foot.top")), {"place": "module", "value": "elbw"}),
+    "unknown carrier": (
+        (put("foot"), put("elbow", "feet.top")),
+        {"place": "module 'elbow' on", "value": "feet.top", "what": "no such module"},
+    ),
     "unknown connector": (
         (put("foot"), put("elbow", "foot.tip")),
-        "module 'foot' has no connector 'tip'; did you mean top",
+        {"place": "connector of module 'foot'", "value": "tip", "choices": ("floor", "top")},
     ),
     "kind": (
         (put("foot"), put("elbow", "foot.top"), put("hand", "elbow.out"), put("bar", "hand.grip", by="in")),
-        "connectors 'hand.grip' and 'bar.in' do not fit: kind is 'grip' and 'bolt'",
+        {"place": "module 'bar' by", "value": "in", "what": "does not fit 'hand.grip': kind is 'grip' and 'bolt'"},
     ),
     "gender": (
         (put("foot"), put("bar", "foot.top", by="out")),
-        "'foot.top' and 'bar.out' do not fit: gender is 'm' and 'm'",
+        {"what": "does not fit 'foot.top': gender is 'm' and 'm'; expected m and f, or n and n"},
     ),
-    "nothing fits": ((put("foot"), put("either", "foot.top")), "module 'either' has no connector that fits 'foot.top'"),
+    "nothing fits": (
+        (put("foot"), put("either", "foot.top")),
+        {
+            "place": "module 'either' on",
+            "value": "foot.top",
+            "what": "the module has no connector that fits: 'a': kind is 'bolt' and 'ring'; 'b': kind is 'bolt' and 'ring'",
+        },
+    ),
     "no step": (
         (put("foot"), put("elbow", "foot.top", 0.5)),
-        "angle_rad = 0.5 is no step of 'foot.top' and 'elbow.in'",
+        {"place": "module 'elbow' angle_rad", "value": 0.5, "what": "no step of 'foot.top' and 'elbow.in'"},
     ),
-    "half steps": ((put("foot"), put("hand", "foot.top", pi / 2)), "expected a multiple of 2π/2"),
-    "no angle": ((put("foot"), put("elbow", "foot.top", None)), "module 'elbow': angle_rad is missing"),
-    "two roots": ((put("foot"), put("elbow")), "modules 'foot' and 'elbow' both stand on the ground"),
-    "no root": ((put("elbow", "bar.out"), put("bar", "elbow.out")), "every module stands on another one"),
+    "half steps": (
+        (put("foot"), put("hand", "foot.top", pi / 2)),
+        {"value": pi / 2, "expected": "a multiple of 2π/2 = 3.141593 rad"},
+    ),
+    "no angle": (
+        (put("foot"), put("elbow", "foot.top", None)),
+        {"place": "module 'elbow' angle_rad", "what": "missing", "expected": "a multiple of 2π/4 rad"},
+    ),
+    "two roots": (
+        (put("foot"), put("elbow")),
+        {"what": "modules 'foot' and 'elbow' both stand on the ground", "expected": "on = ... for all but one"},
+    ),
+    "no root": ((put("elbow", "bar.out"), put("bar", "elbow.out")), {"what": "every module stands on another one"}),
     "ring beside the root": (
         (put("foot"), put("elbow", "bar.out"), put("bar", "elbow.out")),
-        "modules 'elbow' and 'bar' carry each other: closed chains are not offered",
+        {"what": "modules 'elbow' and 'bar' carry each other: closed chains are not supported"},
     ),
     "taken": (
         (put("foot"), put("elbow", "foot.top"), put("bar", "foot.top")),
-        "connector 'foot.top' carries 'elbow' and 'bar'",
+        {"place": "module 'bar' on", "value": "foot.top", "what": "carries 'elbow' already"},
     ),
     "taken from below": (
         (put("foot"), put("elbow", "foot.top"), put("bar", "elbow.in", by="out")),
-        "connector 'elbow.in' carries 'foot.top' and 'bar'",
+        {"place": "module 'bar' on", "value": "elbow.in", "what": "carries 'foot.top' already"},
     ),
     "two of a name": (
         (put("foot"), put("elbow", "foot.top"), put("elbow", "elbow.out")),
-        "two modules are called 'elbow'",
+        {"place": "module", "value": "elbow", "what": "two modules have this name"},
     ),
     "too many": (
         (put("foot"), put("elbow", "foot.top"), put("bar", "elbow.out"), put("bar", "bar.out", name="more")),
-        "module 'bar' is used 2 times, as bar, more: expected at most 1",
+        {"value": "bar", "what": "is used 2 times, as bar, more", "expected": "at most 1, as many as are available"},
     ),
-    "nothing moves": ((put("foot"), put("bar", "foot.top")), "expected at least one joint that moves"),
 }
 
 
-@pytest.mark.parametrize(("modules", "message"), ASSEMBLIES.values(), ids=ASSEMBLIES)
-def test_assemblies_that_are_refused(modules: tuple[dict[str, Any], ...], message: str) -> None:
+@pytest.mark.parametrize(("modules", "fields"), ASSEMBLIES.values(), ids=ASSEMBLIES)
+def test_assemblies_that_are_refused(modules: tuple[dict[str, Any], ...], fields: dict[str, Any]) -> None:
     with pytest.raises(DescriptionError) as caught:
         toy_arm(assembly(*modules))
-    assert message in str(caught.value)
-    assert str(caught.value).startswith("arm")
+    assert {name: getattr(caught.value, name) for name in fields} == fields
+    assert caught.value.file == "arm"
+
+
+def test_an_arm_that_does_not_move_is_refused() -> None:
+    with pytest.raises(DescriptionError, match=r"arm: .*expected at least one joint that moves"):
+        toy_arm(assembly(put("foot"), put("bar", "foot.top")))
+
+
+def test_a_refusal_is_one_line() -> None:
+    with pytest.raises(DescriptionError) as caught:
+        toy_arm(assembly(put("foot"), put("elbw", "foot.top")))
+    assert str(caught.value) == "arm: module = 'elbw': no such module; did you mean elbow?"
 
 
 def test_sizes_must_be_equal() -> None:
     document = changed("modules", 2, "connectors", 0, "size", value="60")
-    with pytest.raises(
-        DescriptionError, match=r"has no connector that fits 'foot.top' \('bar.in': size is '40' and '60'"
-    ):
+    with pytest.raises(DescriptionError) as caught:
         made(assembly(put("foot"), put("bar", "foot.top")), document)
+    assert (caught.value.place, caught.value.value) == ("module 'bar' on", "foot.top")
+    assert "'in': size is '40' and '60'" in caught.value.what
 
 
 @pytest.mark.parametrize(
-    ("limits", "message"),
+    ("limits", "fields"),
     [
-        ({"elbow_tur": {"torque_n_m": 1}}, "limits.elbow_tur: no joint is called so; did you mean elbow_turn"),
-        ({"elbow_turn": {"torque_n_m": 100}}, "limits.elbow_turn.torque_n_m: wider than the module's 60.0"),
-        ({"elbow_turn": {"position_rad": [-4, 1]}}, "wider than the module's [-3.0, 3.0]"),
-        ({"elbow_turn": {"torque": 1}}, "torque = 1: unknown key; did you mean torque_n_m"),
+        ({"elbow_tur": {"torque_n_m": 1}}, {"place": "limits", "value": "elbow_tur", "what": "no such joint"}),
+        (
+            {"elbow_turn": {"torque_n_m": 100}},
+            {"place": "limits.elbow_turn.torque_n_m", "value": 100.0, "expected": "it within the module's 60.0"},
+        ),
+        (
+            {"elbow_turn": {"position_rad": [-4, 1]}},
+            {"place": "limits.elbow_turn.position_rad", "expected": "it within the module's [-3.0, 3.0]"},
+        ),
     ],
 )
-def test_limits_that_are_refused(limits: dict[str, Any], message: str) -> None:
+def test_limits_that_are_refused(limits: dict[str, Any], fields: dict[str, Any]) -> None:
     with pytest.raises(DescriptionError) as caught:
         made(assembly(*TWO, limits=limits))
-    assert message in str(caught.value)
+    assert {name: getattr(caught.value, name) for name in fields} == fields
+
+
+def test_unknown_limits_are_refused() -> None:
+    with pytest.raises(DescriptionError, match=r"limits.elbow_turn.torque = 1: unknown key; did you mean torque_n_m"):
+        made(assembly(*TWO, limits={"elbow_turn": {"torque": 1}}))
 
 
 def test_a_tensor_about_the_wrong_point_is_doubted() -> None:
@@ -321,7 +361,7 @@ def test_a_tensor_about_the_wrong_point_is_doubted() -> None:
     chain = assembly(put("foot"), put("elbow", "foot.top"), put("bar", "elbow.out"))
     told = made(chain, document).remarks
     assert len(told) == 1
-    assert "module 'bar', body 'tube'" in told[0]
+    assert "module 'bar' body 'tube'" in told[0]
     assert 'inertia_about = "frame"?' in told[0]
     assert any("module 'bar'" in warning for warning in toy_arm(chain, document).warnings)
     document["modules"][2]["bodies"][0]["inertia_about"] = "frame"
@@ -331,7 +371,7 @@ def test_a_tensor_about_the_wrong_point_is_doubted() -> None:
 @pytest.mark.parametrize(
     ("zz", "about", "message"),
     [
-        (0.06, "com", "module 'bar' of toy, body 'tube', is impossible: its principal moments"),
+        (0.06, "com", "impossible: its principal moments"),
         (0.06, "frame", "and so they would about any other point"),
         (0.035, "frame", 'about the centre of mass it would be possible: did you mean inertia_about = "com"?'),
     ],
@@ -343,7 +383,8 @@ def test_impossible_bodies_are_named(zz: float, about: str, message: str) -> Non
     chain = assembly(put("foot"), put("elbow", "foot.top"), put("bar", "elbow.out"))
     with pytest.raises(DescriptionError) as caught:
         made(chain, document)
-    assert message in str(caught.value)
+    assert message in caught.value.what
+    assert caught.value.place == "module 'bar' body 'tube'"
     document["modules"][2]["bodies"][0]["accept_impossible"] = "as printed"
     assert "as printed" in toy_arm(chain, document).warnings[0]
 

@@ -98,10 +98,9 @@ def aw_assembly(*modules: str) -> Assembly:
 
 
 def test_impossible_modules_are_refused_by_name(library: ModuleLibrary) -> None:
-    with pytest.raises(
-        DescriptionError, match=r"module 'L5' of improv, body 'body', is impossible: .*triangle inequality"
-    ):
+    with pytest.raises(DescriptionError, match="triangle inequality") as caught:
         assemble(aw_assembly("base", "PB21", "L5"), [library])
+    assert caught.value.place == "module 'L5' body 'body'"
 
 
 @pytest.mark.parametrize("name", ["L4", "L6", "L10"])

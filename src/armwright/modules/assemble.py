@@ -1,39 +1,36 @@
-"""Modules → arm: connectors are checked, joint frames placed, and every number keeps its source and says its module.
-
-Two faces meet with opposite z axes:  T = T_carrier Rz(angle) Rx(π) T_own⁻¹  places the module that is put on.
-"""
+"""Arm that modules make: connectors are checked, joint frames placed, and every number keeps its source and says its module."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pydantic
 
-from armwright.description.inertia_point import frame_origin_sign, impossible
+from armwright.description.inertia_point import frame_origin_sign
 from armwright.description.paths import quantities
-from armwright.description.robot import FixedJoint, Link, NamedFrame, PrismaticJoint, RevoluteJoint, RobotDescription
-from armwright.errors import DescriptionError, nearest
+from armwright.description.robot import FixedJoint, NamedFrame, PrismaticJoint, RevoluteJoint, RobotDescription
+from armwright.errors import DescriptionError, Problem
 from armwright.modules.assembly import Assembly, origin, read_assembly
-from armwright.modules.library import Connector, ModuleBody, ModuleLibrary, placement
-from armwright.modules.limit_overrides import narrowed
-from armwright.modules.mount import Ground, mount
-from armwright.modules.order import Instance, ground_first, instances_of
-from armwright.modules.placed_body import frame_of, link_of
-from armwright.quantity import Source
+from armwright.modules.instances import Instance, ground_first, instances_of
+from armwright.modules.library import Connector, Crossing, ModuleLibrary
+from armwright.modules.mounting import Structure, mount
+from armwright.modules.placing import frame_of, link_of
+from armwright.quantity import Quantity, Source
+from armwright.solids.visual import placement_of
 from armwright.spatial import Placement
 from armwright.validation import problems, validated
 
-COMPOSED = "composed"  # the key of [sources] for frames that follow from where connectors are
-OWN = ("child_frame", "name", "parent", "child", "frame", "axis", "source", "type", "command")
+COMPOSED = "composed"  # the key of [sources] for frames that follow from the poses of connectors
+REPLACED = {"child_frame", "name", "parent", "child", "frame", "axis", "source", "type", "command"}
 
 
 @dataclass
 class Draft:
-    """The tables of a description in the making."""
+    """Tables of the arm's description, as far as they are written."""
 
     joints: list[Any] = field(default_factory=list)
     links: list[Any] = field(default_factory=list)
@@ -57,7 +54,7 @@ def assemble(
             The tip is the assembly's, or the only connector that is left free. Sources name the modules.
     Raises:
         DescriptionError: an unknown module or connector, connectors that do not fit, an angle that is no step, a
-            closed chain, two roots, a body that cannot be.
+            closed chain, two roots, an impossible body.
     """
     place = assembly.name if isinstance(assembly, Assembly) else os.fspath(assembly)
     built_from = None
@@ -66,7 +63,7 @@ def assemble(
         assembly, named = read_assembly(assembly)
         libraries = named if libraries is None else libraries
     elif libraries is None:
-        raise DescriptionError(f"{assembly.name}: expected the libraries that its modules are from")
+        raise DescriptionError("missing", place="libraries", expected="those of the modules", file=place)
     try:
         robot = _assembled(assembly, list(libraries))
     except DescriptionError as error:
@@ -78,137 +75,140 @@ def assemble(
 
 def _assembled(assembly: Assembly, libraries: list[ModuleLibrary]) -> RobotDescription:
     instances = instances_of(assembly, libraries)
-    draft, ground = Draft(sources=_sources(assembly, libraries)), Ground(assembly.base)
+    draft, structure = Draft(sources=_sources(assembly, libraries)), Structure(assembly.base)
     for instance in ground_first(instances):
-        _check_bodies(instance)
-        link, at, body = mount(instance, instances, ground)
+        fault = instance.module.impossible_body()
+        if fault is not None:
+            raise DescriptionError.of(fault)
+        link, at, body = mount(instance, instances, structure)
         name, frame = f"{instance.name}_mount", frame_of(at, COMPOSED)
         draft.joints.append(FixedJoint(name=name, type="fixed", parent=link, child=instance.link(body), frame=frame))
-        ground.stands[instance.name, body] = Placement.identity()
-        _grow(instance, body, draft, ground)
-    free = [(i, c) for i in instances.values() for c in i.module.connectors if (i.name, c.name) not in ground.taken]
+        _add_module(instance, body, draft, structure)
+    free = [(i, c) for i in instances.values() for c in i.module.connectors if (i.name, c.name) not in structure.taken]
     fields = {
         **{key: getattr(assembly, key) for key in ("name", "title", "notes", "base", "gravity_m_s2")},
         "source": assembly.source or COMPOSED,
         "sources": draft.sources,
         "command": assembly.command or next((library.command for library in libraries if library.command), None),
         "tip": _tip(assembly, free),
-        "joints": narrowed(assembly, draft.joints),
+        "joints": _with_limits(assembly, draft.joints),
         "links": draft.links,
-        "frames": [_frame(instance, connector, ground) for instance, connector in free],
-        "remarks": tuple(sentence for instance in instances.values() for sentence in _doubts(instance)),
+        "frames": [_frame(instance, connector, structure) for instance, connector in free],
+        "remarks": tuple(str(problem) for instance in instances.values() for problem in _doubts(instance)),
     }
     robot = validated(RobotDescription, fields)
     used = {source for _, _, source in quantities(robot)}
     return robot.model_copy(update={"sources": {key: draft.sources[key] for key in draft.sources if key in used}})
 
 
-def _check_bodies(instance: Instance) -> None:
-    for body in instance.module.bodies:
-        fault = impossible(float(body.mass_kg), np.array(body.com_m), body.inertia_kg_m2.matrix(), body.inertia_about)
-        if fault is not None and body.accept_impossible is None:
-            raise DescriptionError(
-                f"module {instance.module.name!r} of {instance.library.name}, body {body.name!r}, is impossible: {fault}; "
-                'expected a real body, or accept_impossible = "reason" in it'
-            )
-
-
-def _doubts(instance: Instance) -> Iterator[str]:
-    """Tensors that are said to be about the centre of mass and look as if they were not."""
+def _doubts(instance: Instance) -> Iterator[Problem]:
+    """Tensors that are stated to be about the centre of mass and look as if they were not."""
     for body in instance.module.bodies:
         sign = frame_origin_sign(float(body.mass_kg), np.array(body.com_m), body.inertia_kg_m2.matrix())
         if sign is not None and body.inertia_about == "com":
-            yield f'module {instance.module.name!r}, body {body.name!r}: {sign}; did you mean inertia_about = "frame"?'
+            place = f"module {instance.module.name!r} body {body.name!r}"
+            yield Problem(f'{sign}; did you mean inertia_about = "frame"?', place)
 
 
-def _grow(instance: Instance, start: str, draft: Draft, ground: Ground) -> None:
-    """Links and joints of a module from the body that it is carried by outward; joints passed backwards are turned round."""
-    module, bodies = instance.module, {body.name: body for body in instance.module.bodies}
-    draft.links.append(_link(instance, bodies[start], ground, draft))
-    seen, waiting = {start}, [start]
-    while waiting:
-        here = waiting.pop(0)
-        stands = ground.stands[instance.name, here]
-        for joint in module.joints:
-            if here not in (joint.parent, joint.child):
-                continue
-            there = joint.child if joint.parent == here else joint.parent
-            if there in seen:
-                continue
-            forward = joint.parent == here
-            before, behind = placement(joint.frame), placement(joint.child_frame)
-            if not forward:  # T⁻¹ = behind⁻¹ R(axis, -q) before⁻¹
-                before, behind = behind.inverse(), before.inverse()
-            if isinstance(joint, FixedJoint):
-                before, behind = before @ behind, Placement.identity()
-            ground.stands[instance.name, there] = behind
-            names = {
-                "name": f"{instance.name}_{joint.name}",
-                "parent": instance.link(here),
-                "child": instance.link(there),
-            }
-            draft.joints.append(_joint(instance, joint, names, stands @ before, 1.0 if forward else -1.0, draft))
-            draft.links.append(_link(instance, bodies[there], ground, draft))
-            seen.add(there)
-            waiting.append(there)
+def _add_module(instance: Instance, start: str, draft: Draft, structure: Structure) -> None:
+    """Adds links and joints of a module, from the body that is carried outward; joints passed backwards are turned round."""
+    bodies = {body.name: body for body in instance.module.bodies}
+
+    def add_link(name: str, placed: Placement) -> None:
+        structure.placements[instance.name, name] = placed
+        source = _source(instance, bodies[name].source, draft)
+        draft.links.append(link_of(bodies[name], instance.link(name), source, placed))
+
+    add_link(start, Placement.identity())
+    for crossing in instance.module.crossings(start):
+        before, after = crossing.before, crossing.after
+        if isinstance(crossing.joint, FixedJoint):
+            before, after = before @ after, Placement.identity()
+        at = structure.placements[instance.name, crossing.near] @ before
+        draft.joints.append(_joint(instance, crossing, at, draft))
+        add_link(crossing.far, after)
 
 
-def _joint(instance: Instance, joint: Any, names: dict[str, str], at: Placement, sense: float, draft: Draft) -> Any:
-    source = _told(instance, joint.source, draft)
-    same = np.array_equal(at.position, np.array(joint.frame.xyz_m)) and sense > 0
-    same = same and np.array_equal(at.rotation, placement(joint.frame).rotation)
-    frame = joint.frame if same else frame_of(at)
-    fields = {name: getattr(joint, name) for name in joint.model_fields_set if name not in OWN}
-    fields |= {**names, "type": joint.type, "frame": frame, "source": source}
+def _joint(instance: Instance, crossing: Crossing, at: Placement, draft: Draft) -> Any:
+    joint, forward, as_written = crossing.joint, crossing.forward, placement_of(crossing.joint.frame)
+    same = np.array_equal(at.position, as_written.position) and np.array_equal(at.rotation, as_written.rotation)
+    fields = {name: getattr(joint, name) for name in joint.model_fields_set if name not in REPLACED}
+    fields |= {
+        "name": f"{instance.name}_{joint.name}",
+        "type": joint.type,
+        "parent": instance.link(crossing.near),
+        "child": instance.link(crossing.far),
+        "frame": joint.frame if same and forward else frame_of(at),
+        "source": _source(instance, joint.source, draft),
+    }
     if isinstance(joint, FixedJoint):
         return FixedJoint(**fields)
     axis = joint.axis
     assert axis is not None
-    fields["axis"] = axis if sense > 0 else axis.replace(value=tuple(0.0 - v for v in axis.value))
+    fields["axis"] = axis if forward else axis.replace(value=tuple(0.0 - v for v in axis.value))
     command = joint.command or instance.library.command
     if command is not None:
         fields["command"] = command
     return (RevoluteJoint if joint.type == "revolute" else PrismaticJoint)(**fields)
 
 
-def _link(instance: Instance, body: ModuleBody, ground: Ground, draft: Draft) -> Link:
-    source = _told(instance, body.source, draft)
-    return link_of(body, instance.link(body.name), source, ground.stands[instance.name, body.name])
+def _with_limits(assembly: Assembly, joints: Sequence[Any]) -> list[Any]:
+    """Joints with the assembly's own limits, which may be narrower than the module's and not wider."""
+    joints = list(joints)
+    known = {joint.name: k for k, joint in enumerate(joints) if not isinstance(joint, FixedJoint)}
+    for name, table in assembly.limits.items():
+        if name not in known:
+            raise DescriptionError("no such joint", place="limits", value=name, choices=known)
+        old = joints[known[name]].limits
+        data = {key: value for key, value in table.items() if key != "source"}
+        limits = validated(type(old), data, place=f"limits.{name}")
+        changes = {}
+        for key in limits.model_fields_set:
+            value, widest = getattr(limits, key), getattr(old, key)
+            if widest is not None and not _within(value, widest):
+                place, expected = f"limits.{name}.{key}", f"it within the module's {_plain(widest)}"
+                raise DescriptionError(place=place, value=_plain(value), expected=expected)
+            changes[key] = value if value.source else value.replace(source=table.get("source") or assembly.source)
+        joints[known[name]] = joints[known[name]].replace(limits=old.replace(**changes))
+    return joints
 
 
-def _frame(instance: Instance, connector: Connector, ground: Ground) -> NamedFrame:
-    placed = frame_of(ground.stands[instance.name, connector.body] @ connector.placement())
+def _within(new: Quantity, old: Quantity) -> bool:
+    a, b = np.atleast_1d(np.array(new)), np.atleast_1d(np.array(old))
+    return bool(a[0] >= b[0] and a[1] <= b[1]) if len(a) == 2 else bool(a[0] <= b[0])
+
+
+def _plain(quantity: Quantity) -> Any:
+    return list(quantity.value) if isinstance(quantity.value, tuple) else quantity.value
+
+
+def _frame(instance: Instance, connector: Connector, structure: Structure) -> NamedFrame:
+    placed = frame_of(structure.placements[instance.name, connector.body] @ connector.placement())
     name, link = f"{instance.name}_{connector.name}", instance.link(connector.body)
     return NamedFrame(name=name, link=link, source=COMPOSED, xyz_m=placed.xyz_m, rpy_rad=placed.rpy_rad)
 
 
 def _tip(assembly: Assembly, free: list[tuple[Instance, Connector]]) -> str | None:
-    ends = [(instance.name, connector.name) for instance, connector in free if connector.name != instance.module.ground]
-    if assembly.tip is None:
-        return "_".join(ends[0]) if len(ends) == 1 else None
-    name, _, connector = assembly.tip.partition(".")
-    if (name, connector) not in ends:
-        known = [".".join(end) for end in ends]
-        raise DescriptionError(
-            f"tip = {assembly.tip!r} is no connector that is left free; {nearest(assembly.tip, known)}"
-        )
-    return f"{name}_{connector}"
+    ends = [f"{instance.name}.{c.name}" for instance, c in free if c.name != instance.module.ground]
+    if assembly.tip is not None and assembly.tip not in ends:
+        raise DescriptionError("no connector that is left free", place="tip", value=assembly.tip, choices=ends)
+    tip = assembly.tip or (ends[0] if len(ends) == 1 else None)
+    return None if tip is None else tip.replace(".", "_")
 
 
 def _sources(assembly: Assembly, libraries: list[ModuleLibrary]) -> dict[str, Source]:
     text = f"Composed from the modules of {assembly.name}: where their connectors and joints are"
-    found = {COMPOSED: Source(kind="definition", text=text)}
+    sources = {COMPOSED: Source(kind="definition", text=text)}
     for home in (assembly, *libraries):
         for key, source in home.sources.items():
-            if found.setdefault(key, source) != source:
-                raise DescriptionError(
-                    f"sources.{key} means different things in {home.name} and elsewhere: expected another key"
-                )
-    return found
+            if sources.setdefault(key, source) != source:
+                what = f"means different things in {home.name} and elsewhere"
+                raise DescriptionError(what, place=f"sources.{key}", expected="another key")
+    return sources
 
 
-def _told(instance: Instance, source: str | None, draft: Draft) -> str | None:
-    """The key of a source that names the module as well."""
+def _source(instance: Instance, source: str | None, draft: Draft) -> str | None:
+    """Key of a source that names the module as well."""
     key = source or instance.module.source or instance.library.source
     if key is None:
         return None

@@ -1,27 +1,24 @@
-"""An assembly: `*.assembly.toml`, which modules stand on which connectors. Reading it, and the libraries it names."""
+"""Assembly: `*.assembly.toml`, which modules stand on which connectors. Reading it, and the libraries it names."""
 
 from __future__ import annotations
 
 import os
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
 from armwright.description.built_from import BuiltFrom, assembled_from
 from armwright.description.drive import Command
+from armwright.description.record_file import Read, read_record
 from armwright.description.robot import Name, check_sources
-from armwright.description.toml_file import read_document
-from armwright.errors import DescriptionError, nearest
+from armwright.errors import DescriptionError
 from armwright.modules.library import ModuleLibrary
 from armwright.quantity import Number, Record, Source, Vector3
-from armwright.validation import validated
 
 MODULES, ASSEMBLY = ".modules.toml", ".assembly.toml"
 Place = Annotated[str, Field(pattern=r"^[^\s.\[\]]+\.[^\s.\[\]]+$")]
-
-Read = TypeVar("Read", bound=Record)
 
 
 class Placed(Record):
@@ -60,7 +57,7 @@ class Assembly(Record):
     )
     gravity_m_s2: Vector3 | None = Field(default=None, description="In base axes; absent: standard gravity along -z.")
     base: Name = Field(default="ground", description="What the joints' parents call the ground.")
-    command: Command | None = Field(default=None, description="What drives the joints; absent: the libraries' word.")
+    command: Command | None = Field(default=None, description="What drives the joints; absent: as the libraries say.")
     tip: Place | None = Field(default=None, description="The free connector NAME.CONNECTOR that kinematics are about.")
     modules: tuple[Placed, ...] = Field(min_length=1, description="One table a module, from the ground outward.")
     limits: dict[Name, dict[str, Any]] = Field(
@@ -142,31 +139,16 @@ def _builtin(ending: str) -> list[str]:
     return sorted(entry.name.removesuffix(ending) for entry in folder.iterdir() if entry.name.endswith(ending))
 
 
-def _read(name_or_path: str | os.PathLike[str], record: type[Read], ending: str, what: str) -> Read:
+def _read(name_or_path: str | os.PathLike[str], record: type[Read], ending: str, kind: str) -> Read:
     text = os.fspath(name_or_path) if isinstance(name_or_path, (str, os.PathLike)) else None
     if not isinstance(text, str) or not text:
-        raise DescriptionError(f"{name_or_path!r}: expected the name of a built-in {what}, or the path of a TOML file")
-    path, names = Path(text), _builtin(ending)
+        raise DescriptionError(
+            value=name_or_path, expected=f"the name of a built-in {kind}, or the path of a TOML file"
+        )
     file = _file(text, ending)
     if isinstance(file, str):
         with resources.as_file(resources.files("armwright.robots") / "modules" / file) as builtin:
-            return _parsed(builtin, record)
-    if path.suffix == ".toml" or path.exists():
-        return _parsed(path, record)
-    raise DescriptionError(f"no {what} {text!r}: not a built-in one and not a file; {nearest(text, names)}")
-
-
-def _parsed(path: Path, record: type[Read]) -> Read:
-    return parse_record(read_document(path), str(path), record, path.parent)
-
-
-def parse_record(data: dict[str, Any], place: str, record: type[Read], folder: Path | None = None) -> Read:
-    """A parsed TOML document as a record.
-
-    Args:
-        data: the document.   place: what errors call it.   record: what it should be.
-        folder: where the paths of meshes start, and stay.
-    Raises:
-        DescriptionError: it is none; one line that names place, value and what was expected.
-    """
-    return validated(record, data, file=place, folder=folder)
+            return read_record(builtin, record)
+    if file.suffix == ".toml" or file.exists():
+        return read_record(file, record)
+    raise DescriptionError("neither built in nor a file", place=kind, value=text, choices=_builtin(ending))

@@ -11,22 +11,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from armwright.description.inertia_point import impossible
 from armwright.errors import DescriptionError
 from armwright.modules.assembly import Assembly, Placed
-from armwright.modules.fit import angle_steps, fitting
 from armwright.modules.library import Connector, Module, ModuleLibrary
-from armwright.modules.mount import MEETING, root_body
+from armwright.modules.mounting import MEETING, angle_steps, fitting
 from armwright.modules.reach_bound import Passage, passage
-from armwright.quantity import Quantity
+from armwright.quantity import Quantity, Record
 from armwright.spatial import Placement, rotation_z
 
-TELLS_NOTHING = ("name", "title", "source", "sources", "date", "std", "visuals", "available")  # of how a module moves
+NOT_MECHANICAL = ("title", "source", "sources", "date", "std", "visuals", "available")  # do not change the motion
 
 
 @dataclass(frozen=True)
 class Rules:
-    """Which chains are wanted."""
+    """Limits on the chains that are wanted; `turned`: arms that differ only by a turn about the vertical are listed too."""
 
     max_joints: int
     min_joints: int = 1
@@ -34,12 +32,10 @@ class Rules:
     turned: bool = False
 
     def __post_init__(self) -> None:
-        if not 1 <= self.min_joints <= self.max_joints:
-            raise DescriptionError(
-                f"joints from {self.min_joints} to {self.max_joints}: expected at least 1, and the smaller number first"
-            )
-        if self.max_links < 0:
-            raise DescriptionError(f"max_links = {self.max_links}: expected 0 or more")
+        least = {"min_joints": 1, "max_joints": self.min_joints, "max_links": 0}
+        for name, bound in least.items():
+            if getattr(self, name) < bound:
+                raise DescriptionError(place=name, value=getattr(self, name), expected=f"{bound} or more")
 
 
 class Step(NamedTuple):
@@ -49,7 +45,7 @@ class Step(NamedTuple):
     called: str
     on: str | None = None
     by: str | None = None
-    turn: tuple[int, int] | None = None  # how many of how many steps; None where there is one way only
+    turn: tuple[int, int] | None = None  # (step, steps a turn); None where there is one way only
 
     @property
     def angle(self) -> float:
@@ -58,19 +54,19 @@ class Step(NamedTuple):
 
     @property
     def label(self) -> str:
-        """The module, with what is not plain about how it is put on: its connector, and the angle in degrees."""
+        """The module; with its connector where several fit, and with the angle in degrees where it is not 0."""
         degrees = f"@{self.angle * 180 / pi:.4g}".replace(".", "_") if self.angle else ""
         return f"{self.module}{'' if self.by is None else f':{self.by}'}{degrees}"
 
-    def placed(self) -> Placed:
-        """The table of an assembly's file."""
-        name = self.called if self.called != self.module else None
+    def placed(self, module: str) -> Placed:
+        """The table of an assembly's file, with a module of that name."""
+        name = self.called if self.called != module else None
         angle = None if self.turn is None else Quantity(value=self.angle)
-        return Placed(module=self.module, name=name, on=self.on, by=self.by, angle_rad=angle)
+        return Placed(module=module, name=name, on=self.on, by=self.by, angle_rad=angle)
 
 
-class Way(NamedTuple):
-    """How a module can be put on a connector, and the connector that is then the chain's end."""
+class Extension(NamedTuple):
+    """A module that can be put on a connector, and the connector that is then the chain's end."""
 
     module: Module
     by: str | None
@@ -95,116 +91,110 @@ class Chain:
 
     @property
     def reach(self) -> float:
-        """How far the end can be from the base [m]: no pose is further out."""
+        """Upper bound of the distance from the base to the end [m]."""
         return self.length + float(np.linalg.norm(self.point))
 
     def assembly(self, library: ModuleLibrary) -> Assembly:
-        """What `assemble` takes, called after its modules; where a module is used up, its next twin of the library stands in."""
+        """Assembly named after its modules; where a module is used up, the next one of the library that moves like it is used."""
         tip = None if self.end is None else f"{self.steps[-1].called}.{self.end}"
         name, placed = "-".join(step.label for step in self.steps), []
-        taken: Counter[str] = Counter()
-        limits = {module.name: module.available for module in library.modules}
+        used: Counter[str] = Counter()
         for step in self.steps:
-            each = step.placed()
-            free = [n for n in twins(library, each.module) if limits[n] is None or taken[n] < limits[n]]  # type: ignore[operator]
-            own = free[0] if free else each.module
-            taken[own] += 1
-            placed.append(each if own == each.module else each.model_copy(update={"module": own, "name": step.called}))
+            free = (module.name for module in alike(library, step.module) if not _used_up(module, used[module.name]))
+            module = next(free, step.module)
+            used[module] += 1
+            placed.append(step.placed(module))
         return Assembly(name=name, source="definition", libraries=(library.name,), modules=tuple(placed), tip=tip)
 
 
-def twins(library: ModuleLibrary, name: str) -> list[str]:
+def alike(library: ModuleLibrary, name: str) -> list[Module]:
     """Modules of the library that move like the one of that name, itself first."""
-    meanings = {module.name: _meaning(module) for module in library.modules}
-    return [name, *(other for other, meaning in meanings.items() if other != name and meaning == meanings[name])]
+    module = library.module(name)
+    mechanics = _mechanics(module)
+    return [module, *(m for m in library.modules if m is not module and _mechanics(m) == mechanics)]
 
 
 def possible_modules(library: ModuleLibrary) -> tuple[list[Module], dict[str, str]]:
-    """Modules that can be, one of each kind that moves alike, and why the others are left out, by name."""
+    """Physically possible modules, one of each kind that moves alike, and by name the reasons why the others are left out."""
     kept: dict[Any, Module] = {}
-    left: dict[str, str] = {}
+    left_out: dict[str, str] = {}
     for module in library.modules:
-        faults = [
-            impossible(float(body.mass_kg), np.array(body.com_m), body.inertia_kg_m2.matrix(), body.inertia_about)
-            for body in module.bodies
-            if body.accept_impossible is None
-        ]
-        fault = next((fault for fault in faults if fault), None)
-        if fault is not None:
-            left[module.name] = f"it is impossible: {fault}"
-            continue
-        key = _meaning(module)
+        fault, key = module.impossible_body(), _mechanics(module)
         twin = kept.get(key)
-        if twin is None:
+        if fault is not None:
+            left_out[module.name] = f"it is {fault.what}"
+        elif twin is None:
             kept[key] = module
-            continue
-        left[module.name] = f"it is like {twin.name}"
-        several = None if None in (twin.available, module.available) else twin.available + module.available  # type: ignore[operator]
-        kept[key] = twin.model_copy(update={"available": several})
-    return list(kept.values()), left
+        else:
+            left_out[module.name] = f"it is like {twin.name}"
+            counts = (twin.available, module.available)
+            available = None if None in counts else sum(counts)  # type: ignore[arg-type]
+            kept[key] = twin.model_copy(update={"available": available})
+    return list(kept.values()), left_out
 
 
 def chains(modules: list[Module], rules: Rules) -> Iterator[Chain]:
-    """Chains from a module with a ground outward, those with fewer modules first; a module as often as there are of it.
-
-    `rules.turned` keeps arms that differ only by a turn about the vertical through the base, which a task tells apart.
-    """
-    ways: dict[tuple[str, str, bool], list[Way]] = {}
+    """Chains from a module with a ground outward, those with fewer modules first; a module as often as there are of it."""
+    known: dict[tuple[str, str, bool], list[Extension]] = {}
     level = [
         start
         for module in modules
-        if module.ground and _moving(module) <= rules.max_joints
+        if module.ground and module.moving_joints <= rules.max_joints
         for start in _starts(module, module.connector(module.ground))
     ]
     while level:
         yield from (chain for chain in level if chain.joints >= rules.min_joints)
-        level = [longer for chain in level for longer in _longer(chain, modules, rules, ways)]
+        level = [longer for chain in level for longer in _longer(chain, modules, rules, known)]
 
 
 def _starts(module: Module, ground: Connector) -> Iterator[Chain]:
     for end in _free(module, ground.name):
         length, point = passage(module, ground, end).extend(0.0, np.zeros(3), np.eye(3))
-        yield Chain((Step(module.name, module.name),), module, end, _moving(module), 0, length, point, _mass(module))
+        step = Step(module.name, module.name)
+        yield Chain((step,), module, end, module.moving_joints, 0, length, point, module.mass)
 
 
 def _longer(
-    chain: Chain, modules: list[Module], rules: Rules, ways: dict[tuple[str, str, bool], list[Way]]
+    chain: Chain, modules: list[Module], rules: Rules, known: dict[tuple[str, str, bool], list[Extension]]
 ) -> Iterator[Chain]:
     if chain.end is None:
         return
     first = len(chain.steps) == 1 and not rules.turned
     key = (chain.module.name, chain.end, first)
-    if key not in ways:
-        ways[key] = list(_ways(chain.module, chain.end, modules, straight=first))
+    if key not in known:
+        known[key] = list(_extensions(chain.module, chain.end, modules, straight=first))
     on = f"{chain.steps[-1].called}.{chain.end}"
-    for way in ways[key]:
-        name, moving = way.module.name, _moving(way.module)
-        joints, links = chain.joints + moving, 0 if moving else chain.links + 1
-        if joints > rules.max_joints or (links > rules.max_links and not way.ends_here):
+    for extension in known[key]:
+        module = extension.module
+        joints, links = chain.joints + module.moving_joints, 0 if module.moving_joints else chain.links + 1
+        used = sum(step.module == module.name for step in chain.steps)
+        too_long = joints > rules.max_joints or (links > rules.max_links and not extension.ends_here)
+        if too_long or _used_up(module, used):
             continue
-        used = sum(step.module == name for step in chain.steps)
-        if way.module.available is not None and used >= way.module.available:
-            continue
-        called = f"{name}-{used + 1}" if used else name
-        for turn in way.turns:
-            steps = (*chain.steps, Step(name, called, on, way.by, turn))
-            length, point = way.passage.extend(chain.length, chain.point, _turned(turn))
-            yield Chain(steps, way.module, way.end, joints, links, length, point, chain.mass + _mass(way.module))
+        called = f"{module.name}-{used + 1}" if used else module.name
+        for turn in extension.turns:
+            steps = (*chain.steps, Step(module.name, called, on, extension.by, turn))
+            length, point = extension.passage.extend(chain.length, chain.point, _rotation(turn))
+            yield Chain(steps, module, extension.end, joints, links, length, point, chain.mass + module.mass)
 
 
-def _ways(below: Module, end: str, modules: list[Module], *, straight: bool) -> Iterator[Way]:
+def _used_up(module: Module, used: int) -> bool:
+    return module.available is not None and used >= module.available
+
+
+def _extensions(below: Module, end: str, modules: list[Module], *, straight: bool) -> Iterator[Extension]:
     """All ways to put a module on that connector; `straight`: not turned where a turn would only turn the whole arm."""
     carrier = below.connector(end)
     straight = straight and _about_vertical(below, carrier)
     for module in modules:
         fits = fitting(carrier, module)
-        for own in fits:
-            steps = angle_steps(carrier, own)
+        for connector in fits:
+            steps = angle_steps(carrier, connector)
             turns = (None,) if steps == 1 else tuple((k, steps) for k in range(1 if straight else steps))
-            by = own.name if len(fits) > 1 else None
-            for free in _free(module, own.name):
+            by = connector.name if len(fits) > 1 else None
+            for free in _free(module, connector.name):
                 ends_here = not _carries(module, free, modules)
-                yield Way(module, by, turns, free, ends_here, passage(module, own, free))
+                yield Extension(module, by, turns, free, ends_here, passage(module, connector, free))
 
 
 def _free(module: Module, taken: str | None) -> list[str | None]:
@@ -214,42 +204,31 @@ def _free(module: Module, taken: str | None) -> list[str | None]:
 
 
 def _carries(module: Module, connector: str | None, modules: list[Module]) -> bool:
-    """Whether any module can stand on that connector."""
+    """True if any module can stand on that connector."""
     return connector is not None and any(fitting(module.connector(connector), other) for other in modules)
 
 
 @cache
-def _turned(turn: tuple[int, int] | None) -> np.ndarray:
-    """The rotation of a module that is put on with so many steps of a turn."""
+def _rotation(turn: tuple[int, int] | None) -> np.ndarray:
+    """Rotation of a module that is put on with so many steps of a turn."""
     return np.eye(3) if turn is None else rotation_z(2 * pi * turn[0] / turn[1])
 
 
-def _mass(module: Module) -> float:
-    return sum(float(body.mass_kg) for body in module.bodies)
-
-
-def _moving(module: Module) -> int:
-    return sum(joint.type != "fixed" for joint in module.joints)
-
-
 def _about_vertical(module: Module, carrier: Connector) -> bool:
-    """Whether a turn about this face only turns the whole arm about the vertical through the base."""
+    """True if a turn about this face only turns the whole arm about the vertical through the base."""
     ground = None if module.ground is None else module.connector(module.ground)
-    if ground is not None and (ground.body != carrier.body):
+    if carrier.body != (module.root if ground is None else ground.body):
         return False
-    if ground is None and carrier.body != root_body(module):
-        return False
-    stands = Placement.identity() if ground is None else MEETING @ ground.placement().inverse()
-    face = stands @ carrier.placement()
+    placed = Placement.identity() if ground is None else MEETING @ ground.placement().inverse()
+    face = placed @ carrier.placement()
     return bool(np.abs(face.rotation[:2, 2]).max() < 1e-9 and np.abs(face.position[:2]).max() < 1e-9)
 
 
-def _meaning(value: Any) -> Any:
-    """What of a record decides how an arm moves, as something that can be compared."""
+def _mechanics(value: Any) -> Any:
+    """The entries of a record that decide the motion of an arm, as a value that can be compared."""
     if isinstance(value, Quantity):
         return value.value
-    if hasattr(value, "model_fields_set"):
-        skipped = TELLS_NOTHING if isinstance(value, Module) else TELLS_NOTHING[1:]
-        kept = ((name, _meaning(getattr(value, name))) for name in type(value).model_fields if name not in skipped)
-        return tuple(kept)
-    return tuple(_meaning(item) for item in value) if isinstance(value, tuple) else value
+    if isinstance(value, Record):
+        skipped = (*NOT_MECHANICAL, "name") if isinstance(value, Module) else NOT_MECHANICAL
+        return tuple(_mechanics(getattr(value, name)) for name in type(value).model_fields if name not in skipped)
+    return tuple(_mechanics(item) for item in value) if isinstance(value, tuple) else value

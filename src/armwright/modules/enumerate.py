@@ -1,4 +1,4 @@
-"""All arms that a library's connectors allow, each with what it weighs, reaches and holds."""
+"""All arms that a library's connectors allow, each with its mass, reach and payload."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from armwright.model.build import assembled
 from armwright.modules.assemble import assemble
 from armwright.modules.assembly import Assembly
 from armwright.modules.chains import Chain, Rules, chains, possible_modules
-from armwright.modules.library import Module, ModuleLibrary
+from armwright.modules.library import ModuleLibrary
 from armwright.modules.statics import holding
 
-COUNTED = 200_000  # chains are counted so far, and no further
+COUNTED = 200_000  # at most so many chains are counted
 Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """An arm of modules, and what it can do."""
+    """An arm of modules, with its mass, reach and payload."""
 
     assembly: Assembly
     joints: int
     mass: float  # [kg]
-    reach: float  # [m], base to tip pulled straight
+    reach: float  # [m], upper bound of the distance from the base to the tip
     payload: float  # [kg] at the tip, held at rest in the worst pose
     holds_itself: bool
-    weakest: str  # the joint that gives in first
+    weakest: str  # the joint that reaches its limit first
 
 
 @dataclass(frozen=True)
 class Enumeration:
-    """What was found, of how many, and which modules were left out and why."""
+    """Arms that were found, of how many, and which modules were left out and why."""
 
     candidates: tuple[Candidate, ...]
-    total: int  # that the connectors allow; COUNTED: that many or more
+    total: int  # arms that the connectors allow; COUNTED: that many or more
     left_out: Mapping[str, str]
 
 
@@ -53,59 +53,53 @@ def enumerate_assemblies(
 ) -> Enumeration:
     """Every chain of modules from the ground that the connectors allow, those with fewer modules first.
 
-    Each module is used as often as there are of it. Left out are modules that cannot be, modules that move like another
-    one, and arms that a turn about the vertical makes of another. Payload: at rest, friction aside, in the worst of
+    Each module is used as often as it is available. Left out are impossible modules, modules that move like another
+    one, and arms that differ from another by a turn about the vertical. Payload: at rest, without friction, in the worst of
     256 poses spread over the joints' ranges and 768 more about the worst of them.
 
     Args:
-        library: what there is.   max_joints: of an arm.   min_joints: of an arm.
+        library: the modules.   max_joints: of an arm.   min_joints: of an arm.
         max_links: how many modules without joints may stand on each other, not counting one that ends the arm.
-        limit: how many are computed.   seed: of the poses.   progress: is told (done, of how many).
+        limit: how many are computed.   seed: of the poses.   progress: is called with (done, of how many).
     Returns:
-        found: `candidates`, `total` that there are, and `left_out` modules with the reason.
+        enumeration: `candidates`, `total` that there are, and `left_out` modules with the reason.
     Raises:
         DescriptionError: no module with a ground, or limits that leave nothing.
     """
     rules = Rules(max_joints, min_joints, max_links)
-    modules, total, left_out = counted(library, rules, limit)
-    found = []
-    for chain in islice(chains(modules, rules), limit):
-        found.append(_candidate(chain, library, seed))
-        progress(len(found), min(limit, total))
-    return Enumeration(tuple(found), total, left_out)
+    every, left_out = counted_chains(library, rules, limit)
+    candidates = []
+    for chain in every[:limit]:
+        assembly, arm = arm_of(chain, library)
+        held = holding(arm, seed)
+        mass = robot_mass(arm)
+        candidates.append(Candidate(assembly, arm.n, mass, chain.reach, held.payload, held.holds_itself, held.joint))
+        progress(len(candidates), min(limit, len(every)))
+    return Enumeration(tuple(candidates), len(every), left_out)
 
 
-def arm_of(chain: Chain, library: ModuleLibrary) -> Model:
-    """The model of a chain; its modules have been checked."""
-    return assembled(assemble(chain.assembly(library), [library]))
+def arm_of(chain: Chain, library: ModuleLibrary) -> tuple[Assembly, Model]:
+    """Assembly and model of a chain; its modules have been checked."""
+    assembly = chain.assembly(library)
+    return assembly, assembled(assemble(assembly, [library]))
 
 
-def counted(library: ModuleLibrary, rules: Rules, limit: int) -> tuple[list[Module], int, dict[str, str]]:
-    """The modules to use, and how many chains there are."""
+def robot_mass(arm: Model) -> float:
+    """Mass of all links [kg]."""
+    assert arm.description is not None
+    return arm.description.total_mass
+
+
+def counted_chains(library: ModuleLibrary, rules: Rules, limit: int) -> tuple[list[Chain], dict[str, str]]:
+    """All chains of a library, at most COUNTED of them, and the modules that are left out with the reason."""
     if limit < 1:
-        raise DescriptionError(f"limit = {limit}: expected 1 or more")
+        raise DescriptionError(place="limit", value=limit, expected="1 or more")
+    place = f"library {library.name!r}"
     modules, left_out = possible_modules(library)
     if not any(module.ground for module in modules):
-        raise DescriptionError(f"{library.name}: no module has a ground = ..., the connector that an arm stands on")
-    total = sum(1 for _ in islice(chains(modules, rules), COUNTED))
-    if not total:
-        raise DescriptionError(
-            f"{library.name}: the connectors allow no arm of {rules.min_joints} to {rules.max_joints} joints"
-        )
-    return modules, total, left_out
-
-
-def _candidate(chain: Chain, library: ModuleLibrary, seed: int) -> Candidate:
-    arm = arm_of(chain, library)
-    held = holding(arm, seed)
-    record = arm.description
-    assert record is not None
-    return Candidate(
-        chain.assembly(library),
-        arm.n,
-        record.total_mass,
-        chain.reach,
-        held.payload,
-        held.holds_itself,
-        held.joint,
-    )
+        raise DescriptionError("no module has a ground = ..., the connector that an arm stands on", place=place)
+    every = list(islice(chains(modules, rules), COUNTED))
+    if not every:
+        what = f"the connectors allow no arm of {rules.min_joints} to {rules.max_joints} joints"
+        raise DescriptionError(what, place=place)
+    return every, left_out

@@ -1,13 +1,15 @@
-"""A module library: `*.modules.toml`. A module is a piece of an arm that comes as one: bodies, joints with drives, connectors."""
+"""Module library: `*.modules.toml`. A module is a piece of an arm that comes as one: bodies, joints with drives, connectors."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from armwright.description.drive import Command
+from armwright.description.inertia_point import impossible
 from armwright.description.robot import (
     FixedJoint,
     Inertia,
@@ -17,10 +19,10 @@ from armwright.description.robot import (
     RevoluteJoint,
     check_sources,
 )
-from armwright.errors import DescriptionError, nearest
+from armwright.errors import DescriptionError, Problem, nearest
 from armwright.quantity import NotNegative, Record, Source, Vector3
-from armwright.solids.visual import Visual
-from armwright.spatial import Placement, rotation_rpy, rotation_x
+from armwright.solids.visual import Visual, placement_of
+from armwright.spatial import Placement, rotation_x
 
 Gender = Literal["m", "f", "n"]
 HALF_TURN = 3.141592653589793  # [rad]
@@ -44,7 +46,7 @@ class ModuleBody(Record):
 
     @model_validator(mode="before")
     @classmethod
-    def _point_is_told(cls, data: Any) -> Any:
+    def _point_is_stated(cls, data: Any) -> Any:
         if isinstance(data, dict) and "inertia_about" not in data:
             raise ValueError(
                 'inertia_about is missing; expected "com" or "frame", the point that the tensor is about: there is no '
@@ -104,8 +106,8 @@ class Connector(Record):
     )
 
     def placement(self) -> Placement:
-        """The face in its body, z out of the module."""
-        placed = placement(self.frame)
+        """Placement of the face in its body, z out of the module."""
+        placed = placement_of(self.frame)
         return placed @ Placement(rotation_x(HALF_TURN), 0.0 * placed.position) if self.flipped else placed
 
 
@@ -151,8 +153,62 @@ class Module(Record):
         """
         known = {connector.name: connector for connector in self.connectors}
         if name not in known:
-            raise DescriptionError(f"module {self.name!r} has no connector {name!r}; {nearest(name, known)}")
+            place = f"connector of module {self.name!r}"
+            raise DescriptionError("no such connector", place=place, value=name, choices=known)
         return known[name]
+
+    @property
+    def root(self) -> str:
+        """The body that no joint of the module moves."""
+        children = {joint.child for joint in self.joints}
+        return next(body.name for body in self.bodies if body.name not in children)
+
+    @property
+    def mass(self) -> float:
+        """Sum of the bodies' masses [kg]."""
+        return sum(float(body.mass_kg) for body in self.bodies)
+
+    @property
+    def moving_joints(self) -> int:
+        """Number of joints that are not fixed."""
+        return sum(joint.type != "fixed" for joint in self.joints)
+
+    def impossible_body(self) -> Problem | None:
+        """The first body that no real one can be and that is not accepted with a reason; None where all can be."""
+        for body in self.bodies:
+            about, tensor = body.inertia_about, body.inertia_kg_m2.matrix()
+            fault = impossible(float(body.mass_kg), np.array(body.com_m), tensor, about)
+            if fault is not None and body.accept_impossible is None:
+                place = f"module {self.name!r} body {body.name!r}"
+                expected = 'a real body, or accept_impossible = "reason" in it'
+                return Problem(f"impossible: {fault}", place, expected=expected)
+        return None
+
+    def crossings(self, start: str) -> Iterator[Crossing]:
+        """The joints from a body outward, the near ones first, each with the bodies and frames on its two sides."""
+        reached = [start]
+        for near in reached:  # grows meanwhile
+            for joint in self.joints:
+                far = joint.child if joint.parent == near else joint.parent
+                if near not in (joint.parent, joint.child) or far in reached:
+                    continue
+                forward = joint.parent == near
+                before, after = placement_of(joint.frame), placement_of(joint.child_frame)
+                if not forward:  # T⁻¹ = after⁻¹ R(axis, -q) before⁻¹
+                    before, after = after.inverse(), before.inverse()
+                reached.append(far)
+                yield Crossing(joint, near, far, forward, before, after)
+
+
+class Crossing(NamedTuple):
+    """A joint of a module on the way outward from one of its bodies."""
+
+    joint: Any
+    near: str  # the body on this side
+    far: str
+    forward: bool  # from the joint's parent to its child
+    before: Placement  # of the joint in the near body
+    after: Placement  # of the far body in the joint, which has moved
 
 
 class ModuleLibrary(Record):
@@ -180,15 +236,8 @@ class ModuleLibrary(Record):
         """
         known = {module.name: module for module in self.modules}
         if name not in known:
-            raise DescriptionError(f"{self.name}: no module {name!r}; {nearest(name, known)}")
+            raise DescriptionError("no such module", place=f"module of {self.name}", value=name, choices=known)
         return known[name]
-
-
-def placement(frame: JointFrame | None) -> Placement:
-    """A frame of a file as a placement; none is the frame that it would stand in."""
-    if frame is None:
-        return Placement.identity()
-    return Placement(rotation_rpy(*np.array(frame.rpy_rad)), np.array(frame.xyz_m))
 
 
 def _unique(what: str, names: list[str]) -> None:

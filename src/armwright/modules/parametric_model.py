@@ -1,4 +1,4 @@
-"""One traced program for all arms of a structure: geometry and masses are inputs of it, so that no arm is traced by itself."""
+"""Model with symbols for geometry and masses: one traced program serves all arms of a structure, with their numbers as inputs."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Structure = tuple[tuple[str, int], ...]  # (kind, parent) of every body; the las
 
 
 def structure(model: Model) -> Structure:
-    """What of an arm a traced program depends on."""
+    """The properties of an arm that decide its traced program."""
     return (*((body.kind, body.parent) for body in model.bodies), ("tip", model.frame().body))
 
 
-def shapes(form: Structure) -> dict[str, tuple[int, ...]]:
-    """Names and shapes of the numbers of an arm of that structure, in the order of `numbers`."""
+def parameter_shapes(form: Structure) -> dict[str, tuple[int, ...]]:
+    """Names and shapes of the parameters of an arm of that structure, in the order of `parameters_of`."""
     n = len(form) - 1
     return {
         "rotation": (n, 3, 3),
@@ -34,8 +34,8 @@ def shapes(form: Structure) -> dict[str, tuple[int, ...]]:
     }
 
 
-def numbers(model: Model) -> list[np.ndarray]:
-    """The numbers of an arm: geometry, masses and first moments of its bodies, tip, gravity."""
+def parameters_of(model: Model) -> list[np.ndarray]:
+    """Parameters of an arm: geometry, masses and first moments of its bodies, tip, gravity."""
     tip = model.frame().placement
     return [
         np.stack([body.placement.rotation for body in model.bodies]),
@@ -49,8 +49,8 @@ def numbers(model: Model) -> list[np.ndarray]:
     ]
 
 
-def skeleton(form: Structure, values: tuple[Array, ...]) -> Model:
-    """An arm of numbers or symbols, with all that matters at rest and no tensors of inertia."""
+def parametric_model(form: Structure, values: tuple[Array, ...]) -> Model:
+    """Arm of numbers or symbols, with all that matters at rest and without tensors of inertia."""
     rotation, position, offset, mass, first_moment, tip_rotation, tip_position, gravity = values
     bodies = []
     for k, (kind, parent) in enumerate(form[:-1]):
@@ -59,4 +59,4 @@ def skeleton(form: Structure, values: tuple[Array, ...]) -> Model:
         fields |= {"mass": mass[k], "first_moment": first_moment[k], "inertia": scalar.zeros(3, 3)}
         bodies.append(Body(f"joint{k}", f"link{k}", link_frame=Placement.identity(), drive=Drive("torque"), **fields))
     tip = Frame(form[-1][1], Placement(tip_rotation, tip_position))
-    return Model("skeleton", tuple(bodies), gravity, {"tip": tip}, "tip")
+    return Model("parametric", tuple(bodies), gravity, {"tip": tip}, "tip")

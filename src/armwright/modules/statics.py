@@ -1,4 +1,4 @@
-"""What an arm can hold: torques at rest over many poses at once, and the payload at the worst of them."""
+"""Payload of an arm at rest: torques at many poses at once, and the largest mass that the worst of them allows."""
 
 from __future__ import annotations
 
@@ -12,7 +12,13 @@ from armwright import scalar
 from armwright.dynamics import gravity_torques
 from armwright.kinematics import forward_kinematics, jacobian
 from armwright.model import Model
-from armwright.modules.parametric_model import Structure, numbers, shapes, skeleton, structure
+from armwright.modules.parametric_model import (
+    Structure,
+    parameter_shapes,
+    parameters_of,
+    parametric_model,
+    structure,
+)
 from armwright.program import Program, interpret, trace
 from armwright.scalar import Array
 from armwright.spatial import cross
@@ -20,16 +26,16 @@ from armwright.spatial import cross
 SAMPLES = 256  # poses spread over the joints' ranges
 BEST, AROUND, ROUNDS = 8, 16, 6  # the worst few, as many poses about each, with a spread that halves each round
 SPREAD = 0.5  # [rad | m] of the first round
-NO_LEVER = 1e-9  # [N m/kg | N/kg] below which a payload does not load a joint
+NO_LEVER = 1e-9  # [N m/kg | N/kg]: a joint that a payload loads by less is not loaded
 
 
 @dataclass(frozen=True, eq=False)
 class Holding:
-    """The largest point mass at the tip that the torque limits hold at rest in every pose looked at."""
+    """The largest point mass at the tip that the torque limits hold at rest in every pose that was tried."""
 
-    payload: float  # [kg]; infinite without torque limits, 0 where the arm does not hold itself
+    payload: float  # [kg]; infinite without torque limits, 0 where the arm cannot hold its own weight
     holds_itself: bool
-    joint: str  # the one that gives in first, "" where there is none
+    joint: str  # the one that reaches its limit first, "" where there is none
     q: np.ndarray  # (n,) [rad | m] the worst pose
 
 
@@ -43,26 +49,26 @@ def static_torques(model: Model, q: np.ndarray, com: np.ndarray | None = None) -
     Raises:
         ModelError: the arm branches and names no tip.
     """
-    both = interpret(_torques(structure(model)), q, np.zeros(3) if com is None else com, *numbers(model))
+    both = interpret(_torques(structure(model)), q, np.zeros(3) if com is None else com, *parameters_of(model))
     return both[..., 0, :], both[..., 1, :]
 
 
 @lru_cache(maxsize=64)
 def _torques(form: Structure) -> Program:
     def torques(q: Array, com: Array, *values: Array) -> np.ndarray:
-        arm = skeleton(form, values)
+        arm = parametric_model(form, values)
         slope, pull = jacobian(arm, q), arm.gravity
         moment = cross(forward_kinematics(arm, q)[:3, :3] @ com, pull)
         return scalar.stack([gravity_torques(arm, q), -(slope[:3].T @ pull + slope[3:].T @ moment)])
 
-    return trace("static_torques", torques, {"q": (len(form) - 1,), "com": (3,), **shapes(form)})
+    return trace("static_torques", torques, {"q": (len(form) - 1,), "com": (3,), **parameter_shapes(form)})
 
 
 def holding(model: Model, seed: int = 0) -> Holding:
     """The payload at the worst pose:  min over poses and joints of  (L - sign(u) g) / |u|,  u the torque a kilogram adds.
 
-    Poses are a scrambled Sobol set over the joints' ranges, then poses about the worst of them, closer each round. So
-    it is an upper bound that the worst pose of all can undercut a little. Friction helps nothing and costs nothing here.
+    Poses are a scrambled Sobol set over the joints' ranges, then poses about the worst of them, closer each round. So the
+    result is an upper bound: the payload at the worst pose of all can be a little smaller. Friction is left out.
 
     Args:
         model: the arm, with a tip.   seed: of the poses.
@@ -73,17 +79,16 @@ def holding(model: Model, seed: int = 0) -> Holding:
     low, high = ranges(model)
     random = np.random.default_rng(seed)
     poses = low + (high - low) * _sobol(SAMPLES, model.n, seed)
-    payload, joint, held = _payloads(model, poses, limits)
-    holds, spread = bool(held.all()), SPREAD
+    payload, joint, unloaded = _payloads(model, poses, limits)
+    holds, spread = bool(unloaded.all()), SPREAD
     for _ in range(ROUNDS):
         worst = np.argsort(payload)[:BEST]
         near = poses[worst, None, :] + spread * random.uniform(-1.0, 1.0, (BEST, AROUND, model.n))
         near = np.clip(near.reshape(-1, model.n), low, high)
-        more, which, held = _payloads(model, near, limits)
-        poses, payload, joint = (
-            np.concatenate([old[worst], new]) for old, new in ((poses, near), (payload, more), (joint, which))
-        )
-        holds, spread = holds and bool(held.all()), spread / 2
+        near_payload, near_joint, unloaded = _payloads(model, near, limits)
+        pairs = (poses, near), (payload, near_payload), (joint, near_joint)
+        poses, payload, joint = (np.concatenate([old[worst], new]) for old, new in pairs)
+        holds, spread = holds and bool(unloaded.all()), spread / 2
     k = int(np.argmin(payload))
     limited = bool(np.isfinite(payload[k]))
     name = model.names[int(joint[k])] if limited else ""
@@ -102,7 +107,7 @@ def ranges(model: Model) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _payloads(model: Model, poses: np.ndarray, limits: np.ndarray) -> tuple[Any, Any, Any]:
-    """For each pose the payload [kg] that the weakest joint holds, that joint, and whether the arm holds itself."""
+    """For each pose the payload [kg] that the weakest joint holds, that joint, and if the arm holds its own weight."""
     gravity, load = static_torques(model, poses)
     with np.errstate(divide="ignore", invalid="ignore"):
         each = (limits - np.sign(load) * gravity) / np.abs(load)

@@ -1,4 +1,4 @@
-"""What an arm is wanted for: `*.task.toml`, poses to reach with a payload, in a time."""
+"""Task of an arm: `*.task.toml`, poses to reach with a payload, in a time."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field, model_validator
 
+from armwright.description.record_file import read_record
 from armwright.description.robot import Name, check_sources
-from armwright.description.toml_file import read_document
-from armwright.modules.assembly import parse_record
 from armwright.quantity import NotNegative, Positive, Record, Source, Vector3
 from armwright.spatial import rotation_rpy
 
@@ -75,5 +74,4 @@ def read_task(path: str | os.PathLike[str]) -> Task:
     Raises:
         DescriptionError: no such file, or one that is no task.
     """
-    place = Path(path)
-    return parse_record(read_document(place), str(path), Task)
+    return read_record(Path(path), Task)

@@ -1,4 +1,4 @@
-"""What a link looks like: solids posed in its frame. Pictures use them; dynamics do not."""
+"""Looks of a link: solids placed in its frame. Pictures use them; dynamics do not."""
 
 from __future__ import annotations
 
@@ -35,4 +35,11 @@ class Visual(Record):
 
     def placement(self) -> Placement:
         """The solid's frame in the link's."""
-        return Placement(rotation_rpy(*np.array(self.rpy_rad)), np.array(self.xyz_m))
+        return placement_of(self)
+
+
+def placement_of(frame: Any) -> Placement:
+    """Placement that a record with xyz_m [m] and rpy_rad [rad] (about fixed x, then y, then z) states; None: the identity."""
+    if frame is None:
+        return Placement.identity()
+    return Placement(rotation_rpy(*np.array(frame.rpy_rad)), np.array(frame.xyz_m))

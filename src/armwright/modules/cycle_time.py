@@ -1,4 +1,4 @@
-"""How long a round through several poses takes, each joint at rest at each of them."""
+"""Time of a round through several poses, with all joints at rest at each of them."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 
 
-def rest_to_rest(way: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+def rest_to_rest(distance: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
     """Time of the fastest motion from rest to rest, the slowest joint's: a trapezoid of the speed, or a triangle.
 
     t = d/v + v/a  where d > v²/a,  else  2 √(d/a).
 
     Args:
-        way: (…, n) [rad | m].   velocity: (n,) [rad/s | m/s].   acceleration: (n,) [rad/s² | m/s²]; both may be infinite.
+        distance: (…, n) [rad | m].   velocity: (n,) [rad/s | m/s].   acceleration: (n,) [rad/s² | m/s²]; both may be infinite.
     Returns:
         t: (…) [s].
     """
-    d = np.abs(way)
+    d = np.abs(distance)
     with np.errstate(invalid="ignore", over="ignore"):
         ramp = np.where(np.isinf(acceleration), 0.0, velocity / acceleration)
         triangle = 2.0 * np.sqrt(d / acceleration)
@@ -29,12 +29,12 @@ def rest_to_rest(way: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
 def shortest_round(
     choices: Sequence[np.ndarray], velocity: np.ndarray, acceleration: np.ndarray
 ) -> tuple[float, list[int]]:
-    """The quickest round through one of several joint positions for each pose, and back to where it began.
+    """The fastest round through one of several joint positions for each pose, and back to the first.
 
     Args:
         choices: for each pose (c, n) [rad | m].   velocity, acceleration: (n,) as in `rest_to_rest`.
     Returns:
-        time, picked: [s], and which one for each pose. A single pose takes no time.
+        time, picked: [s], and the index of the chosen one for each pose. A single pose takes no time.
     """
     legs = [
         rest_to_rest(choices[k][:, None] - choices[(k + 1) % len(choices)][None], velocity, acceleration)
