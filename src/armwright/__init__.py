@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from armwright.modules.rank import rank_assemblies
     from armwright.modules.task import read_task
     from armwright.parameters import Batch, Draw
-    from armwright.parts.output import write_parts
+    from armwright.parts.write import write_parts
     from armwright.pictures.animate import animate
     from armwright.pictures.show import show
     from armwright.results.plot import plot
@@ -81,7 +81,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.description": ("RobotDescription", "builtin_names"),
     "armwright.modules.assemble": ("assemble",),
     "armwright.modules.assembly": ("read_modules",),
-    "armwright.parts.output": ("write_parts",),
+    "armwright.parts.write": ("write_parts",),
     "armwright.description.writer": ("to_toml", "write_toml"),
     "armwright.dynamics": (
         *("articulated_body", "bias_torques", "centre_of_mass", "composite_body", "coriolis_matrix"),

@@ -314,7 +314,7 @@ def test_tasks_that_are_refused(changes: dict[str, Any], message: str) -> None:
         ({"limit": 0}, "limit", 0, "1 or more"),
     ],
 )
-def test_rules_that_are_refused(rules: dict[str, int], place: str, value: int, expected: str) -> None:
+def test_rules_that_are_refused(rules: dict[str, Any], place: str, value: int, expected: str) -> None:
     with pytest.raises(DescriptionError) as caught:
         aw.enumerate_assemblies(toy(), **rules)
     assert (caught.value.place, caught.value.value, caught.value.expected) == (place, value, expected)

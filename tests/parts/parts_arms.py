@@ -8,8 +8,8 @@ from typing import Any
 
 from armwright.description.built_from import BuiltFrom
 from armwright.parts.build import PartsBuild, arm_of_parts
-from armwright.parts.file import parse_parts
 from armwright.parts.records import PartsDatabase
+from armwright.validation import validated
 
 HERE = {"xyz_m": [0.0, 0.0, 0.0], "rpy_rad": [0.0, 0.0, 0.0]}
 ORIGIN = BuiltFrom(file="arm.parts.toml", sha256="0" * 64)
@@ -38,7 +38,7 @@ def document(*parts: dict[str, Any], **changes: Any) -> dict[str, Any]:
 
 def database(*parts: dict[str, Any], folder: Path | None = None, **changes: Any) -> PartsDatabase:
     """The document, read."""
-    return parse_parts(document(*parts, **changes), "arm.parts.toml", folder)
+    return validated(PartsDatabase, document(*parts, **changes), file="arm.parts.toml", folder=folder)
 
 
 def built(*parts: dict[str, Any], folder: Path | None = None, **changes: Any) -> PartsBuild:

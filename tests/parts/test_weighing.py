@@ -188,19 +188,20 @@ def test_pendulums_are_believed(through, axes, share):
         ([part(section(material="steel"), section("b", material="copper"), section("hole", hole=True, count=1))],
          "does not say which of the part's materials it takes out; .* steel or copper"),
         ([part(section("hole", hole=True))], "the part has nothing to take it out of"),
-        ([part(section(), pendulums=[{"axis": [0, 0, 1], "through_m": [1, 0, 0], "inertia_kg_m2": 1}])], "have .* already"),
+        ([part(section(), pendulums=[{"axis": [0, 0, 1], "through_m": [1, 0, 0], "inertia_kg_m2": 1}])],
+         "= 1.0: expected more than .* have"),
         ([part(section(), pendulums=[{"axis": [0, 0, k], "through_m": [0, 0, 0], "inertia_kg_m2": 1} for k in (1, 2)])],
          "the same axes"),
         ([part(section(), measured_inertia_kg_m2={"xx": 1, "yy": 1, "zz": 3, "xy": 0, "xz": 0, "yz": 0})],
          "no body can be as it was measured"),
         ([part(section(solid={"shape": "sphere", "radius_m": 1e-200}))], "a volume of 0"),
-        ([part(section(xyz_m=[1e200, 0, 0]))], "no finite number"),
+        ([part(section(xyz_m=[1e200, 0, 0]))], "not a finite number"),
     ],
 )  # fmt: skip
 def test_parts_that_cannot_be(parts, message):
     with pytest.raises(DescriptionError, match=message) as caught:
         weigh(database(*parts))
-    assert str(caught.value).startswith("link 'arm' part '10-01'")
+    assert caught.value.place.startswith("link 'arm' part '10-01'")
 
 
 def test_sums_are_whatever_order():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import pi
 
 import numpy as np
@@ -157,15 +158,17 @@ def broken(kind: str) -> trimesh.Trimesh:
     [
         ("open", "an open mesh has no volume"),
         ("crossing", "faces cross near"),
-        ("flat", "expected a"),
+        ("flat", "a volume of|an open mesh|faces cross"),
         ("turned", "which side is out|faces cross|an open mesh"),
     ],
 )
 def test_meshes_that_bound_nothing(kind, message, tmp_path):
     path = tmp_path / f"{kind}.ply"
     broken(kind).export(path)
-    with pytest.raises(DescriptionError, match=message):
+    with pytest.raises(DescriptionError) as caught:
         Mesh(shape="mesh", file=str(path), scale=1).moments()
+    assert re.search(message, caught.value.what)
+    assert caught.value.value == str(path)
 
 
 def nested(*sizes: float, turned: tuple[int, ...] = (), at: float = 0.0) -> trimesh.Trimesh:
@@ -199,8 +202,9 @@ def test_shells_of_one_mesh(mesh, volume, tmp_path):
     mesh.export(tmp_path / "a.ply")
     read = Mesh(shape="mesh", file=str(tmp_path / "a.ply"), scale=1)
     if isinstance(volume, str):
-        with pytest.raises(DescriptionError, match=volume):
+        with pytest.raises(DescriptionError) as caught:
             read.moments()
+        assert caught.value.what.endswith(volume)
     else:
         assert read.moments().amount == pytest.approx(volume, rel=1e-12)
 
@@ -217,8 +221,9 @@ def test_shells_of_one_mesh(mesh, volume, tmp_path):
 def test_files_that_are_no_meshes(name, content, message, tmp_path):
     if content is not None:
         (tmp_path / name).write_bytes(content)
-    with pytest.raises(DescriptionError, match=message) as caught:
+    with pytest.raises(DescriptionError) as caught:
         Mesh(shape="mesh", file=str(tmp_path / name), scale=1).moments()
+    assert re.search(message, caught.value.what)
     assert "\n" not in str(caught.value)
 
 

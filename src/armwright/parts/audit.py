@@ -1,24 +1,23 @@
-"""The sums behind a link: what each section, and each measurement that overrides them, contributes to its mass properties.
+"""Sums that make up a link: the contribution of each section and each measurement to its mass properties.
 
-Masses and tensors about the link's centre of mass, in its axes, add up down the table. They are shown rounded so that the
-digits shown add up too: each is within one of its last digit.
+Masses and tensors about the link's centre of mass, in its axes, add up down the table. They are rounded so that the printed
+digits add up too: each is within one of its last digit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import floor
 
 import numpy as np
 
 from armwright.description.robot import Link
-from armwright.parts.mass_properties import WeighedLink, WeighedPart
+from armwright.parts.mass_properties import ENTRIES, WeighedLink, WeighedPart
 from armwright.solids.moments import Moments
 
 MASS_DECIMALS = 6
 INERTIA_DECIMALS = 8
-ENTRIES = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 
 
 @dataclass(frozen=True)
@@ -52,18 +51,16 @@ def audit(weighed: WeighedLink, link: Link) -> tuple[list[Row], Row]:
         rows: in the order of the file.   total: the database's own values, which the rows add up to.
     """
     com = np.array(link.com_m)
-    told: list[tuple[tuple[str, str, str, str, str, str, str], Moments]] = []
-    for part in weighed.parts:
-        told += _contributions(part)
-    masses = adding_up([moments.amount for _, moments in told], float(link.mass_kg), MASS_DECIMALS)
-    tensors = [moments.tensor_about(com) for _, moments in told]
+    contributions = [row for part in weighed.parts for row in _contributions(part)]
+    masses = adding_up([moments.amount for _, moments in contributions], float(link.mass_kg), MASS_DECIMALS)
+    tensors = [moments.tensor_about(com) for _, moments in contributions]
     wanted = link.inertia_kg_m2.matrix().astype(float)
     columns = [
         adding_up([tensor[place] for tensor in tensors], wanted[place], INERTIA_DECIMALS) for place in ENTRIES.values()
     ]
     rows = [
         Row(*words, mass, _centre(moments), tuple(column[k] for column in columns))
-        for k, ((words, moments), mass) in enumerate(zip(told, masses, strict=True))
+        for k, ((words, moments), mass) in enumerate(zip(contributions, masses, strict=True))
     ]
     shown = (f"{wanted[place]:.{INERTIA_DECIMALS}f}" for place in ENTRIES.values())
     mass = f"{float(link.mass_kg):.{MASS_DECIMALS}f}"
@@ -71,25 +68,24 @@ def audit(weighed: WeighedLink, link: Link) -> tuple[list[Row], Row]:
     return rows, total
 
 
-def _contributions(part: WeighedPart) -> list[tuple[tuple[str, str, str, str, str, str, str], Moments]]:
-    """Its sections, then what measurements add to them or take away; moments in the link's frame."""
-    names, found = (part.part.name, part.part.title or ""), []
+def _contributions(part: WeighedPart) -> Iterator[tuple[tuple[str, str, str, str, str, str, str], Moments]]:
+    """Texts and moments in the link's frame of a part's sections, then of what its measurements add or take away."""
+    names = (part.part.name, part.part.title or "")
     for section in part.sections:
         record = section.section
         kind = "hole" if record.hole else "section"
         times = f" × {record.count}" if record.count > 1 else ""
         volume = f"{(-1e6 if record.hole else 1e6) * section.volume * record.count:.3f}"
         words = (*names, record.name + times, kind, record.solid.shape, section.substance, volume)
-        found.append((words, section.moments.placed(part.placement)))
+        yield words, section.moments.placed(part.placement)
     if part.overrides:
         difference = Moments(part.moments.matrix - part.computed.matrix)
         words = (*names, "; ".join(part.overrides), "measured", "", "", "")
-        found.append((words, difference.placed(part.placement)))
-    return found
+        yield words, difference.placed(part.placement)
 
 
 def _centre(moments: Moments) -> tuple[str, ...]:
-    """Of a section; a correction without mass has none."""
+    """Centre of a section as text; a correction without mass has none."""
     if abs(moments.amount) < 0.5 * 10**-MASS_DECIMALS:
         return ("", "", "")
     return tuple(f"{value + 0.0:.6f}" for value in np.round(moments.centre, 6))

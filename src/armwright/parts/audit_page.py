@@ -1,19 +1,22 @@
-"""The audit of a parts build as one HTML page that needs nothing beside it."""
+"""Audit of a parts build as one HTML page that needs no other file."""
 
 from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from html import escape
+from typing import Any
 
 import numpy as np
 
+from armwright.description.paths import quantities
 from armwright.description.robot import RobotDescription
-from armwright.parts.audit import ENTRIES, Row, audit
+from armwright.errors import Problem
+from armwright.parts.audit import Row, audit
 from armwright.parts.build import PartsBuild
-from armwright.parts.changes import Change, changes
 from armwright.parts.link_picture import colour_of_part, link_picture
-from armwright.parts.mass_properties import WeighedLink
+from armwright.parts.mass_properties import ENTRIES, WeighedLink
 
 STYLE = """
 :root { color-scheme: light; }
@@ -33,7 +36,7 @@ tr.hole td { color: #a32a2a; } tr.measured td { color: #8a5a00; font-style: ital
 tr.total td { font-weight: 700; border-top: 2px solid #8f99a5; border-bottom: none; background: #eef4ee; }
 .swatch { display: inline-block; width: 11px; height: 11px; border-radius: 3px; margin-right: 7px; }
 .warning { background: #fff6dc; border-left: 4px solid #d9a400; padding: 6px 12px; margin: 8px 0; }
-.told { background: #eef3fb; border-left: 4px solid #5b86c7; padding: 6px 12px; margin: 8px 0; }
+.note { background: #eef3fb; border-left: 4px solid #5b86c7; padding: 6px 12px; margin: 8px 0; }
 img { max-width: 100%; display: block; margin: 0 auto 8px; } a { color: #24568f; }
 @media print { body { background: #fff; } section { break-inside: avoid; border: none; } }
 """
@@ -49,7 +52,10 @@ def audit_page(build: PartsBuild, previous: RobotDescription | None = None) -> s
     """
     arm = build.description
     assert arm.built_from is not None
-    notes = [*(_box("warning", text) for text in build.warnings), *(_box("told", text) for text in build.overrides)]
+    notes = [
+        *(_box("warning", warning) for warning in build.warnings),
+        *(_box("note", note) for note in build.overrides),
+    ]
     if not notes:
         notes = ['<p class="quiet">No warnings. Nothing was measured: every number is computed from sections.</p>']
     body = [
@@ -66,13 +72,37 @@ def audit_page(build: PartsBuild, previous: RobotDescription | None = None) -> s
     return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head>\n<body><main>\n{page}\n</main></body></html>\n'
 
 
+@dataclass(frozen=True)
+class Change:
+    """A number that differs between two descriptions.
+
+    Args:
+        path: as `provenance` takes it.   before, after: the values; None: there was, or is, no such number.
+    """
+
+    path: str
+    before: float | tuple[float, ...] | None
+    after: float | tuple[float, ...] | None
+
+
+def changes(before: RobotDescription, after: RobotDescription) -> list[Change]:
+    """Every number that differs, pictures aside: those of `after` in its order, then those that only `before` has."""
+    old, new = _numbers(before), _numbers(after)
+    changed = [Change(path, old.get(path), value) for path, value in new.items() if old.get(path) != value]
+    return changed + [Change(path, value, None) for path, value in old.items() if path not in new]
+
+
+def _numbers(robot: RobotDescription) -> dict[str, Any]:
+    return {path: quantity.value for path, quantity, _ in quantities(robot, pictures=False)}
+
+
 def _block(title: str, inner: str, anchor: str = "") -> str:
     where = f' id="{escape(anchor)}"' if anchor else ""
     return f"<section{where}><h2>{escape(title)}</h2>\n{inner}\n</section>"
 
 
-def _box(kind: str, text: str) -> str:
-    return f'<div class="{kind}">{escape(text)}</div>'
+def _box(kind: str, problem: Problem) -> str:
+    return f'<div class="{kind}">{escape(str(problem))}</div>'
 
 
 def _table(heads: Iterable[str], rows: Iterable[str], words: int) -> str:
@@ -94,8 +124,8 @@ def _links(build: PartsBuild) -> str:
         rows.append(_row([*cells, *(f"{v:.6f}" for v in principal)], 1))
     rows.append(_row(["all links", f"{build.description.total_mass:.6f}", *[""] * 6], 1, "total"))
     heads = ("link", "mass [kg]", "x [m]", "y [m]", "z [m]", "J₁ [kg m²]", "J₂", "J₃")
-    told = "Centre of mass in the link's frame; principal moments of inertia about it."
-    return f'<p class="quiet">{told}</p>{_table(heads, rows, 1)}'
+    note = "Centre of mass in the link's frame; principal moments of inertia about it."
+    return f'<p class="quiet">{note}</p>{_table(heads, rows, 1)}'
 
 
 def _link(link: WeighedLink, arm: RobotDescription) -> str:
@@ -115,11 +145,11 @@ def _link(link: WeighedLink, arm: RobotDescription) -> str:
     if any(part.sections for part in link.parts):
         data = base64.b64encode(link_picture(link)).decode("ascii")
         picture = f'<img alt="link {escape(link.link.name)} from its sections" src="data:image/png;base64,{data}">'
-    told = (
+    note = (
         "Centres in the link's frame; tensors about the link's centre of mass (the black dot), in its axes: masses and "
         "tensors add up down the columns."
     )
-    return f'{picture}<p class="quiet">{told}</p>{_table(heads, lines, 3)}'
+    return f'{picture}<p class="quiet">{note}</p>{_table(heads, lines, 3)}'
 
 
 def _part_line(row: Row, k: int) -> str:
@@ -130,7 +160,7 @@ def _part_line(row: Row, k: int) -> str:
 
 
 def _line(row: Row) -> str:
-    """A section, or what a measurement changed, in as many columns as there are."""
+    """Row of a section, of the effect of measurements, or of the total."""
     numbers = "".join(f"<td>{text}</td>" for text in (row.mass, *row.centre, *row.inertia))
     if row.kind in ("measured", "total"):
         name = row.name if row.kind == "measured" else f"{row.name}, as in the file"
@@ -142,10 +172,10 @@ def _line(row: Row) -> str:
 def _changes(previous: RobotDescription | None, arm: RobotDescription) -> str:
     if previous is None:
         return '<p class="quiet">There was no previous file.</p>'
-    found = changes(previous, arm)
-    if not found:
+    changed = changes(previous, arm)
+    if not changed:
         return '<p class="quiet">None: every number is as it was.</p>'
-    rows = [_row([escape(c.path), _value(c.before), _value(c.after), _difference(c)], 1) for c in found]
+    rows = [_row([escape(c.path), _value(c.before), _value(c.after), _difference(c)], 1) for c in changed]
     return _table(("parameter", "before", "now", "change"), rows, 1)
 
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from armwright.description.built_from import BuiltFrom, built_from
 from armwright.description.paths import quantities
-from armwright.description.robot import Inertia, Link, RobotDescription
-from armwright.errors import DescriptionError
+from armwright.description.record_file import read_record
+from armwright.description.robot import Link, RobotDescription
+from armwright.errors import DescriptionError, Problem
 from armwright.lint.densities import doubtful_sections
-from armwright.parts.file import read_parts
-from armwright.parts.mass_properties import WeighedLink, WeighedSection, weigh
+from armwright.parts.mass_properties import ENTRIES, WeighedLink, WeighedSection, weigh
 from armwright.parts.materials import common_materials
 from armwright.parts.overlap import overlaps
 from armwright.parts.records import PartsDatabase
@@ -26,7 +26,7 @@ from armwright.solids.visual import Visual
 from armwright.spatial import Placement, rpy_angles, snap
 from armwright.validation import validated
 
-DIGITS = 12  # of the largest entry; what lies behind them depends on the order of a sum
+DIGITS = 12  # of the largest entry; further digits depend on the order of the sum
 TRUST = ("estimate", "cad", "drawing", "datasheet", "publication", "definition", "fit", "measurement")  # least first
 
 
@@ -36,14 +36,14 @@ class PartsBuild:
 
     Args:
         database: the parts.   links: weighed.   description: the arm.
-        overrides: what measurements replaced, a sentence each.   warnings: what looks wrong; `description.remarks` too.
+        overrides: what measurements replaced.   warnings: probable mistakes; `description.remarks` has them as text.
     """
 
     database: PartsDatabase
     links: tuple[WeighedLink, ...]
     description: RobotDescription
-    overrides: tuple[str, ...]
-    warnings: tuple[str, ...]
+    overrides: tuple[Problem, ...]
+    warnings: tuple[Problem, ...]
 
 
 def build_parts(path: str | os.PathLike[str], folder: str | os.PathLike[str] | None = None) -> PartsBuild:
@@ -57,14 +57,14 @@ def build_parts(path: str | os.PathLike[str], folder: str | os.PathLike[str] | N
         DescriptionError: the file, or a part in it, cannot be believed.
     """
     path = Path(path)
-    database = read_parts(path)
+    database = read_record(path, PartsDatabase)
     meshes = [
         s.solid.file for link in database.links for p in link.parts for s in p.sections if isinstance(s.solid, Mesh)
     ]
     try:
         return arm_of_parts(database, built_from(path, meshes, None if folder is None else Path(folder)))
-    except DescriptionError as error:  # it knows the parts, not the file
-        raise DescriptionError(f"{path}: {error}") from None
+    except DescriptionError as error:
+        raise error.within(file=path) from None
 
 
 def arm_of_parts(database: PartsDatabase, origin: BuiltFrom) -> PartsBuild:
@@ -83,36 +83,25 @@ def arm_of_parts(database: PartsDatabase, origin: BuiltFrom) -> PartsBuild:
         records.append(_link(link, key))
     shared = {"name", "title", "notes", "source", "gravity_m_s2", "base", "command", "tip", "joints", "frames"}
     head = {name: getattr(database, name) for name in sorted(shared & database.model_fields_set)}
-    fields = {**head, "sources": sources, "built_from": origin, "remarks": warnings, "links": tuple(records)}
+    fields = {**head, "sources": sources, "built_from": origin, "links": tuple(records)}
+    fields["remarks"] = tuple(map(str, warnings))
     description = validated(RobotDescription, fields)
-    told = tuple(
-        f"link {link.link.name!r} part {part.part.name!r}: {override}"
+    overrides = tuple(
+        Problem(override, f"link {link.link.name!r} part {part.part.name!r}")
         for link in links
         for part in link.parts
         for override in part.overrides
     )
-    return PartsBuild(database, links, description, told, warnings)
+    return PartsBuild(database, links, description, overrides, warnings)
 
 
 def _link(link: WeighedLink, source: str) -> Link:
     """Rounded to twelve digits, so that the same parts give the same file on every machine."""
-    moments = link.moments
-    tensor = _rounded(moments.tensor)
-    entries = {
-        name: float(tensor["xyz".index(name[0]), "xyz".index(name[1])])
-        for name in Inertia.model_fields
-        if len(name) == 2
-    }
-    com = np.round(moments.centre, DIGITS) + 0.0
-    fields: dict[str, Any] = {
-        "source": source,
-        "name": link.link.name,
-        "mass_kg": _mass(link),
-        "com_m": com.tolist(),
-        "inertia_kg_m2": entries,
-        "visuals": _visuals(link),
-    }
-    return Link(**fields)
+    tensor = _rounded(link.moments.tensor)
+    com = np.round(link.moments.centre, DIGITS) + 0.0
+    fields: dict[str, Any] = {"source": source, "name": link.link.name, "mass_kg": _mass(link), "com_m": com.tolist()}
+    fields["inertia_kg_m2"] = {name: float(tensor[place]) for name, place in ENTRIES.items()}
+    return Link(**fields, visuals=_visuals(link))
 
 
 def _mass(link: WeighedLink) -> Any:
@@ -152,7 +141,7 @@ def _visual(name: str, section: WeighedSection, placement: Placement) -> Visual:
 
 
 def _source(database: PartsDatabase, link: WeighedLink, file: str) -> Source:
-    """What a link's numbers are the sum of; as good as the least trusted number that went into it."""
+    """Source that lists the sections that were summed; its kind is that of the least trusted number among them."""
     if not link.parts:
         return Source(kind="definition", text=f"no parts in {file}: massless")
     used = {source or database.source or "" for _, _, source in quantities(link.link)}

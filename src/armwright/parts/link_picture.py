@@ -21,7 +21,7 @@ MOST_FACES = 4000  # of a mesh that is drawn
 
 
 def colour_of_part(k: int) -> str:
-    """Of the k-th part of a link, in its picture and its table."""
+    """Colour of the k-th part of a link, in its picture and its table."""
     return COLOURS[k % len(COLOURS)]
 
 

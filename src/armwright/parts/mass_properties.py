@@ -1,9 +1,9 @@
 """Mass properties of parts and links: section → part → link, by sums of moments that are moved from frame to frame.
 
-What was measured of a part overrides what its sections say, quantity by quantity, in this order:
-weighed mass: density and with it every moment is scaled;  centre of mass: the part is shifted, its tensor about the centre
-kept;  tensor of inertia: taken as measured;  pendulum: the tensor changes as little as it can (Frobenius) so that the
-moments about the measured axes are the measured ones.
+Measurements of a part replace what its sections give, quantity by quantity, in this order:
+weighed mass: the density and with it every moment is scaled;  centre of mass: the part is shifted, its tensor about the
+centre stays;  tensor of inertia: taken as measured;  pendulum: the tensor changes as little as possible (Frobenius) so that
+the moments about the measured axes are the measured ones.
 """
 
 from __future__ import annotations
@@ -16,9 +16,12 @@ import numpy as np
 from armwright.errors import DescriptionError
 from armwright.parts.records import Part, PartsDatabase, PartsLink, Section
 from armwright.solids.moments import Moments, total
+from armwright.solids.visual import placement_of
 from armwright.spatial import Placement
 
-IMPOSSIBLE = 1e-9  # an eigenvalue of ∫ p pᵀ dm below minus this share of the largest is no rounding
+IMPOSSIBLE = 1e-9  # share of the largest eigenvalue of ∫ r rᵀ dm: a negative one beyond it is no rounding error
+
+ENTRIES = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}  # of a tensor
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +44,7 @@ class WeighedSection:
 
 @dataclass(frozen=True, eq=False)
 class WeighedPart:
-    """A part: what its sections give, and what holds in the end.
+    """A part: what its sections give, and what remains after measurements.
 
     Args:
         part: as written.   placement: of its frame in the link's.   sections: of it.
@@ -81,131 +84,133 @@ def weigh(database: PartsDatabase) -> tuple[WeighedLink, ...]:
 
 
 def _weigh_link(database: PartsDatabase, link: PartsLink) -> WeighedLink:
-    frame = link.construction_frame()
-    parts = tuple(_weigh_part(database, link, part, frame @ part.placement()) for part in link.parts)
-    moments = total(part.moments.placed(part.placement) for part in parts)
-    if not np.all(np.isfinite(moments.matrix)):
-        raise DescriptionError(f"link {link.name!r}: its mass is no finite number; expected a robot's dimensions")
+    frame = placement_of(link.frame)
+    try:
+        parts = tuple(_weigh_part(database, part, frame @ placement_of(part)) for part in link.parts)
+        moments = total(part.moments.placed(part.placement) for part in parts)
+        _check_finite(moments)
+    except DescriptionError as error:
+        raise error.within(f"link {link.name!r}") from None
     return WeighedLink(link, parts, moments)
 
 
-def _weigh_part(database: PartsDatabase, link: PartsLink, part: Part, placement: Placement) -> WeighedPart:
-    place = f"link {link.name!r} part {part.name!r}"
-    sections = tuple(_weigh_section(database, part, section, place) for section in part.sections)
-    _check_holes(part, sections, place)
-    computed = total(section.moments for section in sections)
-    if sections:
-        _check(computed, place, "its holes take away more than there is")
-    moments, overrides = _overridden(part, computed, place)
-    if overrides:
-        _check(moments, place, "no body can be as it was measured")
+def _weigh_part(database: PartsDatabase, part: Part, placement: Placement) -> WeighedPart:
+    try:
+        sections = tuple(_weigh_section(database, part, section) for section in part.sections)
+        _check_holes(sections)
+        computed = total(section.moments for section in sections)
+        if sections:
+            _check_possible(computed, "its holes take away more than there is")
+        moments, overrides = _overridden(part, computed)
+        if overrides:
+            _check_possible(moments, "no body can be as it was measured")
+    except DescriptionError as error:
+        raise error.within(f" part {part.name!r}") from None
     return WeighedPart(part, placement, sections, computed, moments, tuple(overrides))
 
 
-def _check_holes(part: Part, sections: tuple[WeighedSection, ...], place: str) -> None:
-    """Refuses holes in what their part is not made of, and those that do not say in which of several materials they are."""
-    made_of = {section.density: section.substance for section in sections if not section.section.hole}
-    for hole in (section for section in sections if section.section.hole):
-        named = hole.section.material is not None or hole.section.density_kg_per_m3 is not None
-        if hole.density in made_of and (named or len(made_of) == 1):
-            continue
-        told = f"{place} hole {hole.section.name!r}"
-        if not made_of:
-            raise DescriptionError(f"{told}: the part has nothing to take it out of")
-        known = " or ".join(made_of.values())
-        if hole.density not in made_of:
-            told += f" takes out {hole.substance}, of which no section of the part is"
-        else:
-            told += " does not say which of the part's materials it takes out"
-        raise DescriptionError(f"{told}; expected material = ... or density_kg_per_m3 = ... of what it is in, {known}")
-
-
-def _weigh_section(database: PartsDatabase, part: Part, section: Section, place: str) -> WeighedSection:
+def _weigh_section(database: PartsDatabase, part: Part, section: Section) -> WeighedSection:
     substance, density, material = database.substance(part, section)
     try:
         volume = section.solid.moments()
+        if not (np.all(np.isfinite(volume.matrix)) and volume.amount > 0):
+            raise DescriptionError(f"a volume of {volume.amount:g} m³", expected="a solid")
     except DescriptionError as error:
-        raise DescriptionError(f"{place} section {section.name!r}: {error}") from None
-    if not (np.all(np.isfinite(volume.matrix)) and volume.amount > 0):
-        raise DescriptionError(f"{place} section {section.name!r}: a volume of {volume.amount:g} m³; expected a solid")
+        raise error.within(f" section {section.name!r}") from None
     placements = tuple(section.placements())
     moments = total(volume.placed(placement) for placement in placements) * (-density if section.hole else density)
     return WeighedSection(section, placements, substance, density, material, volume.amount, moments)
 
 
-def _check(moments: Moments, place: str, fault: str) -> None:
-    """Refuses what no distribution of mass can be."""
+def _check_holes(sections: tuple[WeighedSection, ...]) -> None:
+    """Refuses holes in a material that their part has not, and those that do not name one of its several materials."""
+    materials = {section.density: section.substance for section in sections if not section.section.hole}
+    expected = f"material = ... or density_kg_per_m3 = ... of what it is in, {' or '.join(materials.values())}"
+    for hole in (section for section in sections if section.section.hole):
+        named = hole.section.material is not None or hole.section.density_kg_per_m3 is not None
+        place = f" hole {hole.section.name!r}"
+        if not materials:
+            raise DescriptionError("the part has nothing to take it out of", place=place)
+        if hole.density not in materials:
+            what = f"takes out {hole.substance}, of which no section of the part is"
+            raise DescriptionError(what, place=place, expected=expected)
+        if not named and len(materials) > 1:
+            what = "does not say which of the part's materials it takes out"
+            raise DescriptionError(what, place=place, expected=expected)
+
+
+def _check_finite(moments: Moments) -> None:
     if not np.all(np.isfinite(moments.matrix)):
-        raise DescriptionError(f"{place}: its mass is no finite number; expected a robot's dimensions")
+        raise DescriptionError("its mass is not a finite number", expected="a robot's dimensions")
+
+
+def _check_possible(moments: Moments, reason: str) -> None:
+    """Refuses moments that no distribution of mass has."""
+    _check_finite(moments)
     if moments.amount <= 0:
-        raise DescriptionError(f"{place} has a mass of {moments.amount:.6g} kg: {fault}")
+        raise DescriptionError(f"a mass of {moments.amount:.6g} kg: {reason}")
     about_centre = moments.placed(Placement(np.eye(3), -moments.centre)).matrix[:3, :3]
     eigenvalues = np.linalg.eigvalsh(about_centre)
     if eigenvalues[0] < -IMPOSSIBLE * max(eigenvalues[-1], 0.0) or eigenvalues[-1] < 0:
-        raise DescriptionError(
-            f"{place}: ∫ r rᵀ dm about its centre of mass has the eigenvalue {eigenvalues[0]:.4g} kg m²: {fault}"
-        )
+        fault = f"∫ r rᵀ dm about its centre of mass has the eigenvalue {eigenvalues[0]:.4g} kg m²"
+        raise DescriptionError(f"{fault}: {reason}")
 
 
-def _overridden(part: Part, moments: Moments, place: str) -> tuple[Moments, list[str]]:
-    """The measured moments of a part, and what they replace."""
-    told = []
+def _overridden(part: Part, moments: Moments) -> tuple[Moments, list[str]]:
+    """Moments of a part after its measurements, and a sentence for each of them."""
+    notes = []
     if part.weighed_mass_kg is not None:
         mass = float(part.weighed_mass_kg)
+        note = f"weighed {mass:g} kg"
         if part.sections:
             ratio = mass / moments.amount
-            told.append(
-                f"weighed {mass:g} kg, computed {moments.amount:.6g} kg: densities and with them its tensor scaled by {ratio:.6g}"
-            )
+            note += f", computed {moments.amount:.6g} kg: densities and with them its tensor scaled by {ratio:.6g}"
             moments = moments * ratio
         else:
-            told.append(f"weighed {mass:g} kg")
             moments = Moments.of(mass, np.zeros(3), np.zeros((3, 3)))
+        notes.append(note)
     if part.measured_com_m is not None:
-        com, was = np.array(part.measured_com_m), moments.centre
-        shown = (
-            f", computed {_vector(was)} m: shifted by {1000 * np.linalg.norm(com - was):.3g} mm"
-            if part.sections
-            else ""
-        )
-        told.append(f"centre of mass measured at {_vector(com)} m{shown}")
-        moments = moments.placed(Placement(np.eye(3), com - was))
+        com, computed = np.array(part.measured_com_m), moments.centre
+        note = f"centre of mass measured at {_vector(com)} m"
+        if part.sections:
+            note += f", computed {_vector(computed)} m: shifted by {1000 * np.linalg.norm(com - computed):.3g} mm"
+        notes.append(note)
+        moments = moments.placed(Placement(np.eye(3), com - computed))
     if part.measured_inertia_kg_m2 is not None:
         tensor = part.measured_inertia_kg_m2.matrix().astype(float)
-        was = f", computed {_vector(np.diag(moments.tensor))}" if part.sections else ""
-        told.append(f"tensor of inertia measured, diagonal {_vector(np.diag(tensor))} kg m²{was}")
+        computed = f", computed {_vector(np.diag(moments.tensor))}" if part.sections else ""
+        notes.append(f"tensor of inertia measured, diagonal {_vector(np.diag(tensor))} kg m²{computed}")
         moments = Moments.of_tensor(moments.amount, moments.centre, tensor)
     if part.pendulums:
-        tensor, sentences = _swung(part, moments, place)
-        told += sentences
+        tensor, sentences = _with_pendulums(part, moments)
+        notes += sentences
         moments = Moments.of_tensor(moments.amount, moments.centre, tensor)
-    return moments, told
+    return moments, notes
 
 
-def _swung(part: Part, moments: Moments, place: str) -> tuple[np.ndarray, list[str]]:
-    """The tensor about the centre of mass nearest to the computed one with the moments nᵀJn that pendulums found."""
+def _with_pendulums(part: Part, moments: Moments) -> tuple[np.ndarray, list[str]]:
+    """Tensor about the centre of mass nearest to the computed one with the moments nᵀJn that pendulums measured."""
     mass, com, tensor = moments.amount, moments.centre, moments.tensor
-    directions, wanted, told = [], [], []
+    directions, changes, notes = [], [], []
     for pendulum in part.pendulums:
         axis = np.array(pendulum.axis)
-        axis = axis / np.abs(axis).max()
+        axis = axis / np.abs(axis).max()  # first: the square of a tiny entry would underflow
         axis = axis / np.linalg.norm(axis)
         arm = com - np.array(pendulum.through_m)
         distance = arm - axis * (arm @ axis)
-        found, steiner = float(pendulum.inertia_kg_m2), mass * float(distance @ distance)
-        if found <= steiner:
-            raise DescriptionError(
-                f"{place}: pendulum about {_vector(axis)} gives {found:g} kg m², but {mass:g} kg at "
-                f"{np.linalg.norm(distance):.4g} m from the axis have {steiner:.6g} kg m² already"
-            )
+        measured, steiner = float(pendulum.inertia_kg_m2), mass * float(distance @ distance)
+        if measured <= steiner:
+            expected = f"more than {steiner:.6g} kg m², which {mass:g} kg at {np.linalg.norm(distance):.4g} m from the axis have"
+            place = f" pendulum about {_vector(axis)}"
+            raise DescriptionError(place=place, value=measured, expected=expected)
         computed = float(axis @ tensor @ axis) + steiner
-        told.append(f"pendulum about {_vector(axis)}: {found:g} kg m², computed {computed:.6g} kg m²")
+        notes.append(f"pendulum about {_vector(axis)}: {measured:g} kg m², computed {computed:.6g} kg m²")
         directions.append(np.outer(axis, axis).ravel())
-        wanted.append(found - computed)
+        changes.append(measured - computed)
     rows = np.array(directions)
     if np.linalg.matrix_rank(rows) < len(rows):
-        raise DescriptionError(f"{place}: pendulums about the same axes; expected each direction once")
-    return tensor + (np.linalg.pinv(rows) @ np.array(wanted)).reshape(3, 3), told
+        raise DescriptionError("pendulums about the same axes", expected="each direction once")
+    return tensor + (np.linalg.pinv(rows) @ np.array(changes)).reshape(3, 3), notes
 
 
 def _vector(values: np.ndarray) -> str:

@@ -13,7 +13,7 @@ from armwright.solids.visual import Colour
 
 
 class Material(Record):
-    """What a section is made of."""
+    """A material of sections."""
 
     source: str | None = None
     density_kg_per_m3: Positive = Field(description="Mass of a cubic metre.")

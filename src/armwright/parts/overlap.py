@@ -1,7 +1,7 @@
-"""Sections that fill the same room, and holes in the air: at every point, solids less holes must be 0 or 1.
+"""Sections that overlap, and holes outside of their part: at every point, the number of solids less holes must be 0 or 1.
 
-Volumes are those of bodies with flat faces that manifold3d cuts out of each other. What is round has `AROUND` sides and misses
-2π²/(3 AROUND²) of its section, 0.04 %: a shaft may seem to overlap a bore of its size, turned differently, by half of that.
+Volumes are those of bodies with flat faces, intersected by manifold3d. A round body has `AROUND` sides and lacks 2π²/(3 AROUND²)
+of its section, 0.04 %: a shaft may seem to overlap a bore of its size, turned differently, by half of that.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armwright.errors import Problem
 from armwright.parts.mass_properties import WeighedLink, WeighedPart, WeighedSection
 from armwright.solids.manifold import manifold
 from armwright.solids.surface import surface
@@ -20,7 +21,7 @@ from armwright.solids.surface import surface
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-SHARE = 0.01  # of a part's mass: an overlap below it is not told
+SHARE = 0.01  # of a part's mass: a smaller overlap is not reported
 AROUND = 128  # flat sides of what is round
 
 
@@ -32,7 +33,7 @@ class _Bodies:
         self.boxes = np.array([body.bounding_box() for body in self.bodies]).reshape(-1, 2, 3)
 
     def near(self, room: Manifold, *but: Manifold) -> list[Manifold]:
-        """Those whose boxes share room with the box around a body, some left out."""
+        """Bodies whose boxes overlap the box of `room`, without those of `but`."""
         low, high = np.reshape(room.bounding_box(), (2, 3))
         meet = (np.minimum(self.boxes[:, 1], high) > np.maximum(self.boxes[:, 0], low)).all(axis=1)
         found = (self.bodies[k] for k in np.flatnonzero(meet))
@@ -51,13 +52,13 @@ class _Copies:
         return f"{self.part.part.name!r} {self.section.section.name!r}"
 
 
-def overlaps(link: WeighedLink) -> list[str]:
+def overlaps(link: WeighedLink) -> list[Problem]:
     """Warnings about sections that overlap by more than 1 % of the mass of the lightest part concerned.
 
     Args:
         link: a weighed link; parts with `overlaps = "ok"` are left out.
     Returns:
-        warnings: a sentence each, with the volume.
+        warnings: with the volume that is counted twice.
     """
     sections = [_copies(part, section) for part in link.parts for section in part.sections]
     solids = [each for each in sections if not each.section.section.hole]
@@ -72,8 +73,8 @@ def _copies(part: WeighedPart, section: WeighedSection) -> _Copies:
     return _Copies(part, section, _Bodies(body.transform(placement.matrix()[:3]) for placement in placements))
 
 
-def _counted_twice(link: WeighedLink, solids: list[_Copies], holes: list[_Copies]) -> Iterator[str]:
-    """Warnings about solids that share room where no hole makes up for it."""
+def _counted_twice(link: WeighedLink, solids: list[_Copies], holes: list[_Copies]) -> Iterator[Problem]:
+    """Warnings about solids that overlap where no hole compensates it."""
     filled, empty = (_Bodies(body for each in sections for body in each.copies.bodies) for sections in (solids, holes))
     for one, two in combinations_with_replacement(solids, 2):
         if "ok" in (one.part.part.overlaps, two.part.part.overlaps):
@@ -88,14 +89,12 @@ def _counted_twice(link: WeighedLink, solids: list[_Copies], holes: list[_Copies
         mass = density * volume
         if mass > SHARE * least:
             pair = f"{one} and {two}" if one is not two else f"copies of {one}"
-            yield (
-                f"link {link.link.name!r}: {pair} overlap by {1e6 * volume:.3g} cm³, {mass:.3g} kg counted twice "
-                f'({100 * mass / least:.3g} % of the part); overlaps = "ok" in the part accepts it'
-            )
+            what = f"{pair} overlap by {1e6 * volume:.3g} cm³, {mass:.3g} kg counted twice"
+            yield _problem(link, what, mass / least)
 
 
-def _empty_holes(link: WeighedLink, solids: list[_Copies], holes: list[_Copies]) -> Iterator[str]:
-    """Warnings about holes that reach out of what their part is made of, or into each other."""
+def _empty_holes(link: WeighedLink, solids: list[_Copies], holes: list[_Copies]) -> Iterator[Problem]:
+    """Warnings about holes that reach out of their part, or into each other."""
     for hole in holes:
         if hole.part.part.overlaps == "ok":
             continue
@@ -106,14 +105,17 @@ def _empty_holes(link: WeighedLink, solids: list[_Copies], holes: list[_Copies])
         volume = sum(_volume_not_below(body, empty.near(body, body), filled.near(body)) for body in hole.copies.bodies)
         mass, least = volume * hole.section.density, hole.part.computed.amount
         if mass > SHARE * least:
-            yield (
-                f"link {link.link.name!r}: hole {hole} takes {1e6 * volume:.3g} cm³ where its part has nothing, "
-                f'{mass:.3g} kg too much ({100 * mass / least:.3g} % of the part); overlaps = "ok" in the part accepts it'
-            )
+            what = f"hole {hole} takes {1e6 * volume:.3g} cm³ where its part has nothing, {mass:.3g} kg too much"
+            yield _problem(link, what, mass / least)
+
+
+def _problem(link: WeighedLink, what: str, share: float) -> Problem:
+    accept = 'overlaps = "ok" in the part accepts it'
+    return Problem(f"{what} ({100 * share:.3g} % of the part); {accept}", f"link {link.link.name!r}")
 
 
 def _volume_not_below(room: Manifold, more: list[Manifold], fewer: list[Manifold]) -> float:
-    """Volume [m³] of the points of a room that lie in at least as many of the first bodies as of the second.
+    """Volume [m³] of the points of a body that lie in at least as many of the first bodies as of the second.
 
     That is where, for some k, k or more of the first and no more than k of the second are.
     """
@@ -127,7 +129,7 @@ def _volume_not_below(room: Manifold, more: list[Manifold], fewer: list[Manifold
 
 
 def _levels(room: Manifold, bodies: list[Manifold]) -> list[Manifold]:
-    """Parts of a room that lie in at least 0, 1, 2, … of the bodies."""
+    """Parts of `room` that lie in at least 0, 1, 2, … of the bodies."""
     levels = [room]
     for body in bodies:
         inside = [level ^ body for level in levels]

@@ -17,7 +17,8 @@ from armwright.errors import nearest
 from armwright.parts.materials import Material, common_materials
 from armwright.quantity import Direction, NotZero, Positive, Record, Source, Vector3
 from armwright.solids.shapes import Solid
-from armwright.spatial import Placement, rotation_rpy, rotation_to_axis, rotation_z
+from armwright.solids.visual import placement_of
+from armwright.spatial import Placement, rotation_to_axis, rotation_z
 
 MOST_COPIES = 1000  # of one section
 Text = Annotated[str, Field(min_length=1)]
@@ -31,7 +32,7 @@ class LinearPattern(Record):
     step_m: Direction = Field(description="From one copy to the next, in the part's frame.")
 
     def copies(self, count: int) -> list[Placement]:
-        """Where each copy of the part's frame stands in it."""
+        """Placement of each copy of the part's frame in it."""
         return [Placement(np.eye(3), k * np.array(self.step_m)) for k in range(count)]
 
 
@@ -47,7 +48,7 @@ class PolarPattern(Record):
     )
 
     def copies(self, count: int) -> list[Placement]:
-        """Where each copy of the part's frame stands in it."""
+        """Placement of each copy of the part's frame in it."""
         step = float(self.step_rad) if self.step_rad is not None else 2 * np.pi / count
         to_axis, through = rotation_to_axis(np.array(self.axis)), np.array(self.through_m)
         turns = [to_axis @ rotation_z(k * step) @ to_axis.T for k in range(count)]
@@ -81,8 +82,8 @@ class Section(Record):
         return self
 
     def placements(self) -> list[Placement]:
-        """Where each copy of the solid stands in the part's frame."""
-        first = Placement(rotation_rpy(*np.array(self.rpy_rad)), np.array(self.xyz_m))
+        """Placement of each copy of the solid in the part's frame."""
+        first = placement_of(self)
         copies = self.pattern.copies(self.count) if self.pattern is not None else [Placement.identity()]
         return [copy @ first for copy in copies]
 
@@ -97,7 +98,7 @@ class Pendulum(Record):
 
 
 class Part(Record):
-    """What one drawing shows. What was measured overrides what the sections say."""
+    """The object of one drawing. Measured values replace what the sections give."""
 
     source: str | None = None
     name: Text = Field(description="Drawing number, or what else the part is known by.")
@@ -126,10 +127,6 @@ class Part(Record):
             raise ValueError("measured_inertia_kg_m2 and pendulums: expected one of them")
         return self
 
-    def placement(self) -> Placement:
-        """The part's frame in the link's construction frame."""
-        return Placement(rotation_rpy(*np.array(self.rpy_rad)), np.array(self.xyz_m))
-
 
 class PartsLink(Record):
     """A link of parts. Its frame is as in the arm's file: that of the joint that moves it."""
@@ -140,12 +137,6 @@ class PartsLink(Record):
         default=None, description="The construction frame in the link's frame; absent: they are the same."
     )
     parts: tuple[Part, ...] = Field(description="One table a part; an empty list where the link has no mass.")
-
-    def construction_frame(self) -> Placement:
-        """The frame that parts are placed in, in the link's frame."""
-        if self.frame is None:
-            return Placement.identity()
-        return Placement(rotation_rpy(*np.array(self.frame.rpy_rad)), np.array(self.frame.xyz_m))
 
 
 class PartsDatabase(Record):
@@ -180,11 +171,11 @@ class PartsDatabase(Record):
         return self
 
     def material(self, key: str) -> Material:
-        """Of that name: the file's own, or one that comes with Armwright."""
+        """Material of that name: the file's own, or one that comes with Armwright."""
         return self.materials[key] if key in self.materials else common_materials().materials[key]
 
     def substance(self, part: Part, section: Section) -> tuple[str, float, Any]:
-        """What a section is made of: the name or density to show, the density [kg/m³], and the material if there is one."""
+        """Substance of a section: name or density as text, density [kg/m³], and the material if there is one."""
         for record in (section, part):
             if record.density_kg_per_m3 is not None:
                 density = float(record.density_kg_per_m3)

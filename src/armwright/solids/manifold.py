@@ -37,5 +37,5 @@ def manifold(vertices: np.ndarray, triangles: np.ndarray) -> Manifold:
     mesh.merge()
     body = Manifold(mesh)
     if body.status() != Error.NoError:
-        raise DescriptionError("not a closed surface whose faces agree on which side is out")
+        raise DescriptionError(expected="a closed surface whose faces agree on which side is out")
     return body

@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     import trimesh
 
 
-# What trimesh's readers stumble over in a broken file.
-UNREADABLE = (
+CLOSED = "a closed surface that does not cross itself"
+UNREADABLE = (  # exceptions of trimesh's readers on a broken file
     *(ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, OSError, struct.error),
     ImportError,  # COLLADA (.dae) without pycollada
 )
 
 
-FARTHEST = 1e12  # units of the file: a vertex beyond it is no robot's
-FLAT = 1e-12  # of the cube of a mesh's size: a volume below it is none
-SPOT = 1e-8  # of a mesh's size: vertices nearer than this are one
+FARTHEST = 1e12  # units of the file: no robot has a vertex beyond it
+FLAT = 1e-12  # of the cube of a mesh's size: a smaller volume counts as 0
+SPOT = 1e-8  # of a mesh's size: vertices nearer to each other than this are merged
 
 
 class Mesh(SolidRecord):
@@ -50,7 +50,7 @@ class Mesh(SolidRecord):
     def _inside(self, info: ValidationInfo) -> Mesh:
         folder = (info.context or {}).get("folder")
         if folder is None:
-            return self  # made in Python: the path is the caller's
+            return self  # written in Python: the path is the caller's
         base = Path(folder).resolve()
         if "\0" in self.file or Path(self.file).is_absolute() or not _resolved(base, self.file).is_relative_to(base):
             raise ValueError(f"file = {self.file!r} leads out of {os.fspath(folder)!r}: expected a path below it")
@@ -68,7 +68,10 @@ class Mesh(SolidRecord):
         Raises:
             DescriptionError: no such file, or nothing in it that can be read as a mesh.
         """
-        surface = _read(self.path, _stamp(self.path)).copy()
+        try:
+            surface = _read(self.path, _stamp(self.path)).copy()
+        except DescriptionError as error:
+            raise self._error(error.what, error.expected) from None
         scale = np.array(self.scale)
         surface.vertices *= scale
         if scale.prod() < 0:
@@ -87,32 +90,33 @@ class Mesh(SolidRecord):
 
         surface = self.surface()
         if not len(surface.faces) or not surface.is_watertight:
-            raise DescriptionError(f"{self.file}: an open mesh has no volume; expected a closed surface")
+            raise self._error("an open mesh has no volume", CLOSED)
         if not surface.is_winding_consistent:
-            raise DescriptionError(f"{self.file}: its faces disagree on which side is out; expected a closed surface")
+            raise self._error("its faces disagree on which side is out", CLOSED)
         crossing = crossing_faces(np.asarray(surface.triangles))
         if crossing is not None:
             one, two = (surface.triangles[face].mean(axis=0).round(6).tolist() for face in crossing)
-            raise DescriptionError(f"{self.file}: faces cross near {one} and {two} m; expected a surface that does not")
+            raise self._error(f"faces cross near {one} and {two} m", CLOSED)
         misplaced = misplaced_shell(surface)
         if misplaced is not None:
-            place, number = misplaced[0].round(6).tolist(), misplaced[1]
-            told = (
-                "points inward and lies in nothing"
-                if number < 0
-                else f"lies in another: its inside counts {number} times"
-            )
-            raise DescriptionError(
-                f"{self.file}: the shell about {place} m {told}; expected solids apart, and cavities whose faces point inward"
+            place, count = misplaced[0].round(6).tolist(), misplaced[1]
+            fault = "points inward and lies in nothing"
+            if count > 0:
+                fault = f"lies in another: its inside counts {count} times"
+            raise self._error(
+                f"the shell about {place} m {fault}", "separate solids, and cavities whose faces point inward"
             )
         a, b, c = np.moveaxis(np.asarray(surface.triangles) - surface.vertices.mean(axis=0), 1, 0)
         volume = float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
         if not abs(volume) > FLAT * float(np.ptp(surface.vertices, axis=0).max()) ** 3:
-            raise DescriptionError(f"{self.file}: a volume of {volume:.3g} m³; expected a solid")
+            raise self._error(f"a volume of {volume:.3g} m³", "a solid")
         from trimesh.triangles import mass_properties
 
         found = mass_properties(surface.triangles, crosses=surface.triangles_cross, density=1.0)
         return Moments.of_tensor(abs(volume), found.center_mass, found.inertia * np.sign(volume))
+
+    def _error(self, what: str, expected: str) -> DescriptionError:
+        return DescriptionError(what, place=" mesh", value=self.file, expected=expected)
 
 
 def _resolved(base: Path, file: str) -> Path:
@@ -126,38 +130,38 @@ def _stamp(path: Path) -> tuple[int, int]:
     try:
         stat = path.stat()
     except OSError as error:
-        raise DescriptionError(f"{path}: cannot be read: {error.strerror}") from None
+        raise DescriptionError(f"cannot be read: {error.strerror}") from None
     return stat.st_mtime_ns, stat.st_size
 
 
 @lru_cache(maxsize=64)
 def _read(path: Path, stamp: tuple[int, int]) -> trimesh.Trimesh:
-    """The mesh in a file, its equal vertices merged; `stamp` makes a changed file another one."""
+    """The mesh in a file, its equal vertices merged; `stamp` is the file's state, so that a changed file is read again."""
     import trimesh
 
     kind = path.suffix.lower().removeprefix(".")
     if kind not in ("stl", "obj", "ply", "dae"):
-        raise DescriptionError(f"{path}: no kind of mesh that is read; expected .stl, .obj, .ply or .dae")
+        raise DescriptionError("no kind of mesh that is read", expected=".stl, .obj, .ply or .dae")
     try:
         with _silenced():
             mesh = trimesh.load_mesh(path, file_type=kind, process=False)
     except UNREADABLE as error:
         first = (str(error).splitlines() or [type(error).__name__])[0]
-        raise DescriptionError(f"{path}: not a mesh that can be read: {first}") from None
+        raise DescriptionError(f"not a mesh that can be read: {first}") from None
     if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
-        raise DescriptionError(f"{path}: holds no triangles; expected a mesh")
+        raise DescriptionError("holds no triangles", expected="a mesh")
     vertices, faces = np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces)
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
-        raise DescriptionError(f"{path}: not a mesh that can be read: expected triangles of points x, y, z")
+        raise DescriptionError("not a mesh that can be read", expected="triangles of points x, y, z")
     if not (np.isfinite(vertices).all() and np.abs(vertices).max() < FARTHEST):
-        raise DescriptionError(f"{path}: a vertex is no finite point")
+        raise DescriptionError("a vertex is not a finite point")
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise DescriptionError(f"{path}: a face names a vertex that is not there")
+        raise DescriptionError("a face names a vertex that does not exist")
     return trimesh.Trimesh(*_merged(vertices, faces), process=False)
 
 
 def _merged(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices that lie on one spot made one, as the triangles of an STL need it; triangles of no area are left out."""
+    """Vertices in one place are merged, since an STL repeats them for each triangle; triangles without area are left out."""
     size = float(np.ptp(vertices, axis=0).max()) or 1.0
     _, first, which = np.unique(np.rint(vertices / (SPOT * size)), axis=0, return_index=True, return_inverse=True)
     faces = which.reshape(-1)[faces]
@@ -167,7 +171,7 @@ def _merged(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nda
 
 @contextlib.contextmanager
 def _silenced() -> Iterator[None]:
-    """trimesh tells its log and NumPy's warnings what it tried; what comes out is judged here."""
+    """Suppresses trimesh's log and NumPy's warnings about broken files; the result is checked here."""
     import logging
 
     logger = logging.getLogger("trimesh")

@@ -1,18 +1,18 @@
-"""Plane polygons: whether an outline is simple, and its area with first and second moments. [Steger1996]
+"""Plane polygons: a check that an outline is simple, and its area with first and second moments. [Steger1996]
 
-No library does the first: triangulators accept outlines that cross themselves and return something, and shapely, which finds
-crossings, names a point and not the edges of the file that meet there.
+No library has such a check: triangulators accept outlines that cross themselves and return something, and shapely, which
+finds crossings, names a point and not the edges of the file that meet there.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-MOST_POINTS = 2000  # every edge is held against every other; beyond this a mesh serves better
+MOST_POINTS = 2000  # every edge is compared with every other; for more points use a mesh
 
 
 def why_not_simple(points: np.ndarray) -> str | None:
-    """What keeps a closed outline (n, 2) from bounding one area, or None.
+    """Reason why a closed outline (n, 2) does not bound one area; None if it does.
 
     Edges may share their common corner and nothing else: no crossing, no touching, no point twice.
     """
@@ -50,7 +50,7 @@ def _cross(u: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def _meet(p: np.ndarray, q: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Which of the segments a…b (m, 2) have a point in common with p…q."""
+    """True for those of the segments a…b (m, 2) that have a point in common with p…q."""
     d1, d2 = _cross(b - a, p - a), _cross(b - a, q - a)
     d3, d4 = _cross(q - p, a - p), _cross(q - p, b - p)
     low, high = np.minimum(a, b), np.maximum(a, b)

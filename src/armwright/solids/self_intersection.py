@@ -1,7 +1,7 @@
-"""Whether the faces of a mesh pass through each other: every edge against every face near it. [Ericson2004]
+"""Faces of a mesh that cross each other: every edge is tested against every face near it. [Ericson2004]
 
-Ours, as neither trimesh nor manifold3d finds crossings: two boxes that pass through each other, and a box twisted through
-itself, are sound bodies to manifold3d 3.5, the second with half of its volume.
+Neither trimesh nor manifold3d finds crossings: manifold3d 3.5 accepts two boxes that pass through each other, and a box
+twisted through itself, for which it gives half of the volume.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-LEAF = 48  # faces that are held against each other pair by pair
+LEAF = 48  # faces that are tested against each other pair by pair
 DEPTH = 40  # halvings; beyond it faces lie on one spot
 ROUNDING = 1e-13  # of the mesh's size: a distance below it is touching, not crossing
 
@@ -36,7 +36,7 @@ def crossing_faces(triangles: np.ndarray) -> tuple[int, int] | None:
 
 
 def _leaves(faces: np.ndarray, low: np.ndarray, high: np.ndarray, depth: int) -> Iterator[np.ndarray]:
-    """The faces in small groups, such that any two whose boxes meet are together in one: a k-d tree's leaves."""
+    """Small groups of faces, the leaves of a k-d tree: any two faces whose boxes meet share a group."""
     if len(faces) <= LEAF or depth == 0:
         yield faces
         return
@@ -45,7 +45,7 @@ def _leaves(faces: np.ndarray, low: np.ndarray, high: np.ndarray, depth: int) ->
     plane = float(np.median(middles[:, axis])) / 2
     left, right = faces[low[faces, axis] <= plane], faces[high[faces, axis] >= plane]
     if max(len(left), len(right)) > 0.9 * len(faces):
-        yield faces  # they all lie across the plane
+        yield faces  # nearly all lie across the plane: halving does not separate them
         return
     yield from _leaves(left, low, high, depth - 1)
     yield from _leaves(right, low, high, depth - 1)
@@ -57,7 +57,7 @@ def _volume(a: np.ndarray, b: np.ndarray, c: np.ndarray, seen_from: np.ndarray) 
 
 
 def _pierces(edges_of: np.ndarray, faces: np.ndarray, size: float) -> np.ndarray:
-    """Which of the first triangles (m, 3, 3) send an edge through the inside of the second of their pair."""
+    """True for pairs (m, 3, 3) of which the first triangle has an edge through the inside of the second."""
     a, b, c = np.moveaxis(faces, 1, 0)
     span = np.maximum(np.ptp(faces, axis=1), np.ptp(edges_of, axis=1)).max(axis=1)
     least, found = ROUNDING * size * span * span, np.zeros(len(faces), dtype=bool)

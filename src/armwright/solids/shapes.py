@@ -1,6 +1,6 @@
-"""Solids that parts are made of, each in a frame of its own, with volume, centroid and second moments in closed form.
+"""Solids of which parts consist, each in its own frame, with volume, centroid and second moments in closed form.
 
-The axis of every round and every extruded solid is z, and its frame stands in the middle of its length.
+The axis of every round and every extruded solid is z, and the origin is in the middle of its length.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Closed shells of a surface, and whether they nest as a solid's do: outside, material, cavity, material in the cavity."""
+"""Closed shells of a surface, which must nest as those of a solid: outside, material, cavity, material in the cavity."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def misplaced_shell(surface: trimesh.Trimesh) -> tuple[np.ndarray, int] | None:
-    """Shell that no solid has there: it counts its inside twice, or takes away where nothing is.
+    """A shell that cannot be a solid's: it counts its inside twice, or is a cavity outside of any material.
 
     Args:
         surface: closed, its faces do not cross; so of two shells one is in the other, or they are apart.
@@ -30,9 +30,8 @@ def misplaced_shell(surface: trimesh.Trimesh) -> tuple[np.ndarray, int] | None:
     low, high = np.moveaxis(np.array([shell.bounds for shell in shells]), 1, 0)
     for k, body in enumerate(bodies):
         near = np.flatnonzero((low <= low[k]).all(axis=1) & (high[k] <= high).all(axis=1) & (sizes >= sizes[k]))
-        around = [
-            j for j in near if 2 * (bodies[j] ^ body).volume() > sizes[k]
-        ]  # all of it or nothing, but for rounding
+        # shells do not cross, so one contains all of another or nothing of it, but for rounding
+        around = [j for j in near if 2 * (bodies[j] ^ body).volume() > sizes[k]]
         within = int(signs[np.argmax(sizes)] * signs[around].sum())
         if within not in (0, 1):
             return shells[k].triangles.mean(axis=(0, 1)), within

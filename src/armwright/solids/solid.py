@@ -1,4 +1,4 @@
-"""What all solids have in common: the moments of their volume, and what follows from them."""
+"""Base of all solids: the moments of their volume, and the properties that follow from them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydantic import model_validator
 from armwright.quantity import Record
 from armwright.solids.moments import Moments
 
-LONGEST = 1000.0  # [m] of any dimension; what is longer was not given in metres
+LONGEST = 1000.0  # [m] of any dimension; longer ones are probably not in metres
 
 
 class SolidRecord(Record):

@@ -1,7 +1,7 @@
 """Surface of every kind of solid as triangles that face outward, in the solid's own frame.  [DawsonHaggerty2019]
 
-Pictures, the audit's pictures, overlaps and hulls are all made from these triangles. A round solid becomes one with flat sides,
-inscribed in it. Mass properties do not come from here: they are in closed form (`shapes.py`).
+Pictures, the audit's pictures, overlaps and hulls are computed from these triangles. A round solid becomes one with flat sides,
+inscribed in it. Mass properties are not computed from them but in closed form (`shapes.py`).
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def surface(solid: Any, around: int = AROUND) -> trimesh.Trimesh:
 
 
 def extruded(rings: list[np.ndarray], length: Any, bottom: float = 1.0, top: float = 1.0) -> trimesh.Trimesh:
-    """Simple polygon in the x-y plane, with holes or without, drawn out along z on both sides of it.  [Meisters1975]
+    """Simple polygon in the x-y plane, with holes or without, extruded along z on both sides of it.  [Meisters1975]
 
     trimesh's `revolve`, `annulus` and `extrude_triangulation` are not used: they merge points nearer than 1e-8 m and drop thin
     triangles, so a disc of 0.1 m radius and 1 µm is left open.

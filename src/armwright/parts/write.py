@@ -1,4 +1,4 @@
-"""Parts Database in, Manipulator Database and audit out."""
+"""Files of an arm that is built from parts: its robot file, and the audit page."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from armwright.parts.build import PartsBuild, build_parts
 def write_parts(
     parts: str | os.PathLike[str], arm: str | os.PathLike[str], audit: str | os.PathLike[str] | None = None
 ) -> PartsBuild:
-    """Builds an arm from its parts and writes its file, and how it comes about if that is asked for.
+    """Builds an arm from its parts and writes its file, and on request an audit of all sums.
 
     Args:
-        parts: the *.parts.toml file.   arm: the file to write.   audit: an HTML page to write; it also tells what changed
+        parts: the *.parts.toml file.   arm: the file to write.   audit: an HTML page to write; it also lists what changed
             since the arm's file that was there.
     Returns:
         build: the arm with its weighed links, its warnings and what was measured.
@@ -28,10 +28,10 @@ def write_parts(
     """
     parts, arm = Path(parts), Path(arm)
     if arm.resolve() == parts.resolve():
-        raise OutputError(f"{arm}: is the parts database itself; expected another file for the arm")
+        raise OutputError("this is the parts file itself", file=arm, expected="another file for the arm")
     check_destination(arm, (".toml",))
     if audit is not None and check_destination(audit, (".html", ".htm")).resolve() == arm.resolve():
-        raise OutputError(f"{audit}: expected another file than the arm's")
+        raise OutputError(file=audit, expected="another file than the arm's")
     build = build_parts(parts, arm.parent)
     text = to_toml(build.description, arm.parent)
     page = None
