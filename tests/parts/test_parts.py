@@ -27,8 +27,8 @@ from armwright.parts.mass_properties import weigh
 from armwright.parts.materials import common_materials
 from armwright.parts.overlap import overlaps
 from armwright.parts.records import PartsDatabase
-from armwright.validation import validated
 from armwright.parts.write import write_parts
+from armwright.validation import validated
 from description.test_any_input import places, values
 from parts.parts_arms import ORIGIN, built, database, document, part, section
 
@@ -231,7 +231,9 @@ def test_shown_digits_add_up(numbers, decimals):
 
 def cmu(data=None):
     """The built-in arm, from a changed document or from its own."""
-    return arm_of_parts(validated(PartsDatabase, data or CMU_DATA, file="cmu-dd.parts.toml"), built_from(Path(str(CMU))))
+    return arm_of_parts(
+        validated(PartsDatabase, data or CMU_DATA, file="cmu-dd.parts.toml"), built_from(Path(str(CMU)))
+    )
 
 
 def test_the_audit_of_cmu_dd_adds_up():

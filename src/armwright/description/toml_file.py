@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from armwright.errors import DescriptionError
+from armwright.quantity import Record
+from armwright.validation import validated
+
+Read = TypeVar("Read", bound=Record)
 
 BOM = b"\xef\xbb\xbf"  # what some editors put before UTF-8
 
@@ -32,3 +36,12 @@ def read_document(path: Path) -> dict[str, Any]:
         raise DescriptionError(f"not TOML: byte {error.start} is no UTF-8 text", file=path) from None
     except (ValueError, RecursionError) as error:  # no TOML, a number of a million digits, a list in a list in a list …
         raise DescriptionError(f"not TOML: {error}", file=path) from None
+
+
+def read_record(path: Path, record: type[Read]) -> Read:
+    """The record in a TOML file; paths of meshes start in the file's folder.
+
+    Raises:
+        DescriptionError: no such file, or one that is not valid.
+    """
+    return validated(record, read_document(path), file=path, folder=Path(path).parent)

@@ -11,8 +11,8 @@ from pydantic import Field, model_validator
 
 from armwright.description.built_from import BuiltFrom, assembled_from
 from armwright.description.drive import Command
-from armwright.description.record_file import Read, read_record
 from armwright.description.robot import Name, check_sources
+from armwright.description.toml_file import Read, read_record
 from armwright.errors import DescriptionError
 from armwright.modules.library import ModuleLibrary
 from armwright.quantity import Number, Record, Source, Vector3

@@ -12,8 +12,8 @@ import numpy as np
 
 from armwright.description.built_from import BuiltFrom, built_from
 from armwright.description.paths import quantities
-from armwright.description.record_file import read_record
 from armwright.description.robot import Link, RobotDescription
+from armwright.description.toml_file import read_record
 from armwright.errors import DescriptionError, Problem
 from armwright.lint.densities import doubtful_sections
 from armwright.parts.mass_properties import ENTRIES, WeighedLink, WeighedSection, weigh
