@@ -20,7 +20,7 @@ from armwright.model import Brake, Cogging, Drive, Elasticity, Friction, Stops, 
 
 SPEED = st.floats(-5.0, 5.0)
 ANGLE = st.floats(-0.3, 0.3)
-COULOMB = Friction(0.8, 2.0, 2.4, 0.0, 3.0, 0.1, 0.05, bristle=(2e3, 5.0), load_coefficient=0.1, viscous_fall=30.0)
+COULOMB = Friction(0.8, 2.0, 2.4, 0.0, 3.0, 0.1, 0.05, "lugre", (2e3, 5.0), load_coefficient=0.1, viscous_fall=30.0)
 ELASTIC = Elasticity(4e3, 6.0, 1e6, None, (2e-3, 0.4))
 PLAY = Elasticity(4e3, 6.0, None, 0.05)
 

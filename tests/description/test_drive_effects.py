@@ -66,7 +66,7 @@ def test_everything_at_once_is_read_and_written():
     assert body.friction is not None
     assert body.elasticity is not None
     assert body.brake is not None
-    assert body.friction.bristle == (2e3, 5.0)
+    assert body.friction.parameters == (2e3, 5.0)
     assert body.elasticity.error == (1e-4, 0.0)
     assert (body.brake.holding, body.brake.stiffness) == (30.0 * 50.0, pytest.approx(4e3 * 2500.0))
     assert description.provenance("hinge.motor.thermal.ambient_c").kind == "definition"

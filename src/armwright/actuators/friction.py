@@ -1,6 +1,12 @@
-"""Joint friction as a smooth static map of speed."""
+"""Joint friction as a smooth static map of speed: viscous friction, an offset, and one of `LAWS`.
+
+A law of its own state stands in a file of its own (`lugre`); here it has the map of its steady state.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,24 +20,54 @@ def smooth_sign(speed: Scalar, smoothing: Scalar) -> Scalar:
     return speed / scalar.sqrt(speed * speed + smoothing * smoothing)
 
 
+def coulomb(torque: Scalar, friction: Friction, speed: Scalar, load: Scalar | None) -> Scalar:
+    """torque + s · [ Fc + (Fs - Fc) exp(-(q̇/vs)²) ],  Fc by the sign of q̇, s = `smooth_sign`."""
+    if friction.smoothing is None:
+        return torque
+    return torque + dry_level(friction, speed, load) * smooth_sign(speed, friction.smoothing)
+
+
+def sigmoid(torque: Scalar, friction: Friction, speed: Scalar, load: Scalar | None) -> Scalar:
+    """torque + a/(1 + exp(-b (q̇ + c))) - a/(1 + exp(-b c)).  [Gaz2019]"""
+    a, b, c = friction.parameters
+    return torque + a / (1.0 + scalar.exp(-b * (speed + c))) - a / (1.0 + scalar.exp(-b * c))
+
+
+@dataclass(frozen=True)
+class Law:
+    """A friction law.
+
+    Attributes:
+        add: (torque, friction, speed, load) → the torque with the law's added to viscous friction and offset; [N m | N],
+            speed in [rad/s | m/s].
+        steep: friction → middle and half width [rad/s | m/s] of the speeds, beside standstill, where it is steepest.
+        bends: whether its slope jumps where a joint turns back.
+    """
+
+    add: Callable[[Scalar, Friction, Scalar, Scalar | None], Scalar]
+    steep: Callable[[Friction], tuple[Scalar, Scalar]] = lambda friction: (0.0, 1.0)
+    bends: bool = False
+
+
+LAWS = {
+    "coulomb": Law(coulomb),
+    "sigmoid": Law(sigmoid, steep=lambda friction: (-friction.parameters[2], 1 / friction.parameters[1])),
+    "lugre": Law(coulomb, bends=True),
+}
+
+
 def joint_friction(
     friction: Friction | None, speed: Scalar, load: Scalar | None = None, warming: Scalar | None = None
 ) -> Scalar:
     """Friction torque of one joint [N m | N] at a speed [rad/s | m/s], positive against positive motion.
 
-    Coulomb with Stribeck:  f = offset + viscous q̇ + s · [ Fc + (Fs - Fc) exp(-(q̇/vs)²) ],  Fc by the sign of q̇.
-    With a load [N m | N] and a warming [K], which only the simulator knows, as `dry_level` and `viscous_torque`.
-    Sigmoid:  f = offset + viscous q̇ + a/(1 + exp(-b (q̇ + c))) - a/(1 + exp(-b c)).  [Gaz2019]
+    f = offset + viscous q̇ + the law's torque. With a load [N m | N] and a warming [K], which only the simulator knows,
+    as `dry_level` and `viscous_torque`.
     """
     if friction is None:
         return 0.0
     torque = friction.offset + viscous_torque(friction, speed, warming)
-    if friction.sigmoid is not None:
-        a, b, c = friction.sigmoid
-        return torque + a / (1.0 + scalar.exp(-b * (speed + c))) - a / (1.0 + scalar.exp(-b * c))
-    if friction.smoothing is None:
-        return torque
-    return torque + dry_level(friction, speed, load) * smooth_sign(speed, friction.smoothing)
+    return LAWS[friction.law].add(torque, friction, speed, load)
 
 
 def viscous_torque(friction: Friction, speed: Scalar, warming: Scalar | None = None) -> Scalar:
@@ -56,8 +92,8 @@ def dry_level(friction: Friction, speed: Scalar, load: Scalar | None = None) -> 
 
 
 def has_corner(friction: Friction) -> bool:
-    """Whether the law bends where a joint turns back: |q̇| of bristles, another Coulomb level for either direction."""
-    return friction.bristle is not None or not _same(friction.coulomb_positive, friction.coulomb_negative)
+    """True where the slope jumps as a joint turns back: |q̇| of bristles, another Coulomb level for either direction."""
+    return LAWS[friction.law].bends or not _same(friction.coulomb_positive, friction.coulomb_negative)
 
 
 def _same(a: Scalar, b: Scalar) -> bool:

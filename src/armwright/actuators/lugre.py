@@ -30,8 +30,7 @@ def bristle_friction(
         friction: referred to the joint.   speed: q̇ [rad/s | m/s].   z: mean bending [rad | m].
         load: torque through the gear [N m | N].   warming: [K], as in `joint_friction`.
     """
-    assert friction.bristle is not None
-    stiffness, damping = friction.bristle
+    stiffness, damping = friction.parameters
     rate = -stiffness * scalar.abs(speed) / dry_level(friction, speed, load)
     bending = speed + rate * z
     torque = friction.offset + stiffness * z + damping * bending + viscous_torque(friction, speed, warming)
@@ -40,5 +39,4 @@ def bristle_friction(
 
 def sliding(friction: Friction, speed: Array) -> Array:
     """z in steady sliding, g/σ0 sgn q̇ [rad | m]; 0 at rest."""
-    assert friction.bristle is not None
-    return scalar.sign(speed) * dry_level(friction, speed) / friction.bristle[0]
+    return scalar.sign(speed) * dry_level(friction, speed) / friction.parameters[0]

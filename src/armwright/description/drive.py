@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field, model_validator
 
+from armwright.description.friction import LawName, check_friction
 from armwright.lazy_schema import imported_later
 from armwright.quantity import NotNegative, NotZero, Number, Positive, Range, Record, Share
 
@@ -95,7 +96,7 @@ class RotaryFriction(Record):
         default="joint",
         description="Whose friction it is: the joint's, or the motor's in motor radians, which is referred by n² and |n|.",
     )
-    law: Literal["coulomb", "sigmoid", "lugre"] = Field(default="coulomb", description="The equation above that holds.")
+    law: LawName = Field(default="coulomb", description="The equation above that holds.")
     viscous_n_m_s_per_rad: NotNegative | None = Field(default=None, description="Slope of the friction over the speed.")
     coulomb_positive_n_m: NotNegative | None = Field(
         default=None, description="Magnitude of the dry friction where q̇ > 0."
@@ -131,7 +132,7 @@ class RotaryFriction(Record):
 
     @model_validator(mode="after")
     def _complete(self) -> RotaryFriction:
-        _check_friction(self, "n_m", "rad")
+        check_friction(self, linear=False)
         return self
 
 
@@ -142,7 +143,7 @@ class LinearFriction(Record):
     side: Literal["joint"] = Field(
         default="joint", description="A slide's own friction; its motor's is told in N m with side = 'motor'."
     )
-    law: Literal["coulomb", "sigmoid", "lugre"] = Field(default="coulomb", description="The equation above that holds.")
+    law: LawName = Field(default="coulomb", description="The equation above that holds.")
     viscous_n_s_per_m: NotNegative | None = Field(default=None, description="Slope of the friction over the speed.")
     coulomb_positive_n: NotNegative | None = Field(
         default=None, description="Magnitude of the dry friction where q̇ > 0."
@@ -176,55 +177,8 @@ class LinearFriction(Record):
 
     @model_validator(mode="after")
     def _complete(self) -> LinearFriction:
-        _check_friction(self, "n", "m")
+        check_friction(self, linear=True)
         return self
-
-
-def _check_friction(friction: RotaryFriction | LinearFriction, force: str, length: str) -> None:
-    level = f"stribeck_{'torque' if force == 'n_m' else 'force'}_{force}"
-    coulomb = [f"coulomb_positive_{force}", f"coulomb_negative_{force}"]
-    stribeck = [level, f"stribeck_speed_{length}_per_s"]
-    sigmoid = [f"sigmoid_amplitude_{force}", f"sigmoid_slope_s_per_{length}", f"sigmoid_shift_{length}_per_s"]
-    per = "n_m_per_rad" if force == "n_m" else "n_per_m"
-    bristle = [f"bristle_stiffness_{per}", f"bristle_damping_{per.replace('_per', '_s_per')}"]
-    given = {key for key in type(friction).model_fields if getattr(friction, key) is not None}
-
-    def together(keys: list[str]) -> None:
-        missing = [key for key in keys if key not in given]
-        if missing and len(missing) < len(keys):
-            raise ValueError(f"{next(k for k in keys if k in given)} needs {' and '.join(missing)} beside it")
-
-    together(coulomb)
-    together(stribeck)
-    smoothing = f"smoothing_{length}_per_s"
-    if friction.law == "lugre":
-        missing = [key for key in (*bristle, *coulomb) if key not in given]
-        if missing:
-            raise ValueError(f'law = "lugre" needs {" and ".join(missing)}')
-        flat = [key for key in coulomb if getattr(friction, key).value == 0]
-        if flat:
-            raise ValueError(f'{flat[0]}: law = "lugre" expects a level above 0, at which the bristles slip')
-    elif bristle[0] in given or bristle[1] in given:
-        raise ValueError(f'{next(key for key in bristle if key in given)} needs law = "lugre"')
-    if "load_coefficient" in given and coulomb[0] not in given:
-        raise ValueError(f"load_coefficient needs {coulomb[0]} and {coulomb[1]} beside it, which rise with the load")
-    if "viscous_fall_k" in given and not any(key.startswith("viscous_n") for key in given):
-        raise ValueError("viscous_fall_k needs viscous friction, which falls")
-    if friction.law == "sigmoid":
-        missing = [key for key in sigmoid if key not in given]
-        if missing:
-            raise ValueError(f'law = "sigmoid" needs {" and ".join(missing)}')
-        wrong = [key for key in (*coulomb, *stribeck) if key in given]
-        if wrong:
-            raise ValueError(f'law = "sigmoid" knows no {wrong[0]}')
-        return
-    wrong = [key for key in sigmoid if key in given]
-    if wrong:
-        raise ValueError(f'{wrong[0]} needs law = "sigmoid"')
-    if (given & {*coulomb, *stribeck}) and smoothing not in given:
-        raise ValueError(f"Coulomb friction needs {smoothing}, the speed over which it is smoothed")
-    if stribeck[0] in given and coulomb[0] not in given:
-        raise ValueError(f"{stribeck[0]} needs {coulomb[0]} and {coulomb[1]} beside it")
 
 
 class RotaryLimits(Record):

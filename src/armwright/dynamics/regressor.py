@@ -11,9 +11,12 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators.friction import joint_friction
+from armwright.description.friction import LINEAR
 from armwright.dynamics.inverse import newton_euler
 from armwright.model import Body, Friction, Mimics, Model, on_tree, one_state
 from armwright.scalar import Array, Scalar
+
+COLUMNS = 6 + len(LINEAR)  # of one joint's `drive_parameters`
 
 
 @one_state
@@ -53,23 +56,27 @@ def regressor_drive(model: Model, qd: Array, qdd: Array) -> np.ndarray:
     """
 
     def torques(parameters: np.ndarray) -> np.ndarray:
-        rows = parameters.reshape(model.n, 7)
+        rows = parameters.reshape(model.n, COLUMNS)
         return scalar.array([_drive(body, rows[i], qd[i], qdd[i]) for i, body in model.outward()])
 
-    return scalar.jacobian(torques, scalar.zeros(7 * model.n))
+    return scalar.jacobian(torques, scalar.zeros(COLUMNS * model.n))
 
 
 def _drive(body: Body, parameters: Array, speed: Scalar, acceleration: Scalar) -> Scalar:
-    """Rotor and friction of one joint, from its seven parameters."""
-    armature, viscous, offset, positive, negative, stribeck, amplitude = parameters
-    law = Friction() if body.friction is None else body.friction
+    """Rotor and friction of one joint, from its `drive_parameters`."""
+    armature, viscous, offset, positive, negative, stribeck, *linear = parameters
+    known = Friction() if body.friction is None else body.friction
+    own = list(known.parameters)
+    for value, (law, place) in zip(linear, LINEAR, strict=True):
+        if known.law == law:
+            own[place] = value
     friction = replace(
-        law,
+        known,
         viscous=viscous,
         offset=offset,
         coulomb_positive=positive,
         coulomb_negative=negative,
-        stribeck=None if law.stribeck is None else stribeck,
-        sigmoid=None if law.sigmoid is None else (amplitude, *law.sigmoid[1:]),
+        stribeck=None if known.stribeck is None else stribeck,
+        parameters=tuple(own),
     )
     return armature * acceleration + joint_friction(friction, speed)

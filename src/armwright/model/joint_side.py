@@ -9,6 +9,7 @@ import numpy as np
 from armwright import scalar
 from armwright.description.brushless import DC_EQUIVALENT
 from armwright.description.drive import LinearFriction, RotaryFriction
+from armwright.description.friction import LAWS, Dimension, key_of
 from armwright.description.robot import MovingJoint, RevoluteJoint
 from armwright.model.model import Brake, Cogging, Drive, Elasticity, Friction, Limits, Stops, Supply, Thermal
 from armwright.quantity import Quantity
@@ -98,41 +99,27 @@ def _side_ratio(joint: MovingJoint) -> Scalar:
 
 def friction_of(joint: MovingJoint) -> Friction | None:
     """Referred to the joint: torques by |n|, viscous by n², speeds by 1/|n|. Signs are the joint's on either side."""
-    given = joint.friction
+    given, n = joint.friction, _side_ratio(joint)
     if given is None:
         return None
-    n = _side_ratio(joint)
-    if isinstance(given, LinearFriction):
-        viscous, plus, minus, offset = (
-            given.viscous_n_s_per_m,
-            given.coulomb_positive_n,
-            given.coulomb_negative_n,
-            given.offset_n,
-        )
-        stribeck, speed = given.stribeck_force_n, given.stribeck_speed_m_per_s
-        sigmoid = (given.sigmoid_amplitude_n, given.sigmoid_slope_s_per_m, given.sigmoid_shift_m_per_s)
-        bristle, damping = given.bristle_stiffness_n_per_m, given.bristle_damping_n_s_per_m
-    else:
-        viscous, plus, minus = given.viscous_n_m_s_per_rad, given.coulomb_positive_n_m, given.coulomb_negative_n_m
-        offset, stribeck, speed = given.offset_n_m, given.stribeck_torque_n_m, given.stribeck_speed_rad_per_s
-        sigmoid = (given.sigmoid_amplitude_n_m, given.sigmoid_slope_s_per_rad, given.sigmoid_shift_rad_per_s)
-        bristle, damping = given.bristle_stiffness_n_m_per_rad, given.bristle_damping_n_m_s_per_rad
+    linear = isinstance(given, LinearFriction)
+    factors = {"torque": n, "speed": 1.0 / n, "slope": n, "stiffness": n * n, "damping": n * n}
 
-    def referred(quantity: Quantity | None, by: Scalar) -> Scalar:
-        return 0.0 if quantity is None else quantity.number * by
+    def referred(stem: str, dimension: Dimension, absent: Any = 0.0) -> Scalar:
+        quantity = getattr(given, key_of(stem, dimension, linear))
+        return absent if quantity is None else quantity.number * factors[dimension]
 
-    a, b, c = sigmoid
     return Friction(
-        viscous=referred(viscous, n * n),
-        coulomb_positive=referred(plus, n),
-        coulomb_negative=referred(minus, n),
-        offset=referred(offset, n),
-        stribeck=None if stribeck is None else referred(stribeck, n),
-        stribeck_speed=1.0 if speed is None else referred(speed, 1.0 / n),
+        viscous=referred("viscous", "damping"),
+        coulomb_positive=referred("coulomb_positive", "torque"),
+        coulomb_negative=referred("coulomb_negative", "torque"),
+        offset=referred("offset", "torque"),
+        stribeck=referred("stribeck_torque", "torque", absent=None),
+        stribeck_speed=referred("stribeck_speed", "speed", absent=1.0),
         smoothing=_smoothing(joint),
-        sigmoid=(referred(a, n), referred(b, n), referred(c, 1.0 / n)) if given.law == "sigmoid" else None,
+        law=given.law,
+        parameters=tuple(referred(*key) for key in LAWS[given.law].own),
         on_motor=given.side == "motor",
-        bristle=(referred(bristle, n * n), referred(damping, n * n)) if given.law == "lugre" else None,
         load_coefficient=_number(given.load_coefficient),
         viscous_fall=_number(given.viscous_fall_k),
     )

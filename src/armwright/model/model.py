@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from armwright import scalar
+from armwright.description.friction import LINEAR, LawName
 from armwright.description.robot import RobotDescription, Source
 from armwright.errors import ModelError, nearest
 from armwright.model.mimics import Mimics
@@ -34,11 +35,9 @@ class Friction:
     stribeck: Scalar | None = None  # [N m | N], level at standstill; None: Coulomb only
     stribeck_speed: Scalar = 1.0  # [rad/s | m/s]
     smoothing: Scalar | None = None  # [rad/s | m/s]; None where nothing is smoothed
-    sigmoid: tuple[Scalar, Scalar, Scalar] | None = (
-        None  # amplitude [N m | N], slope [s/rad | s/m], shift [rad/s | m/s]
-    )
+    law: LawName = "coulomb"
+    parameters: tuple[Scalar, ...] = ()  # the law's own, in the order of `description.friction.LAWS`
     on_motor: bool = False  # whose speed it acts on, where the gear gives way or the motor turns several joints
-    bristle: tuple[Scalar, Scalar] | None = None  # LuGre's σ0 [N m/rad | N/m] and σ1 [N m s/rad | N s/m]
     load_coefficient: Scalar | None = None  # what Coulomb's levels gain of the torque through the gear [-]
     viscous_fall: Scalar | None = None  # warming over which viscous falls to 1/e [K]
 
@@ -294,8 +293,9 @@ class Model(Frozen):
         rows = []
         for body in self.bodies:
             f = Friction() if body.friction is None else body.friction
-            peaks = [0.0 if f.stribeck is None else f.stribeck, 0.0 if f.sigmoid is None else f.sigmoid[0]]
-            rows += [body.drive.armature, f.viscous, f.offset, f.coulomb_positive, f.coulomb_negative, *peaks]
+            rows += [body.drive.armature, f.viscous, f.offset, f.coulomb_positive, f.coulomb_negative]
+            rows += [0.0 if f.stribeck is None else f.stribeck]
+            rows += [f.parameters[k] if f.law == law else 0.0 for law, k in LINEAR]
         return scalar.array(rows)
 
     def __repr__(self) -> str:

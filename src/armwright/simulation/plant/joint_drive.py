@@ -200,7 +200,7 @@ def _friction(
     if friction is None:
         return 0.0, 0.0, 0.0
     speed = at.motor_speed if friction.on_motor else at.qd
-    if friction.bristle is None:
+    if friction.law != "lugre":
         torque = joint_friction(friction, speed, load, warming)
     else:
         bent = bristle_friction(friction, speed, states.bristle, load, warming)
@@ -230,7 +230,7 @@ def at_rest(model: Model, q: Array, qd: Array, motor: Array, motor_speed: Array)
     ratios = [body.drive.gear_ratio for body in model.coordinates]
 
     def bent(i: int, body: Body) -> Array:
-        if body.friction is None or body.friction.bristle is None:
+        if body.friction is None or body.friction.law != "lugre":
             return 0.0
         return sliding(body.friction, motor_speed[i] if body.friction.on_motor else qd[i])
 

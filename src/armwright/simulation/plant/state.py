@@ -17,7 +17,7 @@ def state_layout(model: Model, brakes: bool) -> Layout:
 
     every, elastic = which(lambda body: True), which(lambda body: body.elasticity is not None)
     wound = which(lambda body: body.drive.inductance is not None)
-    bristle = which(lambda body: body.friction is not None and body.friction.bristle is not None)
+    bristle = which(lambda body: body.friction is not None and body.friction.law == "lugre")
     held = which(lambda body: brakes and body.brake is not None)
     warm = which(lambda body: body.drive.thermal is not None)
     housed = which(lambda body: body.drive.thermal is not None and body.drive.thermal.housing is not None)

@@ -8,6 +8,7 @@ from math import floor, log10
 import casadi
 import numpy as np
 
+from armwright.actuators.friction import LAWS
 from armwright.errors import ScenarioError
 from armwright.model import Body, Model
 from armwright.model.vary import Varied
@@ -216,10 +217,7 @@ def _steep_speeds(body: Body) -> list[float]:
         part.smoothing for part in (body.friction, body.drive) if part is not None and part.smoothing is not None
     ]
     s = float(min(smoothing)) if smoothing else 1e-3
-    _, slope, shift = (
-        (0.0, 1.0, 0.0) if body.friction is None or body.friction.sigmoid is None else body.friction.sigmoid
-    )
-    middle = -float(shift)
+    middle, width = (0.0, 1.0) if body.friction is None else LAWS[body.friction.law].steep(body.friction)
     return [
         0.0,
         STILL * s,
@@ -229,8 +227,8 @@ def _steep_speeds(body: Body) -> list[float]:
         2.0 * s,
         -2.0 * s,
         middle,
-        middle + 1 / slope,
-        middle - 1 / slope,
+        middle + width,
+        middle - width,
     ]
 
 
