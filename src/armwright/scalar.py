@@ -92,27 +92,29 @@ class Symbol:
     def __abs__(self):
         return Symbol(casadi.fabs(self.sx))
 
-    def _refuse(self, what: str, instead: str) -> SymbolError:
-        frame = sys._getframe(2)
-        place = f"{frame.f_code.co_filename}:{frame.f_lineno}"
-        return SymbolError(f"{place}: {what} a traced symbol, whose value is not known yet; use {instead}")
-
     def __float__(self):
-        raise self._refuse("a float array or math.* was given", "armwright.scalar functions and object arrays")
+        raise _misuse("a float array or math.* was given", "armwright.scalar functions and object arrays")
 
     def __bool__(self):
-        raise self._refuse("a branch on", "scalar.where(condition, a, b)")
+        raise _misuse("a branch on", "scalar.where(condition, a, b)")
 
     def __lt__(self, other):
-        raise self._refuse("a comparison of", "scalar.less(a, b)")
+        raise _misuse("a comparison of", "scalar.less(a, b)")
 
     __le__ = __gt__ = __ge__ = __lt__
 
     def __eq__(self, other):
-        raise self._refuse("a comparison of", "scalar.equal(a, b)")
+        raise _misuse("a comparison of", "scalar.equal(a, b)")
 
     __ne__ = __eq__
     __hash__ = None  # type: ignore[assignment]
+
+
+def _misuse(use: str, instead: str) -> SymbolError:
+    """The error of a symbol used as a number, at the line that did so."""
+    frame = sys._getframe(2)
+    file = f"{frame.f_code.co_filename}:{frame.f_lineno}"
+    return SymbolError(f"{use} a traced symbol, whose value is not known yet", file=file, expected=instead)
 
 
 for _name, _function in {  # what NumPy's own functions call on the elements of an object array

@@ -27,7 +27,7 @@ NEVER = (  # in a script that loads an arm and calls a kernel
     *(f"armwright.description.{name}" for name in ("compliance", "motor_effects", "supply")),  # that puma560 has not
     *("armwright.lint.hulls", "armwright.model.vary", "armwright.model.variants", "armwright.simulation"),
 )
-EMITTER = ("llvm", "llvm_machine", "tiles", "walk", "lowering", "polynomials")  # of kernels: what prints code
+EMITTER = ("llvm", "llvm_machine", "tiles", "lowering", "polynomials")  # of kernels: what prints code
 
 SCRIPT = """
 import json, sys

@@ -8,8 +8,8 @@ import numpy as np
 from llvmlite import binding
 
 from armwright.kernels.format import DOUBLE, Format
-from armwright.kernels.libm import register_libm
 from armwright.kernels.llvm_machine import LlvmMachine
+from armwright.kernels.target import register_libm
 
 
 class ArrayFunction:

@@ -46,17 +46,17 @@ def test_optional_inputs_and_options():
 
 
 @pytest.mark.parametrize(
-    ("name", "arrays", "message"),
+    ("arrays", "message"),
     [
-        ("mass_matrx", {}, "no kernel 'mass_matrx'; did you mean mass_matrix"),
-        ("mass_matrix", {"p": np.zeros(6)}, "nothing is called 'p'; expected q, M"),
-        ("mass_matrix", {"q": np.zeros(5)}, r"q is float64 \(5,\), expected writeable contiguous float64 \(6,\)"),
-        ("mass_matrix", {"q": np.zeros(6, np.float32)}, "q is float32"),
-        ("mass_matrix", {"M": np.zeros((6, 6)).T[::-1]}, r"M is float64 \(6, 6\), expected writeable contiguous"),
-        ("mass_matrix", {"q": [0] * 6}, "q is list"),
+        ({"p": np.zeros(6)}, "array = 'p': there is M, q"),
+        ({"q": np.zeros(5)}, "q: float64 (5,); expected writeable contiguous float64 (6,)"),
+        ({"q": np.zeros(6, np.float32)}, "q: float32 (6,)"),
+        ({"M": np.zeros((6, 6)).T[::-1]}, "M: float64 (6, 6); expected writeable contiguous"),
+        ({"q": [0] * 6}, "q: list"),
     ],
 )
-def test_what_cannot_be_bound(name, arrays, message):
+def test_what_cannot_be_bound(arrays, message):
     """Checked once, when it is bound."""
-    with pytest.raises(ShapeError, match=message):
-        aw.compile(aw.load("puma560")).bind(name, **arrays)
+    with pytest.raises(ShapeError) as error:
+        aw.compile(aw.load("puma560")).bind("mass_matrix", **arrays)
+    assert str(error.value).startswith(f"mass_matrix: {message}")

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from armwright.kernels import lowering
-from armwright.kernels.c import c_source, c_text
+from armwright.kernels.c import Unit, c_source, c_text
 from armwright.kernels.c_syntax import C_DOUBLE, C_FLOAT, Dialect, identifier, literal
-from armwright.kernels.c_unit import Unit
 from armwright.program import call, trace
 from armwright.program.operations import OPERATIONS
 from armwright.scalar import sin

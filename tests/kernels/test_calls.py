@@ -39,13 +39,14 @@ def test_outputs_that_share_memory_are_refused(dyn):
 
 
 def test_as_many_outputs_as_there_are(dyn):
-    with pytest.raises(ShapeError, match="2 arrays in out, expected 3: dtau_dq, dtau_dqd, M"):
+    with pytest.raises(ShapeError) as error:
         dyn.inverse_dynamics_derivatives(Q, Q, Q, out=(np.empty((50, 6, 6)), np.empty((50, 6, 6))))
+    assert (error.value.what, error.value.expected) == ("2 arrays", "3: dtau_dq, dtau_dqd, M")
 
 
 def test_bound_arrays_that_lie_partly_over_each_other_are_refused(dyn):
     room = np.zeros(40 * 36)
-    with pytest.raises(ShapeError, match="M lies partly over q"):
+    with pytest.raises(ShapeError, match="M and q: lie partly over each other"):
         dyn.bind("mass_matrix", lead=(40,), q=room[:240].reshape(40, 6), M=room.reshape(40, 6, 6))
     rows = Q.copy()
     bound = dyn.bind("gravity_torques", lead=(50,), q=rows, g=rows)
@@ -63,24 +64,26 @@ def test_bound_parameters_begin_at_the_records_values():
 
 
 @pytest.mark.parametrize(
-    "call",
+    ("call", "place", "value"),
     [
-        lambda dyn: dyn.bind("inverse_dynamics", "wrnch"),
-        lambda dyn: dyn.kernel("inverse_dynamics", "foo"),
-        lambda dyn: dyn.casadi("inverse_dynamics", "foo"),
-        lambda dyn: dyn.bind("mass_matrix", "wrench"),
-        lambda dyn: dyn.bind("jacobian", options={"fram": "link3"}),
-        lambda dyn: dyn.casadi("jacobian", fram="link3"),
-        lambda dyn: dyn.jacobian(Q, frame=["a"]),
-        lambda dyn: dyn.bind("inverse_dynamics", lead=5),
-        lambda dyn: dyn.bind("inverse_dynamics", lead=(-1,)),
-        lambda dyn: dyn.bind("inverse_dynamics", lead="a"),
-        lambda dyn: dyn.kernel(["a"]),
+        (lambda dyn: dyn.bind("inverse_dynamics", "wrnch"), "inverse_dynamics: optional input", "wrnch"),
+        (lambda dyn: dyn.kernel("inverse_dynamics", "foo"), "inverse_dynamics: optional input", "foo"),
+        (lambda dyn: dyn.casadi("inverse_dynamics", "foo"), "inverse_dynamics: optional input", "foo"),
+        (lambda dyn: dyn.bind("mass_matrix", "wrench"), "mass_matrix: optional input", "wrench"),
+        (lambda dyn: dyn.bind("jacobian", options={"fram": "link3"}), "jacobian: option", "fram"),
+        (lambda dyn: dyn.casadi("jacobian", fram="link3"), "jacobian: option", "fram"),
+        (lambda dyn: dyn.jacobian(Q, frame=["a"]), "jacobian: frame", ["a"]),
+        (lambda dyn: dyn.bind("inverse_dynamics", lead=5), "inverse_dynamics: lead", 5),
+        (lambda dyn: dyn.bind("inverse_dynamics", lead=(-1,)), "inverse_dynamics: lead", (-1,)),
+        (lambda dyn: dyn.bind("inverse_dynamics", lead="a"), "inverse_dynamics: lead", "a"),
+        (lambda dyn: dyn.kernel(["a"]), "kernel", ["a"]),
+        (lambda dyn: dyn.bind("mas_matrix"), "kernel", "mas_matrix"),
     ],
 )
-def test_words_that_the_table_does_not_have_are_refused(dyn, call):
-    with pytest.raises(ShapeError, match=r"no (optional input|option|kernel)|expected a name|lead ="):
+def test_words_that_the_table_does_not_have_are_refused(dyn, call, place, value):
+    with pytest.raises(ShapeError) as error:
         call(dyn)
+    assert (error.value.place, error.value.value) == (place, value)
 
 
 def test_a_target_that_is_no_name():

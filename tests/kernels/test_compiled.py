@@ -30,8 +30,9 @@ def test_a_copy_gives_the_same(again, target):
 def test_threads_are_a_whole_number(count):
     dyn = aw.compile(arm("two-link"))
     before = dyn.threads
-    with pytest.raises(ModelError, match=rf"threads = {count!r}: expected a whole number, 1 or more"):
+    with pytest.raises(ModelError) as error:
         dyn.threads = count
+    assert (error.value.place, error.value.value) == ("threads", count)
     assert dyn.threads == before
     dyn.threads = np.int64(2)
     assert dyn.threads == 2
@@ -46,5 +47,5 @@ def test_only_an_arm_is_compiled(thing):
 def test_an_unknown_kernel():
     dyn = aw.compile(arm("two-link"))
     for call in (dyn.kernel, dyn.bind):
-        with pytest.raises(ShapeError, match=r"no kernel 'mas_matrix'; did you mean mass_matrix"):
+        with pytest.raises(ShapeError, match=r"^kernel = 'mas_matrix': did you mean mass_matrix"):
             call("mas_matrix")

@@ -15,9 +15,8 @@ import pytest
 
 import armwright as aw
 from armwright.errors import ModelError, ShapeError
-from armwright.kernels.c_unit import Unit
-from armwright.kernels.cuda import CudaKernel, CudaTrajectory, cuda_source, cuda_trajectory_source
-from armwright.kernels.cuda_machine import BITS, CUDA
+from armwright.kernels.c import Unit
+from armwright.kernels.cuda import BITS, CUDA, CudaKernel, CudaTrajectory, cuda_source, cuda_trajectory_source
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.program import Program, trace
 from armwright.program.operations import OPERATIONS
@@ -214,9 +213,9 @@ def test_how_kernels_are_launched(monkeypatch):
     assert kernel(np.zeros((0, 6)), np.zeros(6)).shape == (0, 6)
     assert not launched
     for wrong, message in [
-        ((np.zeros(6),), r"1 arrays, expected 2: q, qd"),
-        ((np.zeros(5), np.zeros(6)), r"q has shape \(5,\), expected \(…, 6\)"),
-        ((np.zeros((2, 6)), np.zeros((3, 6))), r"leading axes do not fit together: \(2,\), \(3,\)"),
+        ((np.zeros(6),), r"1 arrays; expected 2: q, qd"),
+        ((np.zeros(5), np.zeros(6)), r"q: shape \(5,\); expected \(…, 6\)"),
+        ((np.zeros((2, 6)), np.zeros((3, 6))), r"leading axes do not fit together: q \(2, 6\), qd \(3, 6\)"),
     ]:
         with pytest.raises(ShapeError, match=message):
             kernel(*wrong)
@@ -229,7 +228,7 @@ def test_how_kernels_are_launched(monkeypatch):
         "step_trajectory",
         (3,),
     )
-    with pytest.raises(ShapeError, match=r"x \(2,\) and u \(2,\), expected \(lanes, 2\)"):
+    with pytest.raises(ShapeError, match=r"x and u: shapes \(2,\) and \(2,\); expected \(lanes, 2\)"):
         loop(np.zeros(2), np.zeros(2), 1e-3, 1)
 
 

@@ -119,8 +119,9 @@ def test_out_is_of_the_dtype():
         assert np.array_equal(out, expected)
         dyn.gravity_torques(q, out=wide[:, ::2])
         assert np.array_equal(wide[:, ::2], expected)
-        with pytest.raises(ShapeError, match=r"out for g is float64 \(40, 6\), expected writeable float32 \(40, 6\)"):
+        with pytest.raises(ShapeError) as error:
             dyn.gravity_torques(q, out=np.empty((40, 6)))
+        assert (error.value.what, error.value.expected) == ("float64 (40, 6)", "writeable float32 (40, 6)")
     assert dyn.gravity_torques(q, out=q) is q
     assert np.array_equal(q, expected)
 
@@ -132,8 +133,9 @@ def test_bound_calls():
     bound = dyn.bind("mass_matrix", lead=(3,), q=q)
     assert bound().dtype == np.float32
     assert np.array_equal(bound.result, dyn.mass_matrix(q))
-    with pytest.raises(ShapeError, match=r"q is float64 \(6,\), expected writeable contiguous float32 \(6,\)"):
+    with pytest.raises(ShapeError) as error:
         dyn.bind("mass_matrix", q=np.zeros(6))
+    assert (error.value.what, error.value.expected) == ("float64 (6,)", "writeable contiguous float32 (6,)")
 
 
 @pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, lambda dyn: pickle.loads(pickle.dumps(dyn))])
@@ -156,7 +158,7 @@ def test_names_of_the_dtype():
 def test_other_dtypes_are_refused(dtype):
     with pytest.raises(ModelError) as error:
         aw.compile(arm("two-link"), dtype=dtype)
-    assert str(error.value) == f"dtype = {dtype!r}: expected float64 or float32"
+    assert (error.value.value, error.value.expected) == (dtype, "float64 or float32")
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])

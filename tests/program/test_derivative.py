@@ -74,5 +74,6 @@ def test_kernels_by_their_own_inputs():
     q, qd, qdd = (random_state(arm, k, 3) for k in range(3))
     _, slope = dyn.derivative("inverse_dynamics", "q")(q, qd, qdd)
     np.testing.assert_allclose(slope, dyn.inverse_dynamics_derivatives(q, qd, qdd)[0], rtol=1e-12, atol=1e-12)
-    with pytest.raises(ShapeError, match="no input"):
+    with pytest.raises(ShapeError) as error:
         dyn.derivative("inverse_dynamics", "tau")
+    assert (error.value.value, error.value.choices) == ("tau", ("q", "qd", "qdd"))

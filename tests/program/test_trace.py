@@ -63,8 +63,9 @@ def test_operations_are_counted_with_those_of_called_programs():
 
 def test_wrong_number_of_results():
     """Outputs have names; another number of arrays is an error that lists them."""
-    with pytest.raises(ProgramError, match="pair: returned 2 arrays, expected 3: a, b, c"):
+    with pytest.raises(ProgramError) as error:
         trace("pair", lambda q: (q, q), {"q": (2,)}, ("a", "b", "c"))
+    assert (error.value.place, error.value.what, error.value.expected) == ("pair", "returns 2 arrays", "3: a, b, c")
 
 
 def test_branch_on_a_symbol_names_its_place():
@@ -97,7 +98,6 @@ def test_a_symbol_that_another_call_left_is_refused():
         return q - kept[0]
 
     trace("follows", follows, {"q": (2,)})
-    with pytest.raises(
-        HiddenStateError, match=r"^follows: computes with q_0 of another call; expected nothing but its own .*: q$"
-    ):
+    with pytest.raises(HiddenStateError) as error:
         trace("follows", follows, {"q": (2,)})
+    assert (error.value.place, error.value.what) == ("follows", "computes with q_0 of another call")

@@ -10,7 +10,7 @@ import pytest
 import armwright as aw
 from armwright import scalar
 from armwright.kernels.loop import Loop
-from armwright.kernels.stages import LANDINGS, SECANTS, Adapt, Integrate
+from armwright.kernels.stages import SECANTS, SWITCHES, Adapt, Integrate
 from armwright.kernels.target import select_target
 from armwright.program import interpret, trace
 from armwright.simulation.integrate.integrators import INTEGRATORS, rk4_step
@@ -104,10 +104,10 @@ STEP = trace("step", fallen, {**SHAPES, **FLOOR.block, "h": ()}, ("x_next",))
 
 def in_pieces(x, u, s):
     """What `kernels.stages` says of a substep."""
-    for piece in range(LANDINGS + 1):
+    for piece in range(SWITCHES + 1):
         c = interpret(PROGRAMS["touching"], x, u)
         new = interpret(STEP, x, u, c, s)
-        if piece == LANDINGS or not interpret(PROGRAMS["switched"], x, new, u, c)[0]:
+        if piece == SWITCHES or not interpret(PROGRAMS["switched"], x, new, u, c)[0]:
             break
         weights, bracket, part = interpret(PROGRAMS["bracket"], x, new, u, c)
         for _ in range(SECANTS):
@@ -199,11 +199,11 @@ def test_stops_under_a_controller_with_delays():
 
 def test_an_arm_without_contacts_has_nothing_of_it():
     step = next(stage for stage in compile_loop(aw.load("two-link")).loops[-1].stages if isinstance(stage, Integrate))
-    assert step.landing == ()
+    assert step.switching == ()
     assert "left" not in compile_loop(aw.load("two-link")).loops[-1].sizes
     adapt = aw.Scenario(aw.load("two-link"), command=[0.0, 0.0], duration=0.1, integrator="rk45").adaptivity
     stages = compile_loop(aw.load("two-link"), "rk45", adaptivity=adapt).loops[-1].stages
-    assert next(stage for stage in stages if isinstance(stage, Adapt)).landing == ()
+    assert next(stage for stage in stages if isinstance(stage, Adapt)).switching == ()
 
 
 def test_no_contact_is_lost_in_rounding():

@@ -11,15 +11,12 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from armwright.errors import ModelError, OutputError, nearest
-from armwright.export.c_comment import comment
-from armwright.export.c_function import c_functions
-from armwright.export.c_header import header, prototype
+from armwright.errors import ModelError, OutputError
+from armwright.export.c_function import WRITTEN, c_functions, parse_form
+from armwright.export.c_header import comment, header, prototype
 from armwright.export.c_selftest import selftest
-from armwright.export.form import WRITTEN, parse_form
-from armwright.kernels.c import REALS, c_text
+from armwright.kernels.c import REALS, Unit, c_text
 from armwright.kernels.c_syntax import identifier
-from armwright.kernels.c_unit import Unit
 from armwright.kernels.signatures import SIGNATURES
 from armwright.model import Model
 from armwright.output import whole_file
@@ -56,19 +53,19 @@ def c_library(arm: Model, functions: Sequence[str], real: str = "double") -> dic
         ModelError: as `write_c`.
     """
     if real not in REALS:
-        raise ModelError(f"real = {real!r}: {nearest(real, REALS)}")
+        raise ModelError(place="real", value=real, choices=REALS)
     if not functions:
-        raise ModelError(f"no function is named; there is {', '.join(SIGNATURES)}, written {WRITTEN}")
+        raise ModelError("none is named", place="functions", expected=f"{WRITTEN}, NAME one of {', '.join(SIGNATURES)}")
     name = identifier(arm.name)
     chosen = c_functions(arm, name, [parse_form(text) for text in functions])
     unit = Unit(REALS[real], f"{name}_")
     for each in chosen:
         unit.add_function(each.program, each.name, prototype(each, real))
     top = comment([f"{name}.c: see {name}.h, which also says how this is compiled."])
-    own = f'"{name}.h"'
+    own_header = f'"{name}.h"'
     return {
         f"{name}.h": header(arm, chosen, real, unit.waiting),
-        f"{name}.c": f"{top}\n\n{c_text(unit, [own])}",
+        f"{name}.c": f"{top}\n\n{c_text(unit, [own_header])}",
         f"{name}_selftest.c": selftest(arm, name, chosen, real),
     }
 
@@ -80,7 +77,7 @@ def _folder(folder: Path) -> Iterator[Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{folder}: cannot be made or is no folder: {error.strerror}") from error
+        raise OutputError(f"cannot be made or is no folder: {error.strerror}", file=folder) from error
     try:
         yield folder
     except BaseException:

@@ -1,11 +1,13 @@
-"""The header of an exported C library: how to compile it, and every function with its equation, arrays, units and stack."""
+"""The header of an exported C library: how to compile it, and every function with its equation, arrays, units and stack.
+
+Comments are ASCII, whatever a robot's file or an equation has in it.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
-from armwright.export.c_comment import comment
 from armwright.export.c_function import CFunction
 from armwright.kernels.c_syntax import parameters, port_names
 from armwright.model import Model
@@ -48,7 +50,7 @@ def stack(waiting: int, real: str) -> int:
 
 def prototype(function: CFunction, real: str) -> str:
     """The function's first line, its arrays' sizes in numbers of joints; long ones over several lines."""
-    sizes = [" * ".join(_sizes(function, k)) or "1" for k in range(len(function.arguments))]
+    sizes = [" * ".join(_sizes(function, k)) or "1" for k in range(len(function.form.arguments))]
     line = f"void {function.name}({parameters(function.program, real, sizes)})"
     return line if len(line) <= WIDTH else line.replace("(", "(\n    ", 1).replace(", ", ",\n    ")
 
@@ -91,10 +93,10 @@ def _documented(arm: Model, function: CFunction, stack: int) -> str:
     fixed += [f"Here {option} = {value!r}." for option, value in form.options]
     if "frame" in form.signature.options and "frame" not in dict(form.options):
         fixed.append(f"Here frame = {arm.tip!r}, the arm's tip.")
-    shapes = [f"({', '.join(_sizes(function, k))})" for k in range(len(function.arguments))]
+    shapes = [f"({', '.join(_sizes(function, k))})" for k in range(len(function.form.arguments))]
     wide, long = max(map(len, names)), max(map(len, shapes))
     rows = []
-    for k, (name, shape, argument) in enumerate(zip(names, shapes, function.arguments, strict=True)):
+    for k, (name, shape, argument) in enumerate(zip(names, shapes, function.form.arguments, strict=True)):
         side = "out" if k >= len(function.program.inputs) else "in"
         rows.append(f"  {side:3}  {name:{wide}}  {shape:{long}}  [{argument.unit}]")
         if said := described(doc, argument.name):
@@ -128,7 +130,7 @@ def _sizes(function: CFunction, k: int) -> list[str]:
     port = (*function.program.inputs, *function.program.outputs)[k]
     return [
         _size(function.library, size, number)
-        for size, number in zip(function.arguments[k].shape, port.shape, strict=True)
+        for size, number in zip(function.form.arguments[k].shape, port.shape, strict=True)
     ]
 
 
@@ -137,3 +139,60 @@ def _size(name: str, size: int | str, number: int) -> str:
         return str(number)
     times = size.removesuffix("n")
     return f"{times} * {_macro(name)}" if times else _macro(name)
+
+
+#: Words for signs that ASCII has not, and for what would end or begin a comment or a trigraph.
+_WORDS = {
+    "τ": "tau",
+    "θ": "theta",
+    "ω": "omega",
+    "η": "eta",
+    "λ": "lambda",
+    "Λ": "Lambda",
+    "Γ": "Gamma",
+    "π": "pi",
+    "Σ": "sum",
+    "∂": "d",
+    "Δ": "delta",
+    "δ": "delta ",
+    "Ṁ": "Mdot",
+    "ẋ": "xdot",
+    "v̇": "vdot",
+    "ω̇": "omegadot",
+    "q̇": "qd",
+    "q̈": "qdd",
+    "J̇": "Jdot",
+    "·": "*",
+    "×": "x",
+    "−": "-",
+    "–": "-",
+    "≤": "<=",
+    "≥": ">=",
+    "≈": "~",
+    "→": "->",
+    "…": "...",
+    "√": "sqrt",
+    "⁻": "^-",
+    "¹": "1",
+    "ᵀ": "^T",
+    "²": "^2",
+    "³": "^3",
+    "½": "1/2",
+    "*/": "* /",
+    "/*": "/ *",
+    "??": "? ?",
+}
+
+
+def comment(lines: Iterable[str]) -> str:
+    """Those lines as one comment."""
+    return "\n".join(["/*", *(f" * {plain(line)}".rstrip() for line in lines), " */"])
+
+
+def plain(line: str) -> str:
+    """A line that can stand in a comment: Greek letters by name, anything else that is not ASCII by number."""
+    line = "".join(c if c.isprintable() else " " for c in line)
+    for mark in sorted(_WORDS, key=len, reverse=True):
+        line = line.replace(mark, _WORDS[mark])
+    line = line.encode("ascii", "backslashreplace").decode("ascii")
+    return line.replace("*/", "* /").replace("??", "? ?")

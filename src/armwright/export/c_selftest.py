@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from armwright.export.c_comment import comment
 from armwright.export.c_function import CFunction
+from armwright.export.c_header import comment
 from armwright.kernels.c import REALS
 from armwright.kernels.c_syntax import literal, port_names
 from armwright.model import Model
@@ -58,7 +58,7 @@ def _values(array: Any, real: str) -> str:
 
 def selftest(arm: Model, name: str, functions: Sequence[CFunction], real: str) -> str:
     """The program's text. It prints a line a function, and ends with 0 if all vectors are met, else with 1."""
-    calls = [f"    failed += test_{each.own_name}();" for each in functions]
+    calls = [f"    failed += test_{each.short_name}();" for each in functions]
     parts = [
         comment(
             [
@@ -111,7 +111,7 @@ def _test(arm: Model, function: CFunction, real: str) -> str:
         lines = [f"    static const {kind} {name}[{STATES}][{size}] = {{"]
         return [*lines, *(f"        {{{row}}}," for row in rows), "    };"]
 
-    lines = [f"static int test_{function.own_name}(void)", "{"]
+    lines = [f"static int test_{function.short_name}(void)", "{"]
     for k, port in enumerate(ports):
         rows = [_values((row[0] + row[1])[k], real) for row in vectors]
         lines += table(real, names[k] if k < split else f"{names[k]}_expected", rows, max(port.size, 1))
@@ -129,4 +129,4 @@ def _test(arm: Model, function: CFunction, real: str) -> str:
     for k in range(split, len(ports)):
         wanted = f"{names[k]}, {names[k]}_expected[k], {ports[k].size}, tolerance[k][{k - split}]"
         lines += [f"        error = error_of({wanted});", "        worst = error > worst ? error : worst;"]
-    return "\n".join([*lines, "    }", f'    return told("{function.own_name}", worst);', "}"])
+    return "\n".join([*lines, "    }", f'    return told("{function.short_name}", worst);', "}"])

@@ -8,7 +8,7 @@ import tomlkit
 
 from armwright.description.drive_file import JointDrive
 from armwright.description.robot import FixedJoint, RobotDescription
-from armwright.export.joint_frames import joint_frames, moved_tip, tip_of
+from armwright.export.joints import joint_frames, moved_tip, tip_of
 from armwright.quantity import Quantity, Record
 
 CARRIED = [name for name in JointDrive.model_fields if name != "source"]

@@ -79,18 +79,6 @@ def of_friction(robot: RobotDescription) -> list[str]:
     return [told(what, names) for what, names in lost.items()]
 
 
-def plain_friction(friction: RotaryFriction | LinearFriction | None) -> tuple[float, float]:
-    """(viscous, dry) of a friction record on the joint's side, as far as damping and one magnitude can tell it."""
-    if friction is None or friction.law != "coulomb" or friction.side != "joint":
-        return 0.0, 0.0
-    rotary = isinstance(friction, RotaryFriction)
-    viscous = friction.viscous_n_m_s_per_rad if rotary else friction.viscous_n_s_per_m
-    plus = friction.coulomb_positive_n_m if rotary else friction.coulomb_positive_n
-    minus = friction.coulomb_negative_n_m if rotary else friction.coulomb_negative_n
-    dry = 0.0 if plus is None or minus is None else 0.5 * (float(plus) + float(minus))
-    return (0.0 if viscous is None else float(viscous)), dry
-
-
 def _beyond_coulomb(friction: RotaryFriction | LinearFriction) -> list[str]:
     if friction.law != "coulomb":
         return [f"friction by the law {friction.law!r}"]

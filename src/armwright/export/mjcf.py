@@ -10,9 +10,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from armwright.description.robot import FixedJoint, MovingJoint, PrismaticJoint, RobotDescription
-from armwright.export.joint_frames import JointFrame, joint_frames, place_of, tip_of
-from armwright.export.losses import Losses, of_all_formats, of_friction, plain_friction
-from armwright.export.plain_limits import plain_limits
+from armwright.export.joints import JointFrame, joint_frames, place_of, plain_friction, plain_limits, tip_of
+from armwright.export.losses import Losses, of_all_formats, of_friction
 from armwright.lint.feasibility import is_possible
 from armwright.model.build import STANDARD_GRAVITY
 from armwright.output import whole_file

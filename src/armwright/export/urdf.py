@@ -12,9 +12,8 @@ import numpy as np
 from armwright.description.drive_file import ENDING
 from armwright.description.robot import FixedJoint, PrismaticJoint, RobotDescription
 from armwright.export.drive_file import drive_file
-from armwright.export.joint_frames import JointFrame, joint_frames, moved_tip, place_of, tip_of
-from armwright.export.losses import Losses, of_all_formats, of_friction, plain_friction, told
-from armwright.export.plain_limits import plain_limits
+from armwright.export.joints import JointFrame, joint_frames, moved_tip, place_of, plain_friction, plain_limits, tip_of
+from armwright.export.losses import Losses, of_all_formats, of_friction, told
 from armwright.output import whole_file
 from armwright.solids.mesh import Mesh
 from armwright.solids.shapes import Box, Cylinder, Sphere

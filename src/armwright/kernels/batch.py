@@ -7,7 +7,7 @@ import functools
 import itertools
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from armwright.errors import ShapeError
 from armwright.kernels.engine import Engine
 from armwright.kernels.format import DOUBLE, Format
 from armwright.kernels.target import Target
-from armwright.program import Program
+from armwright.program import Port, Program
 
 if TYPE_CHECKING:  # a kernel from the cache, called for a few states, needs neither threads nor what prints code
     from concurrent.futures import ThreadPoolExecutor
@@ -27,10 +27,11 @@ POINTER = ctypes.c_void_p
 addressof: Any = ctypes.addressof
 byte_of: Any = ctypes.c_char.from_buffer  # refuses what is read-only, not contiguous or empty
 CHAIN = 4  # divisions
-ROOM = (
-    1800  # operations; two tiles of a longer program want more registers than they fill gaps: a fifth to a half slower
-)
+ROOM = 1800  # operations; two tiles of a longer program want too many registers: a fifth to a half slower
 PLANS = 64  # shapes that are remembered
+LINE = 64  # bytes in a cache line
+LARGE = 4096  # numbers in an array that is worth aligning
+TILES_A_THREAD = 128  # fewer tiles than this are done sooner than a thread is woken
 
 
 class Kernel:
@@ -112,8 +113,7 @@ class Kernel:
         """The general case: any numbers, layouts and broadcasting."""
         ports = self.program.inputs
         if len(arrays) != len(ports):
-            expected = ", ".join(port.name for port in ports)
-            raise ShapeError(f"{self.program.name}: {len(arrays)} arrays, expected {len(ports)}: {expected}")
+            raise wrong_count(self.program.name, arrays, ports)
         given = [as_numbers(a, self.program.name, p.name, self.dtype) for a, p in zip(arrays, ports, strict=True)]
         lead = common_lead(self.program.name, given, self._expected)
         count = math.prod(lead)
@@ -156,20 +156,10 @@ class Kernel:
             return results, results
         wanted = list(out) if isinstance(out, tuple) else [out]
         if len(wanted) != len(shapes):
-            names = ", ".join(port.name for port in self.program.outputs)
-            raise ShapeError(f"{self.program.name}: {len(wanted)} arrays in out, expected {len(shapes)}: {names}")
+            raise wrong_count(f"{self.program.name}: out", wanted, self.program.outputs)
         for array, port, shape in zip(wanted, self.program.outputs, shapes, strict=True):
-            if (
-                not isinstance(array, np.ndarray)
-                or array.shape != shape
-                or array.dtype != self.dtype
-                or not array.flags.writeable
-            ):
-                found = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
-                found += " and read-only" if isinstance(array, np.ndarray) and not array.flags.writeable else ""
-                raise ShapeError(
-                    f"{self.program.name}: out for {port.name} is {found}, expected writeable {self.dtype} {shape}"
-                )
+            if not _is_writeable(array, shape, self.dtype):
+                raise wrong_array(f"{self.program.name}: out for {port.name}", array, f"writeable {self.dtype} {shape}")
         refuse_shared(self.program, wanted)
         usable = [a.flags.carray and not any(np.may_share_memory(a, block) for block in inputs) for a in wanted]
         return [a if fits else np.empty(a.shape, self.dtype) for a, fits in zip(wanted, usable, strict=True)], wanted
@@ -197,11 +187,6 @@ class Kernel:
         run(bounds[-2], count)  # the last part in this thread, which would only wait
         for other in others:
             other.result()
-
-
-LINE = 64  # bytes in a cache line
-LARGE = 4096  # numbers in an array that is worth aligning
-TILES_A_THREAD = 128  # fewer tiles than this are done sooner than a thread is woken
 
 
 def _empty(shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
@@ -243,10 +228,27 @@ def refuse_shared(program: Program, outputs: list[np.ndarray]) -> None:
     """
     for (i, a), (j, b) in itertools.combinations(enumerate(outputs), 2):
         if np.may_share_memory(a, b) and np.shares_memory(a, b):
-            names = [program.outputs[k].name for k in (i, j)]
-            raise ShapeError(
-                f"{program.name}: out for {names[0]} and {names[1]} share memory; expected separate arrays"
-            )
+            names = f"{program.outputs[i].name} and {program.outputs[j].name}"
+            raise ShapeError("share memory", place=f"{program.name}: out for {names}", expected="separate arrays")
+
+
+def wrong_count(place: str, arrays: Sequence[Any], ports: Sequence[Port]) -> ShapeError:
+    """The error of a call with another number of arrays than there are ports."""
+    return ShapeError(
+        f"{len(arrays)} arrays", place=place, expected=f"{len(ports)}: {', '.join(port.name for port in ports)}"
+    )
+
+
+def wrong_array(place: str, array: Any, expected: str) -> ShapeError:
+    """The error of an array that does not fit, which tells its type and shape."""
+    if not isinstance(array, np.ndarray):
+        return ShapeError(type(array).__name__, place=place, expected=expected)
+    read_only = "" if array.flags.writeable else ", read-only"
+    return ShapeError(f"{array.dtype} {array.shape}{read_only}", place=place, expected=expected)
+
+
+def _is_writeable(array: Any, shape: tuple[int, ...], dtype: np.dtype) -> bool:
+    return isinstance(array, np.ndarray) and array.shape == shape and array.dtype == dtype and array.flags.writeable
 
 
 @functools.cache
@@ -275,10 +277,10 @@ def as_numbers(value: Any, place: str, name: str, dtype: np.dtype = DOUBLE.dtype
         with np.errstate(over="ignore"):
             return array.astype(dtype, copy=False)
     except (TypeError, ValueError) as error:
-        raise ShapeError(f"{place}: {name} is not an array of real numbers: {error}") from None
+        raise ShapeError(str(error), place=f"{place}: {name}", expected="an array of real numbers") from None
 
 
-def common_lead(place: str, arrays: list[np.ndarray], expected: list[tuple[str, tuple[int, ...]]]) -> tuple[int, ...]:
+def common_lead(place: str, arrays: Sequence[Any], expected: list[tuple[str, tuple[int, ...]]]) -> tuple[int, ...]:
     """The leading axes that all arrays broadcast to.
 
     Raises:
@@ -288,8 +290,8 @@ def common_lead(place: str, arrays: list[np.ndarray], expected: list[tuple[str, 
     for array, (name, shape) in zip(arrays, expected, strict=True):
         split = array.ndim - len(shape)
         if split < 0 or array.shape[split:] != shape:
-            wanted = ", ".join(str(k) for k in shape)
-            raise ShapeError(f"{place}: {name} has shape {array.shape}, expected (…, {wanted})")
+            wanted = f"(…, {', '.join(map(str, shape))})"
+            raise ShapeError(f"shape {array.shape}", place=f"{place}: {name}", expected=wanted)
         leads.append(array.shape[:split])
     if all(lead == leads[0] for lead in leads):
         return leads[0]
@@ -297,4 +299,4 @@ def common_lead(place: str, arrays: list[np.ndarray], expected: list[tuple[str, 
         return np.broadcast_shapes(*leads)
     except ValueError:
         shapes = ", ".join(f"{name} {array.shape}" for array, (name, _) in zip(arrays, expected, strict=True))
-        raise ShapeError(f"{place}: leading axes do not fit together: {shapes}") from None
+        raise ShapeError(f"leading axes do not fit together: {shapes}", place=place) from None

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ShapeError
-from armwright.kernels.batch import Kernel, refuse_shared
+from armwright.kernels.batch import Kernel, refuse_shared, wrong_array
 
 
 class Bound:
@@ -27,7 +27,7 @@ class Bound:
         known = [port.name for port in (*program.inputs, *program.outputs)]
         for name in given:
             if name not in known:
-                raise ShapeError(f"{program.name}: nothing is called {name!r}; expected {', '.join(known)}")
+                raise ShapeError(place=f"{program.name}: array", value=name, choices=known)
         self.inputs, self.outputs = (
             {
                 port.name: _buffer(program.name, port.name, lead + port.shape, given.get(port.name), kernel.dtype)
@@ -39,11 +39,11 @@ class Bound:
         refuse_shared(program, list(self.outputs.values()))
         for name, output in self.outputs.items():
             for other, source in self.inputs.items():
-                same = (
-                    output.ctypes.data == source.ctypes.data and output.nbytes == source.nbytes
-                )  # row for row: read first
+                # Row for row over each other is allowed: an input's row is read before an output's is written.
+                same = output.ctypes.data == source.ctypes.data and output.nbytes == source.nbytes
                 if np.may_share_memory(output, source) and not same:
-                    raise ShapeError(f"{program.name}: {name} lies partly over {other}; expected separate arrays")
+                    place = f"{program.name}: {name} and {other}"
+                    raise ShapeError("lie partly over each other", place=place, expected="separate arrays")
         count = int(np.prod(lead, dtype=np.int64))
         self._table = ctypes.addressof(
             table := (ctypes.c_int64 * (1 + len(arrays)))(count, *(a.ctypes.data for a in arrays))
@@ -64,6 +64,5 @@ def _buffer(place: str, name: str, shape: tuple[int, ...], given: np.ndarray | N
         return np.zeros(shape, dtype)
     fits = isinstance(given, np.ndarray) and given.shape == shape and given.dtype == dtype
     if not fits or not given.flags.carray:
-        found = f"{given.dtype} {given.shape}" if isinstance(given, np.ndarray) else type(given).__name__
-        raise ShapeError(f"{place}: {name} is {found}, expected writeable contiguous {dtype} {shape}")
+        raise wrong_array(f"{place}: {name}", given, f"writeable contiguous {dtype} {shape}")
     return given

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armwright.errors import ModelError, ShapeError, nearest
+from armwright.errors import ModelError, Problem, ShapeError
 from armwright.kernels.format import DOUBLE, select_format
 from armwright.kernels.signatures import PARAMETERS, SIGNATURES, Signature, trace_kernel
 from armwright.model import Model, check_arm
@@ -66,11 +66,11 @@ class CompiledArm:
     @threads.setter
     def threads(self, count: int) -> None:
         if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
-            raise ModelError(f"threads = {count!r}: expected a whole number, 1 or more")
+            raise ModelError(place="threads", value=count, expected="a whole number, 1 or more")
         self._threads = int(count)
 
     def __getattr__(self, name: str) -> Any:
-        raise AttributeError(f"no kernel {name!r}; {nearest(name, SIGNATURES)}")
+        raise AttributeError(str(Problem(place="kernel", value=name, choices=tuple(SIGNATURES))))
 
     def kernel(self, name: str, *optional: str, **options: Any) -> Any:
         """The compiled kernel of that name; compiles it where this is its first use.
@@ -87,11 +87,7 @@ class CompiledArm:
         self._check_form(name, optional, options)
         key = (name, *optional, *sorted(options.items()))
         if key not in self._kernels:
-            from armwright.kernels.batch import Kernel
-
-            program = trace_kernel(self.arm, SIGNATURES[name], optional, varied=self.varied, **options)
-            check = None if self.varied is None else _checked(self.varied, len(SIGNATURES[name].inputs))
-            self._kernels[key] = Kernel(program, self.target, check, self.format)
+            self._kernels[key] = self._compiled(name, self._traced(name, optional, options))
         return self._kernels[key]
 
     def derivative(self, name: str, by: str, *optional: str, **options: Any) -> Any:
@@ -109,22 +105,31 @@ class CompiledArm:
         self._check_form(name, optional, options)
         key = (name, "by", by, *optional, *sorted(options.items()))
         if key not in self._kernels:
-            from armwright.kernels.batch import Kernel
             from armwright.program.derivative import derivative
 
-            program = trace_kernel(self.arm, SIGNATURES[name], optional, varied=self.varied, **options)
+            program = self._traced(name, optional, options)
             known = [port.name for port in program.inputs]
             if by not in known:
-                raise ShapeError(f"{name}: no input {by!r}; {nearest(str(by), known)}")
-            check = None if self.varied is None else _checked(self.varied, len(SIGNATURES[name].inputs))
-            self._kernels[key] = Kernel(derivative(program, by), self.target, check, self.format)
+                raise ShapeError(place=f"{name}: input", value=by, choices=known)
+            self._kernels[key] = self._compiled(name, derivative(program, by))
         return self._kernels[key]
+
+    def _traced(self, name: str, optional: tuple[str, ...], options: dict[str, Any]) -> Any:
+        return trace_kernel(self.arm, SIGNATURES[name], optional, varied=self.varied, **options)
+
+    def _compiled(self, name: str, program: Any) -> Any:
+        from armwright.kernels.batch import (
+            Kernel,
+        )  # brings LLVM, which an arm that is compiled and not used does without
+
+        check = None if self.varied is None else _checked(self.varied, len(SIGNATURES[name].inputs))
+        return Kernel(program, self.target, check, self.format)
 
     @staticmethod
     def _check_form(name: str, optional: tuple[str, ...], options: dict[str, Any]) -> None:
         """Refuses a kernel, an optional input or an option that the table does not have."""
         if not isinstance(name, str) or name not in SIGNATURES:
-            raise ShapeError(f"no kernel {name!r}; {nearest(str(name), SIGNATURES)}")
+            raise ShapeError(place="kernel", value=name, choices=SIGNATURES)
         signature = SIGNATURES[name]
         for what, given, known in (
             ("optional input", optional, [argument.name for argument in signature.optional]),
@@ -132,10 +137,10 @@ class CompiledArm:
         ):
             for each in given:
                 if each not in known:
-                    raise ShapeError(f"{name}: no {what} {each!r}; {nearest(str(each), known)}")
+                    raise ShapeError(place=f"{name}: {what}", value=each, choices=known)
         for each, value in options.items():
             if not isinstance(value, str):
-                raise ShapeError(f"{name}: {each} = {value!r}: expected a name")
+                raise ShapeError(place=f"{name}: {each}", value=value, expected="a name")
 
     def bind(self, name: str, *optional: str, lead: tuple[int, ...] = (), options: Any = None, **arrays: Any) -> Any:
         """A kernel with its arrays fixed: a call of it costs little more than the computing, for control loops.
@@ -157,7 +162,7 @@ class CompiledArm:
             isinstance(k, (int, np.integer)) and k >= 0 for k in lead
         )
         if wrong:
-            raise ShapeError(f"{name}: lead = {lead!r}: expected leading axes such as () or (100,)")
+            raise ShapeError(place=f"{name}: lead", value=lead, expected="leading axes such as () or (100,)")
         bound = Bound(self.kernel(name, *optional, **(options or {})), tuple(lead), arrays)
         if self.varied is not None and PARAMETERS not in arrays:
             bound.inputs[PARAMETERS][...] = self.varied.nominal
@@ -176,7 +181,7 @@ class CompiledArm:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip, or has too many joints for it.
         """
         self._check_form(name, optional, options)
-        return trace_kernel(self.arm, SIGNATURES[name], optional, varied=self.varied, **options).casadi()
+        return self._traced(name, optional, options).casadi()
 
 
 def _varied(arm: Model, names: Sequence[str]) -> Varied:
@@ -222,12 +227,13 @@ def _method(signature: Signature) -> Callable[..., Any]:
             if name in named:
                 values.append(named.pop(name))
             elif name in required:
-                raise ShapeError(f"{signature.name}: {name} is missing; expected {', '.join(required)}")
+                raise ShapeError("missing", place=f"{signature.name}: {name}", expected=", ".join(required))
         named = {name: value for name, value in named.items() if name not in signature.options}
         if named or len(values) > len(required) + len(optional):
-            extra = f"unknown argument {next(iter(named))!r}" if named else f"{len(values)} arrays"
-            expected = ", ".join([*required, *optional, *signature.options])
-            raise ShapeError(f"{signature.name}: {extra}; expected {expected}")
+            known = [*required, *optional, *signature.options]
+            if named:
+                raise ShapeError(place=f"{signature.name}: argument", value=next(iter(named)), choices=known)
+            raise ShapeError(f"{len(values)} arrays", place=signature.name, expected=", ".join(known))
         if len(values) > len(required) and values[-1] is None:
             values.pop()
         kernel = self.kernel(signature.name, *optional[: len(values) - len(required)], **options)

@@ -13,10 +13,34 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ModelError, ShapeError
-from armwright.kernels.c_syntax import identifier
-from armwright.kernels.c_unit import Unit
-from armwright.kernels.cuda_machine import BITS, CUDA
+from armwright.kernels.batch import common_lead, wrong_count
+from armwright.kernels.c import Unit
+from armwright.kernels.c_syntax import Dialect, identifier
 from armwright.program import Program
+
+#: CUDA C as a dialect of C99: other words for integers, bits and functions of the device.
+CUDA = Dialect(
+    integer="unsigned long long",
+    literal="0x{:016x}ULL",
+    function="static __device__ ",
+    apart="static __device__ __noinline__ ",
+    infinity="__longlong_as_double(0x7ff0000000000000LL)",
+    nan="__longlong_as_double(0x7ff8000000000000LL)",
+    guarded=False,
+)
+
+#: What the machine calls for the bits of a double; NVRTC includes no headers, and these need none.
+BITS = """\
+static __device__ unsigned long long {prefix}bits_of(double x)
+{{
+    return (unsigned long long)__double_as_longlong(x);
+}}
+
+static __device__ double {prefix}from_bits(unsigned long long i)
+{{
+    return __longlong_as_double((long long)i);
+}}
+"""
 
 OPTIONS = ("--fmad=false", "--std=c++14")
 THREADS = 128  # a block
@@ -139,17 +163,9 @@ class CudaKernel:
         cupy = _cupy()
         ports = self.program.inputs
         if len(arrays) != len(ports):
-            expected = ", ".join(port.name for port in ports)
-            raise ShapeError(f"{self.program.name}: {len(arrays)} arrays, expected {len(ports)}: {expected}")
+            raise wrong_count(self.program.name, arrays, ports)
         given = [cupy.asarray(array, dtype=np.float64) for array in arrays]
-        leads = []
-        for array, port in zip(given, ports, strict=True):
-            split = array.ndim - len(port.shape)
-            if split < 0 or array.shape[split:] != port.shape:
-                wanted = ", ".join(str(size) for size in port.shape)
-                raise ShapeError(f"{self.program.name}: {port.name} has shape {array.shape}, expected (…, {wanted})")
-            leads.append(array.shape[:split])
-        lead = _common(self.program.name, leads)
+        lead = common_lead(self.program.name, given, [(port.name, port.shape) for port in ports])
         count = math.prod(lead)
         values: list[Any] = [np.int64(count)]
         for array, port in zip(given, ports, strict=True):
@@ -192,9 +208,8 @@ class CudaTrajectory:
         nx, nu = self.step.inputs[0].size, self.step.inputs[1].size
         x, u = cupy.asarray(x, dtype=np.float64), cupy.asarray(u, dtype=np.float64)
         if x.ndim != 2 or x.shape[1] != nx or u.shape not in ((nu,), (len(x), nu)):
-            raise ShapeError(
-                f"trajectory: x {x.shape} and u {u.shape}, expected (lanes, {nx}) and ({nu},) or (lanes, {nu})"
-            )
+            expected = f"(lanes, {nx}) and ({nu},) or (lanes, {nu})"
+            raise ShapeError(f"shapes {x.shape} and {u.shape}", place="trajectory: x and u", expected=expected)
         lanes = len(x)
         record, frozen = cupy.empty((ticks // every + 1, lanes, nx)), cupy.empty(lanes)
         sizes = (np.int64(lanes), np.int64(ticks), np.int64(every), np.float64(h))
@@ -202,14 +217,6 @@ class CudaTrajectory:
         if lanes:
             self._function((-(-lanes // THREADS),), (THREADS,), (*sizes, *rows, record, frozen))
         return record, frozen
-
-
-def _common(place: str, leads: list[tuple[int, ...]]) -> tuple[int, ...]:
-    try:
-        return np.broadcast_shapes(*leads)
-    except ValueError:
-        shapes = ", ".join(str(lead) for lead in leads)
-        raise ShapeError(f"{place}: leading axes do not fit together: {shapes}") from None
 
 
 def _compiled(text: str, name: str) -> Any:
@@ -220,11 +227,11 @@ def _cupy() -> Any:
     try:
         import cupy  # pyright: ignore[reportMissingImports]
     except ImportError:
-        raise ModelError("CUDA kernels need CuPy, which is not installed: pip install cupy-cuda12x") from None
+        raise ModelError("CuPy is not installed: pip install cupy-cuda12x", place="CUDA kernels") from None
     try:
         devices = cupy.cuda.runtime.getDeviceCount()
     except cupy.cuda.runtime.CUDARuntimeError as error:
-        raise ModelError(f"CUDA kernels need an NVIDIA GPU with its driver: {error}") from None
+        raise ModelError(str(error), place="CUDA kernels", expected="an NVIDIA GPU with its driver") from None
     if devices == 0:
-        raise ModelError("CUDA kernels need an NVIDIA GPU, and there is none")
+        raise ModelError("there is none", place="CUDA kernels", expected="an NVIDIA GPU")
     return cupy

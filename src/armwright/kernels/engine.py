@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Protocol
 from llvmlite import binding
 
 from armwright.kernels import cache
-from armwright.kernels.libm import LIBM
-from armwright.kernels.target import Target
+from armwright.kernels.target import LIBM, Target
 from armwright.program import Program
 
 if TYPE_CHECKING:

@@ -65,5 +65,5 @@ def select_format(dtype: Any) -> Format:
     """
     name = dtype if isinstance(dtype, str) else getattr(dtype, "name", getattr(dtype, "__name__", None))
     if name not in FORMATS:
-        raise ModelError(f"dtype = {dtype!r}: expected {' or '.join(FORMATS)}")
+        raise ModelError(place="dtype", value=dtype, expected=" or ".join(FORMATS))
     return FORMATS[name]

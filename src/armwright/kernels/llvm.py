@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 
 from armwright.kernels.format import DOUBLE, FORMATS, Format
 from armwright.kernels.llvm_machine import LlvmMachine
+from armwright.kernels.lowering import walk, walk_instructions
 from armwright.kernels.machine import Value
 from armwright.kernels.tiles import load_tile, store_tile, store_tile_loop
-from armwright.kernels.walk import walk, walk_instructions
 from armwright.program import Instruction, Program
 from armwright.program.cut import WHOLE, Piece, cut
 from armwright.program.passes import optimised
@@ -44,11 +44,11 @@ class Module:
         name = f"{program.name}.block"
         if name not in self.functions:
             m = self.machine()
-            inputs = [[_load_block(m, f"%in{k}", e) for e in range(p.size)] for k, p in enumerate(program.inputs)]
+            inputs = [[m.load(f"%in{k}", e) for e in range(p.size)] for k, p in enumerate(program.inputs)]
             outputs = self._computed(m, program, inputs)
             for k, values in enumerate(outputs):
                 for entry, value in enumerate(values):
-                    _store_block(m, f"%out{k}", entry, value)
+                    m.store(f"%out{k}", entry, value)
             self._define(name, program, m)
         return name
 
@@ -71,7 +71,7 @@ class Module:
             blocks = self._in_pieces(m, program, instructions, inputs, batched=True)
             for k, (block, port) in enumerate(zip(blocks, program.outputs, strict=True)):
                 if port.size <= WIDE or self.width == 1:
-                    store_tile(m, f"%out{k}", [_load_block(m, block, entry) for entry in range(port.size)])
+                    store_tile(m, f"%out{k}", [m.load(block, entry) for entry in range(port.size)])
                 else:
                     m.lines.append(f"  call void @{self._store_function(port.size)}(ptr %out{k}, ptr {block})")
         self._define(tile, program, m)
@@ -90,7 +90,7 @@ class Module:
             return walk(m, program, inputs, self.caller(m))
         blocks = self._in_pieces(m, program, instructions, inputs)
         return [
-            [_load_block(m, pointer, entry) for entry in range(port.size)]
+            [m.load(pointer, entry) for entry in range(port.size)]
             for pointer, port in zip(blocks, program.outputs, strict=True)
         ]
 
@@ -103,12 +103,12 @@ class Module:
         batched: bool = False,
     ) -> list[str]:
         """Calls of the pieces of a long program, tile by tile of a batch or alone; comes back with the blocks of its outputs."""
-        ports = [[_alloca(m, port.size) for port in side] for side in (program.inputs, program.outputs)]
+        ports = [[m.reserve(port.size) for port in side] for side in (program.inputs, program.outputs)]
         for pointer, values in zip(ports[0], inputs, strict=True):
             for entry, value in enumerate(values):
-                _store_block(m, pointer, entry, value)
+                m.store(pointer, entry, value)
         parts = cut(instructions)
-        given = ", ".join(f"ptr {p}" for p in (*ports[0], *ports[1], _alloca(m, max(parts.slots, 1))))
+        given = ", ".join(f"ptr {p}" for p in (*ports[0], *ports[1], m.reserve(max(parts.slots, 1))))
         ahead, share = self._fetches(program) if batched else [], len(parts.pieces)
         for k, piece in enumerate(parts.pieces):
             name = f"{program.name}.piece{k}"
@@ -149,17 +149,17 @@ class Module:
     def _add_piece(self, name: str, program: Program, piece: Piece) -> None:
         """`void name(in0, …, out0, …, work)` over blocks: one piece, what crosses its ends waiting in `work`."""
         m = self.machine()
-        values = {value: _load_block(m, "%work", slot) for value, slot in piece.taken.items()}
+        values = {value: m.load("%work", slot) for value, slot in piece.taken.items()}
 
         def read(port: int, entry: int) -> Value:
-            return _load_block(m, f"%in{port}", entry)
+            return m.load(f"%in{port}", entry)
 
         def write(port: int, entry: int, value: Value) -> None:
-            _store_block(m, f"%out{port}", entry, value)
+            m.store(f"%out{port}", entry, value)
 
         walk_instructions(m, piece.instructions, values, read, write, self.caller(m))
         for value, slot in piece.left.items():
-            _store_block(m, "%work", slot, values[value])
+            m.store("%work", slot, values[value])
         self._define(name, program, m, "ptr noalias %work")
 
     def caller(self, m: LlvmMachine):
@@ -169,15 +169,13 @@ class Module:
             name = self.add_block_function(program)
             pointers, given = [], iter(arguments)
             for port in program.inputs:
-                pointer = _alloca(m, port.size)
+                pointer = m.reserve(port.size)
                 for entry in range(port.size):
-                    _store_block(m, pointer, entry, next(given))
+                    m.store(pointer, entry, next(given))
                 pointers.append(pointer)
-            results = [_alloca(m, port.size) for port in program.outputs]
+            results = [m.reserve(port.size) for port in program.outputs]
             m.lines.append(f"  call void @{name}({', '.join(f'ptr {p}' for p in [*pointers, *results])})")
-            return [
-                _load_block(m, p, e) for p, port in zip(results, program.outputs, strict=True) for e in range(port.size)
-            ]
+            return [m.load(p, e) for p, port in zip(results, program.outputs, strict=True) for e in range(port.size)]
 
         return call
 
@@ -185,25 +183,10 @@ class Module:
         parameters = [f"ptr noalias readonly %in{k}" for k in range(len(program.inputs))]
         parameters += [f"ptr noalias %out{k}" for k in range(len(program.outputs))]
         parameters += more
-        size = m.format.bytes * m.width
         # alignstack: LLVM does not align the stack for spilled vectors by itself, and split ones cost up to half the speed
-        head = f"define internal void @{name}({', '.join(parameters)}) noinline nounwind alignstack({min(size, 64)})"
+        head = f"define internal void @{name}({', '.join(parameters)}) noinline nounwind alignstack({min(m.bytes, 64)})"
         head += " {\nentry:"
         self.functions[name] = "\n".join([head, *m.lines, "  ret void", "}"])
-
-
-def _load_block(m: LlvmMachine, pointer: str, entry: int) -> Value:
-    place = m.emit(f"getelementptr {m.real}, ptr {pointer}, i64 {entry}")
-    return m.emit(f"load {m.real}, ptr {place}, align {m.format.bytes * m.width}")
-
-
-def _store_block(m: LlvmMachine, pointer: str, entry: int, value: Value) -> None:
-    place = m.emit(f"getelementptr {m.real}, ptr {pointer}, i64 {entry}")
-    m.lines.append(f"  store {m.real} {value}, ptr {place}, align {m.format.bytes * m.width}")
-
-
-def _alloca(m: LlvmMachine, entries: int) -> str:
-    return m.emit(f"alloca [{entries} x {m.real}], align {m.format.bytes * m.width}")
 
 
 def _batch_loop(name: str, tile: str, program: Program, w: int, format: Format) -> str:

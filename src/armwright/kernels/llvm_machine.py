@@ -3,7 +3,8 @@
 # ruff: noqa: D102  What the operations do is said where they are declared, in `Machine`.
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from armwright.kernels.format import DOUBLE, Format
 from armwright.kernels.machine import Machine, Slow, Value
@@ -89,6 +90,58 @@ class LlvmMachine(Machine):
         self._printed.clear()
         self.memo.clear()
 
+    def jump(self, label: str) -> None:
+        """End a basic block by going on to that one."""
+        self.lines.append(f"  br label %{label}")
+
+    def branch(self, condition: Value, then: str, otherwise: str) -> None:
+        """End a basic block by going on to one of two; the condition is one bit."""
+        self.lines.append(f"  br i1 {condition}, label %{then}, label %{otherwise}")
+
+    @contextmanager
+    def repeat(self, label: str, times: int) -> Iterator[Value]:
+        """A loop that begins at `label` and runs its body so often; gives the counter. Its lines go on at `label.done`."""
+        counter, before = f"%{label}.count", self.block
+        self.jump(label)
+        self.begin(label)
+        place = len(self.lines)
+        yield counter
+        following = self.emit(f"add i64 {counter}, 1")
+        more = self.emit(f"icmp ult i64 {following}, {times}")
+        # Only now is it known from which basic block the loop comes back.
+        self.lines.insert(place, f"  {counter} = phi i64 [ 0, %{before} ], [ {following}, %{self.block} ]")
+        self.branch(more, label, f"{label}.done")
+        self.begin(f"{label}.done")
+
+    def entry(self, pointer: str, entry: int) -> Value:
+        """Pointer to an entry of a block: one vector of lanes."""
+        return self.emit(f"getelementptr {self.real}, ptr {pointer}, i64 {entry}")
+
+    def load(self, pointer: str, entry: int) -> Value:
+        """An entry of a block."""
+        return self.emit(f"load {self.real}, ptr {self.entry(pointer, entry)}, align {self.bytes}")
+
+    def store(self, pointer: str, entry: int, value: Value) -> None:
+        """Sets an entry of a block."""
+        place = self.entry(pointer, entry)
+        self.lines.append(f"  store {self.real} {value}, ptr {place}, align {self.bytes}")
+
+    def reserve(self, entries: int) -> str:
+        """A new block on the stack."""
+        return self.emit(f"alloca [{entries} x {self.real}], align {self.bytes}")
+
+    def spread(self, value: Value, scalar: str, vector: str) -> Value:
+        """One number, an LLVM scalar, in every lane."""
+        if self.width == 1:
+            return value
+        first = self.emit(f"insertelement {vector} poison, {scalar} {value}, i32 0")
+        return self.emit(f"shufflevector {vector} {first}, {vector} poison, <{self.width} x i32> zeroinitializer")
+
+    @property
+    def bytes(self) -> int:
+        """Of one vector of lanes."""
+        return self.format.bytes * self.width
+
     def _label(self, label: str) -> None:
         self.lines.append(f"{label}:")
         self.block = label
@@ -130,8 +183,8 @@ class LlvmMachine(Machine):
     def rarely(self, mask, slow: Sequence[Slow], *fast):
         assert len(slow) == len(fast)
         wide, join = self.fresh("rare"), self.fresh("join")
-        some, usual = self._any(mask), self.block
-        self.lines.append(f"  br i1 {some}, label %{wide}, label %{join}")
+        some, usual = self.any(mask), self.block
+        self.branch(some, wide, join)
         self._label(wide)
         printed = dict(self._printed)  # what is printed in this block is not available after it
         rare = [
@@ -139,14 +192,15 @@ class LlvmMachine(Machine):
             for (name, arguments), value in zip(slow, fast, strict=True)
         ]
         self._printed = printed
-        self.lines.append(f"  br label %{join}")
+        self.jump(join)
         self._label(join)
         return tuple(
             self.emit(f"phi {self.real} [ {usual_value}, %{usual} ], [ {rare_value}, %{wide} ]")
             for usual_value, rare_value in zip(fast, rare, strict=True)
         )
 
-    def _any(self, mask: Value) -> Value:
+    def any(self, mask: Value) -> Value:
+        """One bit: whether a truth value holds in any lane."""
         if self.width == 1:
             return mask
         name = f"llvm.vector.reduce.or.v{self.width}i1"

@@ -10,20 +10,10 @@ from dataclasses import fields
 
 from armwright.kernels import philox, stages
 from armwright.kernels.llvm import Module
-from armwright.kernels.loop_integration import ROWS, IntegrationPrinter
+from armwright.kernels.loop_blocks import ROWS
+from armwright.kernels.loop_steps import StepPrinter
 from armwright.kernels.machine import Value
-from armwright.kernels.stages import (
-    NEXT,
-    SINCE,
-    Call,
-    Delay,
-    Draw,
-    Record,
-    Rows,
-    Stage,
-    Table,
-    block_sizes,
-)
+from armwright.kernels.stages import SINCE, Call, Delay, Draw, Record, Rows, Stage, Table, block_sizes
 from armwright.kernels.tiles import store_tile
 from armwright.program import Program
 
@@ -84,7 +74,7 @@ def loop_module(width: int, *ingredients: Program | str) -> Module:
     return module
 
 
-class _Printer(IntegrationPrinter):
+class _Printer(StepPrinter):
     """Prints one loop."""
 
     def text(self) -> str:
@@ -96,13 +86,13 @@ class _Printer(IntegrationPrinter):
             kind = "double" if name == "h" else "i64" if name in NUMBERS or name.endswith(".stride") else "ptr"
             self._out(f'  %"{name}" = load {kind}, ptr {place}, align 8')
         self._out("  %some = icmp slt i64 %tile0, %tile1")
-        self._out("  br i1 %some, label %tiles, label %done")
+        m.branch("%some", "tiles", "done")
         m.begin("tiles")
         self._out("  %tile = phi i64 [ %tile0, %entry ], [ %tile.next, %tile.end ]")
         for block, entries in self.sizes.items():
             self._out(f'  %"{block}.offset" = mul i64 %tile, {entries * self.w}')
             self._out(f'  %"{block}.at" = getelementptr double, ptr %"{block}.block", i64 %"{block}.offset"')
-        self._out("  br label %ticks")
+        m.jump("ticks")
         m.begin("ticks")
         self._out("  %k = phi i64 [ %tick0, %tiles ], [ %k.next, %tick.end ]")
         self._out("  %tick = sitofp i64 %k to double")
@@ -113,15 +103,15 @@ class _Printer(IntegrationPrinter):
             self._store(SINCE, 0, m.constant(0.0))
         for number, stage in enumerate(self.plan):
             getattr(self, f"_{type(stage).__name__.lower()}")(stage, f"s{number}")
-        self._out("  br label %tick.end")
+        m.jump("tick.end")
         m.begin("tick.end")
         self._out("  %k.next = add i64 %k, 1")
         self._out("  %more.ticks = icmp slt i64 %k.next, %tick1")
-        self._out("  br i1 %more.ticks, label %ticks, label %tile.end")
+        m.branch("%more.ticks", "ticks", "tile.end")
         m.begin("tile.end")
         self._out("  %tile.next = add i64 %tile, 1")
         self._out("  %more.tiles = icmp slt i64 %tile.next, %tile1")
-        self._out("  br i1 %more.tiles, label %tiles, label %done")
+        m.branch("%more.tiles", "tiles", "done")
         m.begin("done")
         align = min(8 * self.w, 64)
         head = f"define void @loop(ptr %arguments) nounwind alignstack({align}) {{\nentry:"
@@ -131,9 +121,7 @@ class _Printer(IntegrationPrinter):
 
     def _call(self, stage: Call, label: str) -> None:
         self._program(stage.program)
-        for port in stage.program.outputs:
-            if port.name.endswith(NEXT):
-                self._copied(port.name.removesuffix(NEXT), port.name, port.size)
+        self._replace_blocks(stage.program)
 
     def _table(self, stage: Table, label: str) -> None:
         m = self.m
@@ -151,7 +139,7 @@ class _Printer(IntegrationPrinter):
         if w > 1:
             steps = ", ".join(f"i64 {k}" for k in range(w))
             lanes = m.emit(f"add {m.integer} {lanes}, <{steps}>")
-        low = self._int(philox.LOW)
+        low = m.int_constant(philox.LOW)
         lane = m.emit(f"and {m.integer} {lanes}, {low}")
         k_low = self._int_splat(m.emit(f"and i64 %k, {philox.LOW}"))
         high = m.emit("lshr i64 %k, 32")
@@ -160,11 +148,11 @@ class _Printer(IntegrationPrinter):
         key0 = self._int_splat(m.emit(f"and i64 %seed, {philox.LOW}"))
         key1 = self._int_splat(m.emit("lshr i64 %seed, 32"))
         for call in range(-(-stage.entries // 2)):
-            c = self._philox([lane, k_low, k_high, self._int(call)], key0, key1)
+            c = self._philox([lane, k_low, k_high, m.int_constant(call)], key0, key1)
             for half in range(2):
                 if 2 * call + half < stage.entries:
-                    up = m.emit(f"shl {m.integer} {c[2 * half]}, {self._int(20)}")
-                    down = m.emit(f"lshr {m.integer} {c[2 * half + 1]}, {self._int(12)}")
+                    up = m.emit(f"shl {m.integer} {c[2 * half]}, {m.int_constant(20)}")
+                    down = m.emit(f"lshr {m.integer} {c[2 * half + 1]}, {m.int_constant(12)}")
                     bits = m.emit(f"or {m.integer} {up}, {down}")
                     number = m.add(m.emit(f"uitofp {m.integer} {bits} to {m.real}"), m.constant(0.5))
                     self._store(stage.block, 2 * call + half, m.mul(number, m.constant(2.0**-52)))
@@ -175,15 +163,15 @@ class _Printer(IntegrationPrinter):
         def op(name: str, a: Value, b: Value) -> Value:
             return m.emit(f"{name} {m.integer} {a}, {b}")
 
-        low, shift = self._int(philox.LOW), self._int(32)
+        low, shift = m.int_constant(philox.LOW), m.int_constant(32)
         c0, c1, c2, c3 = c
         for _ in range(philox.ROUNDS):
-            a, b = op("mul", self._int(philox.M0), c0), op("mul", self._int(philox.M1), c2)
+            a, b = op("mul", m.int_constant(philox.M0), c0), op("mul", m.int_constant(philox.M1), c2)
             c0 = op("xor", op("xor", op("lshr", b, shift), c1), k0)
             c2 = op("xor", op("xor", op("lshr", a, shift), c3), k1)
             c1, c3 = op("and", b, low), op("and", a, low)
-            k0 = op("and", op("add", k0, self._int(philox.W0)), low)
-            k1 = op("and", op("add", k1, self._int(philox.W1)), low)
+            k0 = op("and", op("add", k0, m.int_constant(philox.W0)), low)
+            k1 = op("and", op("add", k1, m.int_constant(philox.W1)), low)
         return [c0, c1, c2, c3]
 
     def _delay(self, stage: Delay, label: str) -> None:
@@ -194,36 +182,26 @@ class _Printer(IntegrationPrinter):
         slot = m.emit(f"urem i64 %k, {n}")
         place = m.emit(f"mul i64 {slot}, {e * w}")
         newest = m.emit(f"getelementptr double, ptr {ring}, i64 {place}")
-        self._out(
-            f'  call void @llvm.memcpy.p0.p0.i64(ptr {newest}, ptr %"{stage.block}.at", i64 {8 * e * w}, i1 false)'
-        )
-        before = m.block
-        self._out(f"  br label %{label}.lane")
-        m.begin(f"{label}.lane")
-        lane, following = f"%{label}.l", f"%{label}.l.next"
-        self._out(f"  {lane} = phi i64 [ 0, %{before} ], [ {following}, %{label}.lane ]")
-        by = m.emit(f'getelementptr double, ptr %"{stage.by}.at", i64 {lane}')
-        whole = m.emit(f"fptosi double {m.emit(f'load double, ptr {by}, align 8')} to i64")
-        back = m.emit(f"sub i64 {slot}, {whole}")
-        wrapped = m.emit(f"add i64 {back}, {n}")
-        negative = m.emit(f"icmp slt i64 {back}, 0")
-        old = m.emit(f"select i1 {negative}, i64 {wrapped}, i64 {back}")
-        first = m.emit(f"add i64 {m.emit(f'mul i64 {old}, {e * w}')}, {lane}")
-        for entry in range(e):
-            index = m.emit(f"add i64 {first}, {entry * w}")
-            source = m.emit(f"getelementptr double, ptr {ring}, i64 {index}")
-            to = m.emit(f'getelementptr double, ptr %"{stage.to}.at", i64 {m.emit(f"add i64 {lane}, {entry * w}")}')
-            self._out(f"  store double {m.emit(f'load double, ptr {source}, align 8')}, ptr {to}, align 8")
-        self._out(f"  {following} = add i64 {lane}, 1")
-        more = m.emit(f"icmp ult i64 {following}, {w}")
-        self._out(f"  br i1 {more}, label %{label}.lane, label %{label}.end")
-        m.begin(f"{label}.end")
+        self._copy(newest, stage.block, e)
+        with m.repeat(f"{label}.lane", w) as lane:
+            by = m.emit(f'getelementptr double, ptr %"{stage.by}.at", i64 {lane}')
+            whole = m.emit(f"fptosi double {m.emit(f'load double, ptr {by}, align 8')} to i64")
+            back = m.emit(f"sub i64 {slot}, {whole}")
+            wrapped = m.emit(f"add i64 {back}, {n}")
+            negative = m.emit(f"icmp slt i64 {back}, 0")
+            old = m.emit(f"select i1 {negative}, i64 {wrapped}, i64 {back}")
+            first = m.emit(f"add i64 {m.emit(f'mul i64 {old}, {e * w}')}, {lane}")
+            for entry in range(e):
+                index = m.emit(f"add i64 {first}, {entry * w}")
+                source = m.emit(f"getelementptr double, ptr {ring}, i64 {index}")
+                to = m.emit(f'getelementptr double, ptr %"{stage.to}.at", i64 {m.emit(f"add i64 {lane}, {entry * w}")}')
+                self._out(f"  store double {m.emit(f'load double, ptr {source}, align 8')}, ptr {to}, align 8")
 
     def _record(self, stage: Record, label: str) -> None:
         m = self.m
         phase = m.emit("urem i64 %row, %every")
         due = m.emit(f"icmp eq i64 {phase}, 0")
-        self._out(f"  br i1 {due}, label %{label}.write, label %{label}.end")
+        m.branch(due, f"{label}.write", f"{label}.end")
         m.begin(f"{label}.write")
         entries = [(block, entry) for block in stage.blocks for entry in range(self.sizes[block])]
         row = m.emit("udiv i64 %row, %every")
@@ -232,5 +210,5 @@ class _Printer(IntegrationPrinter):
         index = m.emit(f"add i64 {offset}, {tile}")
         place = m.emit(f'getelementptr double, ptr %"{stage.name}.record", i64 {index}')
         store_tile(m, place, [self._load(block, entry) for block, entry in entries])
-        self._out(f"  br label %{label}.end")
+        m.jump(f"{label}.end")
         m.begin(f"{label}.end")

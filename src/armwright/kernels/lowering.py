@@ -1,10 +1,20 @@
-"""From the table of operations to the abstract machine: one entry for every row that computes."""
+"""From a program to the abstract machine: every instruction in order, every operation of the table by its lowering.
+
+LLVM, C and CUDA share it.
+"""
+
+from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from armwright.kernels import polynomials
 from armwright.kernels.machine import Machine, Value
+from armwright.program import Instruction, Program
+from armwright.program.passes import optimised
+
+Call = Callable[[Program, list[Value]], list[Value]]
+Lower = Callable[..., Value]
 
 # The start of erfinv: erf⁻¹(x)/x with w = -log(1 - x²), in powers of w - 2.5 below 5 and of √w - 4 above. Interpolation
 # at Chebyshev nodes (mpmath, 60 digits), of w in [0, 5] within 1.6e-7 and of √w in [√5, 6.01] within 2.5e-7.
@@ -142,3 +152,59 @@ _LOWERINGS: dict[str, Callable[..., Value]] = {
     "FMS": lambda m, a, b, c: m.fma(a, b, m.neg(c)),
     "FNMA": lambda m, a, b, c: m.fma(m.neg(a), b, c),
 }
+
+
+def walk(
+    machine: Machine,
+    program: Program,
+    inputs: Sequence[Sequence[Value]],
+    call: Call | None = None,
+    lower: Lower = lower,
+) -> list[list[Value]]:
+    """Prints a program's operations.
+
+    Args:
+        machine: prints them.   program: what is printed.   inputs: the machine's values of every entry of every input.
+        call: prints a call of another program, flat arguments to flat results; needed where the program makes one.
+        lower: prints an operation of the table on values, (machine, name, *values) to a value; C prints calls for some.
+    Returns:
+        outputs: the machine's values of every entry of every output.
+    """
+    outputs: list[list[Value]] = [[machine.constant(0.0)] * port.size for port in program.outputs]
+
+    def write(port: int, entry: int, value: Value) -> None:
+        outputs[port][entry] = value
+
+    walk_instructions(machine, optimised(program.instructions), {}, lambda p, e: inputs[p][e], write, call, lower)
+    return outputs
+
+
+def walk_instructions(
+    machine: Machine,
+    instructions: Sequence[Instruction],
+    values: dict[int, Value],
+    read: Callable[[int, int], Value],
+    write: Callable[[int, int, Value], None],
+    call: Call | None = None,
+    lower: Lower = lower,
+) -> None:
+    """Prints instructions; `values` knows what was made before them and learns what they make.
+
+    Args:
+        machine: prints them.   instructions: after the passes.   values: the machine's, by the program's.
+        read: gives the value of an input's entry (port, entry).   write: takes that of an output's.
+        call, lower: as in `walk`.
+    """
+    for i in instructions:
+        arguments = [values[a] for a in i.arguments]
+        if i.operation == "INPUT":
+            values[i.results[0]] = read(*i.place)  # type: ignore[misc]
+        elif i.operation == "OUTPUT":
+            write(*i.place, arguments[0])  # type: ignore[misc]
+        elif i.operation == "CONST":
+            values[i.results[0]] = machine.constant(i.constant)  # type: ignore[arg-type]
+        elif i.callee is not None:
+            assert call is not None
+            values.update(zip(i.results, call(i.callee, arguments), strict=True))
+        else:
+            values[i.results[0]] = lower(machine, i.operation, *arguments)

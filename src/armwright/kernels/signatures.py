@@ -181,8 +181,8 @@ def trace_kernel(
         ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip, or has too many joints for it.
     """
     if signature.most_joints is not None and model.n > signature.most_joints:
-        most = f"not offered beyond {signature.most_joints} joints"
-        raise ModelError(f"{model.name}: {signature.name} is {most}; the arm has {model.n}")
+        place, most = f"{model.name}: joints of {signature.name}", f"{signature.most_joints} or fewer"
+        raise ModelError(place=place, value=model.n, expected=most)
     if varied is not None and steps is None and signature.regroup:  # regrouping what varies costs more than it may save
         either = [trace_kernel(model, signature, given, steps=s, varied=varied, **options) for s in (STEPS, STEPS[:1])]
         return min(either, key=lambda program: program.operation_counts().total())

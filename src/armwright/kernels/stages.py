@@ -33,10 +33,10 @@ when, taken again to just behind it, and noted: "event_first" the first time [s]
 
 Where something may switch within steps, each substep of s seconds of `Integrate` is, in NumPy,
 
-    for piece in range(LANDINGS + 1):
+    for piece in range(SWITCHES + 1):
         c = touching(x, …)
         new = step(x, …, c, h=s)
-        if piece == LANDINGS or not switched(x, new, …, c): break
+        if piece == SWITCHES or not switched(x, new, …, c): break
         weights, bracket, part = bracket(x, new, …, c)
         for _ in range(SECANTS): bracket, part = narrow(step(x, …, c, h=part s), …, c, weights, bracket, part)
         x, s = step(x, …, c, h=bracket[1] s), s - bracket[1] s                             (to just beyond the first place)
@@ -62,7 +62,7 @@ CURSOR = (
 NEVER = 2.0**62  # a tick that does not come
 ADAPTING = ("h_try", "tried", "rejected", "trials", "stalled")  # of a lane that chooses its steps
 HALVINGS = 40  # of the step in which an event lies: 1e-12 of it are left
-LANDINGS = 8  # places in one substep where something switches; what is left then is taken as a whole
+SWITCHES = 8  # places in one substep where something switches; what is left then is taken as a whole
 SECANTS = 10  # of a substep, to find one: enough where the state bends by as much as it moves
 
 
@@ -118,8 +118,22 @@ class Record:
     entries: tuple[int, ...]
 
 
+class _Switching:
+    """A stage whose steps end where something switches."""
+
+    touching: Program | None
+    switched: Program | None
+    bracket: Program | None
+    narrow: Program | None
+
+    @property
+    def switching(self) -> tuple[Program, ...]:
+        """The programs that find where something switches within a step, if anything does."""
+        return tuple(p for p in (self.touching, self.switched, self.bracket, self.narrow) if p is not None)
+
+
 @dataclass(frozen=True)
-class Integrate:
+class Integrate(_Switching):
     """One tick of the plant: `step(x, …, h) → x_next`, in segments between changes, each in equal substeps.
 
     Attributes:
@@ -141,14 +155,9 @@ class Integrate:
     bracket: Program | None = None
     narrow: Program | None = None
 
-    @property
-    def landing(self) -> tuple[Program, ...]:
-        """The programs that land on what switches, if anything does."""
-        return tuple(p for p in (self.touching, self.switched, self.bracket, self.narrow) if p is not None)
-
 
 @dataclass(frozen=True)
-class Adapt:
+class Adapt(_Switching):
     """One tick of the plant in steps that every lane chooses for itself, in segments between changes.
 
     Attributes:
@@ -180,14 +189,9 @@ class Adapt:
         return self.trial
 
     @property
-    def watching(self) -> tuple[Program, ...]:
+    def events(self) -> tuple[Program, ...]:
         """The programs of events, if there are any."""
         return tuple(p for p in (self.cross, self.halve, self.choose, self.note) if p is not None)
-
-    @property
-    def landing(self) -> tuple[Program, ...]:
-        """The programs that land on what switches, if anything does."""
-        return tuple(p for p in (self.touching, self.switched, self.bracket, self.narrow) if p is not None)
 
 
 Stage = Call | Table | Rows | Draw | Delay | Record | Integrate | Adapt
@@ -219,11 +223,11 @@ def _uses(stage: Stage) -> tuple[set[str], set[str]]:
         return set(stage.blocks), set()
     if not isinstance(stage, (Integrate, Adapt)):
         return set(), {stage.block}
-    inside = {port.name.removesuffix(NEXT) for program in stage.landing for port in program.outputs} | {"h"}
+    inside = {port.name.removesuffix(NEXT) for program in stage.switching for port in program.outputs} | {"h"}
     reads = ({port.name for port in stage.step.inputs} | {"frozen"}) - inside
     writes = {"x", "frozen"}
     if isinstance(stage, Adapt):
-        kept = {"h_try", "trials", "stalled"} | ({"side", "event_first", "event_count"} if stage.watching else set())
+        kept = {"h_try", "trials", "stalled"} | ({"side", "event_first", "event_count"} if stage.events else set())
         reads, writes = reads | kept, writes | kept
     if stage.planned:
         reads, writes = reads | {"u_plan", "u_from"}, writes | {"u"}
@@ -250,13 +254,13 @@ def block_sizes(stages: tuple[Stage, ...]) -> dict[str, int]:
             add(SINCE, 1)
             for name in ADAPTING if isinstance(stage, Adapt) else ():
                 add(name, 1)
-            watching = stage.watching if isinstance(stage, Adapt) else ()
-            for port in (port for p in (*watching, *stage.landing) for port in (*p.inputs, *p.outputs)):
+            events = stage.events if isinstance(stage, Adapt) else ()
+            for port in (port for p in (*events, *stage.switching) for port in (*p.inputs, *p.outputs)):
                 add(port.name, port.size)
                 add(port.name.removesuffix(NEXT), port.size)
-            if watching:
+            if events:
                 add("h_land", 1)
-            if stage.landing and isinstance(stage, Integrate):
+            if stage.switching and isinstance(stage, Integrate):
                 add("left", 1)
             if stage.planned:
                 commands = next(port.size for port in stage.step.inputs if port.name == "u")

@@ -1,18 +1,34 @@
-"""The processor that code is made for, apart from how it is made: linking code that is there already needs no more."""
+"""The platform that code is made for: its processor, its vector width, and the functions of libm that code may call.
+
+Linking code from the cache needs no more than this.
+"""
 
 from __future__ import annotations
 
+import ctypes
 import functools
+import sys
 from dataclasses import dataclass, replace
 
 from llvmlite import binding
 
-from armwright.errors import ModelError, nearest
-from armwright.kernels.format import DOUBLE, Format
-from armwright.kernels.libm import register_libm
+from armwright.errors import ModelError
+from armwright.kernels.format import DOUBLE, FORMATS, Format
 
 WIDTHS = {"x86-64-v4": 8, "x86-64-v3": 4, "x86-64-v2": 2, "x86-64": 2}  # doubles in a vector register
 NEEDS = {"x86-64-v4": "avx512f", "x86-64-v3": "avx2", "x86-64-v2": "sse4.2", "x86-64": "sse2"}
+
+
+#: Functions of libm for doubles, each with one for floats: ours by `Machine.call`, and those that LLVM calls for an
+#: instruction which the processor lacks (fma, floor …).
+_OF_REALS = (
+    *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
+    *("exp", "expm1", "log", "log1p", "pow", "hypot", "erf", "erfc", "fmod", "remainder"),
+    *("fma", "floor", "ceil", "trunc", "rint", "nearbyint", "sqrt"),
+)
+
+#: Functions that compiled code may call: libm's, and those by which LLVM moves memory.
+LIBM = (*(f"{name}{f.suffix}" for f in FORMATS.values() for name in _OF_REALS), "memcpy", "memset", "memmove")
 
 
 @dataclass(frozen=True)
@@ -50,9 +66,10 @@ def select_target(name: str | None = None, format: Format = DOUBLE) -> Target:
             features["prefer-256-bit"] = False  # or LLVM leaves half of every register empty
         return Target(binding.get_host_cpu_name(), binding.FeatureMap(features).flatten(), width).lanes_of(format)
     if name not in WIDTHS:
-        raise ModelError(f"target = {name!r}: unknown; {nearest(str(name), WIDTHS)}")
+        raise ModelError(place="target", value=name, choices=WIDTHS)
     if not features.get(NEEDS[name]):
-        raise ModelError(f"target = {name!r}: this processor ({binding.get_host_cpu_name()}) has no {NEEDS[name]}")
+        missing = f"this processor ({binding.get_host_cpu_name()}) has no {NEEDS[name]}"
+        raise ModelError(missing, place="target", value=name)
     return Target(name, "-prefer-256-bit", WIDTHS[name]).lanes_of(format)
 
 
@@ -68,3 +85,19 @@ def _initialise() -> None:
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
     register_libm()
+
+
+def register_libm() -> None:
+    """Makes the functions of `LIBM` known to every engine of this process by their C99 names, on every platform.
+
+    Once a process, before code that calls them is linked or loaded from the cache. Repeating it does no harm.
+    """
+    if sys.platform == "win32":
+        library = ctypes.CDLL("ucrtbase")
+    elif sys.platform == "darwin":
+        library = ctypes.CDLL("/usr/lib/libSystem.B.dylib")
+    else:
+        library = ctypes.CDLL(None)  # the interpreter itself is linked with libm, wherever that lies
+    for name in LIBM:
+        function = getattr(library, name)  # every C library that we run on has them all
+        binding.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)

@@ -23,16 +23,11 @@ def load_tile(m: LlvmMachine, pointer: str, columns: int) -> list[Value]:
         ]
     loaded: dict[int, Value] = {}
     for start, c in _chunks(columns, m):
+        load = f"load <{c} x {m.format.real}>, ptr {{}}, align {m.format.bytes}"
         vectors = []
         for row in range(c):
             places = [_at(m, pointer, r * columns + start) for r in range(row, m.width, c)]
-            vectors.append(
-                _joined(
-                    m,
-                    [m.emit(f"load <{c} x {m.format.real}>, ptr {place}, align {m.format.bytes}") for place in places],
-                    c,
-                )
-            )
+            vectors.append(_joined(m, [m.emit(load.format(place)) for place in places], c))
         for k, vector in enumerate(_transposed(m, vectors)):
             loaded.setdefault(start + k, vector)
     return [loaded[k] for k in range(columns)]
@@ -48,9 +43,7 @@ def store_tile(m: LlvmMachine, pointer: str, values: list[Value]) -> None:
     for start, c in _chunks(columns, m):
         for row, vector in enumerate(_transposed(m, values[start : start + c])):
             for part, r in enumerate(range(row, m.width, c)):
-                narrow = _part(m, vector, part, c)
-                place = _at(m, pointer, r * columns + start)
-                m.lines.append(f"  store <{c} x {m.format.real}> {narrow}, ptr {place}, align {m.format.bytes}")
+                _store_part(m, vector, part, c, pointer, r * columns + start)
 
 
 def store_tile_loop(m: LlvmMachine, columns: int) -> None:
@@ -60,25 +53,18 @@ def store_tile_loop(m: LlvmMachine, columns: int) -> None:
     """
     w, c = m.width, 4 if m.width >= 4 else 2
     chunks = -(-columns // c)
-    m.lines.append("  br label %chunk")
-    m.begin("chunk")
-    m.lines.append("  %k = phi i64 [ 0, %entry ], [ %k.next, %chunk ]")
-    even = m.emit(f"mul i64 %k, {c}")
-    over = m.emit(f"icmp ugt i64 {even}, {columns - c}")
-    start = m.emit(f"select i1 {over}, i64 {columns - c}, i64 {even}")
-    values = []
-    for column in range(c):
-        place = m.emit(f"getelementptr {m.real}, ptr %block, i64 {m.emit(f'add i64 {start}, {column}')}")
-        values.append(m.emit(f"load {m.real}, ptr {place}, align {m.format.bytes * w}"))
-    for row, vector in enumerate(_transposed(m, values)):
-        for part, r in enumerate(range(row, w, c)):
-            narrow = _part(m, vector, part, c)
-            place = m.emit(f"getelementptr {m.format.real}, ptr %out, i64 {m.emit(f'add i64 {start}, {r * columns}')}")
-            m.lines.append(f"  store <{c} x {m.format.real}> {narrow}, ptr {place}, align {m.format.bytes}")
-    m.lines.append("  %k.next = add i64 %k, 1")
-    more = m.emit(f"icmp ult i64 %k.next, {chunks}")
-    m.lines.append(f"  br i1 {more}, label %chunk, label %stored")
-    m.begin("stored")
+    with m.repeat("chunk", chunks) as k:
+        even = m.emit(f"mul i64 {k}, {c}")
+        over = m.emit(f"icmp ugt i64 {even}, {columns - c}")
+        start = m.emit(f"select i1 {over}, i64 {columns - c}, i64 {even}")  # the last chunk may overlap the one before
+        values = []
+        for column in range(c):
+            place = m.emit(f"getelementptr {m.real}, ptr %block, i64 {m.emit(f'add i64 {start}, {column}')}")
+            values.append(m.emit(f"load {m.real}, ptr {place}, align {m.bytes}"))
+        for row, vector in enumerate(_transposed(m, values)):
+            for part, r in enumerate(range(row, w, c)):
+                first = m.emit(f"add i64 {start}, {r * columns}")
+                _store_part(m, vector, part, c, "%out", first)
 
 
 def _chunks(columns: int, m: LlvmMachine) -> Iterator[tuple[int, int]]:
@@ -92,7 +78,7 @@ def _chunks(columns: int, m: LlvmMachine) -> Iterator[tuple[int, int]]:
         start += c
 
 
-def _at(m: LlvmMachine, pointer: str, offset: int) -> Value:
+def _at(m: LlvmMachine, pointer: str, offset: Value) -> Value:
     return pointer if offset == 0 else m.emit(f"getelementptr {m.format.real}, ptr {pointer}, i64 {offset}")
 
 
@@ -109,12 +95,12 @@ def _joined(m: LlvmMachine, parts: list[Value], size: int) -> Value:
     return parts[0]
 
 
-def _part(m: LlvmMachine, value: Value, part: int, size: int) -> Value:
-    """The part-th `size` reals of a vector."""
-    if size == m.width:
-        return value
-    lanes = _lanes(range(part * size, (part + 1) * size))
-    return m.emit(f"shufflevector {m.real} {value}, {m.real} poison, <{size} x i32> <{lanes}>")
+def _store_part(m: LlvmMachine, value: Value, part: int, size: int, pointer: str, offset: Value) -> None:
+    """Stores the part-th `size` reals of a vector."""
+    if size != m.width:
+        lanes = _lanes(range(part * size, (part + 1) * size))
+        value = m.emit(f"shufflevector {m.real} {value}, {m.real} poison, <{size} x i32> <{lanes}>")
+    m.lines.append(f"  store <{size} x {m.format.real}> {value}, ptr {_at(m, pointer, offset)}, align {m.format.bytes}")
 
 
 def _transposed(m: LlvmMachine, rows: list[Value]) -> list[Value]:

@@ -9,7 +9,6 @@ from functools import cached_property
 
 import casadi
 
-from armwright.errors import ProgramError
 from armwright.program.operations import by_code
 
 Value = int  # index of an instruction's result; every value is written once
@@ -55,11 +54,7 @@ class Program:
 
     @cached_property
     def instructions(self) -> tuple[Instruction, ...]:
-        """The operations in order, in single assignment: CasADi's reused work slots are renamed.
-
-        Raises:
-            ProgramError: an operation that has no row in the table.
-        """
+        """The operations in order, in single assignment: CasADi's reused work slots are renamed."""
         return tuple(_read(self))
 
     @cached_property
@@ -134,17 +129,10 @@ def _read(program: Program) -> list[Instruction]:
         callee = None
         if name == "CALL":
             nodes = graph.instructions_sx() if nodes is None else nodes
-            callee = _callee(program, nodes[k])
+            callee = program.callees[nodes[k].which_function().name()]
         results = tuple(range(fresh, fresh + len(write)))
         fresh += len(write)
         slots.update(zip(write, results, strict=True))
         constant = graph.instruction_constant(k) if name == "CONST" else None
         instructions.append(Instruction(name, results, arguments, place, constant, callee))
     return instructions
-
-
-def _callee(program: Program, node: casadi.SX) -> Program:
-    name = node.which_function().name()
-    if name not in program.callees:
-        raise ProgramError(f"{program.name}: calls {name}, which is not among {', '.join(program.callees)}")
-    return program.callees[name]

@@ -41,7 +41,7 @@ def trace(
     results = results if isinstance(results, tuple) else (results,)
     names = (name,) if outputs is None else outputs
     if len(results) != len(names):
-        raise ProgramError(f"{name}: returned {len(results)} arrays, expected {len(names)}: {', '.join(names)}")
+        raise ProgramError(f"returns {len(results)} arrays", place=name, expected=f"{len(names)}: {', '.join(names)}")
     arrays = [np.asarray(result, dtype=object) for result in results]
     graph = casadi.Function(
         name,
@@ -52,10 +52,8 @@ def trace(
         {"never_inline": noinline, "allow_free": True},
     )
     if graph.has_free():
-        raise HiddenStateError(
-            f"{name}: computes with {graph.get_free()[0]} of another call; "
-            f"expected nothing but its own arguments: {', '.join(symbols)}"
-        )
+        hidden = f"computes with {graph.get_free()[0]} of another call"
+        raise HiddenStateError(hidden, place=name, expected=f"nothing but its arguments: {', '.join(symbols)}")
     return Program(
         name,
         tuple(Port(key, array.shape) for key, array in symbols.items()),

@@ -60,7 +60,7 @@ class CompiledLoop:
     def step(self) -> Program:
         """One step of the plant:  (x, u, …, h) → x_next; rules that choose their steps have none."""
         stage = next(stage for stage in self.loops[-1].stages if isinstance(stage, Integrate))
-        return plant_step(self.config) if stage.landing else stage.step
+        return plant_step(self.config) if stage.switching else stage.step
 
     def check(self, config: LoopConfig, target: str | None, *, outputs: bool = True) -> None:
         """Refuses a scenario's loop that is another one.

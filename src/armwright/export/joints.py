@@ -1,4 +1,7 @@
-"""A description's tree with every link's frame on its joint, as URDF and MJCF have it, and classic Denavit-Hartenberg has not."""
+"""Joints of a description as URDF and MJCF have them: every link's frame on its joint, plain limits, damping and dry friction.
+
+Classic Denavit-Hartenberg parameters put a link's frame elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armwright.description.robot import FixedJoint, Joint, Link, RobotDescription
+from armwright.description.drive import LinearFriction, RotaryFriction
+from armwright.description.robot import FixedJoint, Joint, Link, MovingJoint, PrismaticJoint, RobotDescription
 from armwright.model.build import joint_placement
+from armwright.quantity import Quantity
 from armwright.spatial import Frozen, Placement, roll_pitch_yaw, rotation_rpy, snap
 
+Limit = Quantity | None
 Z = (0.0, 0.0, 1.0)
 
 
@@ -98,3 +104,22 @@ def _unit(axis: np.ndarray) -> tuple[float, ...]:
     scaled = axis / np.abs(axis).max()
     length = float(np.linalg.norm(axis))
     return tuple((axis if abs(length - 1.0) < 1e-15 else snap(scaled / np.linalg.norm(scaled))).tolist())
+
+
+def plain_limits(joint: MovingJoint) -> tuple[Limit, Limit, Limit]:
+    """(position [rad | m], velocity [rad/s | m/s], effort [N m | N]); None where no limit is known."""
+    if isinstance(joint, PrismaticJoint):
+        return joint.limits.position_m, joint.limits.velocity_m_per_s, joint.limits.force_n
+    return joint.limits.position_rad, joint.limits.velocity_rad_per_s, joint.limits.torque_n_m
+
+
+def plain_friction(friction: RotaryFriction | LinearFriction | None) -> tuple[float, float]:
+    """(viscous, dry) of a friction record on the joint's side, as far as damping and one magnitude can tell it."""
+    if friction is None or friction.law != "coulomb" or friction.side != "joint":
+        return 0.0, 0.0
+    rotary = isinstance(friction, RotaryFriction)
+    viscous = friction.viscous_n_m_s_per_rad if rotary else friction.viscous_n_s_per_m
+    plus = friction.coulomb_positive_n_m if rotary else friction.coulomb_positive_n
+    minus = friction.coulomb_negative_n_m if rotary else friction.coulomb_negative_n
+    dry = 0.0 if plus is None or minus is None else 0.5 * (float(plus) + float(minus))
+    return (0.0 if viscous is None else float(viscous)), dry

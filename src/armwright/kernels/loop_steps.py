@@ -1,0 +1,238 @@
+"""The stages of a simulation loop that integrate the plant, in LLVM IR: equal substeps, or steps that each lane chooses.
+
+Steps end where a schedule has a row, where another planned command comes into force, and where something switches.
+"""
+
+from __future__ import annotations
+
+import sys
+
+from armwright.kernels.loop_blocks import BlockPrinter
+from armwright.kernels.machine import Value
+from armwright.kernels.stages import HALVINGS, NEXT, SECANTS, SINCE, SWITCHES, Adapt, Integrate
+
+NEARLY = 1.01  # a step that would leave less than a hundredth of itself to the edge goes on to it
+LOST = 0.1  # how much shorter the next trial is where the state is infinite or NaN
+
+
+class StepPrinter(BlockPrinter):
+    """Prints the stages `Integrate` and `Adapt`."""
+
+    def _integrate(self, stage: Integrate, label: str) -> None:
+        m = self.m
+        t, edge = self._segment(stage, label)
+        span = m.sub(edge, t)
+        length = span if stage.substeps == 1 else m.mul(span, m.constant(1.0 / stage.substeps))
+        self._store("h", 0, length)
+        with m.repeat(f"{label}.substep", stage.substeps):
+            if stage.switching:
+                self._step_in_pieces(stage, label, length)
+            else:
+                self._program(stage.step)
+                self._accept()
+        self._end_segment(stage, label, t, edge)
+
+    def _step_in_pieces(self, stage: Integrate, label: str, length: Value) -> None:
+        """A substep of that length, in every lane of as many pieces as it needs; where nothing switches it is one step."""
+        m = self.m
+        self._store("left", 0, length)
+        before = m.block
+        m.jump(f"{label}.piece")
+        m.begin(f"{label}.piece")
+        self._out(f"  %{label}.i = phi i64 [ 0, %{before} ], [ %{label}.i.next, %{label}.cut ]")
+        left = self._load("left")
+        self._store("h", 0, left)
+        self._program(stage.switching[0])
+        self._program(stage.step)
+        alive = m.both(self._moving(), self._not_frozen())
+        cut = self._cut(stage, label, alive, left, m.emit(f"icmp ult i64 %{label}.i, {SWITCHES}"))
+        self._accept(m.lt(m.constant(0.0), left))
+        self._store("left", 0, m.select(cut, m.sub(left, self._load("h")), m.constant(0.0)))
+        self._out(f"  %{label}.i.next = add i64 %{label}.i, 1")
+        m.branch(m.any(cut), f"{label}.piece", f"{label}.whole")
+        m.begin(f"{label}.whole")
+
+    def _cut(self, stage: Integrate | Adapt, label: str, where: Value, length: Value, allowed: Value) -> Value:
+        """The lanes `where` something switches within the step just taken; their step now ends at the first such place.
+
+        Where there is none in the whole tile, or it is not `allowed`, nothing is done. `length` is that of the step, and
+        block h its length afterwards.
+        """
+        m, (_, switched, bracket, narrow) = self.m, stage.switching
+        self._program(switched)
+        none = m.lt(m.constant(0.0), m.constant(0.0))
+        found = m.both(where, m.lt(m.constant(0.0), self._load("switched")))
+        some = m.emit(f"and i1 {m.any(found)}, {allowed}")
+        before = m.block
+        m.branch(some, f"{label}.bracket", f"{label}.cut")
+        m.begin(f"{label}.bracket")
+        self._program(bracket)
+        with m.repeat(f"{label}.secant", SECANTS):
+            self._store("h", 0, m.mul(self._load("part"), length))
+            self._program(stage.step)
+            self._program(narrow)
+            self._replace_blocks(narrow)
+        self._store("h", 0, m.select(found, m.mul(self._load("bracket", 1), length), length))
+        self._program(stage.step)
+        last = m.block
+        m.jump(f"{label}.cut")
+        m.begin(f"{label}.cut")
+        return m.emit(f"phi {m.mask} [ {none}, %{before} ], [ {found}, %{last} ]")
+
+    def _accept(self, where: Value | None = None) -> None:
+        """The state after a step, in lanes that move and stay finite; the others that move are frozen."""
+        m = self.m
+        moving = self._moving() if where is None else m.both(self._moving(), where)
+        frozen = self._load("frozen")
+        alive = m.both(moving, m.lt(frozen, m.constant(0.0)))
+        new = [self._load(f"x{NEXT}", k) for k in range(self.sizes["x"])]
+        poison = m.constant(0.0)
+        for value in new:  # 0·x is NaN where x is not finite, and NaN stays
+            poison = m.fma(value, m.constant(0.0), poison)
+        finite = m.eq(poison, m.constant(0.0))
+        good, bad = m.both(alive, finite), m.both(alive, m.inverse(finite))
+        self._store("frozen", 0, m.select(bad, self._splat("%tick"), frozen))
+        for k, value in enumerate(new):
+            self._store("x", k, m.select(good, value, self._load("x", k)))
+
+    def _moving(self) -> Value:
+        """Lanes that have not ended their tick."""
+        return self.m.lt(self._load(SINCE), self._splat("%h"))
+
+    def _not_frozen(self) -> Value:
+        return self.m.lt(self._load("frozen"), self.m.constant(0.0))
+
+    def _adapt(self, stage: Adapt, label: str) -> None:
+        """Trials while any lane has not reached its edge; a lane's state is written only where its own trial was good."""
+        m = self.m
+        zero, one = m.constant(0.0), m.constant(1.0)
+        self._store("tried", 0, zero)
+        t, edge = self._segment(stage, label)
+        m.jump(f"{label}.trial")
+        m.begin(f"{label}.trial")
+        now, wanted = self._load(SINCE), self._load("h_try")
+        wanted = m.select(m.lt(zero, wanted), wanted, self._splat("%h"))
+        active = m.both(m.lt(now, edge), self._not_frozen())
+        left = m.sub(edge, now)
+        s = m.select(m.le(left, m.mul(wanted, m.constant(NEARLY))), left, wanted)
+        if stage.events:
+            s = m.select(m.lt(zero, self._load("landed")), self._load("h_land"), s)
+        ends = m.le(left, s)
+        self._store("h", 0, s)
+        if stage.switching:
+            self._program(stage.switching[0])
+        self._program(stage.trial)
+        if stage.switching:
+            fine = m.both(active, m.le(self._load("error"), one))
+            cut_short = self._cut(stage, label, fine, s, "true")
+            s, ends = self._load("h"), m.both(ends, m.inverse(cut_short))
+        error, grow = self._load("error"), self._load("grow")
+        good = m.both(active, m.le(error, one))
+        then = m.select(ends, edge, m.add(now, s))
+        found = None
+        if stage.events:
+            good, found = self._find_events(stage, label, now, then, active, good)
+        measured = m.le(error, m.constant(sys.float_info.max))
+        grow = m.select(measured, grow, m.constant(LOST))
+        # Behind a step that was refused, the next one does not grow.
+        grow = m.select(m.both(m.lt(zero, self._load("rejected")), m.lt(one, grow)), one, grow)
+        following = m.mul(s, grow)
+        # A step that was cut short does not shorten the next.
+        short = m.both(good, m.both(m.lt(s, wanted), m.lt(following, wanted)))
+        following = m.select(short, wanted, following)
+        if found is not None:
+            following = m.select(found, wanted, following)
+        self._store("h_try", 0, m.select(active, following, wanted))
+        self._store("rejected", 0, m.truth(m.both(active, m.inverse(m.le(error, one)))))
+        tried = m.add(self._load("tried"), m.truth(active))
+        self._store("tried", 0, tried)
+        self._store("trials", 0, m.add(self._load("trials"), m.truth(active)))
+        for k in range(self.sizes["x"]):
+            self._store("x", k, m.select(good, self._load(f"x{NEXT}", k), self._load("x", k)))
+        now = m.select(good, then, now)
+        self._store(SINCE, 0, now)
+        waits = m.both(active, m.lt(now, edge))
+        over = m.both(waits, m.le(m.constant(float(stage.most)), tried))
+        self._store("frozen", 0, m.select(over, self._splat("%tick"), self._load("frozen")))
+        self._store("stalled", 0, m.add(self._load("stalled"), m.truth(m.both(over, measured))))
+        again = m.any(m.both(waits, m.inverse(over)))
+        m.branch(again, f"{label}.trial", f"{label}.reached")
+        m.begin(f"{label}.reached")
+        self._end_segment(stage, label, t, edge)
+
+    def _find_events(
+        self, stage: Adapt, label: str, now: Value, then: Value, active: Value, good: Value
+    ) -> tuple[Value, Value]:
+        """Good steps in which no event happened, or that end at one; and those in which one was found, to be taken again."""
+        m = self.m
+        cross, halve, choose, note = stage.events
+        start = m.mul(self._splat("%tick"), self._splat("%h"))
+        self._store("now", 0, m.add(start, now))
+        self._store("after", 0, m.add(start, then))
+        self._program(cross)
+        landing = m.lt(m.constant(0.0), self._load("landed"))
+        some = m.constant(0.0)
+        for k in range(self.sizes["crossed"]):
+            crossed = self._load("crossed", k)
+            some = m.select(m.lt(some, crossed), crossed, some)
+        found = m.both(m.both(good, m.inverse(landing)), m.lt(m.constant(0.0), some))
+        m.branch(m.any(found), f"{label}.locate", f"{label}.note")
+        m.begin(f"{label}.locate")
+        for k in range(self.sizes["upper"]):
+            self._store("lower", k, m.constant(0.0))
+            self._store("upper", k, m.constant(1.0))
+        with m.repeat(f"{label}.halve", HALVINGS):
+            self._program(halve)
+            self._replace_blocks(halve)
+        self._program(choose)
+        shorter = m.mul(self._load("part"), self._load("h"))
+        self._store("h_land", 0, m.select(found, shorter, self._load("h_land")))
+        for k in range(self.sizes["hit"]):
+            self._store("hit", k, m.select(found, self._load("hit_new", k), self._load("hit", k)))
+        m.jump(f"{label}.note")
+        m.begin(f"{label}.note")
+        good = m.both(good, m.inverse(found))
+        self._store("moved", 0, m.truth(good))
+        self._program(note)
+        self._replace_blocks(note)
+        # A step to an event that was refused is searched anew.
+        self._store("landed", 0, m.select(active, m.truth(found), self._load("landed")))
+        return good, found
+
+    def _segment(self, stage: Integrate | Adapt, label: str) -> tuple[Value, Value]:
+        """Time of each lane in the tick, and its next change after that; rows that are due have come into force."""
+        m = self.m
+        not_last = m.emit("icmp slt i64 %k, %last")
+        m.branch(not_last, f"{label}.rows", "tick.end")
+        m.begin(f"{label}.rows")
+        for number, rows in enumerate(self.schedules):
+            self._rows(rows, f"{label}.due{number}")
+        h, t = self._splat("%h"), self._load(SINCE)
+        edge = h
+        for rows in self.schedules:
+            due, offset = self._load(f"{rows.block}.due_tick"), self._load(f"{rows.block}.due_offset")
+            here = m.eq(due, self._splat("%tick"))
+            edge = m.select(m.both(here, m.lt(offset, edge)), offset, edge)
+        changes = [self._load("u_from", s - 1) for s in range(1, stage.planned)]
+        for begins in [*changes, self._load("see_at")] if stage.seen else changes:
+            edge = m.select(m.both(m.lt(t, begins), m.lt(begins, edge)), begins, edge)
+        commands = self.sizes["u"] if stage.planned else 0
+        for entry in range(commands):
+            chosen = self._load("u_plan", entry)
+            for s in range(1, stage.planned):
+                begun = m.le(self._load("u_from", s - 1), t)
+                chosen = m.select(begun, self._load("u_plan", s * commands + entry), chosen)
+            self._store("u", entry, chosen)
+        return t, edge
+
+    def _end_segment(self, stage: Integrate | Adapt, label: str, t: Value, edge: Value) -> None:
+        """The state that sensors see there; then another segment where any lane has not ended its tick."""
+        m = self.m
+        if stage.seen:
+            now = m.both(m.eq(edge, self._load("see_at")), m.lt(t, self._splat("%h")))
+            for k in range(self.sizes["x"]):
+                self._store("x_seen", k, m.select(now, self._load("x", k), self._load("x_seen", k)))
+        self._store(SINCE, 0, edge)
+        again = m.any(m.lt(edge, self._splat("%h")))
+        m.branch(again, f"{label}.rows", f"{label}.end")
+        m.begin(f"{label}.end")
