@@ -8,8 +8,8 @@ from armwright_tables import table
 
 from armwright.model.joint_signals import UNITS
 from armwright.session.commands import TABLE as COMMANDS
-from armwright.session.help_pages import usage
-from armwright.session.units import ACCEPTED
+from armwright.session.formulas import ACCEPTED
+from armwright.session.help import usage
 from armwright.session.variables import TABLE as VARIABLES
 
 KEY = re.compile(r"\[([A-Z][A-Za-z]+\d{4}[a-z]?)\]")

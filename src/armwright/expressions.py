@@ -1,4 +1,4 @@
-"""Formulas that people type: `0.3*sin(2*pi*t)`, `30 deg`. Parsed by Python's own parser, and nothing but arithmetic is done."""
+"""Formulas as text: `0.3*sin(2*pi*t)`, `30 deg`. Python's own parser reads them, and nothing but arithmetic is evaluated."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from math import pi
 from typing import Any
 
 from armwright import scalar
-from armwright.errors import ExpressionError, nearest
+from armwright.errors import ExpressionError, shown
 from armwright.scalar import Scalar
 
 NAMES: dict[str, float] = {"pi": pi, "deg": pi / 180.0}
@@ -34,29 +34,29 @@ LONGEST = 1000  # characters
 UNIT = re.compile(r"(?<=[\d.)])\s*deg\b")  # `30 deg` is 30 times a degree
 
 
-def expression(text: str, variables: tuple[str, ...] = ()) -> Callable[[Mapping[str, Scalar]], Scalar]:
+def expression(text: str, variables: tuple[str, ...] = (), typed: str = "") -> Callable[[Mapping[str, Scalar]], Scalar]:
     """A formula as a function of its variables, numbers or symbols.
 
     Args:
         text: numbers, + - * / **, brackets, the names in `NAMES` and `variables`, and the functions in `FUNCTIONS`.
-        variables: names that it may use.
+        variables: names that it may use.   typed: the formula as errors show it; "": the text.
     Returns:
         value: {name: value of each variable} → the formula's value.
     Raises:
-        ExpressionError: names what was not understood, and what there is.
+        ExpressionError: what was not understood, and the names that exist.
     """
+    typed = typed or text
     if len(text) > LONGEST:
-        raise ExpressionError(f"{text[:30]!r}…: {len(text)} characters; expected a formula of at most {LONGEST}")
+        raise ExpressionError(f"{len(text)} characters", value=typed, expected=f"a formula of at most {LONGEST}")
     try:
         tree = ast.parse(UNIT.sub("*deg", text.strip()), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise ExpressionError(f"{text!r}: expected a number or a formula such as 0.5, 30 deg or pi/2") from None
-    known = {*NAMES, *variables}
+        raise ExpressionError(value=typed, expected="a number or a formula such as 0.5, 30 deg or pi/2") from None
     try:
-        _check(tree, text, known)
+        _check(tree, typed, {*NAMES, *variables})
     except RecursionError:
-        raise ExpressionError(f"{text[:30]!r}…: too deep; expected a simpler formula") from None
-    return lambda values: _value(tree, text, {**NAMES, **values})
+        raise ExpressionError("too deep", value=typed, expected="a simpler formula") from None
+    return lambda values: _value(tree, {**NAMES, **values})
 
 
 def number(text: str) -> float:
@@ -70,46 +70,47 @@ def number(text: str) -> float:
     except (OverflowError, ZeroDivisionError):
         value = float("inf")
     if value - value != 0.0:
-        raise ExpressionError(f"{text!r} is {value}: expected a finite number")
+        raise ExpressionError(f"is {value}", value=text, expected="a finite number")
     return value
 
 
-def _check(node: ast.expr, text: str, known: set[str]) -> None:
+def _check(node: ast.expr, typed: str, names: set[str]) -> None:
+    """Refuses everything that is no arithmetic on numbers, known names and functions."""
+    here = f"in {shown(typed)}"
     if isinstance(node, ast.Constant):
         if isinstance(node.value, bool) or not isinstance(node.value, (int, float)):
-            raise ExpressionError(f"{text!r}: {node.value!r} is no number")
+            raise ExpressionError(f"no number {here}", value=node.value)
     elif isinstance(node, ast.Name):
-        if node.id not in known:
-            raise ExpressionError(f"{text!r}: unknown name {node.id!r}; {nearest(node.id, [*known, *FUNCTIONS])}")
+        if node.id not in names:
+            raise ExpressionError(f"unknown name {here}", value=node.id, choices=[*names, *FUNCTIONS])
     elif isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.UAdd, ast.USub)):
-        _check(node.operand, text, known)
+        _check(node.operand, typed, names)
     elif isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
-        _check(node.left, text, known)
-        _check(node.right, text, known)
+        _check(node.left, typed, names)
+        _check(node.right, typed, names)
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
         if node.func.id not in FUNCTIONS:
-            raise ExpressionError(f"{text!r}: unknown function {node.func.id!r}; {nearest(node.func.id, FUNCTIONS)}")
+            raise ExpressionError(f"unknown function {here}", value=node.func.id, choices=FUNCTIONS)
         count, _ = FUNCTIONS[node.func.id]
         if len(node.args) != count:
-            raise ExpressionError(
-                f"{text!r}: {node.func.id} takes {count} value{'s' * (count > 1)}, not {len(node.args)}"
-            )
+            expected = f"{count} value{'s' * (count > 1)} for {node.func.id}, not {len(node.args)}"
+            raise ExpressionError(value=typed, expected=expected)
         for argument in node.args:
-            _check(argument, text, known)
+            _check(argument, typed, names)
     else:
-        raise ExpressionError(f"{text!r}: expected numbers, + - * / **, brackets and functions such as sin(…)")
+        raise ExpressionError(value=typed, expected="numbers, + - * / **, brackets and functions such as sin(…)")
 
 
-def _value(node: ast.expr, text: str, values: Mapping[str, Scalar]) -> Scalar:
+def _value(node: ast.expr, values: Mapping[str, Scalar]) -> Scalar:
     if isinstance(node, ast.Constant):
         return float(node.value)  # type: ignore[arg-type]
     if isinstance(node, ast.Name):
         return values[node.id]
     if isinstance(node, ast.UnaryOp):
-        inner = _value(node.operand, text, values)
+        inner = _value(node.operand, values)
         return -inner if isinstance(node.op, ast.USub) else inner
     if isinstance(node, ast.BinOp):
-        return OPERATORS[type(node.op)](_value(node.left, text, values), _value(node.right, text, values))
+        return OPERATORS[type(node.op)](_value(node.left, values), _value(node.right, values))
     assert isinstance(node, ast.Call)
     assert isinstance(node.func, ast.Name)
-    return FUNCTIONS[node.func.id][1](*(_value(argument, text, values) for argument in node.args))
+    return FUNCTIONS[node.func.id][1](*(_value(argument, values) for argument in node.args))

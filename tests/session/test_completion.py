@@ -12,9 +12,8 @@ from prompt_toolkit.output import DummyOutput
 from rich.console import Console
 
 from armwright.session import Session
-from armwright.session.completion import SessionCompleter
-from armwright.session.screen import Screen
-from armwright.session.terminal import interact
+from armwright.session.listing import Screen
+from armwright.session.terminal import SessionCompleter, interact
 
 SESSION = Session()
 
@@ -77,8 +76,8 @@ def type_into(keys, width=140):
 def test_errors_leave_the_session_alive(monkeypatch):
     monkeypatch.setenv("ARMWRIGHT_CACHE_DIR", "")
     said = type_into("foo\rtheta = 1 2\rsimulate\rsoon\r\x03theta[1] = 7\rtheta[1]\rquit\r")
-    assert "error: no command or variable 'foo'" in said
-    assert "error: theta: 2 values" in said
+    assert "error: 'foo': no such command or variable" in said
+    assert "error: theta = '1 2': 2 values" in said
     assert "expected new or continue" in said
     assert "interrupted; nothing has changed" in said
     assert "theta[joint1] = 7 rad" in said

@@ -137,16 +137,16 @@ def test_what_does_not_go_on_is_told(robot):
     assert "began anew at t = 0.08 s" not in notes(session)
 
 
-def test_notes_are_told_once_and_of_the_part_that_they_are_of(robot):
+def test_notes_on_limits_are_those_of_the_whole_run(robot):
     session = begun(robot, LAWS["voltage"])
     session.run("simulate new steps=20")
     session.run("voltage[1] = 100")
     said = [texts(session.run("simulate continue steps=20")) for _ in range(3)]
-    clipped = "joint0: the drive's limits clipped its voltage in 100% of the rows from {} s, first at t = {} s "
-    clipped += "(asked for up to 100 V)"
-    spans = [("0.01 to 0.02", "0.01"), ("0.02 to 0.03", "0.02"), ("0.03 to 0.04", "0.03")]
-    assert said == [[clipped.format(*span)] for span in spans]
-    assert notes(session).splitlines() == [clipped.format(*span) for span in spans]
+    clipped = (
+        "joint0: the drive's limits clipped its voltage in {} of the rows, first at t = 0.01 s (asked for up to 100 V)"
+    )
+    assert said == [[clipped.format(f"{share:.0%}")] for share in (21 / 41, 41 / 61, 61 / 81)]
+    assert notes(session).splitlines() == [clipped.format("75%")]
 
 
 def texts(shown):

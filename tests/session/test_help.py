@@ -12,12 +12,10 @@ import pytest
 from armwright.control import Cascade, ComputedTorque, JointPID
 from armwright.session import Session
 from armwright.session.commands import TABLE as COMMANDS
-from armwright.session.help_pages import gains
+from armwright.session.controllers import gain_names, laws
+from armwright.session.help import KEY, REPORT, SOURCES, SYMBOLS, gains
 from armwright.session.listing import Line, Sheet
-from armwright.session.sources import KEY, REPORT, SOURCES
-from armwright.session.symbols import SYMBOLS
 from armwright.session.variables import TABLE as VARIABLES
-from armwright.session.wiring import laws, settings
 from session.walks import refused
 
 LETTERS = re.compile(r"[A-Za-zα-ωΑ-Ω]+(?:_\w+)?")
@@ -54,7 +52,7 @@ def test_symbols_are_a_page_that_help_names():
     assert {"M", "C", "g", "n", "Kt", "Ke", "R", "U", "J", "τ", "θ"} <= letters(symbols)
     assert all(unit and meaning for _, unit, meaning in sheet.rows)
     assert "help symbols" in " ".join(part.text for part in HELPED.run("help") if isinstance(part, Line))
-    assert "did you mean symbols?" in refused(HELPED, "help symbol")
+    assert refused(HELPED, "help symbol").choices[0] == "symbols"
 
 
 @pytest.mark.parametrize(
@@ -81,7 +79,7 @@ def test_sources_are_those_of_the_references():
 @pytest.mark.parametrize("law", laws().values(), ids=lambda law: law.__name__)
 def test_every_gain_that_may_be_typed_is_explained(law):
     told = gains(law)
-    assert list(told) == settings(law)
+    assert list(told) == gain_names(law)
     assert all(told.values()), told
 
 

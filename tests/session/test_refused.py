@@ -1,87 +1,90 @@
-"""Lines that are wrong: told in one line, the session as it was before, no file written."""
+"""Wrong lines: an error in one line, the session as it was before, no file written."""
 
 from __future__ import annotations
 
 import pytest
 
 import armwright as aw
+from armwright import errors
 from armwright.session import Session
 from session.walks import refused
 
-REFUSED = [
-    ("inverse-amr", "did you mean inverse-arm?"),
-    ("thta = 1", "did you mean theta?"),
-    ("xyzzy", "help lists all there are"),
-    ("theta 1 2", "is a variable; expected theta = …"),
-    ("theta = 1 2 3", "3 values; expected 6"),
-    ("theta = 1 V", "does not fit"),
-    ("theta[7] = 1", "joints count from 1 to 6"),
-    ("theta[0] = 1", "joints count from 1 to 6"),
-    ("theta[elbow]", "no joint 'elbow'"),
-    ("gravity[1] = 2", "is one number"),
-    ("gravity = 1 2", "2 values"),
-    ("TimeStep = 0", "expected a time above 0 s"),
-    ("DACSampTimePeriod = -1 ms", "expected a time above 0 s"),
-    ("simulate", "start is missing"),
-    ("simulate new", "steps is missing"),
-    ("simulate soon steps=1", "expected new or continue"),
-    ("simulate continue steps=1", "there is no simulation to continue"),
-    ("simulate new steps=1.5", "expected a whole number"),
-    ("simulate new steps=0", "expected a whole number"),
-    ("simulate new schedule=none.csv", "none.csv: no such file"),
-    ("simulate new schedule=other.csv", "unknown column 'shoulder'"),
-    ("simulate new schedule=half.csv", "expected 7 columns"),
-    ("simulate new stps=1", "unknown argument 'stps'"),
-    ("simulate new steps=10 every=7", "every = 7 does not divide the 10 steps"),
-    ("simulate new steps=1e15", "expected a shorter one, or every above 1"),
-    ("torque = 1e308", "the voltage of joint 'joint5' is not finite"),
-    ("voltage = 1e308", "the torque of joint 'joint1' is not finite"),
-    ("voltage[2] = 1e308", "the torque of joint 'joint2' is not finite"),
-    ("omega = 1e308", "the torque of joint 'joint1' is not finite"),
-    ("show thta", "did you mean theta?"),
-    ("simulate new new", "expected yes or no"),
-    ("simulate new steps=1 steps=2", "given twice"),
-    ("energy 1", "one word too many"),
-    ("print-simulation", "there is no simulation yet"),
-    ("plot-simulation x.png", "there is no simulation yet"),
-    ("write-graphic-file x.glb", "there is no simulation yet"),
-    ("save-simulation x.nc", "there is no simulation yet"),
-    ("inverse-arm none.csv", "no such file"),
-    ("inverse-arm half.csv", "half.csv: line"),
-    ("close-output-file", "no output file is open"),
-    ("open-output-file no/such/folder.txt", "there is no folder"),
-    ("open-output-file", "file is missing"),
-    ("database-read pma560", "no robot 'pma560'"),
-    ("database-read half.csv", "half.csv"),
-    ("controller fuzzy", "no 'fuzzy'"),
-    ("controller joint-pid kp=1", "scale is missing"),
-    ("controller joint-pid scale=1", "kp is missing"),
-    ("controller joint-pid kp=1 kf=2 scale=1", "no gain 'kf'"),
-    ("controller joint-pid kp=-1 scale=1", "kp of joint 'joint1' is -1"),
-    ("controller joint-pid kp=1 scale=0", "asks for nothing"),
-    ("controller joint-pid kp=1 scale=1V", "does not fit"),
-    ("payload com=1", "mass is missing"),
-    ("payload none 1", "one word too many"),
-    ("simulate new no none.csv 5", "schedule = none.csv: no such file"),
-    ("payload -1", "expected 0 or more"),
-    ("payload 1 com=1", "expected 3"),
-    ("payload 1 frame=toe", "toe"),
-    ('payload 1 inertia="1 0 0"', "no body has these principal moments"),
-    ('payload 1 inertia="1 1 -1"', "no body has these principal moments"),
-    ("payload none com=1", "does not go with the rest"),
-    ("pose toe", "no frame 'toe'"),
-    ("save here.txt", "expected a name that ends in .nc"),
-    ("restore none.nc", "no such file"),
-    ("restore half.nc", "cannot be read"),
-    ("restore run.nc", "holds no session"),
-    ("run-script none.sim", "no such file"),
-    ("run-script self.sim", "deep"),
-    ("run-script bytes.sim", "no text in UTF-8"),
-    ("record no/such/folder.sim", "there is no folder"),
-    ("record off", "nothing is being recorded"),
-    ("undo x", "unknown name"),
-    ('plot-simulation "x', "a quote is not closed"),
-    ("help me", "no command or variable 'me'"),
+REFUSED = [  # line, place or file, value, reason where the expectation does not say it all
+    ("inverse-amr", "", "inverse-amr", "no such command or variable"),
+    ("thta = 1", "", "thta", "no such variable"),
+    ("xyzzy", "", "xyzzy", "no such command or variable"),
+    ("theta 1 2", "", "theta", "a variable"),
+    ("theta = 1 2 3", "theta", "1 2 3", "3 values"),
+    ("theta = 1 V", "theta", "1 V", "unit 'V' does not fit"),
+    ("theta[7] = 1", "theta joint", 7, ""),
+    ("theta[0] = 1", "theta joint", 0, ""),
+    ("theta[elbow]", "theta joint", "elbow", "no such joint"),
+    ("gravity[1] = 2", "gravity[1]", None, "one number"),
+    ("gravity = 1 2", "gravity", "1 2", "2 values"),
+    ("TimeStep = 0", "TimeStep", 0.0, ""),
+    ("DACSampTimePeriod = -1 ms", "DACSampTimePeriod", -0.001, ""),
+    ("simulate", "simulate start", None, "missing"),
+    ("simulate new", "simulate steps", None, "missing"),
+    ("simulate soon steps=1", "simulate start", "soon", ""),
+    ("simulate continue steps=1", "simulate continue", None, "there is no simulation to continue"),
+    ("simulate new steps=1.5", "simulate steps", "1.5", ""),
+    ("simulate new steps=0", "simulate steps", "0", ""),
+    ("simulate new schedule=none.csv", "simulate schedule", "none.csv", "no such file"),
+    ("simulate new stps=1", "simulate argument", "stps", "unknown"),
+    ("simulate new steps=10 every=7", "simulate every", 7, ""),
+    ("torque = 1e308", "torque", "1e308", "the voltage of joint 'joint5' is not finite"),
+    ("voltage = 1e308", "voltage", "1e308", "the torque of joint 'joint1' is not finite"),
+    ("voltage[2] = 1e308", "voltage", "1e308", "the torque of joint 'joint2' is not finite"),
+    ("omega = 1e308", "omega", "1e308", "the torque of joint 'joint1' is not finite"),
+    ("show thta", "show name", "thta", "no such variable"),
+    ("simulate new new", "simulate zero", "new", ""),
+    ("simulate new steps=1 steps=2", "simulate steps", "2", "given twice"),
+    ("energy 1", "energy argument", "1", "one word too many"),
+    ("print-simulation", "print-simulation", None, "there is no simulation yet"),
+    ("plot-simulation x.png", "plot-simulation", None, "there is no simulation yet"),
+    ("write-graphic-file x.glb", "write-graphic-file", None, "there is no simulation yet"),
+    ("save-simulation x.nc", "save-simulation", None, "there is no simulation yet"),
+    ("close-output-file", "close-output-file", None, "no output file is open"),
+    ("open-output-file", "open-output-file file", None, "missing"),
+    ("controller fuzzy", "controller kind", "fuzzy", "no such control law"),
+    ("controller joint-pid kp=1", "controller scale", None, "missing"),
+    ("controller joint-pid scale=1", "controller joint-pid kp", None, "missing"),
+    ("controller joint-pid kp=1 kf=2 scale=1", "controller joint-pid gain", "kf", "no such gain"),
+    ("controller joint-pid kp=1 scale=0", "controller scale", "0", ""),
+    ("controller joint-pid kp=1 scale=1V", "controller scale", "1 V", "unit 'V' does not fit"),
+    ("payload com=1", "payload mass", None, "missing"),
+    ("payload none 1", "payload argument", "1", "one word too many"),
+    ("simulate new no none.csv 5", "simulate schedule", "none.csv", "no such file"),
+    ("payload -1", "payload mass", -1.0, ""),
+    ("payload 1 com=1", "payload com", "1", "1 value"),
+    ('payload 1 inertia="1 0 0"', "payload inertia", "1 0 0", "no body has these principal moments"),
+    ('payload 1 inertia="1 1 -1"', "payload inertia", "1 1 -1", "no body has these principal moments"),
+    ("payload none com=1", "payload com", "1", "does not go with the rest"),
+    ("save here.txt", "save file", "here.txt", ""),
+    ("restore run.nc", "run.nc", None, "no session"),
+    ("run-script none.sim", "none.sim", None, "no such file"),
+    ("run-script self.sim", "self.sim:1: self.sim", None, "scripts call each other more than 20 deep"),
+    ("run-script bytes.sim", "bytes.sim", None, "no text in UTF-8"),
+    ("record off", "record off", None, "nothing is being recorded"),
+    ("undo x", "undo steps", "x", "unknown name in 'x'"),
+    ('plot-simulation "x', "", 'plot-simulation "x', "a quote is not closed"),
+    ("help me", "help topic", "me", "no such command or variable"),
+]
+REFUSED_ELSEWHERE = [  # line, error of another room, part of its sentence
+    ("simulate new schedule=other.csv", errors.ScheduleError, "unknown column 'shoulder'"),
+    ("simulate new schedule=half.csv", errors.ScheduleError, "expected 7 columns"),
+    ("simulate new steps=1e15", errors.ScenarioError, "expected a shorter one, or record_every above 1"),
+    ("inverse-arm none.csv", errors.ScheduleError, "no such file"),
+    ("inverse-arm half.csv", errors.ScheduleError, "half.csv: line"),
+    ("open-output-file no/such/folder.txt", errors.OutputError, "there is no folder"),
+    ("database-read pma560", errors.DescriptionError, "no robot 'pma560'"),
+    ("database-read half.csv", errors.DescriptionError, "half.csv"),
+    ("controller joint-pid kp=-1 scale=1", errors.ScenarioError, "kp of joint 'joint1' is -1"),
+    ("payload 1 frame=toe", errors.DescriptionError, "toe"),
+    ("pose toe", errors.ModelError, "no frame 'toe'"),
+    ("restore none.nc", errors.RunError, "no such file"),
+    ("restore half.nc", errors.RunError, "cannot be read"),
+    ("record no/such/folder.sim", errors.OutputError, "there is no folder"),
 ]
 
 
@@ -98,10 +101,25 @@ def place(tmp_path_factory):
     return folder, Session()
 
 
-@pytest.mark.parametrize(("line", "message"), REFUSED, ids=[line for line, _ in REFUSED])
-def test_refused(line, message, place, monkeypatch):
+@pytest.mark.parametrize(("line", "where", "value", "what"), REFUSED, ids=[line for line, *_ in REFUSED])
+def test_refused(line, where, value, what, place, monkeypatch):
     folder, session = place
     monkeypatch.chdir(folder)
     files = sorted(folder.iterdir())
-    assert message in refused(session, line)
+    error = refused(session, line)
+    assert isinstance(error, errors.SessionError)
+    assert where in (error.place, error.file)
+    assert (None if error.value is errors.ABSENT else error.value, error.what) == (value, what)
+    assert error.what or error.expected
+    assert sorted(folder.iterdir()) == files
+
+
+@pytest.mark.parametrize(("line", "kind", "message"), REFUSED_ELSEWHERE, ids=[line for line, *_ in REFUSED_ELSEWHERE])
+def test_refused_by_other_rooms(line, kind, message, place, monkeypatch):
+    folder, session = place
+    monkeypatch.chdir(folder)
+    files = sorted(folder.iterdir())
+    error = refused(session, line)
+    assert isinstance(error, kind)
+    assert message in str(error)
     assert sorted(folder.iterdir()) == files

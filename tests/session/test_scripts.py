@@ -26,7 +26,7 @@ def test_the_first_error_ends_it_with_its_line():
     assert done.returncode == 2
     assert done.stdout.decode() == "theta[joint1] = 0.5 rad = 28.6479 deg\n"
     told = done.stderr.decode()
-    assert told.startswith("armwright: error: standard input: line 5: theta: 2 values; expected 6")
+    assert told.startswith("armwright: error: standard input:5: theta = '1 2': 2 values; expected 6")
     assert told.count("\n") == 1
 
 
@@ -34,7 +34,7 @@ def test_a_script_in_a_script_tells_both_lines(tmp_path):
     (tmp_path / "inner.sim").write_text("theta = 0\nfoo\n")
     done = sim("run-script inner.sim\n", cwd=tmp_path)
     assert done.returncode == 2
-    assert b"standard input: line 1: inner.sim: line 2: no command" in done.stderr
+    assert b"standard input:1: inner.sim:2: 'foo': no such command" in done.stderr
 
 
 def test_a_script_that_calls_itself_is_told_once(tmp_path):
@@ -43,9 +43,7 @@ def test_a_script_that_calls_itself_is_told_once(tmp_path):
     done = sim("run-script a.sim\n", cwd=tmp_path)
     told = done.stderr.decode()
     assert "deep" in told
-    assert [told.count(place) for place in ("standard input: line 1: ", "a.sim: line 2: ", "b.sim: line 1: ")] == [
-        1
-    ] * 3
+    assert [told.count(place) for place in ("standard input:1: ", "a.sim:2: ", "b.sim:1: ")] == [1] * 3
 
 
 @pytest.mark.parametrize(
@@ -53,8 +51,8 @@ def test_a_script_that_calls_itself_is_told_once(tmp_path):
     [
         (("pma560",), "", "no robot 'pma560'"),
         (("--script", "none.sim"), "", "none.sim: no such file"),
-        ((), b"theta\n\xff\xfe\n", "standard input: line 2: b'\\xff\\xfe\\n' is not UTF-8"),
-        ((), "simulate\n", "start is missing"),
+        ((), b"theta\n\xff\xfe\n", "standard input:2: b'\\xff\\xfe\\n': not UTF-8"),
+        ((), "simulate\n", "standard input:1: simulate start: missing"),
     ],
 )
 def test_errors_are_one_line(arguments, text, message, tmp_path):
@@ -74,7 +72,7 @@ def test_nothing_to_do_is_no_error():
 def test_without_any_input_it_says_so():
     done = subprocess.run(["sh", "-c", f"{shlex.join(SIM)} <&-"], capture_output=True, check=False)
     assert done.returncode == 2
-    assert done.stderr.decode().startswith("armwright: error: sim: standard input is closed; expected a terminal")
+    assert done.stderr.decode().startswith("armwright: error: standard input: is closed; expected a terminal")
     assert done.stderr.count(b"\n") == 1
 
 

@@ -34,7 +34,7 @@ def test_what_a_prompt_does_not_wait_for(tmp_path):
     terminal.close()
     asked, *modules = told.read_text().splitlines()
     assert asked == "sim> "
-    assert {"prompt_toolkit", "armwright.session.completion"} <= set(modules)
+    assert {"prompt_toolkit", "armwright.session.terminal"} <= set(modules)
     unwanted = {*HEAVY, *(f"armwright.{room}" for room in (*LATER, *LATER_FILES))}
     parents = {".".join(name.split(".")[:k]) for name in modules for k in (1, 2, 3)}
     assert not unwanted & parents

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from armwright.session.arguments import same
 from armwright.session.commands import TABLE as COMMANDS
 from armwright.session.variables import TABLE as VARIABLES
-from armwright.session.variables import same
 from session.terminal import SIM, WIDTH, Terminal, needs_pty
 from session.walks import SCRIPT, TRANSCRIPT, same_text, write_files
 
@@ -98,7 +98,7 @@ def test_prompts_completion_and_help(terminal):
     terminal.type("new\r", until="Zero theta and omega first?")
     assert "expected yes or no" in terminal.type("perhaps\r", until="expected yes or no")
     terminal.type("yes\r", until="Name of the voltage schedule file")
-    assert "For how many" not in terminal.type("none.csv\r", until="none.csv: no such file")
+    assert "For how many" not in terminal.type("none.csv\r", until="no such file")
     terminal.type("\r", until="For how many time steps?")
     terminal.type("10\r", until="10 steps of 1 ms, t = 0.01 s")
     terminal.type("print-simulation\r", until="Start [s]")

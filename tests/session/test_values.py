@@ -70,41 +70,42 @@ def test_variables_in_formulas():
     assert typed("theta[b] k -theta[c]", lookup=lookup).tolist() == [2, 4, -3]
 
 
-REFUSED = [
-    ("1 2", "2 values; expected 3 (a, b, c)"),
-    ("1 2 3 4", "4 values"),
-    ("", "no value given"),
-    ("5 V", "'V' does not fit; expected rad: rad, deg"),
-    ("5 deg/s 0 0", "'deg/s' does not fit"),
-    ("deg", "unit 'deg' without a value"),
-    ("10 20 30 deg", "only the last value is in deg"),
-    ("[1 deg 2 deg 3 deg] deg", "units inside and behind"),
-    ("[1 2 3] parsec", "is no unit"),
-    ("(1 2", "a bracket is not closed"),
-    ("1) 2 3", "a bracket closes that none opened"),
-    ("nan", "unknown name 'nan'"),
-    ("1/0", "divides by zero"),
-    ("9**9**9", "too large"),
-    ("1e999", "not finite"),
-    ("sqrt(-1)", "not finite"),
-    ("(-1)**0.5", "no real number"),
-    ("spam", "unknown name 'spam'"),
-    ("__import__('os')", "unknown function '__import__'"),
-    ("(1).real", "expected numbers"),
-    ("[x for x in 1]", "3"),
-    ("'a'*3 0 0", "is no number"),
-    ("lambda: 1", "expected"),
-    ("x[1] 0 0", "no variable 'x'"),
-    ("1" * 20000, "characters"),
-    ("(" * 400 + "1" + ")" * 400, "expected"),
+REFUSED = [  # text, reason, expectation
+    ("1 2", "2 values", "3 (a, b, c), or one for all joints"),
+    ("1 2 3 4", "4 values", "3 (a, b, c), or one for all joints"),
+    ("", "no value given", ""),
+    ("5 V", "unit 'V' does not fit", "rad: rad, deg, °, mrad, rev"),
+    ("5 deg/s 0 0", "unit 'deg/s' does not fit", "rad: rad, deg, °, mrad, rev"),
+    ("deg", "a unit behind no number", "a number before it, such as 30 deg"),
+    ("10 20 30 deg", "only the last value is in deg", "the unit behind each of them, or [...] deg for all"),
+    ("[1 deg 2 deg 3 deg] deg", "units inside and behind the bracket", "one of them"),
+    ("[1 2 3] parsec", "no unit behind the bracket", "a unit"),
+    ("(1 2", "a bracket is not closed", ""),
+    ("1) 2 3", "a bracket closes that none opened", ""),
+    ("nan", "unknown name in 'nan'", ""),
+    ("1/0", "divides by zero", "a finite number"),
+    ("9**9**9", "too large", "a finite number"),
+    ("1e999", "not finite", "finite numbers"),
+    ("sqrt(-1)", "not finite", "finite numbers"),
+    ("(-1)**0.5", "", "a real number"),
+    ("spam", "unknown name in 'spam'", ""),
+    ("__import__('os')", "unknown function in \"__import__('os')\"", ""),
+    ("(1).real", "", "numbers, + - * / **, brackets and functions such as sin(…)"),
+    ("[x for x in 1]", "5 values", "3 (a, b, c), or one for all joints"),
+    ("'a'*3 0 0", "no number in \"'a'*3\"", ""),
+    ("lambda: 1", "2 values", "3 (a, b, c), or one for all joints"),
+    ("x[1] 0 0", "no such variable", ""),
+    ("1" * 20000, "20000 characters", "at most 10000"),
+    ("(" * 400 + "1" + ")" * 400, "", "a number or a formula such as 0.5, 30 deg or pi/2"),
 ]
 
 
-@pytest.mark.parametrize(("text", "message"), REFUSED, ids=[text[:20] for text, _ in REFUSED])
-def test_refused_in_one_line(text, message):
+@pytest.mark.parametrize(("text", "what", "expected"), REFUSED, ids=[text[:20] for text, *_ in REFUSED])
+def test_refused_in_one_line(text, what, expected):
     with pytest.raises(SessionError) as error:
         typed(text)
-    assert message in str(error.value)
+    assert error.value.place.startswith("theta")
+    assert (error.value.what, error.value.expected) == (what, expected)
     assert "\n" not in str(error.value)
 
 

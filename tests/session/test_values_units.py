@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from armwright.errors import SessionError
 from armwright.expressions import number as plain_number
 from armwright.session import Session
-from armwright.session.units import ACCEPTED
+from armwright.session.formulas import ACCEPTED
 from armwright.session.values import number, split, vector
 from session.walks import refused
 
@@ -100,37 +100,58 @@ def test_each_joint_reads_the_unit_as_its_own():
     assert number("x", "5 V*sin(30 deg)", "V") == pytest.approx(2.5, rel=1e-15)
 
 
-UNCLEAR = [
-    ("theta deg", "'theta deg': the unit stands behind no number; expected it behind one, such as 30 deg"),
-    ("theta[a] deg 0 0", "'theta[a] deg': the unit stands behind no number"),
-    ("0 pi deg 0", "the unit stands behind no number"),
-    ("theta[a] * 2 deg", "a product of two values with units"),
-    ("2 deg * 3 deg", "a product of two values with units"),
-    ("(2 * theta) deg", "a product of two values with units"),
-    ("30 deg / theta[a]", "a product of two values with units"),
-    ("[k 1 2] deg", "a product of two values with units"),
-    ("1/2 deg", "not clear what the unit belongs to"),
-    ("1/(2) deg", "not clear what the unit belongs to"),
-    ("2**3 deg", "not clear what the unit belongs to"),
-    ("2 deg**2", "not clear what the unit belongs to"),
-    ("30 deg / 10 deg", "not clear what the unit belongs to"),
-    ("sqrt(4 deg)", "sqrt(…) takes plain numbers"),
-    ("10 deg + 5 cm", "'cm' does not fit; expected rad"),
-    ("sin(5 V)", "'V' does not fit; expected rad"),
-    ("30 deg deg", "unit 'deg' without a value"),
-    ("30 deg + deg 10", "2 values; expected 3"),
-    ("10 20 5 + 30 deg", "only the last value is in deg"),
-    ("10 deg + spam", "'10 deg + spam': unknown name 'spam'"),
-    ("10 deg + (1", "a bracket is not closed"),
-    ("10 deg + + ", "expected a number or a formula"),
+UNCLEAR = [  # text, reason, expectation
+    ("theta deg", "a unit behind no number", "a number before it, such as 30 deg"),
+    ("theta[a] deg 0 0", "a unit behind no number", "a number before it, such as 30 deg"),
+    ("0 pi deg 0", "a unit behind no number", "a number before it, such as 30 deg"),
+    ("theta[a] * 2 deg", "a product of two values with units", "one of them to be a plain number"),
+    ("2 deg * 3 deg", "a product of two values with units", "one of them to be a plain number"),
+    ("(2 * theta) deg", "a product of two values with units", "one of them to be a plain number"),
+    ("30 deg / theta[a]", "a product of two values with units", "one of them to be a plain number"),
+    ("[k 1 2] deg", "a product of two values with units", "one of them to be a plain number"),
+    (
+        "1/2 deg",
+        "it is not clear what the unit belongs to",
+        "it behind a number or a bracket that nothing divides by or raises, such as (1/2) deg",
+    ),
+    (
+        "1/(2) deg",
+        "it is not clear what the unit belongs to",
+        "it behind a number or a bracket that nothing divides by or raises, such as (1/2) deg",
+    ),
+    (
+        "2**3 deg",
+        "it is not clear what the unit belongs to",
+        "it behind a number or a bracket that nothing divides by or raises, such as (1/2) deg",
+    ),
+    (
+        "2 deg**2",
+        "it is not clear what the unit belongs to",
+        "it behind a number or a bracket that nothing divides by or raises, such as (1/2) deg",
+    ),
+    (
+        "30 deg / 10 deg",
+        "it is not clear what the unit belongs to",
+        "it behind a number or a bracket that nothing divides by or raises, such as (1/2) deg",
+    ),
+    ("sqrt(4 deg)", "sqrt(…) of a value with a unit", "plain numbers in sqrt(…)"),
+    ("10 deg + 5 cm", "unit 'cm' does not fit", "rad: rad, deg, °, mrad, rev"),
+    ("sin(5 V)", "unit 'V' does not fit", "rad: rad, deg, °, mrad, rev"),
+    ("30 deg deg", "a unit behind no number", "a number before it, such as 30 deg"),
+    ("30 deg + deg 10", "2 values", "3 (a, b, c), or one for all joints"),
+    ("10 20 5 + 30 deg", "only the last value is in deg", "the unit behind each of them, or [...] deg for all"),
+    ("10 deg + spam", "unknown name in '10 deg + spam'", ""),
+    ("10 deg + (1", "a bracket is not closed", ""),
+    ("10 deg + + ", "", "a number or a formula such as 0.5, 30 deg or pi/2"),
 ]
 
 
-@pytest.mark.parametrize(("text", "message"), UNCLEAR, ids=[text for text, _ in UNCLEAR])
-def test_what_could_mean_two_things_is_refused_in_one_line(text, message):
+@pytest.mark.parametrize(("text", "what", "expected"), UNCLEAR, ids=[text[:20] for text, *_ in UNCLEAR])
+def test_what_could_mean_two_things_is_refused_in_one_line(text, what, expected):
     with pytest.raises(SessionError) as error:
         typed(text)
-    assert message in str(error.value)
+    assert error.value.place.startswith("theta")
+    assert (error.value.what, error.value.expected) == (what, expected)
     assert "\n" not in str(error.value)
     assert "unit_" not in str(error.value)
 
@@ -159,6 +180,6 @@ def test_in_a_session():
     assert session.state.loaded.payload.com == (0.0, 0.0, 0.05 + 0.01)
     session.run('payload 1 com="[0 0 5 + 1] cm"')
     assert session.state.loaded.payload.com == pytest.approx((0.0, 0.0, 0.06), rel=1e-15)
-    assert "a product of two values with units" in refused(session, "DACSampTimePeriod = TimeStep * 2 ms")
+    assert refused(session, "DACSampTimePeriod = TimeStep * 2 ms").what == "a product of two values with units"
     session.run("DACSampTimePeriod = 2 * TimeStep + 1 ms")
     assert session.state.dac_period == pytest.approx(0.003, rel=1e-15)

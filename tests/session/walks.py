@@ -44,12 +44,12 @@ def same_text(told: str, expected: str) -> str | None:
     return None if len(ours) == len(theirs) else f"{len(ours)} lines, not {len(theirs)}"
 
 
-def refused(session: Session, line: str) -> str:
-    """The error of a line, in one line; the session is as it was before."""
-    before, past = session.state, session.past
+def refused(session: Session, line: str) -> ArmwrightError:
+    """The error of a line, which is one line as text; the session is as it was before."""
+    before, past = session.state, session.undo_stack
     with pytest.raises(ArmwrightError) as error:
         session.run(line)
     assert session.state is before
-    assert session.past == past
+    assert session.undo_stack == past
     assert "\n" not in str(error.value)
-    return str(error.value)
+    return error.value

@@ -40,15 +40,15 @@ def sim(
     """
     from armwright.session import Session
     from armwright.session.files import read_script
-    from armwright.session.screen import Screen
+    from armwright.session.listing import Screen
 
     screen = Screen()
     session = Session(robot)
-    session.tell = screen
+    session.show = screen
     if script is not None:
-        session.run_lines(read_script("sim", str(script)), str(script), screen, echo=echo)
+        session.run_lines(read_script(str(script)), str(script), screen, echo=echo)
     elif sys.stdin is None:
-        raise SessionError(f"sim: {PIPE} is closed; expected a terminal, a script on it, or --script FILE")
+        raise SessionError("is closed", file=PIPE, expected="a terminal, a script on it, or --script FILE")
     elif not sys.stdin.isatty():
         session.run_lines(_piped(), PIPE, screen, echo=echo)
     else:
@@ -65,7 +65,6 @@ def _piped() -> Iterator[str]:
         try:
             yield line.decode("utf-8-sig")
         except UnicodeDecodeError:
-            raise SessionError(
-                f"{PIPE}: line {k}: {line[:40]!r} is not UTF-8; expected a script, one line a command"
-            ) from None
+            expected = "a script in UTF-8, one line a command"
+            raise SessionError("not UTF-8", value=line[:40], expected=expected, file=f"{PIPE}:{k}") from None
         sys.stdout.flush()

@@ -1,13 +1,18 @@
-"""What a user should know about a run: limits that clipped, and limits that were passed."""
+"""Notes of a run about limits: of drives that clipped a command, and of joints that were passed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armwright.errors import Problem
 from armwright.model import Body, Model
 from armwright.model.joint_signals import command_unit
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 ROUNDING = 1e-9  # of the largest command of a run: less is no clipping
 UNREAL = 1e12  # [rad | m, or a second]: sines of such angles are rounding
@@ -15,55 +20,63 @@ UNREAL = 1e12  # [rad | m, or a second]: sines of such angles are rounding
 
 def limit_notes(
     arm: Model, q: np.ndarray, qd: np.ndarray, u: np.ndarray, outputs: Mapping[str, np.ndarray], t: np.ndarray
-) -> list[str]:
-    """A line for every limit that a joint or its drive came to.
+) -> list[Problem]:
+    """A note for every limit that a joint or its drive reached.
 
     Args:
-        arm: the model.   q, qd, u: (lanes, rows, n), commands in force.   outputs: of the plant, the same; none: only motion is
-            looked at.   t: (rows,) [s].
+        arm: the model.   q, qd, u: (lanes, rows, n), commands in force.   outputs: of the plant, the same shape; empty: only
+            the motion is checked.   t: (rows,) [s].
     """
     notes, coupled = [], any(body.drive.coupling for body in arm.coordinates)
+
+    def first(happened: np.ndarray) -> str:
+        """The first time at which something happened in any lane."""
+        return f"t = {t[happened.any(axis=0).argmax()]:g} s"
+
     for j, body in enumerate(arm.coordinates):
-        lost = (np.abs(q[..., j]) > UNREAL) | (np.abs(qd[..., j]) > UNREAL)
-        if lost.any():
-            notes.append(
-                f"{body.joint}: beyond {UNREAL:g} at t = {_first(t, lost):g} s; from there on these numbers mean nothing"
-            )
-        command = body.drive.command
-        if outputs and _is_told(body, coupled):
+        position, speed, command = q[..., j], qd[..., j], body.drive.command
+        reached: list[str] = []
+        unreal = (np.abs(position) > UNREAL) | (np.abs(speed) > UNREAL)
+        if unreal.any():
+            reached.append(f"beyond {UNREAL:g} at {first(unreal)}; from there on these numbers mean nothing")
+        if outputs and _only_limits(body, coupled):
             asked, applied = u[..., j], outputs["tau" if command == "torque" else command][..., j]
             finite = np.isfinite(asked) & np.isfinite(applied)  # lanes that diverged may command anything
             asked, applied = np.where(finite, asked, 0.0), np.where(finite, applied, 0.0)
             clipped = np.abs(applied - asked) > ROUNDING * max(np.abs(asked).max(), np.abs(applied).max())
             if clipped.any():
                 unit = command_unit(command, body.kind == "prismatic")
-                notes.append(
-                    f"{body.joint}: the drive's limits clipped its {command} in {clipped.mean():.0%} of the rows, "
-                    f"first at t = {_first(t, clipped):g} s (asked for up to {np.abs(asked[clipped]).max():.4g} {unit})"
+                reached.append(
+                    f"the drive's limits clipped its {command} in {clipped.mean():.0%} of the rows, first at {first(clipped)} "
+                    f"(asked for up to {np.abs(asked[clipped]).max():.4g} {unit})"
                 )
         low, high = body.limits.position
-        outside = (q[..., j] < low) | (q[..., j] > high)
+        outside = (position < low) | (position > high)
         if outside.any():
             end = "; nothing stops it there" if body.stops is None else ", into its stop"
-            notes.append(
-                f"{body.joint}: passed its position limits [{low:.4g}, {high:.4g}] at t = {_first(t, outside):g} s{end}"
-            )
-        fast = np.abs(qd[..., j]) > body.limits.velocity
+            reached.append(f"passed its position limits [{low:.4g}, {high:.4g}] at {first(outside)}{end}")
+        fast = np.abs(speed) > body.limits.velocity
         if fast.any():
-            notes.append(
-                f"{body.joint}: passed its velocity limit {body.limits.velocity:.4g} at t = {_first(t, fast):g} s"
-            )
+            reached.append(f"passed its velocity limit {body.limits.velocity:.4g} at {first(fast)}")
+        notes += [Problem(what, place=body.joint) for what in reached]
     return notes
 
 
-def _is_told(body: Body, coupled: bool) -> bool:
-    """Whether a drive that does less than asked can only have come to a limit, and not to its winding's lag, heat or coupling."""
+def notes_of(run: xr.Dataset) -> list[str]:
+    """The notes that a run keeps in its attributes."""
+    return str(run.attrs.get("notes", "")).splitlines()
+
+
+def limit_notes_of(arm: Model, run: xr.Dataset) -> list[str]:
+    """The limit notes of a run of one lane, or of several runs that were joined to one."""
+    rows = {name: run[name].values[None] for name in ("q", "qd", "u", "tau", "voltage", "current") if name in run}
+    outputs = {name: rows[name] for name in ("tau", "voltage", "current") if name in rows}
+    return [str(note) for note in limit_notes(arm, rows["q"], rows["qd"], rows["u"], outputs, run["time"].values)]
+
+
+def _only_limits(body: Body, coupled: bool) -> bool:
+    """True if only a limit keeps this drive from its command: its winding's lag, heat and coupling do not."""
     drive = body.drive
     if drive.command == "voltage":
         return True
     return drive.inductance is None and drive.thermal is None and not (coupled and drive.command == "torque")
-
-
-def _first(t: np.ndarray, happened: np.ndarray) -> float:
-    """The first time at which something happened in any lane."""
-    return float(t[np.nonzero(happened.any(axis=0))[0][0]])

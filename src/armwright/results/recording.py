@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armwright.errors import OutputError, RunError
+from armwright.errors import OutputError, Problem, RunError
 from armwright.model import Model
 from armwright.model.joint_signals import LONG_NAMES, UNITS, command_unit, joint_units
 from armwright.output import check_destination, whole_file
@@ -94,12 +94,12 @@ def bare_dataset(arm: Model, attrs: Mapping[str, Any], lanes: int | None) -> xr.
 
 
 def _storable(attrs: Mapping[str, Any]) -> dict[str, Any]:
-    """Attributes that come back from a file as they went in: NetCDF has no lists of texts."""
-    return {key: "\n".join(value) if _are_texts(value) else value for key, value in attrs.items()}
+    """Attributes that come back from a file as they were: NetCDF has no lists of texts, so each text or note gets a line."""
+    return {key: "\n".join(map(str, value)) if _are_texts(value) else value for key, value in attrs.items()}
 
 
 def _are_texts(value: Any) -> bool:
-    return isinstance(value, (list, tuple)) and all(isinstance(item, str) for item in value)
+    return isinstance(value, (list, tuple)) and all(isinstance(item, (str, Problem)) for item in value)
 
 
 def _known(arm: Model, *constants: str) -> np.ndarray:

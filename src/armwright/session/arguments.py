@@ -1,17 +1,17 @@
-"""Words behind a command: by place or as name=value, each of a kind that says how it is read."""
+"""Arguments of a command: words by position or as name=value, each of a kind that says how it is read."""
 
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal
 
-from armwright.errors import SessionError, nearest
-from armwright.session.units import KNOWN
+from armwright.errors import SessionError
+from armwright.session.formulas import KNOWN
 from armwright.session.values import number
-from armwright.session.variables import same
 
 Kind = Literal["choice", "file", "robot", "frame", "count", "time", "text", "rest"]
 YES_NO = ("yes", "no")
@@ -24,10 +24,10 @@ class Argument:
     Attributes:
         name, kind, help: as `help` has them.   choices: of kind "choice".
         prompt: the question that is asked where it is not given; without one it is not asked for.
-        enter: what an empty answer means, in words, where there is a default.
-        default: what an empty answer and a script without it stand for, as it would be typed; None: it must be given.
-        wanted: by the arguments before it, whether it matters.   needed: by them, whether it must be given all the same.
-        enter: what an empty answer means.   exists: of kind "file", whether it is read, so that it must be there.
+        enter: meaning of an empty answer, where there is a default.
+        default: value of an empty answer and of a script without it, as it would be typed; None: it must be given.
+        wanted, needed: by the values of the arguments before it, whether it matters, and whether it must be given all the same.
+        exists: of kind "file", whether it is read, so that it must exist.
     """
 
     name: str
@@ -36,54 +36,67 @@ class Argument:
     choices: tuple[str, ...] = ()
     prompt: str = ""
     default: str | None = None
-    wanted: Callable[[Mapping[str, Any]], bool] = lambda given: True
-    needed: Callable[[Mapping[str, Any]], bool] = lambda given: False
+    wanted: Callable[[Mapping[str, Any]], bool] = lambda values: True
+    needed: Callable[[Mapping[str, Any]], bool] = lambda values: False
     enter: str = ""
     exists: bool = False
 
-    def default_beside(self, given: Mapping[str, Any]) -> str | None:
-        """The default beside the arguments before it; None where it must be given."""
-        return None if self.needed(given) else self.default
+    def default_for(self, values: Mapping[str, Any]) -> str | None:
+        """The default beside the values of the arguments before it; None where it must be given."""
+        return None if self.needed(values) else self.default
 
     def read(self, command: str, text: str) -> Any:
-        """The value of what was typed.
+        """The value of a text that was typed.
 
         Raises:
-            SessionError: names command, argument, value and what was expected.
+            SessionError: with the command and the argument as place.
         """
-        place = f"{command}: {self.name}"
+        place = f"{command} {self.name}"
         if self.kind == "choice":
-            found = [choice for choice in self.choices if choice.startswith(text.lower())] if text else []
+            matches = [choice for choice in self.choices if choice.startswith(text.lower())] if text else []
             if text.lower() in self.choices:
                 return text.lower()
-            if len(found) == 1:
-                return found[0]
-            raise SessionError(
-                f"{place} = {text!r}: {nearest(text, self.choices)}; expected {' or '.join(self.choices)}"
-            )
+            if len(matches) == 1:
+                return matches[0]
+            raise SessionError(place=place, value=text, expected=" or ".join(self.choices))
         if self.kind == "count":
             value = number(place, text, "steps")
             if value < 1 or value != int(value):
-                raise SessionError(f"{place} = {text}: expected a whole number, 1 or more")
+                raise SessionError(place=place, value=text, expected="a whole number, 1 or more")
             return int(value)
         if self.kind == "time":
             return number(place, text, "s")
-        if self.exists and not _is_there(text):
-            raise SessionError(f"{place} = {text}: no such file")
+        if self.exists and not _exists(text):
+            raise SessionError("no such file", place=place, value=text)
         return text
 
 
-def _is_there(file: str) -> bool:
+def _exists(file: str) -> bool:
     try:
         return Path(file).exists()
-    except OSError:  # what cannot be looked at is told by who reads it
+    except OSError:  # no permission to look: the reader of the file reports it
         return True
 
 
-def words(line: str) -> list[str]:
-    """A line cut at blanks; quotes hold together, a backslash is a character like others, # begins a comment.
+def same(name: str) -> str:
+    """A name as it is compared: `DAC-Out`, `dac_out` and `DACOut` are one."""
+    return name.replace("-", "").replace("_", "").lower()
 
-    Blanks around = and before a unit do not cut: `steps = 100` and `20 ms` are one word each.
+
+def unknown(what: str, name: str, known: Iterable[str], place: str = "") -> SessionError:
+    """The error of an unknown name, with those that begin like it, else the nearest ones, however they are spelt."""
+    by_same = {same(each): each for each in known}
+    close = [each for each in by_same if each.startswith(same(name))] or get_close_matches(same(name), by_same, 3, 0.5)
+    choices = [by_same[each] for each in close] if same(name) else []
+    return SessionError(
+        what, place=place, value=name, choices=choices, expected="" if choices else "one that help lists"
+    )
+
+
+def words(line: str) -> list[str]:
+    """A line split at blanks; quotes hold together, a backslash is a character like others, # begins a comment.
+
+    Blanks around = and before a unit do not split: `steps = 100` and `20 ms` are one word each.
 
     Raises:
         SessionError: a quote that is not closed.
@@ -91,26 +104,23 @@ def words(line: str) -> list[str]:
     reader = shlex.shlex(line, posix=True, punctuation_chars=False)
     reader.whitespace_split, reader.escape, reader.commenters = True, "", "#"
     try:
-        return _glued(list(reader))
+        parts = list(reader)
     except ValueError:
-        raise SessionError(f"{line.strip()!r}: a quote is not closed") from None
-
-
-def _glued(parts: list[str]) -> list[str]:
-    found: list[str] = []
+        raise SessionError("a quote is not closed", value=line.strip()) from None
+    joined: list[str] = []
     for part in parts:
-        before = found[-1] if found else ""
-        if found and len(found) > 1 and (part.startswith("=") or before.endswith("=")):
-            found[-1] += part
+        before = joined[-1] if joined else ""
+        if len(joined) > 1 and (part.startswith("=") or before.endswith("=")):
+            joined[-1] += part
         elif part in KNOWN and before[-1:].isdigit():
-            found[-1] += f" {part}"
+            joined[-1] += f" {part}"
         else:
-            found.append(part)
-    return found
+            joined.append(part)
+    return joined
 
 
 def uncommented(line: str) -> str:
-    """The line without the comment at its end."""
+    """The line without the comment at its end; a # between quotes begins none."""
     quote = ""
     for k, mark in enumerate(line):
         if quote:
@@ -123,52 +133,48 @@ def uncommented(line: str) -> str:
 
 
 def read_words(
-    command: str, arguments: Sequence[Argument], given: Sequence[str], *, pairs: bool = False
+    command: str, arguments: Sequence[Argument], line_words: Sequence[str], *, pairs: bool = False
 ) -> dict[str, str]:
-    """The words behind a command by their arguments' names, as they were typed.
+    """The words behind a command by the names of their arguments, as they were typed.
 
     Args:
-        command: its name, for errors.   arguments: what it takes.   given: the words.
+        command: its name, for errors.   arguments: of the command.   line_words: behind it.
         pairs: whether it also takes name=value of any name.
     Raises:
         SessionError: too many words, an unknown name, or one that is given twice.
     """
     by_name = {same(argument.name): argument.name for argument in arguments}
-    found: dict[str, str] = {}
-    places = [argument.name for argument in arguments]
-    for word in given:
+    names = [argument.name for argument in arguments]
+    texts: dict[str, str] = {}
+    for word in line_words:
         head, sign, value = word.partition("=")
-        if sign and (
-            same(head) in by_name or (head.replace("_", "").replace("-", "").isalnum() and head[:1].isalpha())
-        ):
+        is_name = head.replace("_", "").replace("-", "").isalnum() and head[:1].isalpha()
+        if sign and (same(head) in by_name or is_name):
             name = by_name.get(same(head), head.replace("-", "_") if pairs else None)
             if name is None:
-                raise SessionError(f"{command}: unknown argument {head!r}; {nearest(head, places)}")
+                raise SessionError("unknown", place=f"{command} argument", value=head, choices=names)
         else:
-            free = [argument for argument in _wanted(command, arguments, found) if argument.name not in found]
+            free = [argument for argument in _wanted(command, arguments, texts) if argument.name not in texts]
             if word.isdecimal() and any(argument.kind == "count" for argument in free):
                 free = [argument for argument in free if argument.kind != "file"]  # a bare number is no file
             if not free:
-                most = f"takes {', '.join(places)}" if places else "takes nothing"
-                raise SessionError(f"{command}: {word!r} is one word too many; it {most}")
+                most = f"at most {', '.join(names)}" if names else "no argument"
+                raise SessionError("one word too many", place=f"{command} argument", value=word, expected=most)
             name, value = free[0].name, word
-        if name in found:
-            raise SessionError(f"{command}: {name} is given twice")
-        found[name] = value
-    return found
+        if name in texts:
+            raise SessionError("given twice", place=f"{command} {name}", value=value)
+        texts[name] = value
+    return texts
 
 
-def _wanted(command: str, arguments: Sequence[Argument], found: Mapping[str, str]) -> list[Argument]:
-    """The arguments that matter beside those that were found."""
-    given: dict[str, Any] = {}
+def _wanted(command: str, arguments: Sequence[Argument], texts: Mapping[str, str]) -> list[Argument]:
+    """The arguments that matter beside those that were typed."""
+    values: dict[str, Any] = {}
     wanted = []
     for argument in arguments:
-        text = found.get(argument.name) or argument.default
-        if argument.kind == "choice" and text:
-            given[argument.name] = argument.read(command, text)
-        else:
-            given[argument.name] = text or None
-        if argument.wanted(given):
+        text = texts.get(argument.name) or argument.default
+        values[argument.name] = argument.read(command, text) if argument.kind == "choice" and text else text or None
+        if argument.wanted(values):
             wanted.append(argument)
     return wanted
 

@@ -1,45 +1,11 @@
-"""The table of commands, from which parsing, prompts, help, completion, tests and docs are made."""
+"""Commands of the session: the table from which parsing, prompts, help, completion, tests and docs are made."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
-
-from armwright.session import arms, dynamics, files, help_pages, printing, python_prompt, saved, simulation, tour, undo
-from armwright.session.arguments import YES_NO, Argument
-from armwright.session.listing import Shown
-from armwright.session.variables import same
-
-if TYPE_CHECKING:
-    from armwright.session.session import Session
-
-
-@dataclass(frozen=True)
-class Command:
-    """A command of the session.
-
-    Attributes:
-        name, summary: as `help` has them.   run: does it; (session, values by argument) → what it has to say.
-        arguments: what it takes, in the order of its prompts.   pairs: whether it takes further name=value.
-        equation, source: what it computes, and where that stands.
-        example: a line that works.   report: whether the report's `sim` has it.
-        recorded: whether it is a line of a script, that undo takes back and record keeps.
-        ready: refuses what cannot be done, before the first question and after each answer.
-    """
-
-    name: str
-    summary: str
-    run: Callable[[Session, dict[str, Any]], list[Shown]]
-    arguments: tuple[Argument, ...] = ()
-    equation: str = ""
-    source: str = ""
-    example: str = ""
-    report: bool = False
-    recorded: bool = True
-    pairs: bool = False
-    ready: Callable[[Session, dict[str, Any]], None] | None = None
-
+from armwright.session import arms, controllers, dynamics, files, help, printing, python_prompt, simulation, variables
+from armwright.session.arguments import YES_NO, Argument, same
+from armwright.session.listing import Line
+from armwright.session.workspace import Command
 
 FRAME = Argument("frame", "frame", "name of a frame of the arm; by default its tip", default="")
 PICTURES = ".png, .svg, .pdf or .html"
@@ -70,18 +36,18 @@ TABLE = (
             Argument("start", "choice", "a new simulation, or on with the last one", ("new", "continue"),
                      "Start a new simulation, or continue the last one?"),
             Argument("zero", "choice", "theta and omega set to zero first", YES_NO, "Zero theta and omega first?", "no",
-                     lambda given: given["start"] == "new"),
+                     lambda values: values["start"] == "new"),
             Argument("schedule", "file", "CSV: t and one column a joint, put out by DACOut; none: constant",
                      prompt="Name of the voltage schedule file", enter="the voltage stays as it is", default="", exists=True),
             Argument("steps", "count", "number of time steps; with a schedule by default until its last row",
                      prompt="For how many time steps?", enter="until the schedule's last row", default="",
-                     needed=lambda given: given["schedule"] is None),
+                     needed=lambda values: values["schedule"] is None),
             Argument("every", "count", "rows are kept every so many steps; by default every one, with a controller every sample",
                      default=""),
         ),
         "θ̈ = F(θ, θ̇, V), integrated by Kutta's third-order rule with a step of TimeStep",
         "CMU report, Integration; [Kutta1901]",
-        "simulate new zero=yes steps=1000", True, ready=simulation.check_before,
+        "simulate new zero=yes steps=1000", True, check=simulation.check_continue,
     ),
     Command(
         "plot-simulation", "draw the simulation into a file, or on the screen", printing.plot_simulation,
@@ -93,7 +59,7 @@ TABLE = (
             Argument("joints", "text", "by number or name; by default all", default=""),
         ),
         example="plot-simulation run.png what=theta,voltage joints=2,3", report=True,
-        ready=simulation.needs_run("plot-simulation"),
+        check=simulation.needs_run("plot-simulation"),
     ),
     Command(
         "print-simulation", "print the simulation on the screen, or into the open output file", printing.print_simulation,
@@ -105,25 +71,25 @@ TABLE = (
             Argument("what", "text", f"of {', '.join(printing.QUANTITIES)}; by default {', '.join(printing.USUAL)}", default=""),
         ),
         example="print-simulation 0 1 0.1 what=theta,voltage", report=True,
-        ready=simulation.needs_run("print-simulation"),
+        check=simulation.needs_run("print-simulation"),
     ),
     Command(
         "write-graphic-file", "write the simulation for a display that shows the arm move", simulation.write_graphic_file,
         (Argument("file", "file", "file to write, .glb or .html", prompt="Name of the graphic file (.glb or .html)"),),
-        example="write-graphic-file run.html", report=True, ready=simulation.needs_run("write-graphic-file"),
+        example="write-graphic-file run.html", report=True, check=simulation.needs_run("write-graphic-file"),
     ),
     Command(
         "save-simulation", "save the simulation with everything in it: .nc, .csv or .parquet", simulation.save_run,
         (Argument("file", "file", "file to write", prompt="Name of the file (.nc, .csv or .parquet)"),),
-        example="save-simulation run.nc", ready=simulation.needs_run("save-simulation"),
+        example="save-simulation run.nc", check=simulation.needs_run("save-simulation"),
     ),
     Command(
         "open-output-file", "send what is printed to a file: aligned text, or CSV where its name ends in .csv",
-        files.open_output_file,
+        printing.open_output_file,
         (Argument("file", "file", "file to write; replaced where it exists", prompt="Name of the output file"),),
         example="open-output-file run.csv", report=True,
     ),
-    Command("close-output-file", "send what is printed to the screen again", files.close_output_file, report=True,
+    Command("close-output-file", "send what is printed to the screen again", printing.close_output_file, report=True,
             example="close-output-file"),
     Command(
         "database-read", "load another arm; its vectors begin at zero", arms.database_read,
@@ -131,7 +97,7 @@ TABLE = (
         example="database-read two-link", report=True,
     ),
     Command(
-        "controller", "what DACOut's reference input is wired to; sampled every DACSampTimePeriod", arms.controller,
+        "controller", "what DACOut's reference input is wired to; sampled every DACSampTimePeriod", controllers.controller,
         (
             Argument("kind", "text", "a control law, or none; without it what there is", default=""),
             Argument("scale", "text", "position that one volt of DACOut asks for, such as \"10 deg\"", default=""),
@@ -145,11 +111,11 @@ TABLE = (
         (
             Argument("mass", "text", "mass [kg], or none; without it what there is", default=""),
             Argument("com", "text", "centre of mass [m] in the frame's axes; by default its origin", default="",
-                     wanted=lambda given: given["mass"] != arms.NONE),
+                     wanted=lambda values: values["mass"] != arms.NONE),
             Argument("inertia", "text", "principal moments about it [kg m²]; by default none", default="",
-                     wanted=lambda given: given["mass"] != arms.NONE),
+                     wanted=lambda values: values["mass"] != arms.NONE),
             Argument("frame", "frame", "frame that carries it; by default the tip", default="",
-                     wanted=lambda given: given["mass"] != arms.NONE),
+                     wanted=lambda values: values["mass"] != arms.NONE),
         ),
         "one more rigid body, added by parallel axes", "[Symon1971]", "payload 2 com=\"0 0 0.05\"",
     ),
@@ -159,17 +125,19 @@ TABLE = (
             "T = A₁ A₂ … A_N", "[DenavitHartenberg1955]", "pose"),
     Command("jacobian", "speeds of the hand for a unit of each joint's speed", dynamics.jacobian, (FRAME,),
             "[v; ω] = J(θ) θ̇", "[Whitney1972]", "jacobian"),
-    Command("show", "all variables, or one", undo.show,
+    Command("show", "all variables, or one", variables.show,
             (Argument("name", "text", "a variable; by default all", default=""),), recorded=False, example="show"),
-    Command("undo", "take the last changes back; files stay as they are", undo.undo,
+    Command("undo", "take the last changes back; files stay as they are",
+            lambda session, arguments: session.undo(arguments["steps"] or 1),
             (Argument("steps", "count", "how many", default=""),), recorded=False, example="undo"),
-    Command("history", "all that was done, as a script", undo.history, recorded=False, example="history"),
+    Command("history", "all that was done, as a script",
+            lambda session, arguments: [Line(line) for line in session.state.lines], recorded=False, example="history"),
     Command(
-        "save", "save the whole state: variables, arm, payload, controller and simulation", saved.save,
+        "save", "save the whole state: variables, arm, payload, controller and simulation", files.save,
         (Argument("file", "file", "file to write, .nc", prompt="Name of the file (.nc)"),), example="save here.nc",
     ),
     Command(
-        "restore", "go back to a state that was saved", saved.restore,
+        "restore", "go back to a state that was saved", files.restore,
         (Argument("file", "file", "file that save wrote", prompt="Name of the file (.nc)"),), recorded=False,
         example="restore here.nc",
     ),
@@ -188,11 +156,11 @@ TABLE = (
         example="python theta = np.linspace(0, 1, arm.n)",
     ),
     Command(
-        "help", "all commands and variables, or everything about one", help_pages.help_page,
+        "help", "all commands and variables, or everything about one", help.help_page,
         (Argument("topic", "text", "a command or variable", default=""),), recorded=False, example="help simulate",
     ),
-    Command("tour", "a first lesson in robot dynamics, in a session of its own", tour.tour, recorded=False, example="tour"),
-    Command("quit", "leave", undo.leave, recorded=False, example="quit"),
+    Command("tour", "a first lesson in robot dynamics, in a session of its own", help.tour, recorded=False, example="tour"),
+    Command("quit", "leave", lambda session, arguments: session.quit(), recorded=False, example="quit"),
 )  # fmt: skip
 
 COMMANDS = {same(command.name): command for command in TABLE}

@@ -1,8 +1,8 @@
-"""What is computed of one moment: the Inverse Arm, the Forward Arm, energy, pose and Jacobian."""
+"""Commands that compute one state: the Inverse Arm, the Forward Arm, energy, pose and Jacobian."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,17 +13,15 @@ from armwright.model import Model
 from armwright.model.joint_signals import joint_units
 from armwright.results.tables import joint_columns, read_table
 from armwright.session import motor_quantities
-from armwright.session.listing import Line, Listing, Sheet, Shown, aligned, by_joint, significant
+from armwright.session.listing import Line, Listing, Output, Sheet, by_joint, by_row, significant
+from armwright.session.workspace import Workspace
 from armwright.spatial import roll_pitch_yaw
 
-if TYPE_CHECKING:
-    from armwright.session.session import Session
 
-
-def inverse_arm(session: Session, given: dict[str, Any]) -> list[Shown]:
-    """`inverse-arm`, `inverse-arm FILE`: theta, omega, alpha → torque and voltage; of a table of sets where a file is named."""
-    if given["file"] is not None:
-        return session.emit(_inverse_of_sets(session, given["file"]))
+def inverse_arm(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
+    """`inverse-arm`, `inverse-arm FILE`: theta, omega, alpha → torque and voltage; with a file for every set of a table."""
+    if arguments["file"] is not None:
+        return session.emit(_inverse_of_sets(session, arguments["file"]))
     state = session.state
     torque = np.asarray(state.loaded.dyn.inverse_dynamics(state.q, state.qd, state.qdd))
     state = motor_quantities.with_torque(state, torque)
@@ -39,31 +37,26 @@ def inverse_arm(session: Session, given: dict[str, Any]) -> list[Shown]:
     return [by_joint("Inverse Arm", arm.names, columns), *_beyond(arm, columns)]
 
 
-def _check_finite(command: str, what: str, *found: np.ndarray) -> None:
-    """Refuses what would be kept as a variable and is no number.
-
-    Raises:
-        SessionError: names the command and what it was worked out from.
-    """
-    if not all(np.isfinite(values).all() for values in found):
-        raise SessionError(f"{command}: the result is not finite; expected smaller {what}")
+def _check_finite(command: str, inputs: str, *results: np.ndarray) -> None:
+    """Refuses results that would be stored as variables and are not finite."""
+    if not all(np.isfinite(values).all() for values in results):
+        raise SessionError("the result is not finite", place=command, expected=f"smaller {inputs}")
 
 
-def _beyond(arm: Model, columns: list[tuple[str, list[str], np.ndarray]]) -> list[Shown]:
-    """A note for every joint that would need more than its drive can give."""
-    notes: list[Shown] = []
+def _beyond(arm: Model, columns: list[tuple[str, list[str], np.ndarray]]) -> list[Output]:
+    """A note for every joint that needs more than the limits of its drive."""
+    notes: list[Output] = []
     for name, units, values in columns:
-        if name not in ("torque", "voltage", "current"):
-            continue
-        for body, unit, value in zip(arm.coordinates, units, values, strict=True):
-            most = getattr(body.limits, name)
-            if abs(value) > most:
-                told = f"{body.joint}: {name} {significant(value)} {unit} is beyond its limit of {significant(most)} {unit}"
-                notes.append(Line(told, "note"))
+        if name in ("torque", "voltage", "current"):
+            for body, unit, value in zip(arm.coordinates, units, values, strict=True):
+                limit = getattr(body.limits, name)
+                if abs(value) > limit:
+                    text = f"{name} {significant(value)} {unit} is beyond its limit of {significant(limit)} {unit}"
+                    notes.append(Line(f"{body.joint}: {text}", "note"))
     return notes
 
 
-def _inverse_of_sets(session: Session, file: str) -> Listing:
+def _inverse_of_sets(session: Workspace, file: str) -> Listing:
     """Every row of a table with q_JOINT, qd_JOINT and qdd_JOINT; the columns are those of `armwright inverse-dynamics`."""
     state, arm = session.state, session.state.arm
     quantities = ("q", "qd", "qdd")
@@ -78,39 +71,31 @@ def _inverse_of_sets(session: Session, file: str) -> Listing:
         units = joint_units(arm, quantity)
         columns |= joint_columns(quantity, arm.names, units, values)
         name = {"tau": "torque"}.get(quantity, quantity)
-        told = f"{name} of {len(values)} sets"
-        sheets.append(by_row(told, "set", [str(k + 1) for k in range(len(values))], arm.names, units, values))
+        title = f"{name} of {len(values)} sets"
+        sheets.append(by_row(title, "set", [str(k + 1) for k in range(len(values))], arm.names, units, values))
     return Listing(tuple(sheets), columns)
 
 
-def by_row(title: str, key: str, keys: list[str], names: list[str], units: list[str], values: np.ndarray) -> Sheet:
-    """A row a time or set, a column a joint; the unit stands in the title where all joints share it."""
-    kinds = list(dict.fromkeys(units))
-    heads = names if len(kinds) == 1 else [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
-    told = f"{title} [{kinds[0]}]" if len(kinds) == 1 else title
-    cells = [keys, *(aligned(column) for column in values.T)]
-    return Sheet(told, (key, *heads), tuple(zip(*cells, strict=True)), words=0)
-
-
-def forward_arm(session: Session, given: dict[str, Any]) -> list[Shown]:
+def forward_arm(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     """`forward-arm`: theta, omega, voltage → alpha."""
     state = session.state
     alpha = np.asarray(state.loaded.dyn.forward_arm(state.q, state.qd, state.u))
     _check_finite("forward-arm", "theta, omega and voltage", alpha)
     session.state = state = state.replace(qdd=alpha)
     arm = state.arm
-    told = "voltage" if not np.isnan(motor_quantities.voltage(state)).any() else "torque"
-    values = motor_quantities.voltage(state) if told == "voltage" else motor_quantities.torque(state)
+    name, quantity, values = "voltage", "voltage", motor_quantities.voltage(state)
+    if np.isnan(values).any():
+        name, quantity, values = "torque", "tau", motor_quantities.torque(state)
     columns = [
         ("theta", joint_units(arm, "q"), state.q),
         ("omega", joint_units(arm, "qd"), state.qd),
-        (told, joint_units(arm, "voltage" if told == "voltage" else "tau"), values),
+        (name, joint_units(arm, quantity), values),
         ("alpha", joint_units(arm, "qdd"), state.qdd),
     ]
     return [by_joint("Forward Arm", arm.names, columns)]
 
 
-def energy(session: Session, given: dict[str, Any]) -> list[Shown]:
+def energy(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     """`energy`: kinetic, potential, and their sum."""
     state = session.state
     kinetic, potential = (float(part) for part in aw.energy(state.arm, state.q, state.qd))
@@ -118,9 +103,9 @@ def energy(session: Session, given: dict[str, Any]) -> list[Shown]:
     return [Sheet("", ("energy", "[J]"), tuple((name, significant(value)) for name, value in rows))]
 
 
-def pose(session: Session, given: dict[str, Any]) -> list[Shown]:
-    """`pose`, `pose FRAME`: where the hand, or another frame, is in the base."""
-    state, frame = session.state, given["frame"]
+def pose(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
+    """`pose`, `pose FRAME`: position and orientation of the hand, or of another frame, in the base."""
+    state, frame = session.state, arguments["frame"]
     state.arm.frame(frame)
     placed = np.asarray(state.loaded.dyn.forward_kinematics(state.q, frame=frame))
     rotation = placed[:3, :3]
@@ -134,9 +119,9 @@ def pose(session: Session, given: dict[str, Any]) -> list[Shown]:
     return [Sheet(f"{name} in the base", heads, rows)]
 
 
-def jacobian(session: Session, given: dict[str, Any]) -> list[Shown]:
+def jacobian(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     """`jacobian`, `jacobian FRAME`: speed and turning of the hand for a unit of each joint's speed."""
-    state, frame = session.state, given["frame"]
+    state, frame = session.state, arguments["frame"]
     state.arm.frame(frame)
     matrix = np.asarray(state.loaded.dyn.jacobian(state.q, frame=frame))
     rows = ("v x [m/s]", "v y [m/s]", "v z [m/s]", "ω x [rad/s]", "ω y [rad/s]", "ω z [rad/s]")

@@ -1,81 +1,154 @@
-"""Files of a session: the output file, scripts, and the record of what was typed."""
+"""Files of a session: scripts and their recording; `save` and `restore` of the whole state.
+
+A saved state is one NetCDF file: a run like others, with the session as JSON in an attribute.
+"""
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+
+import armwright as aw
 from armwright.errors import SessionError
 from armwright.output import check_destination
-from armwright.session.listing import Line, Output, Shown
-
-if TYPE_CHECKING:
-    from armwright.session.session import Session
+from armwright.session.controllers import built_controller
+from armwright.session.listing import Line, Output
+from armwright.session.state import ControllerSettings, LoadedArm, Payload, State, load_arm
+from armwright.session.workspace import Workspace
 
 OFF = "off"
 LONGEST = 1_000_000  # characters of a script
+ATTRIBUTE = "armwright_session"
+FORM = 1  # of the attribute's JSON
+# In the order of `State`:
+VECTORS = ("q", "qd", "qdd", "u", "dac")
+TIMES = ("dac_period", "step")
 
 
-def open_output_file(session: Session, given: dict[str, Any]) -> list[Shown]:
-    """`open-output-file FILE`: where print-simulation and inverse-arm FILE go from now on."""
-    state = session.state
-    if state.output is not None:
-        raise SessionError(f"open-output-file: {state.output.path} is open; expected close-output-file first")
-    path = check_destination(given["file"])
-    session.state = state.replace(output=Output(path))
-    kind = "CSV" if session.state.output.is_csv else "text"  # type: ignore[union-attr]
-    return [Line(f"results go to {path} as {kind}, written whole with each of them", "good")]
-
-
-def close_output_file(session: Session, given: dict[str, Any]) -> list[Shown]:
-    """`close-output-file`: results come to the screen again."""
-    output = session.state.output
-    if output is None:
-        raise SessionError("close-output-file: no output file is open")
-    session.state = session.state.replace(output=None)
-    told = (
-        f"closed {output.path}"
-        if output.text
-        else f"closed {output.path}; nothing was printed, so there is no such file"
-    )
-    return [Line(told, "good")]
-
-
-def read_script(command: str, file: str) -> list[str]:
+def read_script(file: str) -> list[str]:
     """The lines of a script.
 
     Raises:
         SessionError: no such file, or none in UTF-8.
     """
-    path = Path(file)
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = Path(file).read_bytes().decode("utf-8-sig")
     except FileNotFoundError:
-        raise SessionError(f"{command}: {file}: no such file") from None
+        raise SessionError("no such file", file=file) from None
     except UnicodeDecodeError:
-        raise SessionError(f"{command}: {file}: is no text in UTF-8; expected a script, one line a command") from None
+        raise SessionError("no text in UTF-8", file=file, expected="a script, one line a command") from None
     except OSError as error:
-        raise SessionError(f"{command}: {file}: cannot be read: {error.strerror}") from None
+        raise SessionError(f"cannot be read: {error.strerror}", file=file) from None
     if len(text) > LONGEST:
-        raise SessionError(f"{command}: {file}: {len(text)} characters; expected a script of at most {LONGEST}")
+        raise SessionError(f"{len(text)} characters", file=file, expected=f"a script of at most {LONGEST}")
     return text.splitlines()
 
 
-def run_script(session: Session, given: dict[str, Any]) -> list[Shown]:
-    """`run-script FILE`: its lines as if they were typed; the first one that fails ends it, what came before it stays."""
-    shown: list[Shown] = []
-    session.run_lines(read_script("run-script", given["file"]), given["file"], session.tell or shown.append)
+def run_script(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
+    """`run-script FILE`: does its lines as if they were typed; the first one that fails ends it, what came before stays."""
+    output: list[Output] = []
+    session.run_lines(read_script(arguments["file"]), arguments["file"], session.show or output.append)
     session.ended = False  # `quit` in a script ends the script
-    return shown
+    return output
 
 
-def record(session: Session, given: dict[str, Any]) -> list[Shown]:
-    """`record FILE`: all that was done so far and will be, as a script that replays to the same numbers; `record off`."""
-    if given["file"] == OFF:
+def record(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
+    """`record FILE`: writes all lines so far, and from now on, as a script that replays to the same numbers; `record off`."""
+    if arguments["file"] == OFF:
         if session.recording is None:
-            raise SessionError("record off: nothing is being recorded")
+            raise SessionError("nothing is being recorded", place="record off")
         path, session.recording = session.recording, None
         return [Line(f"recorded in {path}", "good")]
-    session.recording = check_destination(given["file"])
-    session.write_record()
+    session.recording = check_destination(arguments["file"])
+    session.write_recording()
     return [Line(f"recording into {session.recording}, from the session's first line", "good")]
+
+
+def save(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
+    """`save FILE.nc`: every variable, the arm's name, payload, controller, lines and the simulation."""
+    import xarray as xr
+
+    state, file = session.state, arguments["file"]
+    if not str(file).lower().endswith(".nc"):
+        raise SessionError(place="save file", value=file, expected="a name that ends in .nc")
+    run = xr.Dataset() if state.run is None else state.run.copy()
+    run.attrs = {**run.attrs, ATTRIBUTE: json.dumps(_saved_state(state))}
+    aw.save(run, file)
+    return [Line(f"wrote {file}", "good")]
+
+
+def _saved_state(state: State) -> dict[str, Any]:
+    loaded, controller = state.loaded, state.controller
+    wiring = None
+    if controller is not None:
+        wiring = {"kind": controller.kind, "settings": controller.gains, "scale": controller.scale}
+    return {
+        "form": FORM,
+        "robot": loaded.robot,
+        "digest": loaded.digest,
+        "gravity": loaded.gravity,
+        "payload": None if loaded.payload is None else asdict(loaded.payload),
+        "wiring": wiring,
+        "lines": list(state.lines),
+        **{name: getattr(state, name).tolist() for name in VECTORS},
+        **{name: getattr(state, name) for name in TIMES},
+    }
+
+
+def restore(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
+    """`restore FILE.nc`: everything as it was saved; an open output file is closed."""
+    file = arguments["file"]
+    run = aw.load_run(file)
+    text = run.attrs.pop(ATTRIBUTE, None)
+    if text is None:
+        raise SessionError("no session", file=file, expected="a file that save wrote")
+    try:
+        record = json.loads(text)
+        if record["form"] != FORM:
+            raise SessionError(place="form", value=record["form"], expected=f"{FORM}, of this version", file=file)
+        loaded = _loaded(record)
+        values: dict[str, Any] = {name: _vector(record[name], loaded.base.n) for name in VECTORS}
+        values |= {name: float(record[name]) for name in TIMES}
+        controller = None if record["wiring"] is None else _controller_settings(record["wiring"])
+        lines = tuple(str(line) for line in record["lines"])
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        what = f"not as save wrote it: {type(error).__name__} {error}"
+        raise SessionError(what, file=file) from None
+    last_run = run if run.sizes else None
+    state = initial_state(loaded).replace(**values, controller=controller, run=last_run, lines=lines)
+    if controller is not None:
+        built_controller(state, controller)
+    session.change(state)
+    output: list[Output] = [Line(f"restored {loaded.robot} from {file}", "good")]
+    if loaded.digest != record["digest"]:
+        output.append(
+            Line(f"the file of {loaded.robot} has changed since the session was saved: results will differ", "note")
+        )
+    return output
+
+
+def _loaded(record: dict[str, Any]) -> LoadedArm:
+    found = load_arm(str(record["robot"]))
+    payload = record["payload"]
+    if payload is not None:
+        payload = Payload(float(payload["mass"]), tuple(payload["com"]), tuple(payload["inertia"]), payload["frame"])
+    gravity = None if record["gravity"] is None else float(record["gravity"])
+    loaded = LoadedArm(found.robot, found.base, gravity, payload)
+    _ = loaded.arm
+    return loaded
+
+
+def _controller_settings(record: dict[str, Any]) -> ControllerSettings:
+    return ControllerSettings(str(record["kind"]), dict(record["settings"]), tuple(float(s) for s in record["scale"]))
+
+
+def _vector(values: Any, n: int) -> np.ndarray:
+    array = np.array(values, dtype=float)
+    if array.shape != (n,):
+        raise ValueError(f"shape {array.shape}, expected ({n},)")
+    array.flags.writeable = False
+    return array

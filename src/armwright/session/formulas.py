@@ -1,8 +1,8 @@
 """Formulas with units: `pi/2 - 10 deg`, `voltage + 500 mV`, `2 * 30 deg`.
 
 A unit belongs to the number, or to the bracket, directly before it, in sums as well: `armwright.expressions` reads `10 deg` as
-10 times a degree, and this reads every other unit in the same way. What is a product of two units, or divides or raises one, is
-refused, because `TimeStep * 2 ms` and `1/2 deg` say two things.
+10 times a degree, and this reads every other unit in the same way. Products of two values with units are refused, and so are
+units that something divides by or raises, because `TimeStep * 2 ms` and `1/2 deg` could each mean two things.
 """
 
 from __future__ import annotations
@@ -10,13 +10,41 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Callable
+from math import pi
 from typing import Any
 
 import numpy as np
 
 from armwright.errors import ExpressionError, SessionError
 from armwright.expressions import LONGEST, expression
-from armwright.session.units import KNOWN, factor
+
+ANGLES = {"rad": 1.0, "deg": pi / 180.0, "°": pi / 180.0, "mrad": 1e-3, "rev": 2.0 * pi}
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+
+
+def _per(units: dict[str, float], behind: tuple[str, ...]) -> dict[str, float]:
+    return {name + end: factor for name, factor in units.items() for end in behind}
+
+
+ACCEPTED: dict[str, dict[str, float]] = {
+    "rad": ANGLES,
+    "m": LENGTHS,
+    "rad/s": {**_per(ANGLES, ("/s",)), "rpm": pi / 30.0},
+    "m/s": _per(LENGTHS, ("/s",)),
+    "rad/s²": _per(ANGLES, ("/s²", "/s^2", "/s2")),
+    "m/s²": _per(LENGTHS, ("/s²", "/s^2", "/s2")),
+    "N m": {"N m": 1.0, "Nm": 1.0, "N*m": 1.0, "N·m": 1.0, "mN m": 1e-3, "mNm": 1e-3},
+    "N": {"N": 1.0, "kN": 1e3, "mN": 1e-3},
+    "V": {"V": 1.0, "mV": 1e-3},
+    "A": {"A": 1.0, "mA": 1e-3},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
+    "kg": {"kg": 1.0, "g": 1e-3},
+    "kg m²": {"kg m²": 1.0, "kg m^2": 1.0, "kg m2": 1.0, "kg*m²": 1.0, "kg*m^2": 1.0},
+}
+"""Unit of a stored value → units that may be typed → factor to it."""
+
+KNOWN = {name for names in ACCEPTED.values() for name in names}
+
 
 INDEXED = re.compile(r"\b(?P<name>[A-Za-z_]\w*)\s*\[(?P<index>[^\[\]]*)\]")
 NAME = re.compile(r"(?<![\w.])[A-Za-z_]\w*(?!\s*\()")
@@ -40,13 +68,13 @@ class Formula:
         variables: stand-ins and names → values.   units: stand-ins → the units that they stand for.
     """
 
-    def __init__(self, what: str, text: str, lookup: Lookup):
+    def __init__(self, place: str, text: str, lookup: Lookup):
         """Args:
-            what: what errors call it.   text: the formula.   lookup: the variables that it may use.
+            place: name of the value in errors.   text: the formula.   lookup: the variables that it may use.
         Raises:
-            SessionError: a component of what is no variable.
+            SessionError: a component of an unknown variable.
         """
-        self.what, self.text, self.lookup = what, text, lookup
+        self.place, self.text, self.lookup = place, text, lookup
         self.variables: dict[str, Any] = {}
         self.units: dict[str, str] = {}
         plain = INDEXED.sub(self._component, text)
@@ -55,31 +83,35 @@ class Formula:
             if name not in self.units and name not in self.variables and (value := lookup(name, None)) is not None:
                 self.variables[name] = value
 
-    def value(self, expected: str) -> np.ndarray:
-        """The formula's value in the unit `expected`: a number, or (n,) of a variable that is one value a joint.
+    def value(self, unit: str) -> np.ndarray:
+        """The formula's value in `unit`: a number, or (n,) of a variable that has one value a joint.
 
         Raises:
-            SessionError: a unit that does not fit or belongs to nothing, a formula that is none, no real number.
+            SessionError: a unit that does not fit or belongs to no number, no formula, no real number.
         """
-        factors = self._factors(expected) if self.units else {}
+        factors = self._factors(unit) if self.units else {}
         try:
             with np.errstate(all="ignore"):
-                known = {**self.variables, **factors}
-                value = expression(self.plain, tuple(known))(known)
+                values = {**self.variables, **factors}
+                value = expression(self.plain, tuple(values), self.text)(values)
         except ExpressionError as error:
-            raise SessionError(f"{self.what}: {str(error).replace(repr(self.plain), repr(self.text))}") from None
+            raise SessionError.of(*error.within(self.place).problems) from None
         except ZeroDivisionError:
-            raise SessionError(f"{self.what}: {self.text!r} divides by zero; expected a finite number") from None
+            raise self._error("divides by zero", "a finite number") from None
         except OverflowError:
-            raise SessionError(f"{self.what}: {self.text!r} is too large; expected a finite number") from None
+            raise self._error("too large", "a finite number") from None
         if np.iscomplexobj(value):
-            raise SessionError(f"{self.what}: {self.text!r} is no real number")
+            raise self._error(expected="a real number")
         return np.asarray(value, dtype=float)
 
+    def _error(self, what: str = "", expected: str = "") -> SessionError:
+        return SessionError(what, place=self.place, value=self.text, expected=expected)
+
     def _component(self, match: re.Match[str]) -> str:
+        """A stand-in for `theta[2]`, whose value is looked up."""
         value = self.lookup(match["name"], match["index"].strip())
         if value is None:
-            raise SessionError(f"{self.what}: there is no variable {match['name']!r} to take {match[0]!r} of")
+            raise SessionError("no such variable", place=self.place, value=match["name"])
         stand_in = f"{match['name']}_component_{len(self.variables)}"
         self.variables[stand_in] = value
         return stand_in
@@ -89,26 +121,25 @@ class Formula:
         while match := MEASURED.search(text):
             stand_in = f"unit_{len(self.units)}"
             self.units[stand_in] = " ".join(match["unit"].split())
-            begin = match.start() if match["before"] != ")" else _opened(text, match.start())
+            begin = match.start() if match["before"] != ")" else _bracket_start(text, match.start())
             number = text[begin : match.end("before")]
             text = f"{text[:begin]}({number}*{stand_in}){text[match.end() :]}"
         return text
 
     def _factors(self, expected: str) -> dict[str, float]:
-        """What every unit is worth in the unit that is expected where it stands."""
+        """Factor of every unit to the unit that is expected where it stands."""
         factors: dict[str, float] = {}
         try:
-            tree = ast.parse(self.plain.strip(), mode="eval").body
-            self._kind(tree, expected, factors)
+            self._kind(ast.parse(self.plain.strip(), mode="eval").body, expected, factors)
         except (SyntaxError, ValueError, RecursionError, MemoryError):
-            return dict.fromkeys(self.units, 1.0)  # no formula, as evaluating it will tell
+            return dict.fromkeys(self.units, 1.0)  # no formula: evaluating it reports the error
         return factors
 
     def _kind(self, node: ast.AST, expected: str, factors: dict[str, float]) -> str:
-        """Whether a part is a "plain" number, a "variable", or "measured" in a unit that is typed."""
+        """Kind of a part of the formula: a "plain" number, a "variable", or "measured" in a unit that is typed."""
         if isinstance(node, ast.Name):
             if node.id in self.units:
-                factors[node.id] = factor(self.what, self.units[node.id], expected)
+                factors[node.id] = self._factor(self.units[node.id], expected)
                 return "measured"
             return "variable" if node.id in self.variables else "plain"
         if isinstance(node, ast.UnaryOp):
@@ -122,22 +153,28 @@ class Formula:
             if name in SUMMING:
                 return _widest(*inner)
             if "measured" in inner and name not in ANGLE_FUNCTIONS:
-                raise SessionError(
-                    f"{self.what}: {self.text!r}: {name}(…) takes plain numbers; expected none with a unit"
-                )
+                raise self._error(f"{name}(…) of a value with a unit", f"plain numbers in {name}(…)")
         return "plain"
+
+    def _factor(self, unit: str, expected: str) -> float:
+        """Factor from `unit` to the expected unit."""
+        accepted = ACCEPTED.get(expected, {})
+        if unit not in accepted:
+            units = f": {', '.join(accepted)}" if accepted else ", without a unit"
+            raise SessionError(
+                f"unit {unit!r} does not fit", place=self.place, value=self.text, expected=f"{expected}{units}"
+            )
+        return accepted[unit]
 
     def _kind_of(self, op: ast.operator, left: str, right: str) -> str:
         if isinstance(op, ast.Pow) or (isinstance(op, ast.Div) and right == "measured"):
             if "measured" in (left, right):
-                raise SessionError(
-                    f"{self.what}: {self.text!r}: it is not clear what the unit belongs to; expected it behind a number "
-                    "or a bracket that nothing divides by or raises, such as (1/2) deg"
+                raise self._error(
+                    "it is not clear what the unit belongs to",
+                    "it behind a number or a bracket that nothing divides by or raises, such as (1/2) deg",
                 )
         elif isinstance(op, (ast.Mult, ast.Div)) and "measured" in (left, right) and "plain" not in (left, right):
-            raise SessionError(
-                f"{self.what}: {self.text!r} is a product of two values with units; expected one of them to be a plain number"
-            )
+            raise self._error("a product of two values with units", "one of them to be a plain number")
         return _widest(left, right)
 
 
@@ -145,8 +182,8 @@ def _widest(*kinds: str) -> str:
     return next((kind for kind in ("measured", "variable") if kind in kinds), "plain")
 
 
-def _opened(text: str, end: int) -> int:
-    """Where the bracket that closes at `end` begins, with the name of its function."""
+def _bracket_start(text: str, end: int) -> int:
+    """Start of the bracket that closes at `end`, with the name of its function."""
     depth, k = 0, end
     while k >= 0:
         depth += (text[k] == ")") - (text[k] == "(")

@@ -1,4 +1,4 @@
-"""What commands show: lines and sheets of numbers with units, for the screen and for the open output file."""
+"""Output of commands: lines, tables of numbers with units and drawings, on the screen or in the open output file."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from armwright.output import whole_file
 
 if TYPE_CHECKING:
     import xarray as xr
+    from rich.console import Console
+    from rich.table import Table
 
 DIGITS = 6  # that the largest number of a column shows
 MOST_DECIMALS = 8  # smaller numbers are shown with an exponent
@@ -54,7 +56,7 @@ class Drawing:
     quantities: Sequence[str] | None = None
 
 
-Shown = Line | Sheet | Drawing
+Output = Line | Sheet | Drawing
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +68,10 @@ class Listing:
 
 
 @dataclass(frozen=True, eq=False)
-class Output:
-    """The open output file: where it is, and all that was printed into it so far.
+class OutputFile:
+    """The open output file: path, text that was printed into it so far, and names of its columns.
 
-    Every printing writes the file anew, whole or not at all, so that it is complete at every moment.
+    Every printing writes the whole file again, or nothing, so that it is complete at every moment.
     """
 
     path: Path
@@ -78,28 +80,28 @@ class Output:
 
     @property
     def is_csv(self) -> bool:
-        """Whether its ending asks for CSV."""
+        """True for a name that ends in .csv."""
         return self.path.suffix.lower() == ".csv"
 
-    def printed(self, listing: Listing) -> Output:
-        """The output with a listing behind what there is, written to disk.
+    def printed(self, listing: Listing) -> OutputFile:
+        """The file with a listing added at its end, written to disk.
 
         Raises:
-            SessionError: a CSV file whose columns are others.   OutputError: the file cannot be written.
+            SessionError: a CSV file with other columns.   OutputError: the file cannot be written.
         """
         head = tuple(listing.columns)
         if self.is_csv:
             if self.head and self.head != head:
+                expected = f"{', '.join(self.head[:3])}, … as before, or close-output-file and another file"
                 raise SessionError(
-                    f"{self.path}: holds the columns {', '.join(self.head[:3])}, …; these are {', '.join(head[:3])}, …: "
-                    "expected the same ones, or close-output-file and another file"
+                    place="columns", value=f"{', '.join(head[:3])}, …", expected=expected, file=self.path
                 )
             text = self.text + _csv(listing, with_head=not self.head)
         else:
             text = self.text + "".join(plain(sheet) + "\n" for sheet in listing.sheets)
         with whole_file(self.path) as temporary:
             temporary.write_bytes(text.encode("utf-8"))
-        return Output(self.path, text, head)
+        return OutputFile(self.path, text, head)
 
 
 def _csv(listing: Listing, *, with_head: bool) -> str:
@@ -130,20 +132,20 @@ def significant(value: float) -> str:
     """A number by itself, in six digits; — where it is not known."""
     if not isfinite(value):
         return "—" if value != value else "∞" if value > 0 else "-∞"
-    return f"{_settled(value):.{DIGITS}g}"
+    return f"{_without_rounding(value):.{DIGITS}g}"
 
 
-def _settled(value: float) -> float:
-    """The number without rounding about 0, and without -0."""
+def _without_rounding(value: float) -> float:
+    """The number; 0 if it is nothing but rounding, never -0."""
     return 0.0 if abs(value) < NOTHING else float(value)
 
 
 def aligned(values: Sequence[float] | np.ndarray) -> list[str]:
     """Numbers of one column, all with as many decimals as give the largest of them six digits."""
-    sizes = [abs(float(v)) for v in values if isfinite(v) and _settled(v) != 0.0]
+    sizes = [abs(float(v)) for v in values if isfinite(v) and _without_rounding(v) != 0.0]
     decimals = DIGITS - 1 - floor(log10(max(sizes))) if sizes else 0
     if decimals > MOST_DECIMALS or decimals < -1:
-        return [f"{_settled(v):.{DIGITS - 1}e}" if isfinite(v) else significant(v) for v in values]
+        return [f"{_without_rounding(v):.{DIGITS - 1}e}" if isfinite(v) else significant(v) for v in values]
     decimals = max(decimals, 0)
     return [_no_minus_zero(f"{float(v):.{decimals}f}") if isfinite(v) else significant(v) for v in values]
 
@@ -153,20 +155,104 @@ def _no_minus_zero(text: str) -> str:
 
 
 def shortest(values: Sequence[float] | np.ndarray) -> list[str]:
-    """Times and the like: as few decimals as tell all of them, aligned."""
+    """Times and the like, aligned: as few decimals as tell them apart."""
     texts = [f"{float(v) + 0.0:.9f}".rstrip("0").rstrip(".") for v in values]
     decimals = max((len(text.partition(".")[2]) for text in texts), default=0)
     return [f"{float(v) + 0.0:.{decimals}f}" for v in values]
 
 
 def by_joint(title: str, names: Sequence[str], columns: Sequence[tuple[str, Sequence[str], np.ndarray]]) -> Sheet:
-    """A row a joint; columns are (name, units, values (n,)). A unit of all joints stands in the head, else in the cells."""
+    """One row a joint; columns are (name, units, values (n,)). A unit of all joints stands in the head, others in the cells."""
     heads, cells = ["joint"], [list(names)]
     for name, units, values in columns:
         kinds = list(dict.fromkeys(units))
-        told = [significant(value) for value in values]
+        texts = [significant(value) for value in values]
         heads.append(f"{name} [{kinds[0]}]" if len(kinds) == 1 else name)
         if len(kinds) > 1:
-            told = [f"{text} {unit}" for text, unit in zip(told, units, strict=True)]
-        cells.append(told)
+            texts = [f"{text} {unit}" for text, unit in zip(texts, units, strict=True)]
+        cells.append(texts)
     return Sheet(title, tuple(heads), tuple(zip(*cells, strict=True)))
+
+
+def by_row(title: str, key: str, keys: list[str], names: list[str], units: list[str], values: np.ndarray) -> Sheet:
+    """One row a time or set, one column a joint; a unit that all joints share stands in the title."""
+    kinds = list(dict.fromkeys(units))
+    heads = names if len(kinds) == 1 else [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
+    title = f"{title} [{kinds[0]}]" if len(kinds) == 1 else title
+    cells = [keys, *(aligned(column) for column in values.T)]
+    return Sheet(title, (key, *heads), tuple(zip(*cells, strict=True)), words=0)
+
+
+STYLES = {"plain": "", "good": "green", "note": "yellow", "bad": "bold red", "dim": "dim", "head": "bold"}
+
+
+class Screen:
+    """Shows output on a terminal in colour, or as plain text where there is none."""
+
+    def __init__(self, console: Console | None = None):
+        """Args:
+        console: by default standard output.
+        """
+        if console is None:
+            from rich.console import Console
+
+            console = Console(highlight=False, markup=False, emoji=False)
+        self.console = console
+
+    def __call__(self, output: Output) -> None:
+        """Shows one line, table or drawing."""
+        if isinstance(output, Line):
+            from rich.text import Text
+
+            self.console.print(Text(output.text, STYLES[output.style]), soft_wrap=not self.console.is_terminal)
+        elif isinstance(output, Drawing):
+            from armwright.pictures.terminal import show_runs
+
+            show_runs(output.run, self.console, joints=output.joints, quantities=output.quantities)
+        elif self.console.is_terminal:
+            self.console.print(_table(output, self.console.width))
+            self.console.print()
+        else:
+            self.console.file.write(plain(output) + "\n")
+
+    def error(self, message: object) -> None:
+        """Shows an error in one line."""
+        self(Line(f"error: {' '.join(str(message).split())}", "bad"))
+
+
+def _table(sheet: Sheet, width: int) -> Table:
+    """A table for the terminal: words wrap, numbers never do, and a table too wide for the screen is shown in parts."""
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    parts = []
+    for columns in _parts(sheet, width):
+        table = Table(box=None, header_style="dim", pad_edge=False, padding=(0, 2, 0, 0))
+        for k in columns:
+            words = k < sheet.words
+            table.add_column(
+                Text(sheet.heads[k]),
+                justify="left" if words else "right",
+                style="cyan" if words and k == 0 else "",
+                no_wrap=not words or k == 0,
+                overflow="fold",
+            )
+        for row in sheet.rows:
+            table.add_row(*(Text(row[k]) for k in columns))
+        parts.append(table)
+    title = [Text(sheet.title, "bold")] if sheet.title else []
+    return Group(*title, *parts)  # type: ignore[return-value]
+
+
+def _parts(sheet: Sheet, width: int) -> list[list[int]]:
+    """Groups of columns that fit beside each other; the first column is in each of them."""
+    if sheet.words > 1:
+        return [list(range(len(sheet.heads)))]
+    widths = [max(len(row[k]) for row in (sheet.heads, *sheet.rows)) + 2 for k in range(len(sheet.heads))]
+    parts = [[0]]
+    for k in range(1, len(widths)):
+        if sum(widths[j] for j in parts[-1]) + widths[k] > width and len(parts[-1]) > 1:
+            parts.append([0])
+        parts[-1].append(k)
+    return parts

@@ -1,9 +1,11 @@
-"""Torque, voltage and current of the motors, tied: what the drive is told is stored, the others follow, eqs (11) and (12).
+"""Torque, voltage and current of the motors: the drive's command is stored, the others follow from it, eqs (11) and (12).
 
 A voltage drive stores its voltage, so its torque changes with omega; a current drive its current, a torque drive its torque.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -24,84 +26,82 @@ def torque(state: State) -> np.ndarray:
 
 
 def voltage(state: State) -> np.ndarray:
-    """(n,) [V] motor voltages, eq. (11); NaN where the record has not the constants to know one."""
-    told = np.array([body.drive.command == "voltage" for body in state.arm.coordinates])
-    demanded = np.asarray(demanded_drive(state.arm, state.qd, torque(state)).voltage, dtype=float)
-    return np.where(told, state.u, demanded)
+    """(n,) [V] motor voltages, eq. (11); NaN where the robot file lacks the constants for them."""
+    return _command_or_demand(state, "voltage")
 
 
 def current(state: State) -> np.ndarray:
-    """(n,) [A] motor currents, tau / (n Kt); NaN where the record has no torque constant."""
-    told = np.array([body.drive.command == "current" for body in state.arm.coordinates])
-    demanded = np.asarray(demanded_drive(state.arm, state.qd, torque(state)).current, dtype=float)
-    return np.where(told, state.u, demanded)
+    """(n,) [A] motor currents, tau / (n Kt); NaN where the robot file has no torque constant."""
+    return _command_or_demand(state, "current")
+
+
+def _command_or_demand(state: State, quantity: str) -> np.ndarray:
+    """The command where the drives take this quantity, else what the torque demands."""
+    is_command = np.array([body.drive.command == quantity for body in state.arm.coordinates])
+    demand = demanded_drive(state.arm, state.qd, torque(state))
+    return np.where(is_command, state.u, np.asarray(getattr(demand, quantity), dtype=float))
 
 
 def with_torque(state: State, values: np.ndarray) -> State:
-    """The state whose drives are told what gives those torques (n,) [N m | N] at the present speed."""
+    """The state with the commands that give these torques (n,) [N m | N] at the present speed."""
     joints = zip(state.arm.coordinates, state.qd, values, strict=True)
-    return state.replace(u=np.array([_command(state, body, speed, value) for body, speed, value in joints]))
+    return state.replace(u=np.array([_command(body, speed, value) for body, speed, value in joints]))
 
 
 def with_voltage(state: State, values: np.ndarray) -> State:
-    """The state with those motor voltages (n,) [V]; NaN leaves a joint as it is.
+    """The state with these motor voltages (n,) [V]; NaN leaves a joint as it is.
 
     Raises:
         SessionError: a joint whose motor's constants are not known.
     """
-    commands = []
-    for k, body in enumerate(state.arm.coordinates):
-        if np.isnan(values[k]):
-            commands.append(state.u[k])
-            continue
-        _need(state, body, "voltage", "torque_constant", "resistance")
-        if body.drive.command == "voltage":
-            commands.append(values[k])
-        else:
-            commands.append(_command(state, body, state.qd[k], joint_torque(body.drive, state.qd[k], values[k])))
-    return state.replace(u=np.array(commands))
+    constants = ("torque_constant", "resistance")
+    return _with(state, values, "voltage", constants, lambda body, qd, volts: joint_torque(body.drive, qd, volts))
 
 
 def with_current(state: State, values: np.ndarray) -> State:
-    """The state with those motor currents (n,) [A]; NaN leaves a joint as it is.
+    """The state with these motor currents (n,) [A]; NaN leaves a joint as it is.
 
     Raises:
         SessionError: a joint whose motor's torque constant is not known.
     """
+    return _with(
+        state, values, "current", ("torque_constant",), lambda body, qd, amperes: joint_constant(body.drive) * amperes
+    )
+
+
+def _with(
+    state: State, values: np.ndarray, quantity: str, constants: tuple[str, ...], torque_of: Callable[..., float]
+) -> State:
+    """The state with these values of a quantity, which (body, speed, value) → torque [N m | N] turns into torques."""
     commands = []
-    for k, body in enumerate(state.arm.coordinates):
-        if np.isnan(values[k]):
-            commands.append(state.u[k])
+    for body, speed, command, value in zip(state.arm.coordinates, state.qd, state.u, values, strict=True):
+        if np.isnan(value):
+            commands.append(command)
             continue
-        _need(state, body, "current", "torque_constant")
-        if body.drive.command == "current":
-            commands.append(values[k])
-        else:
-            commands.append(_command(state, body, state.qd[k], joint_constant(body.drive) * values[k]))
+        _need(body, quantity, *constants)
+        is_command = body.drive.command == quantity
+        commands.append(value if is_command else _command(body, speed, torque_of(body, speed, value)))
     return state.replace(u=np.array(commands))
 
 
-def _command(state: State, body: Body, speed: float, value: float) -> float:
-    """What a drive is told to give a torque, in its own unit."""
+def _command(body: Body, speed: float, value: float) -> float:
+    """The command, in the drive's own unit, that gives a torque [N m | N]."""
     if body.drive.command == "torque":
         return value
-    _need(state, body, "torque", "torque_constant")
+    _need(body, "torque", "torque_constant")
     if body.drive.command == "current":
         return float(value / joint_constant(body.drive))
-    _need(state, body, "torque", "resistance")
+    _need(body, "torque", "resistance")
     return float(joint_voltage(body.drive, speed, value))
 
 
-def _need(state: State, body: Body, what: str, *constants: str) -> None:
+def _need(body: Body, quantity: str, *constants: str) -> None:
+    """Refuses a quantity that does not follow from the command of one joint."""
+    place = f"{quantity}[{body.joint}]"
     if body.drive.coupling:
-        raise SessionError(
-            f"{what}: the motor of joint {body.joint!r} is turned by {body.drive.coupling[0][0]!r} as well; "
-            "its torque and voltage are not tied one to one"
-        )
-    names = {"torque_constant": "torque constant", "resistance": "resistance"}
+        other = body.drive.coupling[0][0]
+        raise SessionError(f"not available: {other!r} turns this joint's motor as well", place=place)
     for constant in constants:
         if getattr(body.drive, constant) is None:
-            raise SessionError(
-                f"{what} is not available: the record of {state.arm.name} gives no motor {names[constant]} for joint "
-                f"{body.joint!r}, which is driven by {body.drive.command}; expected {body.drive.command}"
-            )
+            what = f"not available: the robot file gives no motor {constant.replace('_', ' ')} for this joint"
+            raise SessionError(what, place=place, expected=f"{body.drive.command}, its command")

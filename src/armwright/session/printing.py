@@ -1,4 +1,4 @@
-"""`print-simulation` and `plot-simulation`: a run's rows from start to finish with units, and its curves."""
+"""Commands that print and plot a simulation, and open and close the output file."""
 
 from __future__ import annotations
 
@@ -7,49 +7,48 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import armwright as aw
-from armwright.errors import SessionError, nearest
-from armwright.results.aliases import QUANTITIES
+from armwright.errors import SessionError
+from armwright.output import check_destination
+from armwright.results.aliases import PARTIAL, QUANTITIES
 from armwright.results.recording import in_order, run_units
 from armwright.results.tables import joint_columns
-from armwright.session.continued import PARTIAL
-from armwright.session.dynamics import by_row
-from armwright.session.listing import Drawing, Line, Listing, Shown, shortest
-from armwright.session.simulation import the_run
-from armwright.session.variables import joint_number, same
+from armwright.session.arguments import same
+from armwright.session.listing import Drawing, Line, Listing, Output, OutputFile, by_row, shortest
+from armwright.session.simulation import last_run
+from armwright.session.variables import joint_number
+from armwright.session.workspace import Workspace
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from armwright.session.session import Session
-
-ROWS_ON_SCREEN = 25  # about as many, where no step is given
-NEAR = 1e-6  # of a row's time step: so near to a row is the row
+ROWS_ON_SCREEN = 25  # about; without a step
+NEAR = 1e-6  # of the time between rows: a time this near to a row means the row
 USUAL = ("theta", "omega", "torque", "voltage")
 
 
-def print_simulation(session: Session, given: dict[str, Any]) -> list[Shown]:
+def print_simulation(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     """`print-simulation`: on the screen, or into the open output file."""
-    run = in_order(the_run(session, "print-simulation"))
-    most = ROWS_ON_SCREEN if session.state.output is None else None
-    rows = chosen_rows(run["time"].values, given["start"], given["finish"], given["step"], most=most)
-    return session.emit(listing(run.isel(time=rows), _quantities("print-simulation", run, given["what"])))
+    run = in_order(last_run(session, "print-simulation"))
+    most = ROWS_ON_SCREEN if session.state.output_file is None else None
+    rows = chosen_rows(run["time"].values, arguments["start"], arguments["finish"], arguments["step"], most=most)
+    return session.emit(listing(run.isel(time=rows), _quantities("print-simulation", run, arguments["what"])))
 
 
-def plot_simulation(session: Session, given: dict[str, Any]) -> list[Shown]:
+def plot_simulation(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     """`plot-simulation`, `plot-simulation FILE`: the run as a picture, or a part of it; without a file on the screen."""
-    run = the_run(session, "plot-simulation")
-    quantities = None if given["what"] is None else _quantities("plot-simulation", run, given["what"])
-    joints = None if given["joints"] is None else _joints(session, run, given["joints"])
-    if given["file"] is None:
+    run = last_run(session, "plot-simulation")
+    quantities = None if arguments["what"] is None else _quantities("plot-simulation", run, arguments["what"])
+    joints = None if arguments["joints"] is None else _joints(session, run, arguments["joints"])
+    if arguments["file"] is None:
         return [Drawing(run, joints, quantities)]
-    aw.plot(run, given["file"], joints=joints, quantities=quantities)
-    return [Line(f"wrote {given['file']}", "good")]
+    aw.plot(run, arguments["file"], joints=joints, quantities=quantities)
+    return [Line(f"wrote {arguments['file']}", "good")]
 
 
-def _joints(session: Session, run: xr.Dataset, text: str) -> list[str]:
+def _joints(session: Workspace, run: xr.Dataset, text: str) -> list[str]:
     """Joints by number or name."""
     arm = session.state.arm
-    return [arm.names[joint_number(arm, "plot-simulation: joints", word)] for word in text.replace(",", " ").split()]
+    return [arm.names[joint_number(arm, "plot-simulation", word)] for word in text.replace(",", " ").split()]
 
 
 def chosen_rows(
@@ -59,7 +58,7 @@ def chosen_rows(
 
     Args:
         times: (k,) [s] of the rows.   start, finish, step: [s]; by default the first, the last, and every row.
-        most: about how many rows there may be without a step; None: as many as there are.
+        most: about how many rows there may be without a step; None: any number.
     Raises:
         SessionError: times outside the run, or between its rows.
     """
@@ -67,32 +66,31 @@ def chosen_rows(
     start, finish = first if start is None else start, last if finish is None else finish
     spacing = float(np.diff(times).min()) if len(times) > 1 else 1.0
     slack = NEAR * spacing
-    for name, value in (("start", start), ("finish", finish)):
-        if not first - slack <= value <= last + slack:
-            raise SessionError(
-                f"print-simulation: {name} = {value:g} s is outside the simulation, {first:g} to {last:g} s"
-            )
-    if finish < start:
-        raise SessionError(f"print-simulation: finish = {finish:g} s is before start = {start:g} s")
+    for name, value, least in (("start", start, first), ("finish", finish, start)):
+        if not least - slack <= value <= last + slack:
+            expected = f"a time of the simulation, {least:g} to {last:g} s"
+            raise SessionError(place=f"print-simulation {name}", value=value, expected=expected)
     if step is None:
         inside = np.flatnonzero((times >= start - slack) & (times <= finish + slack))
         return inside[:: _stride(len(inside), most)]
+    place = "print-simulation step"
     if step < spacing - slack:
-        raise SessionError(
-            f"print-simulation: step = {step:g} s: expected at least {spacing:g} s, the step of the rows"
-        )
+        raise SessionError(place=place, value=step, expected=f"at least {spacing:g} s, the time between rows")
     wanted = start + step * np.arange(int(np.floor((finish - start) / step + NEAR)) + 1)
-    rows = np.abs(times[:, None] - wanted).argmin(axis=0) if len(wanted) < 64 else _nearest(times, wanted)
+    rows = _nearest(times, wanted)
     missed = np.abs(times[rows] - wanted) > slack
     if missed.any():
+        what = f"there is no row at t = {wanted[missed][0]:.9g} s"
         raise SessionError(
-            f"print-simulation: there is no row at t = {wanted[missed][0]:.9g} s; expected start and step on rows, "
-            f"which are {spacing:g} s apart"
+            what, place=place, value=step, expected=f"start and step on rows, which are {spacing:g} s apart"
         )
     return rows
 
 
 def _nearest(times: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """The rows that are nearest to the wanted times."""
+    if len(times) == 1:
+        return np.zeros(len(wanted), dtype=int)
     behind = np.clip(np.searchsorted(times, wanted), 1, len(times) - 1)
     return np.where(wanted - times[behind - 1] < times[behind] - wanted, behind - 1, behind)
 
@@ -111,16 +109,16 @@ def _quantities(command: str, run: xr.Dataset, text: str | None) -> list[str]:
     if text is None:
         return [QUANTITIES[name] for name in USUAL if QUANTITIES[name] in run]
     by_same = {same(name): name for name in QUANTITIES}
-    found = []
+    names = []
     for word in text.replace(",", " ").split():
         if same(word) not in by_same:
-            raise SessionError(f"{command}: no quantity {word!r}; {nearest(word, QUANTITIES)}")
+            raise SessionError("no such quantity", place=f"{command} what", value=word, choices=QUANTITIES)
         name = QUANTITIES[by_same[same(word)]]
         if name not in run:
-            there = ", ".join(known for known, variable in QUANTITIES.items() if variable in run)
-            raise SessionError(f"{command}: this simulation has no {word}; it has {there}")
-        found.append(name)
-    return found
+            there = [known for known, variable in QUANTITIES.items() if variable in run]
+            raise SessionError("not in this simulation", place=f"{command} what", value=word, choices=there)
+        names.append(name)
+    return names
 
 
 def listing(run: xr.Dataset, quantities: list[str]) -> Listing:
@@ -136,3 +134,25 @@ def listing(run: xr.Dataset, quantities: list[str]) -> Listing:
         sheets.append(by_row(f"{word}{names[quantity]}", "t [s]", times, joints, units, values))
         columns |= joint_columns(quantity, joints, units, values)
     return Listing(tuple(sheets), columns)
+
+
+def open_output_file(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
+    """`open-output-file FILE`: sends the results of print-simulation and inverse-arm FILE there."""
+    state = session.state
+    if state.output_file is not None:
+        raise SessionError(
+            "is open", place="open-output-file", value=state.output_file.path, expected="close-output-file first"
+        )
+    file = OutputFile(check_destination(arguments["file"]))
+    session.state = state.replace(output_file=file)
+    kind = "CSV" if file.is_csv else "text"
+    return [Line(f"results go to {file.path} as {kind}, written whole with each of them", "good")]
+
+
+def close_output_file(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
+    """`close-output-file`: shows results on the screen again."""
+    file = session.state.output_file
+    if file is None:
+        raise SessionError("no output file is open", place="close-output-file")
+    session.state = session.state.replace(output_file=None)
+    return [Line(f"closed {file.path}{'' if file.text else '; nothing was printed, so there is no such file'}", "good")]

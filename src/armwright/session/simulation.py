@@ -1,4 +1,4 @@
-"""`simulate`: the scenario that the session's variables say, run, and joined to what it goes on from."""
+"""`simulate`: runs the scenario that the session's variables describe, and joins it to the run that it continues."""
 
 from __future__ import annotations
 
@@ -9,49 +9,48 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import armwright as aw
-from armwright.errors import ScenarioError, SessionError
+from armwright.errors import SessionError
 from armwright.model.joint_signals import joint_units
-from armwright.session.continued import (
-    PARTIAL,
-    WIRED,
-    begun_anew,
-    joined_runs,
-    part_notes,
-    start_of,
-    wiring_told,
-    world_told,
-)
-from armwright.session.listing import Line, Shown, by_joint
+from armwright.results.aliases import LOOP_STATE, PARTIAL
+from armwright.results.notes import limit_notes_of, notes_of
+from armwright.session.arguments import quoted
+from armwright.session.controllers import built_controller
+from armwright.session.listing import Line, Output, by_joint
 from armwright.session.state import State
-from armwright.session.wiring import law
+from armwright.session.workspace import Workspace
 from armwright.simulation.inputs.schedule import Schedule
+from armwright.simulation.loop.state import END, LoopState
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from armwright.session.session import Session
-
 WHOLE = 1e-9  # of a period: this near to a whole number of steps is one
+CONTROLLER = "controller_settings"  # attribute of a run: law, gains and sampling time
+WORLD = ("gravity_z", "payload")  # attributes of a run
+PLANT = ("x", "u", "frozen")  # blocks of a loop's state that are the plant's
+OF_THE_LAST = (CONTROLLER, PARTIAL, *WORLD)  # attributes of joined runs that are those of the last one
 
 
-def simulate(session: Session, given: dict[str, Any]) -> list[Shown]:
-    """`simulate`: new or continued, from zero or from theta and omega, by a schedule or with the voltage as it is."""
+def simulate(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
+    """`simulate`: new or continued, from zero or from theta and omega, by a schedule or with constant commands."""
     state = session.state
-    continued = given["start"] == "continue"
-    if given["zero"] == "yes":
+    if arguments["zero"] == "yes":
         zero = np.zeros(state.arm.n)
         state = state.replace(q=zero, qd=zero)
-    before = state.run if continued else None
-    scenario = scenario_of(state, given["schedule"], given["steps"], given["every"], before)
+    before = state.run if arguments["start"] == "continue" else None
+    scenario = scenario_of(state, arguments["schedule"], arguments["steps"], arguments["every"], before)
     steps = round(float(scenario.duration or 0.0) / state.step)
-    try:
-        run, steps = _run(session, state, scenario, given, steps, before)
-    except ScenarioError as error:
-        raise SessionError(str(error).replace("record_every", "every")) from error  # as it is called here
-    run.attrs |= {WIRED: wiring_told(state), **world_told(state)}
-    joined = run if before is None else joined_runs(before, run, begun_anew(state, before))
-    session.state = after(state, joined, run)
-    return _told(session.state, joined, steps, before)
+    run, steps = _run(session, state, scenario, arguments, steps, before)
+    run.attrs |= _attributes(state)
+    joined = run if before is None else joined_runs(state, before, run)
+    last = {name: np.array(run[name].values[-1], dtype=float) for name in ("q", "qd", "qdd", "u") if name in run}
+    session.state = state = state.replace(**last, run=joined)
+    word = f"partial: {joined.attrs[PARTIAL]}; " if PARTIAL in joined.attrs else ""
+    line = Line(f"{word}{steps} steps of {state.step * 1e3:g} ms, t = {float(joined['time'][-1]):g} s", "good")
+    vectors = (("theta", "q", state.q), ("omega", "qd", state.qd), ("alpha", "qdd", state.qdd))
+    table = by_joint("", state.arm.names, [(name, joint_units(state.arm, q), values) for name, q, values in vectors])
+    known = [] if before is None else notes_of(before)
+    return [line, table, *(Line(note, "note") for note in notes_of(joined) if note not in known)]
 
 
 def scenario_of(
@@ -61,30 +60,31 @@ def scenario_of(
     every: int | None = None,
     before: xr.Dataset | None = None,
 ) -> aw.Scenario:
-    """What `simulate` runs, as Python has it.
+    """The scenario of `simulate`.
 
     Args:
-        state: the session's.   schedule: CSV file of DACOut over time, or of the drives' own commands where nothing listens
-            to DACOut; None: it stays as it is.   steps: how many time steps; None: until the schedule's last row.
-        every: rows are kept every so many steps; None: every step, or every sample of a controller.
-        before: the run that it goes on from; None: a new one, from theta and omega.
+        state: the session's.   schedule: CSV file of DACOut over time, or of the drives' own commands without a controller;
+            None: constant.   steps: number of time steps; None: until the schedule's last row.
+        every: steps from one recorded row to the next; None: every step, or every sample of a controller.
+        before: the run that is continued; None: a new one, from theta and omega.
     Raises:
         ArmwrightError: a file that is no schedule of this arm, times that do not fit, a step too large.
     """
     arm = state.arm
     if steps is None and schedule is None:
-        raise SessionError("simulate: steps is missing: how many time steps; expected steps=…")
-    if state.wiring is None:
+        raise SessionError("missing", place="simulate steps", expected="steps=…, the number of time steps")
+    if state.controller is None:
         rows = None if schedule is None else aw.read_schedule(schedule, arm.names, joint_units(arm, "u"))
         drive: dict[str, Any] = {"command": state.u, "step": state.step}
         if rows is not None:
-            drive = {"schedule": held(rows, state.dac_period), "step": state.step}
+            drive = {"schedule": at_dac_ticks(rows, state.dac_period), "step": state.step}
     else:
-        scale = np.array(state.wiring.scale)
+        scale = np.array(state.controller.scale)
         rows = None if schedule is None else aw.read_schedule(schedule, arm.names, ["V"] * arm.n)
         asked = state.dac * scale if rows is None else Schedule(rows.times, rows.commands * scale, rows.names)
         drive = {
-            "controller": law(state), "reference": asked, "sample_period": state.dac_period, "substeps": _substeps(state),
+            "controller": built_controller(state, state.controller), "reference": asked,
+            "sample_period": state.dac_period, "substeps": _substeps(state),
         }  # fmt: skip
         steps = None if steps is None else _whole_samples(state, steps, "steps")
     if steps is None:
@@ -92,31 +92,28 @@ def scenario_of(
         duration = _last_row(state, rows)
     else:
         duration = steps * state.step
-    _check_every(every, round(duration / state.step))
+    if every is not None and round(duration / state.step) % every:
+        expected = f"a divisor of the {round(duration / state.step)} steps"
+        raise SessionError(place="simulate every", value=every, expected=expected)
     rows_every = every or 1
-    if every is not None and state.wiring is not None:
+    if every is not None and state.controller is not None:
         rows_every = _whole_samples(state, every, "every") // _substeps(state)
-    start = start_of(state, before, state.step if state.wiring is None else state.dac_period)
-    if rows is not None and "start" in start:  # its times count from here
-        key = "schedule" if state.wiring is None else "reference"
-        drive[key] = _later(drive[key], start["start"].time)
+    start = start_of(state, before, state.step if state.controller is None else state.dac_period)
+    if rows is not None and "start" in start:  # the schedule's times count from here
+        key = "schedule" if state.controller is None else "reference"
+        drive[key] = _delayed(drive[key], start["start"].time)
     return aw.Scenario(arm, duration=duration, record_every=rows_every, **start, **drive)
 
 
-def _later(rows: Schedule, by: float) -> Schedule:
+def _delayed(rows: Schedule, by: float) -> Schedule:
     """The schedule `by` seconds later; its first row holds until then."""
     if by == 0.0:
         return rows
     return Schedule(np.append(0.0, rows.times + by), np.vstack([rows.commands[:1], rows.commands]), rows.names)
 
 
-def _check_every(every: int | None, steps: int) -> None:
-    if every is not None and steps % every:
-        raise SessionError(f"simulate: every = {every} does not divide the {steps} steps; expected one that does")
-
-
-def held(rows: Schedule, period: float) -> Schedule:
-    """The schedule as a DAC gives it: a row is put out at the DAC's next tick, the last one of those that came before it."""
+def at_dac_ticks(rows: Schedule, period: float) -> Schedule:
+    """The schedule at the output of a DAC: a row waits for the next tick; of several that wait, the last one comes out."""
     ticks = np.ceil(rows.times / period - WHOLE)
     if np.allclose(ticks * period, rows.times, rtol=1e-12, atol=0.0):
         return rows
@@ -126,12 +123,11 @@ def held(rows: Schedule, period: float) -> Schedule:
 
 def _last_row(state: State, rows: Schedule) -> float:
     """[s] until the schedule's last row, a whole number of steps, or of samples of a controller."""
-    tick = state.step if state.wiring is None else state.dac_period
+    tick = state.step if state.controller is None else state.dac_period
     end = float(rows.times[-1])
     if end == 0.0:
-        raise SessionError(
-            "simulate: the schedule's only row is at 0 s and does not say when to stop; expected steps=…"
-        )
+        what = "the schedule's only row is at 0 s, which gives no end"
+        raise SessionError(what, place="simulate steps", expected="steps=…")
     return float(np.ceil(end / tick - WHOLE)) * tick
 
 
@@ -139,114 +135,186 @@ def _substeps(state: State) -> int:
     """Time steps in a DACSampTimePeriod."""
     ratio = state.dac_period / state.step
     if round(ratio) < 1 or abs(ratio - round(ratio)) > WHOLE * ratio:
-        raise SessionError(
-            f"DACSampTimePeriod = {state.dac_period:g} s is no whole number of time steps of {state.step:g} s; "
-            "expected a multiple of TimeStep while a controller listens to DACOut"
-        )
+        expected = f"a multiple of TimeStep, {state.step:g} s, while there is a controller"
+        raise SessionError(place="DACSampTimePeriod", value=state.dac_period, expected=expected)
     return round(ratio)
 
 
 def _whole_samples(state: State, steps: int, name: str) -> int:
     substeps = _substeps(state)
     if steps % substeps:
-        raise SessionError(
-            f"simulate: {name} = {steps} is no whole number of the controller's samples; expected a multiple of {substeps}"
-        )
+        expected = f"a multiple of {substeps}, the steps of the controller's sample"
+        raise SessionError(place=f"simulate {name}", value=steps, expected=expected)
     return steps
 
 
 def _run(
-    session: Session, state: State, scenario: aw.Scenario, given: dict[str, Any], steps: int, before: xr.Dataset | None
+    session: Workspace,
+    state: State,
+    scenario: aw.Scenario,
+    arguments: dict[str, Any],
+    steps: int,
+    before: xr.Dataset | None,
 ) -> tuple[xr.Dataset, int]:
-    """The run, and how many time steps it has; on Ctrl-C that part of it which was done, where someone is there to see it.
+    """The run and its number of time steps; on Ctrl-C the part of it that was done, where someone is there to see it.
 
-    What was done is run again, which gives the same bits, and recorded as a command of so many steps.
+    That part is run again, which gives the same bits, and recorded as a command of so many steps.
     """
-    done = 0
+    ticks_done = 0
 
-    def progress(now: int, of: int) -> None:
-        nonlocal done
-        done = now
+    def progress(ticks: int, of: int) -> None:
+        nonlocal ticks_done
+        ticks_done = ticks
         if session.progress is not None:
-            session.progress(now, of)
+            session.progress(ticks, of)
 
     try:
         return aw.simulate(scenario, progress=progress), steps
     except KeyboardInterrupt:
-        part = done * (1 if scenario.controller is None else scenario.substeps)
-        part -= part % (given["every"] or 1)
+        part = ticks_done * (1 if scenario.controller is None else scenario.substeps)
+        part -= part % (arguments["every"] or 1)
         if session.ask is None or not 0 < part < steps:
             raise
-    if session.tell is not None:
-        session.tell(
-            Line(f"interrupted after {part} of {steps} steps; these are kept (Ctrl-C again: they are not)", "note")
-        )
-    run = aw.simulate(scenario_of(state, given["schedule"], part, given["every"], before))
+    if session.show is not None:
+        text = f"interrupted after {part} of {steps} steps; these are kept (Ctrl-C again: they are not)"
+        session.show(Line(text, "note"))
+    run = aw.simulate(scenario_of(state, arguments["schedule"], part, arguments["every"], before))
     run.attrs[PARTIAL] = f"interrupted after {part} of {steps} steps"
-    words = [f"start={given['start']}", *(["zero=yes"] if given["zero"] == "yes" else [])]
-    words += [f'schedule="{given["schedule"]}"'] if given["schedule"] is not None else []
-    words += [f"every={given['every']}"] if given["every"] is not None else []
-    session.told_as(" ".join(["simulate", *words, f"steps={part}"]))
+    words = {**{name: arguments[name] for name in ("start", "zero", "schedule", "every")}, "steps": part}
+    words |= {"zero": "yes" if arguments["zero"] == "yes" else None}
+    typed = [f"{name}={quoted(str(value))}" for name, value in words.items() if value is not None]
+    session.recorded_line = " ".join(["simulate", *typed])
     return run, part
 
 
-def after(state: State, joined: xr.Dataset, run: xr.Dataset) -> State:
-    """The state at the end of a run: theta, omega, alpha, and what the drives are told."""
-    last = {name: np.array(run[name].values[-1], dtype=float) for name in ("q", "qd", "qdd", "u") if name in run}
-    return state.replace(**last, run=joined)
-
-
-def _told(state: State, run: xr.Dataset, steps: int, before: xr.Dataset | None) -> list[Shown]:
-    """What came of a simulation, with the notes that were not there before it."""
-    arm, end = state.arm, float(run["time"][-1])
-    word = f"partial: {run.attrs[PARTIAL]}; " if PARTIAL in run.attrs else ""
-    shown: list[Shown] = [Line(f"{word}{steps} steps of {state.step * 1e3:g} ms, t = {end:g} s", "good")]
-    columns = [(name, joint_units(arm, q), v) for name, q, v in (
-        ("theta", "q", state.q), ("omega", "qd", state.qd), ("alpha", "qdd", state.qdd),
-    )]  # fmt: skip
-    shown.append(by_joint("", arm.names, columns))
-    known = () if before is None else part_notes(before, 0.0)
-    return [*shown, *(Line(note, "note") for note in str(run.attrs.get("notes", "")).splitlines() if note not in known)]
-
-
-def check_before(session: Session, given: dict[str, Any]) -> None:
-    """Refuses to continue what is not there.
+def check_continue(session: Workspace, arguments: dict[str, Any]) -> None:
+    """Refuses to continue without a simulation.
 
     Raises:
-        SessionError: there was no simulation.
+        SessionError: there was none.
     """
-    if given.get("start") == "continue" and session.state.run is None:
-        raise SessionError("simulate continue: there is no simulation to continue; expected simulate new")
+    if arguments.get("start") == "continue" and session.state.run is None:
+        raise SessionError("there is no simulation to continue", place="simulate continue", expected="simulate new")
 
 
-def needs_run(command: str) -> Callable[[Session, dict[str, Any]], None]:
-    """What a command of this name that shows a simulation asks for before its questions."""
+def needs_run(command: str) -> Callable[[Workspace, dict[str, Any]], None]:
+    """A check, before the questions of a command of this name, that there is a simulation."""
 
-    def ready(session: Session, given: dict[str, Any]) -> None:
-        the_run(session, command)
+    def check(session: Workspace, arguments: dict[str, Any]) -> None:
+        last_run(session, command)
 
-    return ready
+    return check
 
 
-def the_run(session: Session, command: str) -> xr.Dataset:
+def last_run(session: Workspace, command: str) -> xr.Dataset:
     """The simulation of the session.
 
     Raises:
         SessionError: there was none.
     """
     if session.state.run is None:
-        raise SessionError(f"{command}: there is no simulation yet; expected simulate new first")
+        raise SessionError("there is no simulation yet", place=command, expected="simulate new first")
     return session.state.run
 
 
-def write_graphic_file(session: Session, given: dict[str, Any]) -> list[Shown]:
+def write_graphic_file(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     """`write-graphic-file FILE`: the arm in motion, as a file that shows it."""
-    run = the_run(session, "write-graphic-file")
-    aw.animate(run, session.state.arm, given["file"])
-    return [Line(f"wrote {given['file']}", "good")]
+    run = last_run(session, "write-graphic-file")
+    aw.animate(run, session.state.arm, arguments["file"])
+    return [Line(f"wrote {arguments['file']}", "good")]
 
 
-def save_run(session: Session, given: dict[str, Any]) -> list[Shown]:
+def save_run(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     """`save-simulation FILE`: the run as .nc, .csv or .parquet."""
-    aw.save(the_run(session, "save-simulation"), given["file"])
-    return [Line(f"wrote {given['file']}", "good")]
+    aw.save(last_run(session, "save-simulation"), arguments["file"])
+    return [Line(f"wrote {arguments['file']}", "good")]
+
+
+def start_of(state: State, before: xr.Dataset | None, period: float) -> dict[str, Any]:
+    """Fields of the scenario for its start: theta and omega, or the state at the end of the run before.
+
+    With another controller or another period only the plant and its commands continue.
+
+    Args:
+        state: the session's.   before: the run that is continued, if any.   period: [s] of a tick.
+    """
+    end = _end_of(state, before)
+    if end is None or before is None:
+        return {"q0": state.q, "qd0": state.qd}
+    if end.period == period and before.attrs.get(CONTROLLER, "") == _attributes(state)[CONTROLLER]:
+        return {"start": end}
+    plant = {name: values for name, values in end.blocks.items() if name in PLANT}
+    tick = (
+        end.tick if end.period == period else 0
+    )  # with another period ticks count from 0; `joined_runs` shifts the times
+    return {"start": LoopState(tick, period, end.single, end.entries, plant)}
+
+
+def _end_of(state: State, before: xr.Dataset | None) -> LoopState | None:
+    """State of the loop at the end of a run; None if theta or omega was set since, or the run does not have it."""
+    if before is None or not np.array_equal((before["q"].values[-1], before["qd"].values[-1]), (state.q, state.qd)):
+        return None
+    return LoopState.of_run(before)
+
+
+def _attributes(state: State) -> dict[str, str]:
+    """Attributes that tell a run's parts apart: controller ("" without one), gravity and payload."""
+    controller, payload = "", state.loaded.payload
+    if state.controller is not None:
+        gains = " ".join(f"{name}={text}" for name, text in sorted(state.controller.gains.items()))
+        controller = f"{state.controller.kind} {gains} every {state.dac_period!r} s"
+    load = "none"
+    if payload is not None:
+        load = repr((payload.mass, payload.com, payload.inertia, payload.frame or state.arm.tip))
+    gravity = f"{float(state.arm.gravity[2])!r} m/s²"
+    return {CONTROLLER: controller, **dict(zip(WORLD, (gravity, load), strict=True))}
+
+
+def joined_runs(state: State, before: xr.Dataset, run: xr.Dataset) -> xr.Dataset:
+    """A run and its continuation as one; the row where they meet is the later one's, whose commands hold from there on.
+
+    Args:
+        state: of the session, before the later run.   before, run: the two.
+    """
+    import xarray as xr
+
+    met = float(before["time"][-1])
+    shift = met - float(run["time"][0])
+    later = run.assign_coords(time=("time", run["time"].values + shift, run["time"].attrs))
+    parts = [part.drop_vars(LOOP_STATE, errors="ignore") for part in (before.isel(time=slice(None, -1)), later)]
+    whole = xr.concat(
+        parts, "time", data_vars="all", coords="minimal", compat="override", join="override", combine_attrs="override"
+    ).transpose("time", "joint")
+    if LOOP_STATE in run:
+        whole[LOOP_STATE] = run[LOOP_STATE].assign_attrs({END: float(whole["time"][-1])})
+    shared = {
+        name: value for name, value in before.attrs.items() if name not in OF_THE_LAST and value == run.attrs.get(name)
+    }
+    whole.attrs = shared | {name: run.attrs[name] for name in OF_THE_LAST if name in run.attrs}
+    changed = [name for name in WORLD if before.attrs.get(name, run.attrs[name]) != run.attrs[name]]
+    notes = []
+    for part in (before, run):
+        of_limits = limit_notes_of(state.arm, part)  # with times and shares of the part
+        notes += [note for note in notes_of(part) if note not in of_limits]
+    notes += limit_notes_of(state.arm, whole)
+    notes += [f"{what} began anew at t = {met:g} s" for what in _begun_anew(state, before)]
+    notes += [
+        f"{name.removesuffix('_z')} was changed at t = {met:g} s, between two parts of the run" for name in changed
+    ]
+    if not all(np.array_equal(before[name].values[-1], run[name].values[0]) for name in ("q", "qd")):
+        notes.append(f"theta or omega was set at t = {met:g} s, between two parts of the run")
+    whole.attrs["notes"] = "\n".join(dict.fromkeys(notes))
+    return whole
+
+
+def _begun_anew(state: State, before: xr.Dataset) -> list[str]:
+    """States that do not continue, in words."""
+    from armwright.simulation.plant.plant import Plant
+
+    end, names = _end_of(state, before), []
+    if end is None and Plant.of(state.arm).size > 2 * state.arm.n:
+        names.append("what the drives remember besides theta and omega")
+    controller = before.attrs.get(CONTROLLER)
+    if state.controller is not None and controller and (end is None or controller != _attributes(state)[CONTROLLER]):
+        names.append(f"the state of {state.controller.kind}")
+    return names

@@ -1,4 +1,4 @@
-"""What a session knows at one moment: frozen, so that undo, save and record are a matter of keeping it."""
+"""State of a session: frozen, so that undo, save and record only have to keep it."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ import numpy as np
 
 import armwright as aw
 from armwright.model import Model
+from armwright.session.listing import OutputFile
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from armwright.kernels.compiled import CompiledArm
-    from armwright.session.listing import Output
 
-STEP = 1e-3  # [s] with which a session begins, the report's; Scenario's own default is the same
+STEP = 1e-3  # [s] initial TimeStep and DACSampTimePeriod, those of the report
 
 
 @dataclass(frozen=True)
 class Payload:
-    """What the hand holds: mass [kg], centre of mass [m] and principal moments about it [kg m²], in a frame's axes."""
+    """Load in the hand: mass [kg], centre of mass [m] and principal moments about it [kg m²], in a frame's axes."""
 
     mass: float
     com: tuple[float, float, float]
@@ -33,22 +33,22 @@ class Payload:
 
 
 @dataclass(frozen=True)
-class Wiring:
-    """What DACOut's reference input is wired to.
+class ControllerSettings:
+    """The controller whose reference is DACOut.
 
     Attributes:
-        kind: name of a control law, such as joint-pid.   settings: its gains, as they were typed.
-        scale: (n,) [rad/V | m/V] what one volt asks for.
+        kind: name of a control law, such as joint-pid.   gains: by name, as they were typed.
+        scale: (n,) [rad/V | m/V] position that one volt asks for.
     """
 
     kind: str
-    settings: Mapping[str, str]
+    gains: Mapping[str, str]
     scale: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class LoadedArm:
-    """The arm as its file has it, with the session's gravity and payload."""
+    """The arm of a robot's file, with the session's gravity and payload."""
 
     robot: str
     base: Model
@@ -57,7 +57,7 @@ class LoadedArm:
 
     @cached_property
     def arm(self) -> Model:
-        """The arm that everything is computed with."""
+        """The arm with that gravity and payload."""
         arm = self.base
         if self.payload is not None:
             arm = arm.with_payload(self.payload.mass, self.payload.com, self.payload.inertia, self.payload.frame)
@@ -73,7 +73,7 @@ class LoadedArm:
 
     @cached_property
     def digest(self) -> str:
-        """A digest of the numbers of the arm's file, by which a saved session knows it again."""
+        """Digest of the numbers of the arm's file, by which a saved session finds out that they have changed."""
         base = self.base
         numbers = [np.asarray(base.inertial_parameters, float), np.asarray(base.gravity, float)]
         q = np.linspace(0.1, 0.7, base.n)
@@ -88,12 +88,12 @@ class State:
 
     Attributes:
         loaded: the arm.   q, qd, qdd: (n,) theta, omega, alpha.
-        u: (n,) what the drives are told, each in its own unit: the voltage of a voltage drive. Torque, voltage and current
+        u: (n,) commands of the drives, each in its own unit: the voltage of a voltage drive. Torque, voltage and current
             follow from it.
-        dac: (n,) [V] DACOut where a controller listens to it.
+        dac: (n,) [V] DACOut where it is the reference of a controller.
         dac_period: [s] DACSampTimePeriod.   step: [s] TimeStep of the integration.
-        wiring: the controller, if there is one.   run: the simulation, if there was one.   output: the open output file.
-        lines: what was typed so far, as a script that leads here.
+        controller: None without one.   run: the last simulation, if there was one.   output_file: None where none is open.
+        lines: all lines so far, as a script that leads to this state.
     """
 
     loaded: LoadedArm
@@ -104,9 +104,9 @@ class State:
     dac: np.ndarray
     dac_period: float = STEP
     step: float = STEP
-    wiring: Wiring | None = None
+    controller: ControllerSettings | None = None
     run: xr.Dataset | None = None
-    output: Output | None = None
+    output_file: OutputFile | None = None
     lines: tuple[str, ...] = field(default=())
 
     @property
@@ -135,7 +135,7 @@ def load_arm(robot: str) -> LoadedArm:
     return LoadedArm(robot, aw.load(robot))
 
 
-def rest(loaded: LoadedArm) -> State:
-    """The state in which a session with that arm begins: everything at zero."""
+def initial_state(loaded: LoadedArm) -> State:
+    """Initial state of a session with that arm: everything at zero."""
     zero = _frozen(np.zeros(loaded.base.n))
     return State(loaded, zero, zero, zero, zero, zero)

@@ -1,20 +1,24 @@
-"""The table of variables, from which parsing, showing, help, completion, tests and docs are made."""
+"""Variables of the session: the table from which parsing, output, help, completion, tests and docs are made."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
-from armwright.errors import ArmwrightError, SessionError, nearest
+from armwright.errors import ArmwrightError, SessionError
 from armwright.model import Model
 from armwright.model.joint_signals import joint_units
 from armwright.session import motor_quantities
-from armwright.session.state import State
+from armwright.session.arguments import same, unknown
+from armwright.session.listing import Line, Output, Sheet, by_joint, significant
+from armwright.session.state import Payload, State
 from armwright.session.values import number, vector
+from armwright.session.workspace import Workspace
+
+DEGREES = {"rad": "deg", "rad/s": "deg/s", "rad/s²": "deg/s²"}  # unit of a turning joint → in degrees
 
 
 @dataclass(frozen=True)
@@ -22,10 +26,10 @@ class Variable:
     """A variable of the session.
 
     Attributes:
-        name, meaning: as `help` has them.   quantity: what joint_units knows it as, where it is an arm vector; else None.
-        unit: of a single number.   equation, source: what ties it to others, and where that stands.
+        name, meaning: as `help` has them.   quantity: its name for `joint_units` if it has a value for every joint; else None.
+        unit: of a single number.   equation, source: of its relation to others.
         get: its value, (n,) or a number.   set: the state with another one.
-        report: whether the report's `sim` has it.
+        report: True if the report's `sim` has it.
     """
 
     name: str
@@ -39,11 +43,20 @@ class Variable:
     report: bool = True
 
     def units(self, arm: Model) -> list[str]:
-        """Its unit, one a joint where it is an arm vector."""
+        """Its unit; of a vector one for each joint."""
         return [self.unit] if self.quantity is None else joint_units(arm, self.quantity)
 
+    def check_index(self, index: str) -> None:
+        """Refuses an index of a single number.
 
-def _plain(field: str) -> tuple[Callable[[State], Any], Callable[[State, Any], State]]:
+        Raises:
+            SessionError: it is one.
+        """
+        if self.quantity is None:
+            raise SessionError("one number", place=f"{self.name}[{index}]", expected=f"{self.name} without [{index}]")
+
+
+def _field(field: str) -> tuple[Callable[[State], Any], Callable[[State, Any], State]]:
     return lambda state: getattr(state, field), lambda state, value: state.replace(**{field: value})
 
 
@@ -54,22 +67,22 @@ def _gravity(state: State, value: float) -> State:
 def _time(name: str, field: str) -> Callable[[State, float], State]:
     def change(state: State, value: float) -> State:
         if value <= 0.0:
-            raise SessionError(f"{name} = {value:g}: expected a time above 0 s")
+            raise SessionError(place=name, value=value, expected="a time above 0 s")
         return state.replace(**{field: value})
 
     return change
 
 
 def _dac(state: State) -> np.ndarray:
-    return motor_quantities.voltage(state) if state.wiring is None else state.dac
+    return motor_quantities.voltage(state) if state.controller is None else state.dac
 
 
 def _with_dac(state: State, values: np.ndarray) -> State:
-    return motor_quantities.with_voltage(state, values) if state.wiring is None else state.replace(dac=values)
+    return motor_quantities.with_voltage(state, values) if state.controller is None else state.replace(dac=values)
 
 
-TIED = "V = R τ / (n Kt) + n Ke θ̇,  τ = n Kt (V − n Ke θ̇) / R"
-HELD = "V(t) = DACOut(k T),  k T ≤ t < (k + 1) T,  T = DACSampTimePeriod; with a controller θ_ref = scale · DACOut"
+DRIVE = "V = R τ / (n Kt) + n Ke θ̇,  τ = n Kt (V − n Ke θ̇) / R"
+SAMPLED = "V(t) = DACOut(k T),  k T ≤ t < (k + 1) T,  T = DACSampTimePeriod; with a controller θ_ref = scale · DACOut"
 DAC_SOURCE = "CMU report, the sim program; sampled loops [AstromHagglund2006]"
 TABLE = (
     Variable(
@@ -81,7 +94,7 @@ TABLE = (
     Variable(
         "DACSampTimePeriod",
         "time between changes of DACOut, and the sampling time of the controller",
-        None, "s", lambda state: state.dac_period, _time("DACSampTimePeriod", "dac_period"), HELD, DAC_SOURCE,
+        None, "s", lambda state: state.dac_period, _time("DACSampTimePeriod", "dac_period"), SAMPLED, DAC_SOURCE,
     ),
     Variable(
         "TimeStep", "step of the integration; the report's is 1 ms",
@@ -89,21 +102,21 @@ TABLE = (
         "Kutta's third-order rule", "[Kutta1901]", False,
     ),
     Variable(
-        "theta", "joint angles, or positions of sliding joints", "q", "", *_plain("q"),
+        "theta", "joint angles, or positions of sliding joints", "q", "", *_field("q"),
         "dθ/dt = θ̇", "CMU report, Integration",
     ),
-    Variable("omega", "joint velocities", "qd", "", *_plain("qd"), "θ̇ = dθ/dt,  dθ̇/dt = θ̈", "CMU report, Integration"),
+    Variable("omega", "joint velocities", "qd", "", *_field("qd"), "θ̇ = dθ/dt,  dθ̇/dt = θ̈", "CMU report, Integration"),
     Variable(
-        "alpha", "joint accelerations: what the Inverse Arm takes, what the Forward Arm gives", "qdd", "", *_plain("qdd"),
+        "alpha", "joint accelerations: what the Inverse Arm takes, what the Forward Arm gives", "qdd", "", *_field("qdd"),
         "M(θ) θ̈ = τ − C(θ, θ̇) θ̇ − g(θ) − friction", "CMU report, eqs (13)-(15)",
     ),
     Variable(
         "torque", "motor torques referred to the joints; tied to voltage at the present omega",
-        "tau", "", motor_quantities.torque, motor_quantities.with_torque, TIED, "CMU report, eqs (11) and (12)",
+        "tau", "", motor_quantities.torque, motor_quantities.with_torque, DRIVE, "CMU report, eqs (11) and (12)",
     ),
     Variable(
         "voltage", "motor voltages; stored, so that the torque changes with omega",
-        "voltage", "", motor_quantities.voltage, motor_quantities.with_voltage, TIED, "CMU report, eqs (11) and (12)",
+        "voltage", "", motor_quantities.voltage, motor_quantities.with_voltage, DRIVE, "CMU report, eqs (11) and (12)",
     ),
     Variable(
         "current", "motor currents; tied to torque", "current", "", motor_quantities.current, motor_quantities.with_current,
@@ -112,46 +125,31 @@ TABLE = (
     Variable(
         "DACOut",
         "DAC output voltage, held for DACSampTimePeriod: the reference input of the controller, without one the motor voltage",
-        "voltage", "", _dac, _with_dac, HELD, DAC_SOURCE,
+        "voltage", "", _dac, _with_dac, SAMPLED, DAC_SOURCE,
     ),
 )  # fmt: skip
-
-
-def same(name: str) -> str:
-    """A name as it is compared: `DAC-Out`, `dac_out` and `DACOut` are one."""
-    return name.replace("-", "").replace("_", "").lower()
 
 
 VARIABLES = {same(variable.name): variable for variable in TABLE}
 
 
-def near(name: str, known: Iterable[str]) -> str:
-    """The end of an error sentence: names that begin so, else the nearest ones, however they are spelt."""
-    by_same = {same(own): own for own in known}
-    close = [own for own in by_same if own.startswith(same(name))] or get_close_matches(same(name), by_same, 3, 0.5)
-    if not close or not same(name):
-        return "help lists all there are"
-    return f"did you mean {' or '.join(by_same[own] for own in close)}?"
-
-
-def joint_number(arm: Model, what: str, index: str) -> int:
-    """The place of a joint given by its number, from 1, or by its name.
+def joint_number(arm: Model, place: str, index: str) -> int:
+    """Index of a joint given by its number, from 1, or by its name.
 
     Raises:
         SessionError: no such joint.
     """
-    if index in arm.names:
-        return arm.names.index(index)
+    by_name = {**{same(name): k for k, name in enumerate(arm.names)}, **{name: k for k, name in enumerate(arm.names)}}
+    k = by_name.get(index, by_name.get(same(index)))
+    if k is not None:
+        return k
     try:
-        k = int(index)
+        k = int(index) - 1
     except ValueError:
-        by_same = {same(name): j for j, name in enumerate(arm.names)}
-        if same(index) in by_same:
-            return by_same[same(index)]
-        raise SessionError(f"{what}[{index}]: no joint {index!r}; {nearest(index, arm.names)}") from None
-    if not 1 <= k <= arm.n:
-        raise SessionError(f"{what}[{index}]: joints count from 1 to {arm.n}: {', '.join(arm.names)}")
-    return k - 1
+        raise SessionError("no such joint", place=f"{place} joint", value=index, choices=arm.names) from None
+    if not 0 <= k < arm.n:
+        raise SessionError(place=f"{place} joint", value=k + 1, expected=f"1 to {arm.n}: {', '.join(arm.names)}")
+    return k
 
 
 def assigned(state: State, name: str, index: str | None, text: str) -> State:
@@ -162,10 +160,12 @@ def assigned(state: State, name: str, index: str | None, text: str) -> State:
     """
     variable = VARIABLES[same(name)]
     look = lookup(state)
+    if index is not None:
+        variable.check_index(index)
     if variable.quantity is None:
-        if index is not None:
-            raise SessionError(f"{variable.name} is one number; expected {variable.name} = …, without [{index}]")
-        return _checked(variable.set(state, number(variable.name, text, variable.unit, look)))
+        after = variable.set(state, number(variable.name, text, variable.unit, look))
+        _ = after.arm  # refuses now a gravity that no arm can have, not when something is next computed
+        return after
     units = variable.units(state.arm)
     if index is None:
         return _finite(variable, text, variable.set(state, vector(variable.name, text, state.arm.names, units, look)))
@@ -176,45 +176,102 @@ def assigned(state: State, name: str, index: str | None, text: str) -> State:
 
 
 def _finite(variable: Variable, text: str, state: State) -> State:
-    """The state, if its drives can be told what it says, and if the torque, voltage and current that go with it are finite."""
-    drives = np.where(np.isfinite(state.u), 0.0, np.inf)
-    tied_ones = {name: known(state, VARIABLES[name]) for name in ("torque", "voltage", "current")}  # NaN: not known
+    """The state, if its commands and the torques, voltages and currents that follow from them are finite."""
+    commands = np.where(np.isfinite(state.u), 0.0, np.inf)
+    quantities = {name: value_or_nan(state, VARIABLES[name]) for name in ("torque", "voltage", "current")}
     for k, body in enumerate(state.arm.coordinates):
-        for name, values in ((body.drive.command, drives), *tied_ones.items()):
+        for name, values in ((body.drive.command, commands), *quantities.items()):
             if np.isinf(values[k]):
-                raise SessionError(
-                    f"{variable.name} = {text.strip()}: the {name} of joint {body.joint!r} is not finite; "
-                    "expected smaller numbers"
-                )
-    return state
-
-
-def _checked(state: State) -> State:
-    """The state, if an arm can be made of it: found now, and not when something is next computed."""
-    _ = state.arm
+                what = f"the {name} of joint {body.joint!r} is not finite"
+                raise SessionError(what, place=variable.name, value=text.strip(), expected="smaller numbers")
     return state
 
 
 def lookup(state: State) -> Callable[[str, str | None], Any]:
-    """What formulas see of the session's variables."""
+    """The session's variables, as formulas look them up: (name, index or None) → value."""
 
     def value(name: str, index: str | None) -> Any:
         variable = VARIABLES.get(same(name))
         if variable is None:
             return None
-        found = variable.get(state)
         if index is None:
-            return found
-        if variable.quantity is None:
-            raise SessionError(f"{variable.name} is one number; expected {variable.name}, without [{index}]")
-        return found[joint_number(state.arm, variable.name, index)]
+            return variable.get(state)
+        variable.check_index(index)
+        return variable.get(state)[joint_number(state.arm, variable.name, index)]
 
     return value
 
 
-def known(state: State, variable: Variable) -> Any:
-    """A variable's value; NaN where the record of the arm has not the constants to know it."""
+def value_or_nan(state: State, variable: Variable) -> Any:
+    """A variable's value; NaN where the robot file lacks the constants that it follows from."""
     try:
         return variable.get(state)
     except ArmwrightError:
         return np.full(state.arm.n, np.nan)
+
+
+def show(session: Workspace, values: dict[str, Any]) -> list[Output]:
+    """`show`, `show NAME`: all variables, or one."""
+    name = values["name"]
+    if name is None:
+        return state_output(session.state)
+    if same(name) not in VARIABLES:
+        raise unknown("no such variable", name, [variable.name for variable in TABLE], "show name")
+    return variable_output(session.state, VARIABLES[same(name)])
+
+
+def variable_output(state: State, variable: Variable, joint: int | None = None) -> list[Output]:
+    """A variable with its units; angles in degrees beside them.
+
+    Args:
+        state: the session's.   variable: of the table.   joint: the one joint to show; None: all.
+    Raises:
+        ArmwrightError: it is not available on this arm.
+    """
+    value = variable.get(state)
+    if variable.quantity is None:
+        line = Line(f"{variable.name} = {significant(value)} {variable.unit}")
+        return [line, *_gravity_note(state)] if variable.name == "gravity" else [line]
+    units, names = variable.units(state.arm), state.arm.names
+    if joint is not None:
+        unit, degrees = units[joint], DEGREES.get(units[joint])
+        in_degrees = f" = {significant(np.degrees(value[joint]))} {degrees}" if degrees else ""
+        return [Line(f"{variable.name}[{names[joint]}] = {significant(value[joint])} {unit}{in_degrees}")]
+    columns = [(variable.name, units, value)]
+    if all(unit in DEGREES for unit in units):
+        columns.append(("", [DEGREES[unit] for unit in units], np.degrees(value)))
+    output: list[Output] = [by_joint("", names, columns)]
+    if np.isnan(value).any():
+        lacking = ", ".join(name for name, v in zip(names, value, strict=True) if np.isnan(v))
+        output.append(Line(f"— : the robot file has no motor constants for {lacking}", "note"))
+    return output
+
+
+def state_output(state: State) -> list[Output]:
+    """All variables: vectors as columns, single numbers below them, and the payload."""
+    vectors = [variable for variable in TABLE if variable.quantity is not None]
+    columns = [(variable.name, variable.units(state.arm), value_or_nan(state, variable)) for variable in vectors]
+    columns = [column for column in columns if not np.isnan(column[2]).all()]
+    single = [variable for variable in TABLE if variable.quantity is None]
+    rows = tuple((v.name, significant(v.get(state)), v.unit) for v in single)
+    sheet = by_joint(f"{state.arm.name}", state.arm.names, columns)
+    output: list[Output] = [sheet, Sheet("", ("variable", "value", "unit"), rows), *_gravity_note(state)]
+    if state.loaded.payload is not None:
+        output.append(Line(payload_text(state, state.loaded.payload)))
+    return output
+
+
+def payload_text(state: State, payload: Payload) -> str:
+    """Mass, place and moments of a payload as a line."""
+    where = f"({', '.join(significant(x) for x in payload.com)}) m in the axes of {payload.frame or state.arm.tip}"
+    moments = ", ".join(significant(x) for x in payload.inertia)
+    what = f"principal moments ({moments}) kg m²" if any(payload.inertia) else "a point mass"
+    return f"payload: {significant(payload.mass)} kg at {where}, {what}"
+
+
+def _gravity_note(state: State) -> list[Output]:
+    """A note where gravity has components besides z, the only one that the variable shows."""
+    if not np.any(state.arm.gravity[:2]):
+        return []
+    vector = ", ".join(significant(float(g)) for g in state.arm.gravity)
+    return [Line(f"this arm's gravity has other components too: ({vector}) m/s² in base axes", "note")]

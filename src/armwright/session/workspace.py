@@ -1,0 +1,124 @@
+"""The session as its commands see it: state, undo, recording, and functions that ask and show."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from armwright.errors import SessionError
+from armwright.output import whole_file
+from armwright.session.arguments import Argument, quoted
+from armwright.session.listing import Line, Listing, Output
+from armwright.session.state import State, initial_state, load_arm
+
+MAX_UNDO = 100  # changes
+
+Ask = Callable[[Argument, str | None], str]
+"""(argument, meaning of an empty answer; None: it must be given) → the answer. EOFError: no more; the command is dropped."""
+
+
+class Workspace(ABC):
+    """State of a session with its history.
+
+    Attributes:
+        state: the present one.   undo_stack: the states before each change.   recording: file that holds all lines so far.
+        commands: all there are, by the names that `same` gives.   ask: answers prompts; None in scripts, which give arguments.
+        show: called with output along the way.   progress: called with (steps done, all steps) of long runs.
+        ended: True once `quit` was typed.
+    """
+
+    def __init__(self, robot: str, commands: Mapping[str, Command], ask: Ask | None):
+        """Starts with an arm, everything at zero.
+
+        Raises:
+            ArmwrightError: no such robot, or a file that cannot be believed.
+        """
+        self.state = initial_state(load_arm(robot)).replace(lines=(f"database-read robot={quoted(robot)}",))
+        self.undo_stack: list[State] = []
+        self.recording: Path | None = None
+        self.commands = commands
+        self.ask = ask
+        self.show: Callable[[Output], None] | None = None
+        self.progress: Callable[[int, int], None] | None = None
+        self.ended = False
+        self.recorded_line = ""
+
+    @abstractmethod
+    def run(self, line: str) -> list[Output]:
+        """Does one line; returns its output."""
+
+    @abstractmethod
+    def run_lines(self, lines: Iterable[str], file: str, show: Callable[[Output], None], *, echo: bool = False) -> None:
+        """Does the lines of a script, until one fails or `quit` is reached."""
+
+    def change(self, state: State) -> None:
+        """Replaces the state and pushes the one before onto the undo stack."""
+        self.undo_stack = [*self.undo_stack[-MAX_UNDO + 1 :], self.state]
+        self.state = state
+        self.write_recording()
+
+    def undo(self, count: int) -> list[Output]:
+        """Goes back to the state before the last `count` changes. Files stay as they are.
+
+        Raises:
+            SessionError: fewer changes are remembered.
+        """
+        if count > len(self.undo_stack):
+            raise SessionError(
+                place="undo steps", value=count, expected=f"at most {len(self.undo_stack)}, the changes so far"
+            )
+        before = self.undo_stack[-count]
+        undone = self.state.lines[len(before.lines) :]
+        self.state, self.undo_stack = before, self.undo_stack[:-count]
+        self.write_recording()
+        return [Line(f"undone: {'; '.join(undone)}" if undone else "undone", "good")]
+
+    def quit(self) -> list[Output]:
+        """Ends the session after this line."""
+        self.ended = True
+        return []
+
+    def emit(self, listing: Listing) -> list[Output]:
+        """Shows a listing on the screen, or prints it into the open output file."""
+        file = self.state.output_file
+        if file is None:
+            return list(listing.sheets)
+        self.state = self.state.replace(output_file=file.printed(listing))
+        rows = max((len(values) for values in listing.columns.values()), default=0)
+        return [Line(f"printed {rows} row{'s' * (rows != 1)} into {file.path}", "good")]
+
+    def write_recording(self) -> None:
+        """Writes all lines so far into the file that `record` named, whole or not at all."""
+        if self.recording is not None:
+            text = "".join(f"{line}\n" for line in self.state.lines)
+            with whole_file(self.recording) as temporary:
+                temporary.write_bytes(text.encode("utf-8"))
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command of the session.
+
+    Attributes:
+        name, summary: as `help` has them.   run: does it; (workspace, values by argument) → its output.
+        arguments: in the order of its prompts.   pairs: True if it takes further name=value.
+        equation, source: of its result.
+        example: a line that works.   report: True if the report's `sim` has it.
+        recorded: True if it is a line of a script, which undo takes back and record keeps.
+        check: refuses the impossible, before the first question and after each answer.
+    """
+
+    name: str
+    summary: str
+    run: Callable[[Workspace, dict[str, Any]], list[Output]]
+    arguments: tuple[Argument, ...] = ()
+    equation: str = ""
+    source: str = ""
+    example: str = ""
+    report: bool = False
+    recorded: bool = True
+    pairs: bool = False
+    check: Callable[[Workspace, dict[str, Any]], None] | None = None
