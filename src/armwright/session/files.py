@@ -17,7 +17,7 @@ from armwright.errors import SessionError
 from armwright.output import check_destination
 from armwright.session.controllers import built_controller
 from armwright.session.listing import Line, Output
-from armwright.session.state import ControllerSettings, LoadedArm, Payload, State, load_arm
+from armwright.session.state import ControllerSettings, LoadedArm, Payload, State, initial_state, load_arm
 from armwright.session.workspace import Workspace
 
 OFF = "off"
