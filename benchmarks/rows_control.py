@@ -15,6 +15,7 @@ import armwright as aw
 from armwright.description.database import parse
 from armwright.description.writer import to_toml
 from armwright.model import build_model
+from simulation.fields import scenario_of
 
 ROBOT = "puma560"
 CROWD = "two-link"
@@ -106,13 +107,10 @@ def crowd_records(quick: bool, repetitions: int) -> list[Record]:
         made = aw.Simulation(
             aw.Scenario(
                 arm,
-                controller=control,
-                reference=np.zeros(arm.n),
-                sample_period=STEP,
                 duration=ticks * STEP,
-                q0=aw.Batch(q0),
-                record="none",
-                reduce=["rms_error"],
+                start=aw.Batch(q0),
+                loop=aw.Loop(controller=control, reference=np.zeros(arm.n), period=STEP),
+                recording=aw.Recording(what="none", reduce=["rms_error"]),
             )
         )
 
@@ -140,12 +138,12 @@ def control_records(quick: bool, repetitions: int) -> list[Record]:
     random = np.random.default_rng(3)
     kp = random.uniform(0.8, 1.2, (lanes, 1)) * np.array([60.0, 120.0, 60.0, 30.0, 30.0, 30.0])
     control = aw.JointPID(kp=aw.Batch(kp), ki=aw.Batch(2.0 * kp), kd=aw.Batch(0.1 * kp))
-    common = {"reference": aw.Sine(np.zeros(6), AMPLITUDE, 1.0), "sample_period": STEP, "duration": duration}
+    common = {"reference": aw.Sine(np.zeros(6), AMPLITUDE, 1.0), "period": STEP, "duration": duration}
 
     def scenario(effect: dict[str, Any], record: str, **more: Any) -> aw.Scenario:
-        return aw.Scenario(**({"arm": arm, "controller": control, "record": record} | common | effect | more))
+        return scenario_of(**({"arm": arm, "controller": control, "what": record} | common | effect | more))
 
-    told = aw.simulate(scenario({}, "all", record_every=1))
+    told = aw.simulate(scenario({}, "all", every=1))
     commands = np.ascontiguousarray(told["u"].values[:count, :-1])
     ends = np.concatenate([told["q"].values[:count, -1], told["qd"].values[:count, -1]], axis=-1)
 
@@ -153,7 +151,7 @@ def control_records(quick: bool, repetitions: int) -> list[Record]:
         return Check(relative_error(states, ends, 1) if np.isfinite(states).all() else float("nan"), tolerance)
 
     def ours(effect: str) -> Contestant:
-        made = aw.Simulation(scenario(effects[effect], "state", record_every=0))
+        made = aw.Simulation(scenario(effects[effect], "state", every=0))
 
         def checked(run: Any) -> Check:
             states = np.concatenate([run["q"].values[:count, -1], run["qd"].values[:count, -1]], axis=-1)

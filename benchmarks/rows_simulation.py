@@ -59,7 +59,11 @@ def simulation_records(work: str, quick: bool, repetitions: int) -> list[Record]
 
         def run() -> Any:
             scenario = aw.Scenario(
-                arm, duration=duration, step=STEP, command=aw.Batch(commands), record_every=every, record="state"
+                arm,
+                duration=duration,
+                command=aw.Batch(commands),
+                solver=aw.Solver(step=STEP),
+                recording=aw.Recording(every=every, what="state"),
             )
             return aw.simulate(scenario, loop=loop, threads=1)
 

@@ -13,7 +13,7 @@ folder.mkdir(parents=True, exist_ok=True)
 
 arm = aw.load("cmu-dd")
 schedule = aw.read_schedule(Path(__file__).with_name("cmu-dd-steps.csv"), arm.names)  # three rows of volts, each held
-run = aw.simulate(aw.Scenario(arm, schedule=schedule, duration=1.5))
+run = aw.simulate(aw.Scenario(arm, command=schedule, duration=1.5))
 
 end = run.isel(time=-1)
 print(f"{arm.name} at t = {float(end.time):g} s")

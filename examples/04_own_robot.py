@@ -31,10 +31,10 @@ schedule = aw.Schedule(
     commands=holding + np.array([[3.0, 4.0, 1.2, 6.0], [0.0, 0.0, 0.0, 0.0]]),
     names=tuple(arm.names),
 )
-run = aw.simulate(aw.Scenario(arm, schedule=schedule, duration=0.8, q0=q))
+run = aw.simulate(aw.Scenario(arm, command=schedule, duration=0.8, start=q))
 print("ends at q =", np.round(run.q.values[-1], 3), "rad, rad, m, rad")
 aw.plot(run, folder / "own_robot.png")
 
 # Variants are made, never edited in: the same arm without friction and with lossless gears.
-ideal = aw.simulate(aw.Scenario(arm.replace(friction=None, efficiency=None), schedule=schedule, duration=0.8, q0=q))
+ideal = aw.simulate(aw.Scenario(arm.replace(friction=None, efficiency=None), command=schedule, duration=0.8, start=q))
 print("without friction and gear loss q =", np.round(ideal.q.values[-1], 3))

@@ -25,7 +25,9 @@ def disturbed():
     return aw.Schedule(meant.times + late, meant.commands * random.normal(1.0, 0.05, arm.n), arm.names)
 
 
-scenario = aw.Scenario(arm, schedule=aw.Batch([disturbed() for _ in range(1000)]), duration=1.5, record_every=10)
+scenario = aw.Scenario(
+    arm, command=aw.Batch([disturbed() for _ in range(1000)]), duration=1.5, recording=aw.Recording(every=10)
+)
 start = time.perf_counter()
 run = aw.simulate(scenario)
 spent = time.perf_counter() - start

@@ -30,7 +30,7 @@ qd, qdd = np.outer(speed, goal - start), np.outer(acceleration, goal - start)
 
 voltage = np.round(dyn.motor_voltage(qd, dyn.inverse_dynamics(q, qd, qdd)), 2)  # equation (11)
 schedule = aw.Schedule(np.round(rows, 3), voltage, tuple(arm.names))
-run = aw.simulate(aw.Scenario(arm, duration=2.0, schedule=schedule, q0=start))
+run = aw.simulate(aw.Scenario(arm, duration=2.0, command=schedule, start=start))
 aw.plot(run, folder / "feed_forward.png")
 
 header = ",".join(["t", *arm.names])

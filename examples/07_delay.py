@@ -19,8 +19,10 @@ motion = aw.Quintic(start=np.zeros(6), goal=[0.8, 0.5, 0.3, 0.5, 0.2, 0.4], dura
 delays = {"at once": 0.0, "4 ms late": 4e-3, "8 ms late": 8e-3}
 run = aw.simulate(
     aw.Scenario(
-        arm, controller=law, reference=motion, sample_period=1e-3, duration=1.5,
-        timing=aw.Timing(command_delay=aw.Batch(list(delays.values()))), reduce=["rms_error", "peak_voltage"],
+        arm, duration=1.5,
+        loop=aw.Loop(law, motion, 1e-3,
+            timing=aw.Timing(command_delay=aw.Batch(list(delays.values())))),
+        recording=aw.Recording(reduce=["rms_error", "peak_voltage"]),
     )
 )  # fmt: skip
 

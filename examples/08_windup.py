@@ -25,8 +25,10 @@ cases = {
 runs = {}
 for name, (law, volts) in cases.items():
     scenario = aw.Scenario(
-        arm, controller=law, reference=aw.Step(start=np.zeros(6), goal=[0.5, 0, 0, 0, 0, 0]), sample_period=1e-3,
-        duration=4.0, shaping=aw.Shaping(limit=volts), reduce=["overshoot", "settling_time:band=0.05"],
+        arm, duration=4.0,
+        loop=aw.Loop(controller=law, reference=aw.Step(start=np.zeros(6), goal=[0.5, 0, 0, 0, 0, 0]), period=1e-3,
+            command_filter=aw.CommandFilter(limit=volts)),
+        recording=aw.Recording(reduce=["overshoot", "settling_time:band=0.05"]),
     )  # fmt: skip
     runs[name] = aw.simulate(scenario)
     over, settled = (float(runs[name][what].values[0]) for what in scenario.reduce)

@@ -18,8 +18,8 @@ law = aw.JointPID(kp=80.0, kd=8.0, speed_feedforward=2.4, gravity=True)  # feed-
 lift = aw.Sine(centre=[0.0], amplitude=[0.6], frequency_hz=0.5)
 run = aw.simulate(
     aw.Scenario(
-        arm, controller=law, reference=lift, sample_period=2e-3, duration=240.0, record_every=10,
-        reduce=["peak_temperature", "energy"],
+        arm, duration=240.0, loop=aw.Loop(law, lift, 2e-3),
+        recording=aw.Recording(every=10, reduce=["peak_temperature", "energy"]),
     )
 )  # fmt: skip
 

@@ -21,7 +21,6 @@ from armwright.modules import assembly, library, task
 from armwright.parts import materials
 from armwright.parts import records as parts
 from armwright.quantity import Quantity, Source
-from armwright.scenarios import lanes
 from armwright.scenarios import records as scenario
 from armwright.solids import shapes as solids
 from armwright.solids import visual
@@ -70,16 +69,19 @@ PARTS_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
 )
 SCENARIO_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("The file itself", "", (scenario.ScenarioTable,)),
-    ("[initial]", "", (scenario.Initial,)),
-    ("[drive]", "", (scenario.Drive,)),
-    ("[sensors]", "", (scenario.SensorsTable,)),
-    ("[shaping]", "", (scenario.ShapingTable,)),
-    ("[timing]", "", (scenario.TimingTable,)),
-    ("[record]", "", (scenario.RecordTable,)),
-    ("[[payload]]", "", (scenario.PayloadTable,)),
-    ("[[payload]]: inertia_kg_m2", "", (scenario.Tensor,)),
-    ("[lanes]", "", (lanes.Lanes,)),
-    ("What a number is in the lanes", "", (lanes.Values,)),
+    ("[start]", "", (scenario.StartTable,)),
+    ("[commands]", "", (scenario.CommandsTable,)),
+    ("[loop]", "", (scenario.LoopTable,)),
+    ("[loop.sensors]", "", (scenario.SensorsTable,)),
+    ("[loop.command_filter]", "", (scenario.CommandFilterTable,)),
+    ("[loop.timing]", "", (scenario.TimingTable,)),
+    ("[inputs]", "", (scenario.InputsTable,)),
+    ("[[inputs.payload]]", "", (scenario.PayloadTable,)),
+    ("[[inputs.payload]]: inertia_kg_m2", "", (scenario.Tensor,)),
+    ("[solver]", "", (scenario.SolverTable,)),
+    ("[recording]", "", (scenario.RecordingTable,)),
+    ("[lanes]", "", (scenario.Lanes,)),
+    ("What a number is in the lanes", "", (scenario.Values,)),
 )
 MODULE_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("A module library, `*.modules.toml`", "", (library.ModuleLibrary,)),

@@ -63,11 +63,12 @@ if TYPE_CHECKING:
     from armwright.simulation.inputs.payload import Payload
     from armwright.simulation.inputs.schedule import Schedule, read_schedule
     from armwright.simulation.integrate.events import joint_stops
+    from armwright.simulation.loop.command_filter import CommandFilter
     from armwright.simulation.loop.sensors import Sensors
-    from armwright.simulation.loop.shaping import Shaping
     from armwright.simulation.loop.state import LoopState
     from armwright.simulation.loop.timing import Timing
     from armwright.simulation.scenario import Scenario
+    from armwright.simulation.scenario_parts import Inputs, Loop, Recording, Solver, Start
     from armwright.simulation.sensitivity import sensitivities
     from armwright.simulation.simulation import Simulation, simulate
     from armwright.simulation.step_study import step_study
@@ -114,7 +115,8 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.signals": ("Layout", "Signal"),
     "armwright.simulation.loop.state": ("LoopState",),
     "armwright.simulation.loop.sensors": ("Sensors",),
-    "armwright.simulation.loop.shaping": ("Shaping",),
+    "armwright.simulation.loop.command_filter": ("CommandFilter",),
+    "armwright.simulation.scenario_parts": ("Inputs", "Loop", "Recording", "Solver", "Start"),
     "armwright.simulation.sensitivity": ("sensitivities",),
     "armwright.simulation.simulation": ("Simulation", "simulate"),
     "armwright.results.statistics": ("statistics",),
@@ -128,28 +130,33 @@ __all__ = [
     "ArmwrightError",
     "Batch",
     "Cascade",
+    "CommandFilter",
     "CompiledArm",
     "ComputedTorque",
     "Controller",
     "Draw",
+    "Inputs",
     "JointPID",
     "JointReference",
     "Layout",
+    "Loop",
     "LoopState",
     "Measurement",
     "Model",
     "Payload",
     "Quintic",
     "Ramp",
+    "Recording",
     "RobotDescription",
     "Scenario",
     "Schedule",
     "Sensor",
     "Sensors",
-    "Shaping",
     "Signal",
     "Simulation",
     "Sine",
+    "Solver",
+    "Start",
     "Step",
     "Timing",
     "Trajectory",

@@ -12,12 +12,12 @@ from cli.test_commands import run
 SCENARIO = """
 robot = "two-link"
 duration_s = 0.05
-sample_period_s = 1e-3
-[controller]
+solver.step_s = 1e-3
+[loop.controller]
 kind = "joint_pid"
 kp = [10, 5]
 kd = [1, 0.5]
-[reference]
+[loop.reference]
 kind = "pose"
 q = [0.2, -0.1]
 """
@@ -25,9 +25,9 @@ LANES = """
 [lanes]
 kind = "list"
 [lanes.vary]
-"controller.kp[0]" = {{ values = [{values}] }}
+"loop.controller.kp[0]" = {{ values = [{values}] }}
 """
-RECORD = '[record]\nwhat = "{what}"\nreduce = ["rms_error", "peak_torque"]\n'
+RECORD = '[recording]\nwhat = "{what}"\nreduce = ["rms_error", "peak_torque"]\n'
 SHOULDER = r"^shoulder +mean +(?P<mean>\S+).*\n +min +(?P<min>\S+).*\n +max +(?P<max>\S+)"
 
 
@@ -88,7 +88,7 @@ def test_a_picture_of_no_rows_is_refused_before_the_run(tmp_path, monkeypatch):
     path = scenario(tmp_path, what="none")
     monkeypatch.setattr(aw, "simulate", lambda *_, **__: pytest.fail("it ran"))
     message = refused(("simulate", path, "-o", tmp_path / "run.nc", "--plot", tmp_path / "run.png"))
-    assert "swing.scenario.toml: --plot draws rows, and [record] what = 'none' keeps none" in message
+    assert "swing.scenario.toml: --plot draws rows, and [recording] what = 'none' keeps none" in message
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
 
 

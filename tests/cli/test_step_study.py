@@ -10,10 +10,10 @@ from armwright.cli.app import app
 SCENARIO = """
 robot = "two-link"
 duration_s = 0.04
-sample_period_s = 2e-3
-[drive]
-command = [90.0, 20.0]
-[initial]
+solver.step_s = 2e-3
+[commands]
+constant = [90.0, 20.0]
+[start]
 q = 0.4
 """
 
@@ -21,15 +21,15 @@ q = 0.4
 COUNTED = """
 robot = "two-link"
 duration_s = 0.4
-sample_period_s = 8e-3
-[controller]
+solver.step_s = 8e-3
+[loop.controller]
 kind = "joint_pid"
 kp = [100.0, 100.0]
 kd = [10.0, 10.0]
-[reference]
+[loop.reference]
 kind = "expression"
 q = { shoulder = "0.5*sin(9*t)", elbow = "0.4*sin(13*t)" }
-[sensors]
+[loop.sensors]
 counts = 1000000
 velocity = "difference"
 """
@@ -49,7 +49,7 @@ def test_steps_and_recommendations_are_shown():
 
 def test_a_scenario_file_says_all_of_it(tmp_path):
     path = tmp_path / "push.scenario.toml"
-    path.write_text(SCENARIO.replace("sample_period_s", 'integrator = "rk45"\nrtol = 1e-4\nsample_period_s'))
+    path.write_text(SCENARIO.replace("solver.step_s", 'solver.integrator = "rk45"\nsolver.rtol = 1e-4\nsolver.step_s'))
     result = asked(str(path), "--steps", "3", "--integrator", "rk4", "--accuracy", "1e-3")
     assert result.exit_code == 0, result.stderr
     assert "two-link: rk4 (order 4) against CVODES" in result.output
@@ -64,7 +64,7 @@ def test_a_scenario_file_says_all_of_it(tmp_path):
             ["two-link", "--torque", "0", "--duration", "1", "--accuracy", "1e-3,x"],
             "--accuracy 1e-3,x: expected numbers",
         ),
-        (["two-link", "--torque", "0", "--duration", "1", "--integrator", "rk45"], "'rk45' chooses its own steps"),
+        (["two-link", "--torque", "0", "--duration", "1", "--integrator", "rk45"], "'rk45': chooses its own steps"),
         (["two-link", "--torque", "0", "--duration", "1", "--steps", "0"], "steps = 0: expected a whole number"),
         (["x.scenario.toml", "--duration", "1"], "--duration, but a scenario file says all of it"),
     ],

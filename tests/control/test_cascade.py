@@ -13,6 +13,7 @@ from armwright.control import Cascade
 from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement
 from physics.arms import arm
+from simulation.fields import scenario_of
 
 PERIOD = 5e-4
 N = 6
@@ -49,12 +50,12 @@ def test_it_is_the_loop_by_hand():
         speed_kp=6.0, speed_ki=20.0, effort_limit=3.0, speed_every=2, current_kp=2.0, current_ki=30.0,
     )  # fmt: skip
     common = {
-        "reference": aw.Quintic(np.zeros(6), np.full(6, 0.5), 0.15), "sample_period": PERIOD, "duration": 0.3,
+        "reference": aw.Quintic(np.zeros(6), np.full(6, 0.5), 0.15), "period": PERIOD, "duration": 0.3,
         "vary": {}, "initial_command": np.zeros(6),
     }  # fmt: skip
     model = arm("cmu-dd")
-    ours = aw.simulate(aw.Scenario(model, controller=law, **common))
-    by_hand = aw.simulate(aw.Scenario(model, controller=ByHand(), **common))
+    ours = aw.simulate(scenario_of(model, controller=law, **common))
+    by_hand = aw.simulate(scenario_of(model, controller=ByHand(), **common))
     assert ours.attrs["controller"] == "compiled"
     np.testing.assert_allclose(ours.q.values, by_hand.q.values, atol=1e-9)
     np.testing.assert_allclose(ours.u_issued.values, by_hand.u_issued.values, atol=1e-7)
@@ -81,8 +82,8 @@ def test_every_stage_cuts_off_its_own_output():
     model = arm("cmu-dd")
     run = aw.simulate(
         aw.Scenario(
-            model, controller=law, reference=[1.0, 0.1, 0, 0, 0, 0], sample_period=PERIOD, duration=0.5,
-            initial_command=np.zeros(6),
+            model, duration=0.5,
+            loop=aw.Loop(controller=law, reference=[1.0, 0.1, 0, 0, 0, 0], period=PERIOD, initial_command=np.zeros(6)),
         )
     )  # fmt: skip
     assert np.abs(run.u_issued.values).max() == 6.0
@@ -108,7 +109,10 @@ def test_it_tracks_with_each_kind_of_drive():
         motion = aw.Quintic(np.zeros(model.n), np.full(model.n, 0.2), 0.5)
         run = aw.simulate(
             aw.Scenario(
-                model, controller=law, reference=motion, sample_period=PERIOD, duration=1.5, q0=np.zeros(model.n)
+                model,
+                duration=1.5,
+                start=np.zeros(model.n),
+                loop=aw.Loop(controller=law, reference=motion, period=PERIOD),
             )
         )
         np.testing.assert_allclose(run.q.values[-1], 0.2, atol=0.03, err_msg=name)

@@ -31,7 +31,7 @@ def tracking(model, period, reckoned=None):
     motion = aw.Quintic(start, start + 0.4, 0.8)
     law = ComputedTorque(kp=100.0, kd=20.0, model=reckoned)
     run = aw.simulate(
-        aw.Scenario(model, controller=law, reference=motion, sample_period=period, duration=1.0, q0=start)
+        aw.Scenario(model, duration=1.0, start=start, loop=aw.Loop(controller=law, reference=motion, period=period))
     )
     return np.abs(run.q.values - run.q_reference.values).max()
 
@@ -54,7 +54,7 @@ def test_an_offset_dies_away_with_the_chosen_poles():
     model = arm("two-link")
     law = ComputedTorque(kp=100.0, kd=20.0)
     run = aw.simulate(
-        aw.Scenario(model, controller=law, reference=np.array([0.1, 0.2]), sample_period=2e-4, duration=0.5)
+        aw.Scenario(model, duration=0.5, loop=aw.Loop(controller=law, reference=np.array([0.1, 0.2]), period=2e-4))
     )
     t = run.time.values[:, None]
     expected = np.array([0.1, 0.2]) * (1.0 - (1.0 + 10.0 * t) * np.exp(-10.0 * t))
@@ -64,7 +64,7 @@ def test_an_offset_dies_away_with_the_chosen_poles():
 def test_a_model_of_other_joints_is_refused():
     law = ComputedTorque(kp=1.0, kd=1.0, model=arm("cmu-dd"))
     with pytest.raises(ScenarioError, match="the model has 6 joints; expected the 2 of"):
-        aw.Scenario(arm("two-link"), controller=law, sample_period=1e-3, duration=0.1)
+        aw.Scenario(arm("two-link"), duration=0.1, loop=aw.Loop(controller=law, period=1e-3))
 
 
 def test_what_is_no_model_is_refused():

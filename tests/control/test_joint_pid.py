@@ -11,6 +11,7 @@ from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement
 from armwright.trajectory import Step
 from physics.arms import arm
+from simulation.fields import scenario_of
 
 PERIOD = 1e-3
 N = 6
@@ -61,8 +62,8 @@ def test_a_gear_that_turns_the_other_way_needs_no_negative_gain():
     assert (ratios < 0).any()
     run = aw.simulate(
         aw.Scenario(
-            model, controller=JointPID(kp=400.0, kd=20.0, gravity=True), reference=np.full(6, 0.1),
-            sample_period=PERIOD, duration=1.5,
+            model, duration=1.5,
+            loop=aw.Loop(controller=JointPID(kp=400.0, kd=20.0, gravity=True), reference=np.full(6, 0.1), period=PERIOD),
         )
     )  # fmt: skip
     assert run.attrs["controller"] == "compiled"
@@ -76,8 +77,9 @@ def step_response(**fields):
     law = JointPID(kp=[100.0, 900, 300, 150, 30, 20], ki=[300.0, 0, 0, 0, 0, 0], kd=[30.0, 90, 30, 12, 3, 2], **fields)
     return aw.simulate(
         aw.Scenario(
-            model, controller=law, reference=Step(np.zeros(6), goal), sample_period=PERIOD, duration=4.0,
-            initial_command=np.zeros(6), shaping=aw.Shaping(limit=[12.0, 80, 80, 60, 24, 24]),
+            model, duration=4.0,
+            loop=aw.Loop(controller=law, reference=Step(np.zeros(6), goal), period=PERIOD, initial_command=np.zeros(6),
+                command_filter=aw.CommandFilter(limit=[12.0, 80, 80, 60, 24, 24])),
         )
     )  # fmt: skip
 
@@ -96,22 +98,22 @@ def test_rules_against_wind_up_take_the_overshoot_away():
 
 
 def test_where_nothing_is_cut_off_the_rules_do_nothing():
-    common = {"reference": np.full(6, 1e-3), "sample_period": PERIOD, "duration": 0.2, "vary": {}}
+    common = {"reference": np.full(6, 1e-3), "period": PERIOD, "duration": 0.2, "vary": {}}
     laws = [
         JointPID(kp=100.0, ki=50.0, kd=10.0, **more)
         for more in ({}, {"anti_windup": "clamping"}, {"anti_windup": "back-calculation", "tracking_time": 0.05})
     ]
-    plain, *others = [aw.simulate(aw.Scenario(arm("cmu-dd"), controller=law, **common)).q.values for law in laws]
+    plain, *others = [aw.simulate(scenario_of(arm("cmu-dd"), controller=law, **common)).q.values for law in laws]
     for other in others:
         np.testing.assert_allclose(other, plain, atol=1e-12)
 
 
 def test_a_command_that_is_late_is_compared_with_its_own():
     """One tick late, what the drive did belongs to the command before the last: nothing is missing."""
-    common = {"reference": np.full(6, 1e-3), "sample_period": PERIOD, "duration": 0.2, "timing": aw.Timing("one-tick")}
+    common = {"reference": np.full(6, 1e-3), "period": PERIOD, "duration": 0.2, "timing": aw.Timing("one-tick")}
     rule = {"anti_windup": "back-calculation", "tracking_time": 0.05}
     laws = [JointPID(kp=100.0, ki=50.0, kd=10.0, **more) for more in ({}, rule | {"delay_ticks": 1}, rule)]
-    plain, knows, ignores = [aw.simulate(aw.Scenario(arm("cmu-dd"), controller=law, **common)).q.values for law in laws]
+    plain, knows, ignores = [aw.simulate(scenario_of(arm("cmu-dd"), controller=law, **common)).q.values for law in laws]
     np.testing.assert_allclose(knows, plain, atol=1e-12)
     assert np.abs(ignores - plain).max() > 1e-9
 
@@ -123,11 +125,11 @@ def test_a_limit_of_its_own_is_kept():
 
 def test_gains_may_be_a_batch():
     kp = np.array([50.0, 100.0, 200.0])
-    common = {"reference": np.full(6, 0.1), "sample_period": PERIOD, "duration": 0.1}
-    many = aw.simulate(aw.Scenario(arm("cmu-dd"), controller=JointPID(kp=aw.Batch(kp), kd=20.0), **common))
+    common = {"reference": np.full(6, 0.1), "period": PERIOD, "duration": 0.1}
+    many = aw.simulate(scenario_of(arm("cmu-dd"), controller=JointPID(kp=aw.Batch(kp), kd=20.0), **common))
     assert many.sizes["lane"] == 3
     for lane in range(3):
-        one = aw.simulate(aw.Scenario(arm("cmu-dd"), controller=JointPID(kp=kp[lane], kd=20.0), **common))
+        one = aw.simulate(scenario_of(arm("cmu-dd"), controller=JointPID(kp=kp[lane], kd=20.0), **common))
         np.testing.assert_allclose(many.q.values[lane], one.q.values, atol=1e-11)
 
 
@@ -155,4 +157,4 @@ def test_gains_may_be_a_batch():
 )  # fmt: skip
 def test_gains_that_do_not_fit_are_refused(fields, said):
     with pytest.raises(ScenarioError, match=said):
-        aw.Scenario(arm("cmu-dd"), controller=JointPID(**fields), sample_period=PERIOD, duration=0.1)
+        aw.Scenario(arm("cmu-dd"), duration=0.1, loop=aw.Loop(controller=JointPID(**fields), period=PERIOD))

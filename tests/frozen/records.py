@@ -33,8 +33,9 @@ def run_digests(name: str, target: str | None = None) -> dict[str, Any]:
         name: of `RUNS`.   target: processor level; the bits do not depend on it.
     """
     scenario = RUNS[name]()
-    run = aw.simulate(scenario if target is None else replace(scenario, target=target), threads=1)
-    if scenario.integrator == "cvodes":
+    solver = scenario.solver if target is None else replace(scenario.solver, target=target)
+    run = aw.simulate(replace(scenario, solver=solver), threads=1)
+    if scenario.solver.integrator == "cvodes":
         return {"q": run["q"].values[-1].tolist()}
     names = sorted(str(name) for name in run.data_vars if name != LOOP_STATE)  # what the state consists of may change
     return {name: _digest(run[name].values) for name in names}

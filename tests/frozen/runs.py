@@ -20,6 +20,7 @@ from armwright.description.database import read_toml
 from armwright.model import Model, build_model
 from armwright.simulation.integrate.events import joint_stops
 from physics.arms import arm
+from simulation.fields import scenario_of
 from simulation.plants import BRAKE, COULOMB, ELASTIC, MANY, MOTOR, STOPS, chain, pendulum
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -56,8 +57,8 @@ def open_loop(name: str, rule: str, lanes: int | None = None) -> aw.Scenario:
     model = arm(name)
     start = wave(model.n) if lanes is None else aw.Batch(laned(lanes, model.n))
     return aw.Scenario(
-        model, command=COMMANDS[name], duration=0.05, step=STEPS.get(name, 5e-4), integrator=rule, q0=start,
-        qd0=wave(model.n, 0.5),
+        model, command=COMMANDS[name], duration=0.05, start=aw.Start(start, wave(model.n, 0.5)),
+        solver=aw.Solver(step=STEPS.get(name, 5e-4), integrator=rule),
     )  # fmt: skip
 
 
@@ -65,8 +66,8 @@ def effect(name: str, rule: str = "rk3", step: float = 1e-4) -> aw.Scenario:
     """An arm with one effect of its drives, or all of them."""
     model = MANY[name]
     return aw.Scenario(
-        model, command=wave(model.n, 9.0), duration=0.03, step=step, integrator=rule, q0=wave(model.n),
-        qd0=wave(model.n, 1.5),
+        model, command=wave(model.n, 9.0), duration=0.03, start=aw.Start(wave(model.n), wave(model.n, 1.5)),
+        solver=aw.Solver(step=step, integrator=rule),
     )  # fmt: skip
 
 
@@ -128,25 +129,25 @@ class AtOnce:
 def controlled(**more: Any) -> aw.Scenario:
     """Two geared rods that swing under a sampled law."""
     given = {
-        "controller": pd, "reference": swing, "sample_period": 2e-3, "substeps": 8, "integrator": "rk3", "duration": 0.1,
+        "controller": pd, "reference": swing, "period": 2e-3, "substeps": 8, "integrator": "rk3", "duration": 0.1,
         "q0": wave(2, 0.1),
     }  # fmt: skip
-    return aw.Scenario(GEARED, **(given | more))
+    return scenario_of(GEARED, **(given | more))
 
 
 def two_link(**more: Any) -> aw.Scenario:
     """Two links with torque commands under joint PID."""
     given = {
-        "controller": JointPID(kp=[90.0, 40.0], ki=30.0, kd=[12.0, 6.0]), "reference": [0.5, -0.4], "sample_period": 1e-3,
+        "controller": JointPID(kp=[90.0, 40.0], ki=30.0, kd=[12.0, 6.0]), "reference": [0.5, -0.4], "period": 1e-3,
         "substeps": 1, "integrator": "rk3", "duration": 0.1, "q0": [0.3, -0.5], "qd0": [0.4, 0.2],
     }  # fmt: skip
-    return aw.Scenario(arm("two-link"), **(given | more))
+    return scenario_of(arm("two-link"), **(given | more))
 
 
 def wall(rule: str, **more: Any) -> aw.Scenario:
     """A rod that runs into its stop and away again."""
     model = pendulum(motor=MOTOR, friction=COULOMB, stops=STOPS, limits={"position_rad": [-0.4, 0.5]})
-    return aw.Scenario(
+    return scenario_of(
         model, command=[12.0], duration=0.15, step=5e-5, integrator=rule, q0=[0.4], qd0=[3.0], **more
     )  # fmt: skip
 
@@ -155,7 +156,7 @@ def play(rule: str) -> aw.Scenario:
     """A gear with play that is driven to and fro."""
     model = pendulum(motor=MOTOR, friction=COULOMB, elasticity={**ELASTIC, "backlash_rad": 0.02})
     rows = aw.Schedule([0.0, 0.03, 0.0612], [[9.0], [-9.0], [4.0]], ["joint0"])
-    return aw.Scenario(model, schedule=rows, duration=0.1, step=5e-5, integrator=rule)
+    return aw.Scenario(model, command=rows, duration=0.1, solver=aw.Solver(step=5e-5, integrator=rule))
 
 
 def adaptive(name: str, **more: Any) -> aw.Scenario:
@@ -169,7 +170,7 @@ def adaptive(name: str, **more: Any) -> aw.Scenario:
         "rtol": 1e-7,
         "atol": 1e-9,
     }
-    return aw.Scenario(model, **(given | {"q0": wave(model.n)} | more))
+    return scenario_of(model, **(given | {"q0": wave(model.n)} | more))
 
 
 def braked(**more: Any) -> aw.Scenario:
@@ -183,11 +184,11 @@ def braked(**more: Any) -> aw.Scenario:
         "controller": law,
         "reference": [0.6],
         "brake": applied,
-        "sample_period": 1e-3,
+        "period": 1e-3,
         "substeps": 8,
         "duration": 0.1,
     }
-    return aw.Scenario(model, integrator="rk3", **(given | more))
+    return scenario_of(model, integrator="rk3", **(given | more))
 
 
 def current_cascade(**more: Any) -> aw.Scenario:
@@ -197,15 +198,15 @@ def current_cascade(**more: Any) -> aw.Scenario:
         position_kp=20.0, speed_kp=3.0, speed_ki=30.0, current_kp=4.0, current_ki=900.0, effort_limit=8.0, voltage_limit=48.0,
         speed_limit=4.0, position_every=4, speed_every=2, speed_phase=1,
     )  # fmt: skip
-    given = {"controller": law, "reference": [0.4], "sample_period": 2.5e-4, "substeps": 2, "duration": 0.05}
-    return aw.Scenario(model, integrator="rk3", **(given | more))
+    given = {"controller": law, "reference": [0.4], "period": 2.5e-4, "substeps": 2, "duration": 0.05}
+    return scenario_of(model, integrator="rk3", **(given | more))
 
 
 def continued() -> aw.Scenario:
     """A run that goes on from another one's last row."""
     model = MANY["all"]
     common = {"command": wave(2, 9.0), "duration": 0.01, "step": 1e-4, "integrator": "rk3"}
-    return aw.Scenario(model, **common, start=aw.simulate(aw.Scenario(model, q0=wave(2), **common)))
+    return scenario_of(model, **common, start=aw.simulate(scenario_of(model, q0=wave(2), **common)))
 
 
 HELD = (2.0, [0.05, -0.02, 0.1], [[0.012, 0.001, -0.002], [0.001, 0.01, 0.0005], [-0.002, 0.0005, 0.009]])
@@ -227,40 +228,44 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
     "cvodes plain": lambda: adaptive("plain", integrator="cvodes", rtol=None, atol=None),
     "cvodes all": lambda: adaptive("all", integrator="cvodes", rtol=None, atol=None),
     "scara": lambda: aw.Scenario(
-        scara(), command=[6.0, -5.0, 3.0, 1.0], duration=0.02, step=2e-5, integrator="rk3", record_every=20
+        scara(),
+        command=[6.0, -5.0, 3.0, 1.0],
+        duration=0.02,
+        solver=aw.Solver(step=2e-5, integrator="rk3"),
+        recording=aw.Recording(every=20),
     ),
     "schedule between ticks": lambda: aw.Scenario(
         arm("two-link"),
-        schedule=aw.Schedule([0.0, 0.0103, 0.02], [[5, 1], [-5, 2], [0, 0]], ["shoulder", "elbow"]),
+        command=aw.Schedule([0.0, 0.0103, 0.02], [[5, 1], [-5, 2], [0, 0]], ["shoulder", "elbow"]),
         duration=0.03,
-        step=1e-3,
-        integrator="rk3",
+        solver=aw.Solver(step=1e-3, integrator="rk3"),
     ),
     "schedule a lane": lambda: aw.Scenario(
         arm("two-link"),
-        schedule=aw.Batch(
+        command=aw.Batch(
             [aw.Schedule([0.0, 0.01 + 0.0007 * k], [[5, 1], [-5, k]], ["shoulder", "elbow"]) for k in range(11)]
         ),
         duration=0.03,
-        step=1e-3,
-        integrator="rk3",
+        solver=aw.Solver(step=1e-3, integrator="rk3"),
     ),
     "wrench": lambda: aw.Scenario(
         arm("puma560"),
         command=COMMANDS["puma560"],
         duration=0.02,
-        step=5e-4,
-        integrator="rk3",
-        wrench=aw.Schedule([0.0, 0.0071], [[0] * 6, [10, -5, 20, 1, 0.5, -0.2]], ("fx", "fy", "fz", "mx", "my", "mz")),
+        inputs=aw.Inputs(
+            wrench=aw.Schedule(
+                [0.0, 0.0071], [[0] * 6, [10, -5, 20, 1, 0.5, -0.2]], ("fx", "fy", "fz", "mx", "my", "mz")
+            )
+        ),
+        solver=aw.Solver(step=5e-4, integrator="rk3"),
     ),
     "payload": lambda: aw.Scenario(
         arm("two-link"),
         command=[20.0, 5.0],
-        payload=[aw.Payload(0.0053, *HELD), aw.Payload(0.02, 0.0)],
         duration=0.03,
-        step=1e-3,
-        integrator="rk4",
-        q0=[0.3, -0.5],
+        start=[0.3, -0.5],
+        inputs=aw.Inputs(payload=[aw.Payload(0.0053, *HELD), aw.Payload(0.02, 0.0)]),
+        solver=aw.Solver(step=1e-3, integrator="rk4"),
     ),
     "payload a lane": lambda: two_link(
         payload=[
@@ -276,10 +281,9 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
         GEARED,
         command=[9.0, -3.0],
         duration=0.02,
-        step=5e-4,
-        integrator="rk3",
-        q0=wave(2),
         vary={"rod1.mass_kg": aw.Batch(np.linspace(0.5, 2.5, 17)), "joint0.motor.resistance_ohm": 1.4},
+        start=wave(2),
+        solver=aw.Solver(step=5e-4, integrator="rk3"),
     ),
     "varied under control": lambda: two_link(
         vary={"forearm.mass_kg": aw.Batch(np.linspace(0.5, 2.0, 70))}, reference=None
@@ -288,10 +292,9 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
         MANY["lugre"],
         command=[9.0],
         duration=0.01,
-        step=1e-4,
-        integrator="rk3",
-        qd0=[0.5],
         vary={"joint0.friction.bristle_stiffness_n_m_per_rad": aw.Batch(np.linspace(1e3, 3e3, 5))},
+        start=aw.Start(qd=[0.5]),
+        solver=aw.Solver(step=1e-4, integrator="rk3"),
     ),
     "function": controlled,
     "function rk4": lambda: controlled(integrator="rk4"),
@@ -303,12 +306,10 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
     "in Python at once": lambda: controlled(controller=AtOnce(), q0=aw.Batch(laned(5, 2, 0.1)), duration=0.04),
     "cmu-dd under control": lambda: aw.Scenario(
         arm("cmu-dd"),
-        controller=six,
-        q0=aw.Batch(laned(70, 6, 0.1)),
-        sample_period=2e-3,
-        substeps=2,
-        integrator="rk3",
         duration=0.05,
+        start=aw.Batch(laned(70, 6, 0.1)),
+        loop=aw.Loop(controller=six, period=2e-3),
+        solver=aw.Solver(substeps=2, integrator="rk3"),
     ),
     "pid": lambda: two_link(),
     "pid clamping": lambda: two_link(
@@ -339,13 +340,14 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
     ),
     "computed torque": lambda: aw.Scenario(
         arm("panda"),
-        controller=ComputedTorque(kp=400.0, kd=40.0, ki=10.0),
-        q0=wave(7),
-        reference=aw.Sine(centre=wave(7), amplitude=[0.1] * 7, frequency_hz=2.0),
-        sample_period=1e-3,
-        substeps=4,
-        integrator="rk3",
         duration=0.05,
+        start=wave(7),
+        loop=aw.Loop(
+            controller=ComputedTorque(kp=400.0, kd=40.0, ki=10.0),
+            reference=aw.Sine(centre=wave(7), amplitude=[0.1] * 7, frequency_hz=2.0),
+            period=1e-3,
+        ),
+        solver=aw.Solver(substeps=4, integrator="rk3"),
     ),
     "difference": lambda: two_link(sensors=aw.Sensors(counts=4096, velocity="difference")),
     "filtered": lambda: two_link(
@@ -359,13 +361,14 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
     ),
     "coupled encoders": lambda: aw.Scenario(
         MANY["all"],
-        controller=JointPID(kp=20.0, kd=1.0),
-        reference=[0.1, -0.2],
-        sample_period=1e-3,
-        substeps=8,
-        integrator="rk3",
         duration=0.03,
-        sensors=aw.Sensors(counts=2048, velocity="difference"),
+        loop=aw.Loop(
+            controller=JointPID(kp=20.0, kd=1.0),
+            reference=[0.1, -0.2],
+            period=1e-3,
+            sensors=aw.Sensors(counts=2048, velocity="difference"),
+        ),
+        solver=aw.Solver(substeps=8, integrator="rk3"),
     ),
     "one-tick": lambda: controlled(timing=aw.Timing("one-tick")),
     "sync": lambda: controlled(timing=aw.Timing("sync", command_delay=0.7e-3, jitter=2.5e-3), seed=3),
@@ -383,15 +386,13 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
             measurement_delay=aw.Batch(np.linspace(0.0, 5e-3, 6)), command_delay=aw.Batch(np.linspace(6e-3, 0.0, 6))
         )
     ),
-    "shaped": lambda: controlled(shaping=aw.Shaping(limit=30.0, rate=5e3, resolution=0.25)),
+    "shaped": lambda: controlled(command_filter=aw.CommandFilter(limit=30.0, rate=5e3, resolution=0.25)),
     "brake": braked,
     "brake observer": lambda: braked(
         sensors=aw.Sensors(counts=4096, velocity="observer", cutoff_hz=60.0), reference=[0.2]
     ),
-    "reduced": lambda: two_link(
-        record="none", reduce=["rms_error", "peak_error", "overshoot"], q0=aw.Batch(laned(9, 2))
-    ),
-    "reduced and recorded": lambda: controlled(reduce=["rms_error", "peak_voltage", "energy"], record_every=10),
+    "reduced": lambda: two_link(what="none", reduce=["rms_error", "peak_error", "overshoot"], q0=aw.Batch(laned(9, 2))),
+    "reduced and recorded": lambda: controlled(reduce=["rms_error", "peak_voltage", "energy"], every=10),
     "reference a lane": lambda: two_link(
         reference=None, q0=aw.Batch(laned(7, 2)), qd0=None, wrench=[1.0, 2.0, 3.0, 0.0, 0.0, 0.0]
     ),

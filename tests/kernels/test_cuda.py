@@ -95,7 +95,9 @@ def test_trajectories_have_the_bits_of_the_simulator(tmp_path, name):
     model, lanes, ticks, every = arm(name), 9, 50, 5
     u = np.random.default_rng(0).normal(size=(lanes, model.n))
     q0 = np.random.default_rng(1).normal(size=(lanes, model.n))
-    scenario = aw.Scenario(model, command=aw.Batch(u), q0=aw.Batch(q0), duration=ticks * 1e-3, record_every=every)
+    scenario = aw.Scenario(
+        model, command=aw.Batch(u), duration=ticks * 1e-3, start=aw.Batch(q0), recording=aw.Recording(every=every)
+    )
     simulator = compile_loop(model)
     expected = aw.simulate(scenario, loop=simulator)
     record, frozen = trajectory(tmp_path, simulator.step, np.hstack([q0, 0 * q0]), u, 1e-3, ticks, every)
@@ -242,7 +244,9 @@ def test_on_a_gpu():
     found = CudaKernel(trace_kernel(model, SIGNATURES["inverse_dynamics"]))(q, qd, qdd)
     assert np.array_equal(cupy.asnumpy(found), aw.compile(model).inverse_dynamics(q, qd, qdd))
     simulator = compile_loop(model)
-    scenario = aw.Scenario(model, command=np.ones(6), q0=aw.Batch(q[:100]), duration=0.05, record_every=5)
+    scenario = aw.Scenario(
+        model, command=np.ones(6), duration=0.05, start=aw.Batch(q[:100]), recording=aw.Recording(every=5)
+    )
     record, _ = CudaTrajectory(simulator.step)(np.hstack([q[:100], 0 * q[:100]]), np.ones(6), 1e-3, 50, 5)
     expected = aw.simulate(scenario, loop=simulator)["q"]
     assert np.array_equal(cupy.asnumpy(record)[:, :, :6].transpose(1, 0, 2), expected)

@@ -17,7 +17,7 @@ LEFT, RIGHT = 58, 10  # [px] of a panel's canvas beside its curves
 @pytest.fixture(scope="module")
 def run():
     arm = aw.load("cmu-dd")
-    return aw.simulate(aw.Scenario(arm, command=[8, 12, 8, 4, 2, 1], duration=2.0, step=2e-3))
+    return aw.simulate(aw.Scenario(arm, command=[8, 12, 8, 4, 2, 1], duration=2.0, solver=aw.Solver(step=2e-3)))
 
 
 @pytest.fixture(scope="module")
@@ -229,7 +229,7 @@ def test_all_samples_count_where_many_share_a_pixel(browser, tmp_path):
 
 def test_the_path_of_a_long_run_is_round(browser, tmp_path):
     arm = aw.load("two-link")
-    run = aw.simulate(aw.Scenario(arm, command=[0, 0], duration=20.0, step=5e-3))
+    run = aw.simulate(aw.Scenario(arm, command=[0, 0], duration=20.0, solver=aw.Solver(step=5e-3)))
     turns = 2 * np.pi * 10 * run["time"].values  # ten rounds a second: 3 of 600 points each would be a zigzag
     run["q"].values[:] = np.column_stack([turns, 0 * turns])
     aw.animate(run, arm, tmp_path / "run.html")

@@ -50,7 +50,7 @@ def played(tmp_path_factory):
     """A run, and a browser that shows it."""
     folder = tmp_path_factory.mktemp("three")
     arm = aw.load("cmu-dd")
-    run = aw.simulate(aw.Scenario(arm, command=[8, 12, 8, 4, 2, 1], duration=1.0, step=1e-3))
+    run = aw.simulate(aw.Scenario(arm, command=[8, 12, 8, 4, 2, 1], duration=1.0, solver=aw.Solver(step=1e-3)))
     aw.animate(run, arm, folder / "run.glb")
     data = base64.b64encode((folder / "run.glb").read_bytes()).decode()
     (folder / "page.html").write_text(

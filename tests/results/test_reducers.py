@@ -13,6 +13,7 @@ import armwright as aw
 from armwright.errors import RunError, ScenarioError
 from armwright.results.reducers import REDUCERS
 from physics.arms import arm
+from simulation.fields import scenario_of
 
 PERIOD = 2e-3
 ALL = [name for name in REDUCERS if name != "peak_temperature"]
@@ -22,8 +23,8 @@ def scenario(**fields):
     goal = np.array([0.5, 0.0, -0.2, 0.1, 0.2, 0.3])
     q0 = np.random.default_rng(0).uniform(-0.2, 0.2, (19, 6))
     law = aw.JointPID(kp=[400.0, 900, 300, 150, 30, 20], kd=[40.0, 60, 30, 8, 2, 1], gravity=True)
-    common = {"q0": aw.Batch(q0), "reference": goal, "sample_period": PERIOD, "duration": 1.0, "controller": law}
-    return aw.Scenario(arm("cmu-dd"), **(common | fields))
+    common = {"q0": aw.Batch(q0), "reference": goal, "period": PERIOD, "duration": 1.0, "controller": law}
+    return scenario_of(arm("cmu-dd"), **(common | fields))
 
 
 def recorded(run, band):
@@ -66,12 +67,12 @@ def test_they_are_what_the_recorded_run_says(band):
 
 def test_without_a_record_they_are_the_same():
     whole = aw.simulate(scenario(reduce=ALL))
-    alone = aw.simulate(scenario(reduce=ALL, record="none"))
+    alone = aw.simulate(scenario(reduce=ALL, what="none"))
     assert "time" not in alone.coords
     assert set(alone.data_vars) == {*ALL, "diverged_at"}
     for name in ALL:
         np.testing.assert_array_equal(alone[name].values, whole[name].values)
-    single = aw.simulate(scenario(reduce=ALL, record="none", q0=scenario().q0.values[3]))
+    single = aw.simulate(scenario(reduce=ALL, what="none", q0=scenario().start.q.values[3]))
     np.testing.assert_allclose(single.rms_error.values, whole.rms_error.values[3], rtol=1e-12)
     assert single.rms_error.dims == ("joint",)
     assert single.rms_error.attrs["units"] == "rad"
@@ -83,10 +84,10 @@ def test_commands_over_time_are_followed_too():
     rows = aw.Schedule(
         np.array([0.0, 0.1, 0.3505]), np.random.default_rng(1).uniform(-4, 4, (3, 6)), tuple(base.arm.names)
     )
-    common = {"controller": None, "schedule": rows, "sample_period": None, "step": PERIOD, "reduce": ALL, "q0": base.q0}
+    common = {"controller": None, "command": rows, "period": None, "step": PERIOD, "reduce": ALL, "q0": base.start.q}
     for reference in (base.reference, None):
         run = aw.simulate(scenario(**common, reference=reference))
-        goal = base.q0.values if reference is None else np.broadcast_to(reference, base.q0.values.shape)
+        goal = base.start.q.values if reference is None else np.broadcast_to(reference, base.start.q.values.shape)
         told = run.assign(q_reference=run.q * 0 + goal[:, None, :])
         with np.errstate(divide="ignore", invalid="ignore"):
             expected = recorded(told, 0.02)
@@ -96,7 +97,7 @@ def test_commands_over_time_are_followed_too():
                 np.where(moves, expected[name], np.nan) if name in ("settling_time", "overshoot") else expected[name]
             )
             np.testing.assert_allclose(run[name].values, wanted, rtol=1e-12, atol=1e-12, err_msg=name)
-        alone = aw.simulate(scenario(**common, reference=reference, record="none"))
+        alone = aw.simulate(scenario(**common, reference=reference, what="none"))
         for name in ALL:
             np.testing.assert_array_equal(alone[name].values, run[name].values)
     plain = aw.simulate(scenario(**common | {"reduce": ()}, reference=None))
@@ -110,7 +111,7 @@ def test_a_lane_is_followed_from_where_it_began():
     np.testing.assert_array_equal(many.q_reference.values[:, -1], many.q.values[:, 0])
     for lane in (0, 3):
         one = aw.simulate(
-            scenario(controller=law, reference=None, reduce=["peak_error"], q0=scenario().q0.values[lane])
+            scenario(controller=law, reference=None, reduce=["peak_error"], q0=scenario().start.q.values[lane])
         )
         np.testing.assert_array_equal(one.q.values, many.q.values[lane])
         np.testing.assert_array_equal(one.peak_error.values, many.peak_error.values[lane])
@@ -119,7 +120,7 @@ def test_a_lane_is_followed_from_where_it_began():
 def test_without_a_record_they_go_into_files(tmp_path):
     from armwright.results.plot import plot
 
-    run = aw.simulate(scenario(reduce=["rms_error", "peak_voltage"], record="none", duration=0.1))
+    run = aw.simulate(scenario(reduce=["rms_error", "peak_voltage"], what="none", duration=0.1))
     aw.save(run, tmp_path / "run.nc")
     assert aw.load_run(tmp_path / "run.nc").rms_error.equals(run.rms_error)
     aw.save(run, tmp_path / "run.csv")
@@ -135,8 +136,8 @@ def test_the_highest_temperature_is_that_of_the_record():
     law = aw.JointPID(kp=aw.Batch([80.0, 120.0]), kd=8.0, gravity=True)
     run = aw.simulate(
         aw.Scenario(
-            model, controller=law, reference=aw.Sine([0.0], [0.6], 2.0), sample_period=PERIOD, duration=2.0,
-            reduce=["peak_temperature", "energy"],
+            model, duration=2.0, loop=aw.Loop(controller=law, reference=aw.Sine([0.0], [0.6], 2.0), period=PERIOD),
+            recording=aw.Recording(reduce=["peak_temperature", "energy"]),
         )
     )  # fmt: skip
     np.testing.assert_array_equal(run.peak_temperature.values, run.winding_temperature.values.max(axis=1))
@@ -152,7 +153,7 @@ def test_where_the_controller_runs_in_python_they_are_the_same():
     traced = aw.simulate(
         scenario(controller=lambda t, r, y: 100.0 * (r.q - y.q) - 10.0 * y.qd, reduce=ALL, duration=0.1)
     )
-    called = aw.simulate(scenario(controller=law, reduce=ALL, record="none", duration=0.1))
+    called = aw.simulate(scenario(controller=law, reduce=ALL, what="none", duration=0.1))
     assert called.attrs["controller"].startswith("called in Python")
     for name in ALL:
         np.testing.assert_allclose(called[name].values, traced[name].values, rtol=1e-9, atol=1e-12, err_msg=name)
@@ -163,8 +164,8 @@ def test_a_lane_that_diverges_is_followed_until_then():
     law = aw.ComputedTorque(kp=gains, kd=gains)
     run = aw.simulate(
         aw.Scenario(
-            arm("two-link"), controller=law, reference=[0.5, 0.5], sample_period=1e-2, duration=2.0,
-            reduce=["rms_error", "peak_error", "settling_time"],
+            arm("two-link"), duration=2.0, loop=aw.Loop(controller=law, reference=[0.5, 0.5], period=1e-2),
+            recording=aw.Recording(reduce=["rms_error", "peak_error", "settling_time"]),
         )
     )  # fmt: skip
     assert np.isnan(run.diverged_at.values[0])
@@ -182,8 +183,8 @@ def test_a_lane_that_diverges_is_followed_until_then():
         ({"reduce": "rms_error"}, "expected a list of names"),
         ({"reduce": ["settling_time:band=2"]}, "expected a band between 0 and 1"),
         ({"reduce": ["overshoot:band=0.1"]}, "unknown"),
-        ({"record": "none"}, "record = 'none' leaves nothing; expected reduce"),
-        ({"controller": None, "command": np.zeros(6)}, "a reference goes with a controller or with reduce"),
+        ({"what": "none"}, r"recording\.what = 'none'"),
+        ({"controller": None, "command": np.zeros(6)}, r"recording\.reference: goes with recording\.reduce"),
         ({"reduce": ["peak_temperature"]}, "tells no joint's winding temperature"),
     ],
 )  # fmt: skip
@@ -200,8 +201,9 @@ lanes = int(sys.argv[1])
 arm = aw.load("two-link")
 gains = aw.Batch(np.linspace(50.0, 150.0, lanes))
 law = aw.JointPID(kp=gains, kd=20.0, gravity=True)
-run = aw.simulate(aw.Scenario(arm, controller=law, reference=[0.3, 0.2], sample_period=2e-3, duration=0.02,
-                              timing=aw.Timing("one-tick"), record="none", reduce=["rms_error", "overshoot"]))
+loop = aw.Loop(law, [0.3, 0.2], 2e-3, timing=aw.Timing("one-tick"))
+recording = aw.Recording(what="none", reduce=["rms_error", "overshoot"])
+run = aw.simulate(aw.Scenario(arm, 0.02, loop=loop, recording=recording))
 assert run.rms_error.shape == (lanes, 2) and np.isfinite(run.rms_error.values).all()
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """

@@ -16,12 +16,12 @@ from armwright.simulation.inputs.acting import rows_of
 HEAD = """
 robot = "cmu-dd"
 duration_s = 0.05
-sample_period_s = 1e-3
+solver.step_s = 1e-3
 """
-DRIVEN = HEAD + "[drive]\ncommand = [4, -3, 2, 1, 0.5, 0.25]\n"
+DRIVEN = HEAD + "[commands]\nconstant = [4, -3, 2, 1, 0.5, 0.25]\n"
 PID = HEAD + (
-    '[controller]\nkind = "joint_pid"\nkp = [400, 900, 300, 150, 30, 20]\nkd = [40, 90, 30, 12, 3, 2]\n'
-    '[reference]\nkind = "expression"\nq = { joint2 = "0.2*sin(3*t)", joint4 = "10 deg" }\n'
+    '[loop.controller]\nkind = "joint_pid"\nkp = [400, 900, 300, 150, 30, 20]\nkd = [40, 90, 30, 12, 3, 2]\n'
+    '[loop.reference]\nkind = "expression"\nq = { joint2 = "0.2*sin(3*t)", joint4 = "10 deg" }\n'
 )
 
 
@@ -32,10 +32,12 @@ def scenario(folder, text):
 
 
 def test_a_driven_arm_is_that_of_python(tmp_path):
-    run = aw.simulate(scenario(tmp_path, DRIVEN + "[initial]\nq = { joint2 = 0.3 }\n"))
+    run = aw.simulate(scenario(tmp_path, DRIVEN + "[start]\nq = { joint2 = 0.3 }\n"))
     arm = aw.load("cmu-dd")
     command = [4, -3, 2, 1, 0.5, 0.25]
-    same = aw.simulate(aw.Scenario(arm, command=command, q0=[0, 0.3, 0, 0, 0, 0], duration=0.05, step=1e-3))
+    same = aw.simulate(
+        aw.Scenario(arm, command=command, duration=0.05, start=[0, 0.3, 0, 0, 0, 0], solver=aw.Solver(step=1e-3))
+    )
     np.testing.assert_array_equal(run.q, same.q)
 
 
@@ -47,10 +49,10 @@ def test_schedules_and_robots_lie_beside_the_file(tmp_path):
     (tmp_path / "volts.csv").write_text(
         "t,1,2,3,4,5,6\n".replace("1,2,3,4,5,6", ",".join(arm.names)) + "0,1,2,3,0,0,0\n0.02,0,0,0,1,1,1\n"
     )
-    text = HEAD.replace("cmu-dd", "mine.toml") + '[drive]\nschedule = "volts.csv"\n'
+    text = HEAD.replace("cmu-dd", "mine.toml") + '[commands]\nschedule = "volts.csv"\n'
     run = aw.simulate(scenario(tmp_path, text))
     rows = aw.Schedule(np.array([0.0, 0.02]), np.array([[1.0, 2, 3, 0, 0, 0], [0, 0, 0, 1, 1, 1]]), tuple(arm.names))
-    same = aw.simulate(aw.Scenario(arm, schedule=rows, duration=0.05))
+    same = aw.simulate(aw.Scenario(arm, command=rows, duration=0.05))
     np.testing.assert_array_equal(run.q, same.q)
     aw.save(run, tmp_path / "run.nc")
     for name in ("volts.csv", "mine.toml", "one.scenario.toml"):
@@ -59,34 +61,39 @@ def test_schedules_and_robots_lie_beside_the_file(tmp_path):
 
 
 def test_a_controlled_arm_and_its_lanes(tmp_path):
-    lanes = '[lanes]\nkind = "grid"\n[lanes.vary]\n"timing.command_delay_s" = { values = [0, 1.5e-3] }\n'
-    lanes += '"link6.mass_kg" = { start = 1.0, stop = 2.0, count = 2 }\n"controller.kp[1]" = { values = [500, 900] }\n'
+    lanes = '[lanes]\nkind = "grid"\n[lanes.vary]\n"loop.timing.command_delay_s" = { values = [0, 1.5e-3] }\n'
+    lanes += (
+        '"link6.mass_kg" = { start = 1.0, stop = 2.0, count = 2 }\n"loop.controller.kp[1]" = { values = [500, 900] }\n'
+    )
     many = aw.simulate(scenario(tmp_path, PID + lanes))
     assert many.sizes["lane"] == 8
     assert many.attrs["controller"] == "compiled"
     text = PID.replace("kp = [400, 900,", "kp = [400, 500,")
-    text += "[timing]\ncommand_delay_s = 1.5e-3\n"
-    one = aw.simulate(scenario(tmp_path, text.replace("[controller]", "[values]\n'link6.mass_kg' = 2.0\n[controller]")))
+    text += "[loop.timing]\ncommand_delay_s = 1.5e-3\n"
+    one = aw.simulate(
+        scenario(tmp_path, text.replace("[loop.controller]", "[values]\n'link6.mass_kg' = 2.0\n[loop.controller]"))
+    )
     np.testing.assert_allclose(many.q.values[6], one.q.values, atol=1e-10)
 
 
 def test_draws_depend_on_the_seed_and_on_nothing_else(tmp_path):
     drawn = (
-        PID + '[lanes]\nkind = "draws"\ncount = 5\nseed = 7\n[lanes.vary]\n"initial.q[1]" = { normal = [0.1, 0.02] }\n'
+        PID + '[lanes]\nkind = "draws"\ncount = 5\nseed = 7\n[lanes.vary]\n"start.q[1]" = { normal = [0.1, 0.02] }\n'
     )
     first = scenario(tmp_path, drawn)
-    more = scenario(tmp_path, drawn + '"controller.kp[0]" = { uniform = [300, 500] }\n')
-    q0 = first.q0.values
-    np.testing.assert_array_equal(q0, more.q0.values)
+    more = scenario(tmp_path, drawn + '"loop.controller.kp[0]" = { uniform = [300, 500] }\n')
+    q0 = first.start.q.values
+    np.testing.assert_array_equal(q0, more.start.q.values)
     other = scenario(tmp_path, drawn.replace("seed = 7", "seed = 8"))
-    assert not np.array_equal(q0, other.q0.values)
+    assert not np.array_equal(q0, other.start.q.values)
     assert np.abs(q0[:, 1] - 0.1).max() < 0.1
     assert np.all(q0[:, [0, 2, 3, 4, 5]] == 0.0)
 
 
 def test_noise_and_losses_come_again(tmp_path):
-    noisy = PID.replace("[controller]", "seed = 5\n[controller]").replace(
-        "[controller]", "[sensors]\nposition_noise = 1e-4\n[timing]\njitter_s = 5e-4\ncommand_loss = 0.1\n[controller]"
+    noisy = PID.replace("[loop.controller]", "seed = 5\n[loop.controller]").replace(
+        "[loop.controller]",
+        "[loop.sensors]\nposition_noise = 1e-4\n[loop.timing]\njitter_s = 5e-4\ncommand_loss = 0.1\n[loop.controller]",
     )
     run = aw.simulate(scenario(tmp_path, noisy))
     aw.save(run, tmp_path / "run.nc")
@@ -118,30 +125,42 @@ def test_a_run_of_python_keeps_no_scenario(tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (HEAD, r"expected either \[drive\] or \[controller\]"),
+        (HEAD, r"expected either \[commands\] or \[loop\]"),
         (DRIVEN + "speed = 3\n", "drive speed: unknown key|unknown key"),
         (DRIVEN.replace("cmu-dd", "cmu-ddd"), "no robot 'cmu-ddd'"),
-        (DRIVEN.replace("duration_s = 0.05", "duration_s = 0.0505"), "no whole number of steps"),
-        (DRIVEN.replace("0.05\n", "0.05\nsubsteps = 0\n"), "substeps = 0"),
-        (DRIVEN.replace("[4, -3,", "[4,"), r"drive.command holds 5 numbers, expected 6"),
-        (DRIVEN + "[initial]\nq = { joint9 = 1 }\n", "no joint 'joint9'"),
+        (
+            DRIVEN.replace("duration_s = 0.05", "duration_s = 0.0505"),
+            r"duration = 0\.0505",
+        ),
+        (DRIVEN.replace("0.05\n", "0.05\nsolver.substeps = 0\n"), "solver.substeps = 0"),
+        (DRIVEN.replace("[4, -3,", "[4,"), r"commands\.constant = \[4\.0, 2\.0, 1\.0, 0\.5, 0\.25\]"),
+        (DRIVEN + "[start]\nq = { joint9 = 1 }\n", r"start\.q = 'joint9': no joint of the arm"),
         (PID.replace("joint_pid", "joint_pidd"), "kind = 'joint_pidd': unknown; did you mean joint_pid"),
-        (PID.replace("kd =", "kdd ="), "joint_pid has no 'kdd'; did you mean kd"),
+        (PID.replace("kd =", "kdd ="), r"loop\.controller = 'kdd': no key of a joint_pid"),
         (PID.replace("[400, 900, 300, 150, 30, 20]", "[400, 900]"), "kp"),
         (PID.replace("sin(3*t)", "sinn(3*t)"), "unknown function 'sinn'"),
-        (PID.replace("joint4 =", "joint7 ="), "no joint 'joint7'"),
-        (PID + "[timing]\npreset = 'onetick'\n", "did you mean one-tick"),
-        (PID + "[timing]\ncommand_delay_s = -1e-3\n", "expected a time of 0 s or more"),
-        (PID + "[sensors]\nvelocity = 'observer'\n", "cutoff_hz"),
+        (PID.replace("joint4 =", "joint7 ="), r"loop\.reference\.q = 'joint7': no joint of the arm"),
+        (PID + "[loop.timing]\npreset = 'onetick'\n", "did you mean one-tick"),
+        (PID + "[loop.timing]\ncommand_delay_s = -1e-3\n", "expected a time of 0 s or more"),
+        (PID + "[loop.sensors]\nvelocity = 'observer'\n", "cutoff_hz"),
         (PID + "[lanes]\nkind = 'grid'\n[lanes.vary]\n'link6.mass' = { values = [1] }\n", "no parameter 'link6.mass'"),
-        (PID + "[lanes]\nkind = 'grid'\n[lanes.vary]\n'controller.kx' = { values = [1] }\n", "no 'controller.kx'"),
-        (PID + "[lanes]\nkind = 'grid'\n[lanes.vary]\n'sensors.counts' = { values = [1] }\n", "cannot differ by lane"),
         (
-            PID + "[lanes]\nkind = 'list'\n[lanes.vary]\n'controller.kp[0]' = { normal = [1, 1] }\n",
+            PID + "[lanes]\nkind = 'grid'\n[lanes.vary]\n'loop.controller.kx' = { values = [1] }\n",
+            r"did you mean loop.controller.kp",
+        ),
+        (
+            PID + "[lanes]\nkind = 'grid'\n[lanes.vary]\n'loop.sensors.counts' = { values = [1] }\n",
+            "cannot differ by lane",
+        ),
+        (
+            PID + "[lanes]\nkind = 'list'\n[lanes.vary]\n'loop.controller.kp[0]' = { normal = [1, 1] }\n",
             "expected kind = 'draws'",
         ),
-        (PID + "[lanes]\nkind = 'draws'\n[lanes.vary]\n'controller.kp[0]' = { normal = [1, 1] }\n", "count and seed"),
-        (HEAD.replace("0.05", "nan") + "[drive]\ncommand = 1\n", "expected a finite number"),
+        (
+            PID + "[lanes]\nkind = 'draws'\n[lanes.vary]\n'loop.controller.kp[0]' = { normal = [1, 1] }\n",
+            "count and seed",
+        ),
+        (HEAD.replace("0.05", "nan") + "[commands]\nconstant = 1\n", "expected a finite number"),
         ("robot = [", "not TOML"),
     ],
 )
@@ -156,7 +175,9 @@ def test_what_cannot_be_run_is_refused_in_one_line(tmp_path, text, said):
 @given(data=st.data())
 def test_any_file_is_a_scenario_or_refused(tmp_path, data):
     """Lines of a good file, some of them spoilt."""
-    lines = [line for line in (PID + "[timing]\npreset = 'one-tick'\n[lanes]\nkind = 'grid'\n").splitlines() if line]
+    lines = [
+        line for line in (PID + "[loop.timing]\npreset = 'one-tick'\n[lanes]\nkind = 'grid'\n").splitlines() if line
+    ]
     for _ in range(data.draw(st.integers(1, 3))):
         k = data.draw(st.integers(0, len(lines) - 1))
         lines[k] = data.draw(
@@ -176,44 +197,44 @@ def test_any_file_is_a_scenario_or_refused(tmp_path, data):
 def test_a_wrench_is_six_numbers_or_a_table(tmp_path, wrench):
     (tmp_path / "push.csv").write_text("t,fx,fy,fz,mx,my,mz\n0,3,0,-5,0,0,1\n")
     text = (
-        f'robot = "two-link"\nduration_s = 0.1\nsample_period_s = 1e-3\nwrench = {wrench}\n'
-        '[controller]\nkind = "computed_torque"\nkp = 100\nkd = 20\n'
+        f'robot = "two-link"\nduration_s = 0.1\nsolver.step_s = 1e-3\ninputs.wrench = {wrench}\n'
+        '[loop.controller]\nkind = "computed_torque"\nkp = 100\nkd = 20\n'
     )
     (tmp_path / "push.scenario.toml").write_text(text)
     scenario = aw.read_scenario(tmp_path / "push.scenario.toml")
-    np.testing.assert_array_equal(rows_of(scenario.inputs["wrench"]), [[3.0, 0, -5, 0, 0, 1]])
+    np.testing.assert_array_equal(rows_of(scenario.held_inputs["wrench"]), [[3.0, 0, -5, 0, 0, 1]])
 
 
-TWO = 'robot = "two-link"\nduration_s = 0.2\nsample_period_s = 1e-3\n'
+TWO = 'robot = "two-link"\nduration_s = 0.2\nsolver.step_s = 1e-3\n'
 PAYLOAD = """
-[[payload]]
+[[inputs.payload]]
 time_s = 0.0503
 mass_kg = 2.0
 com_m = [0.0, 0.0, 0.1]
 inertia_kg_m2 = { xx = 0.012, xy = 0.001, xz = 0.0, yy = 0.01, yz = 0.0, zz = 0.009 }
-[[payload]]
+[[inputs.payload]]
 time_s = 0.1
 mass_kg = 0.5
 com_m = [0.0, 0.0, 0.1]
 inertia_kg_m2 = [0.01, 0.01, 0.01]
 frame = "forearm"
-[[payload]]
+[[inputs.payload]]
 time_s = 0.15
 mass_kg = 0
 """
 
 
 def test_payloads_are_those_of_python_and_come_again(tmp_path):
-    run = aw.simulate(scenario(tmp_path, TWO + "[drive]\ncommand = [20, 5]\n" + PAYLOAD))
+    run = aw.simulate(scenario(tmp_path, TWO + "[commands]\nconstant = [20, 5]\n" + PAYLOAD))
     tensor = np.array([[0.012, 0.001, 0], [0.001, 0.01, 0], [0, 0, 0.009]])
     told = [
         aw.Payload(0.0503, 2.0, [0, 0, 0.1], tensor),
         aw.Payload(0.1, 0.5, [0, 0, 0.1], [0.01, 0.01, 0.01], "forearm"),
         aw.Payload(0.15, 0.0),
     ]
-    same = aw.simulate(aw.Scenario(aw.load("two-link"), command=[20, 5], payload=told, duration=0.2))
+    same = aw.simulate(aw.Scenario(aw.load("two-link"), command=[20, 5], duration=0.2, inputs=aw.Inputs(payload=told)))
     np.testing.assert_array_equal(run.q, same.q)
-    plain = aw.simulate(scenario(tmp_path, TWO + "[drive]\ncommand = [20, 5]\n"))
+    plain = aw.simulate(scenario(tmp_path, TWO + "[commands]\nconstant = [20, 5]\n"))
     np.testing.assert_allclose(run.q[:51], plain.q[:51], atol=1e-15)
     assert (run.q[-1] != plain.q[-1]).all()
     aw.save(run, tmp_path / "run.nc")
@@ -222,11 +243,11 @@ def test_payloads_are_those_of_python_and_come_again(tmp_path):
 
 def test_what_acts_differs_by_lane(tmp_path):
     lanes = (
-        '[lanes]\nkind = "list"\n[lanes.vary]\n"payload[0].mass_kg" = { values = [1, 2] }\n'
-        '"payload[0].time_s" = { values = [0.03, 0.0503] }\n"payload[0].com_m[2]" = { values = [0.2, 0.1] }\n'
-        '"payload[0].inertia_kg_m2.xy" = { values = [-0.001, 0.001] }\n"wrench[1]" = { values = [7, -5] }\n'
+        '[lanes]\nkind = "list"\n[lanes.vary]\n"inputs.payload[0].mass_kg" = { values = [1, 2] }\n'
+        '"inputs.payload[0].time_s" = { values = [0.03, 0.0503] }\n"inputs.payload[0].com_m[2]" = { values = [0.2, 0.1] }\n'
+        '"inputs.payload[0].inertia_kg_m2.xy" = { values = [-0.001, 0.001] }\n"inputs.wrench[1]" = { values = [7, -5] }\n'
     )
-    text = "wrench = [3, 0, 0, 0, 0, 1]\n" + TWO + "[drive]\ncommand = [20, 5]\n" + PAYLOAD
+    text = "inputs.wrench = [3, 0, 0, 0, 0, 1]\n" + TWO + "[commands]\nconstant = [20, 5]\n" + PAYLOAD
     many = aw.simulate(scenario(tmp_path, text + lanes))
     one = aw.simulate(scenario(tmp_path, text.replace("[3, 0,", "[3, -5,")))
     np.testing.assert_array_equal(many.q[1], one.q)
@@ -234,10 +255,10 @@ def test_what_acts_differs_by_lane(tmp_path):
 
 
 def test_commands_over_time_are_reduced(tmp_path):
-    text = TWO + '[drive]\ncommand = [20, 5]\n[record]\nwhat = "none"\nreduce = ["peak_error", "energy"]\n'
+    text = TWO + '[commands]\nconstant = [20, 5]\n[recording]\nwhat = "none"\nreduce = ["peak_error", "energy"]\n'
     text = text.replace('["peak_error", "energy"]', '["peak_error", "peak_torque"]')
-    run = aw.simulate(scenario(tmp_path, text + '[reference]\nkind = "pose"\nq = [0.1, 0.2]\n'))
-    whole = aw.simulate(scenario(tmp_path, TWO + "[drive]\ncommand = [20, 5]\n"))
+    run = aw.simulate(scenario(tmp_path, text + '[recording.reference]\nkind = "pose"\nq = [0.1, 0.2]\n'))
+    whole = aw.simulate(scenario(tmp_path, TWO + "[commands]\nconstant = [20, 5]\n"))
     np.testing.assert_array_equal(run.peak_error, np.abs(whole.q - [0.1, 0.2]).max("time"))
     np.testing.assert_array_equal(run.peak_torque, np.abs(whole.tau).max("time"))
 
@@ -249,14 +270,18 @@ def braked_file(folder):
     joint = {"command": "voltage", "motor": MOTOR, "brake": BRAKE}
     model = chain([joint, joint, {"command": "voltage", "motor": MOTOR}])
     write_toml(model.description, folder / "braked.toml")
-    return 'robot = "braked.toml"\nduration_s = 0.1\nsample_period_s = 1e-3\n'
+    return 'robot = "braked.toml"\nduration_s = 0.1\nsolver.step_s = 1e-3\n'
 
 
 @pytest.mark.parametrize("brake", ["true", "[1, 1]", "{ joint0 = 1, joint1 = 1 }", '"brake.csv"'])
 def test_brakes_are_applied_as_in_python(tmp_path, brake):
     (tmp_path / "brake.csv").write_text("t,joint1,joint0\n0,1,1\n")
-    run = aw.simulate(scenario(tmp_path, f"brake = {brake}\n" + braked_file(tmp_path) + "[drive]\ncommand = 0\n"))
-    same = aw.simulate(aw.Scenario(aw.load(tmp_path / "braked.toml"), command=np.zeros(3), brake=1, duration=0.1))
+    run = aw.simulate(
+        scenario(tmp_path, f"inputs.brake = {brake}\n" + braked_file(tmp_path) + "[commands]\nconstant = 0\n")
+    )
+    same = aw.simulate(
+        aw.Scenario(aw.load(tmp_path / "braked.toml"), command=np.zeros(3), duration=0.1, inputs=aw.Inputs(brake=1))
+    )
     np.testing.assert_array_equal(run.q, same.q)
     aw.save(run, tmp_path / "run.nc")
     assert aw.reproduce(tmp_path / "run.nc").same
@@ -265,30 +290,36 @@ def test_brakes_are_applied_as_in_python(tmp_path, brake):
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        (PAYLOAD.replace("mass_kg = 2.0", "mass_kg = -2"), r"payload\[0\].mass = -2 kg: expected 0 or more"),
-        (PAYLOAD.replace("xx = 0.012", "xx = 0.12"), r"payload\[0\].inertia: principal moments"),
-        (PAYLOAD.replace("[0.01, 0.01, 0.01]", "[0.01, 0.01]"), r"expected 3 numbers, not 2: moments about x, y and z"),
-        (PAYLOAD.replace("xz = 0.0, ", ""), r"payload\[0\].inertia_kg_m2.xz: missing"),
-        (PAYLOAD.replace("mass_kg = 0\n", "mas_kg = 0\n"), "unknown key; did you mean mass_kg"),
-        (PAYLOAD.replace("0.15", "0.01"), r"payload\[2\].time = 0.01 s: expected one after payload\[0\]'s 0.0503 s"),
-        (PAYLOAD.replace("forearm", "forarm"), "no frame 'forarm'; did you mean forearm"),
-        ("wrench = [1, 2]\n", "wrench = .*: expected 6 numbers, not 2: fx, fy, fz in N"),
-        ("brake = 1\n", "no joint of two-link has a brake in its record"),
-        ("[timing]\npreset = 'one-tick'\n", "timing goes with a controller"),
-        ("[initial]\ncommand = 1\n", "initial_command goes with a controller"),
-        ("[reference]\nkind = 'pose'\nq = 1\n", r"\[reference\] goes with a \[controller\], or with reduce"),
+        (PAYLOAD.replace("mass_kg = 2.0", "mass_kg = -2"), r"payload\[0\]\.mass = -2 kg: expected 0 or more"),
         (
-            "[lanes]\nkind='list'\n[lanes.vary]\n'payload[0].mass_kg' = {values=[1]}\n",
-            r"the file has 0 \[\[payload\]\]",
+            PAYLOAD.replace("xx = 0.012", "xx = 0.12"),
+            r"payload\[0\]\.inertia: principal moments",
         ),
-        (PAYLOAD + "[lanes]\nkind='list'\n[lanes.vary]\n'payload[0].mass' = {values=[1]}\n", "did you mean mass_kg"),
-        ("[lanes]\nkind='list'\n[lanes.vary]\n'wrench[0]' = {values=[1]}\n", "beside six numbers of wrench"),
+        (PAYLOAD.replace("[0.01, 0.01, 0.01]", "[0.01, 0.01]"), r"expected 3 numbers, not 2: moments about x, y and z"),
+        (PAYLOAD.replace("xz = 0.0, ", ""), r"inputs.payload\[0\].inertia_kg_m2.xz: missing"),
+        (PAYLOAD.replace("mass_kg = 0\n", "mas_kg = 0\n"), "unknown key; did you mean mass_kg"),
+        (PAYLOAD.replace("0.15", "0.01"), r"payload\[2\]\.time = 0\.01 s: expected one after payload\[0\]'s 0\.0503 s"),
+        (PAYLOAD.replace("forearm", "forarm"), "no frame 'forarm'; did you mean forearm"),
+        ("inputs.wrench = [1, 2]\n", "inputs.wrench = .*: expected 6 numbers, not 2: fx, fy, fz in N"),
+        ("inputs.brake = 1\n", "no joint of two-link has a brake in its record"),
+        ("[loop.timing]\npreset = 'one-tick'\n", "loop.controller: missing"),
+        ("[start]\ncommand = 1\n", "start.command = 1: unknown key"),
+        ("[recording.reference]\nkind = 'pose'\nq = 1\n", "recording.reference: goes with recording.reduce"),
+        (
+            "[lanes]\nkind='list'\n[lanes.vary]\n'inputs.payload[0].mass_kg' = {values=[1]}\n",
+            r"lanes = 'inputs\.payload\[0\]\.mass_kg': expected one of the 0 \[\[inputs\.payload\]\], c",
+        ),
+        (
+            PAYLOAD + "[lanes]\nkind='list'\n[lanes.vary]\n'inputs.payload[0].mass' = {values=[1]}\n",
+            "did you mean mass_kg",
+        ),
+        ("[lanes]\nkind='list'\n[lanes.vary]\n'inputs.wrench[0]' = {values=[1]}\n", "beside six numbers of wrench"),
         ("[lanes]\nkind='draws'\ncount=1\nseed=1\n[lanes.vary]\n'a' = {normal=[1]}\n", "expected 2 numbers, not 1"),
     ],
 )
 def test_what_cannot_act_is_refused_in_one_line(tmp_path, more, said):
-    flat = more.startswith(("wrench", "brake"))
-    text = (more if flat else "") + TWO + "[drive]\ncommand = [20, 5]\n" + ("" if flat else more)
+    flat = more.startswith("inputs")
+    text = (more if flat else "") + TWO + "[commands]\nconstant = [20, 5]\n" + ("" if flat else more)
     with pytest.raises(ArmwrightError, match=said) as refused:
         scenario(tmp_path, text)
     assert "\n" not in str(refused.value)

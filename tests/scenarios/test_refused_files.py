@@ -11,13 +11,13 @@ from armwright.errors import ArmwrightError
 BASE = """
 robot = "two-link"
 duration_s = 0.02
-sample_period_s = 1e-3
-[controller]
+solver.step_s = 1e-3
+[loop.controller]
 kind = "computed_torque"
 kp = 100
 kd = 20
 """
-POSE = '[reference]\nkind = "pose"\nq = [0.5, 0]\n'
+POSE = '[loop.reference]\nkind = "pose"\nq = [0.5, 0]\n'
 DRAWS = '[lanes]\nkind = "draws"\ncount = 3\nseed = 1\n[lanes.vary]\n"forearm.mass_kg" = '
 LIST = '[lanes]\nkind = "list"\n[lanes.vary]\n'
 GRID = '[lanes]\nkind = "grid"\n[lanes.vary]\n'
@@ -42,40 +42,43 @@ def read(folder, text):
             BASE + DRAWS.replace("seed = 1", "seed = 18446744073709551616") + "{ normal = [1, 0] }\n",
             "lanes: seed = 1844.*: expected",
         ),
-        (BASE + LIST + '"controller.kp[2]" = { values = [1] }\n', r"expected controller.kp\[0\] … controller.kp\[1\]"),
-        (BASE + LIST + '"forearm.com_m" = { values = [1, 2] }\n', r"is 3 numbers; expected one, such as forearm.com_m"),
-        (BASE + LIST + '"controller.kp" = { values = [] }\n', "expected 1 or more, not 0"),
+        (BASE + LIST + '"loop.controller.kp[2]" = { values = [1] }\n', r"expected loop.controller.kp\[0\] …"),
+        (BASE + LIST + '"forearm.com_m" = { values = [1, 2] }\n', r"lanes = 'forearm\.com_m': 3 numbers"),
+        (BASE + LIST + '"loop.controller.kp" = { values = [] }\n', "expected 1 or more, not 0"),
         (BASE + '[lanes]\nkind = "list"\n', "lanes.vary: missing; expected a table, by name$"),
         (
-            BASE + GRID + f'"controller.kp" = {LONG}"controller.kd" = {LONG}',
+            BASE + GRID + f'"loop.controller.kp" = {LONG}"loop.controller.kd" = {LONG}',
             "a grid of 1e[+]10 lanes; expected at most",
         ),
-        ("wrench = [1, 2]\n" + BASE, "expected 6 numbers, not 2: fx, fy, fz in N, mx, my, mz in N m$"),
+        ("inputs.wrench = [1, 2]\n" + BASE, "expected 6 numbers, not 2: fx, fy, fz in N, mx, my, mz in N m$"),
         (BASE + POSE.replace("[0.5, 0]", '"a"'), "reference.q = 'a': expected a number, or one for each joint"),
         (BASE + POSE.replace("[0.5, 0]", "true"), "reference.q = True: expected a number"),
         (
-            BASE + '[reference]\nkind = "quintic"\ngoal = ["a", 0]\nduration = 1\n',
+            BASE + '[loop.reference]\nkind = "quintic"\ngoal = ["a", 0]\nduration = 1\n',
             r"reference.goal = \['a', 0\]: expected",
         ),
-        (BASE + '[reference]\nkind = "schedule"\nfile = 5\n', "file = 5: expected the name of a CSV file"),
-        (BASE + '[reference]\nkind = "expression"\nq = ["9**9**9**9", "0"]\n', "beyond the finite numbers"),
-        (BASE + "[sensors]\ncounts = [1, 2, 3]\n", "counts = .* holds 3; expected one number, or 2"),
-        (BASE + '[sensors]\ncounts = "a"\n', "sensors.counts = 'a': expected a finite number$"),
-        (BASE + '[initial]\nq = "30deg"\n', "initial.q = '30deg': expected a finite number$"),
-        (BASE + "[initial]\nq = true\n", "initial.q = True: expected a finite number$"),
-        (BASE + '[initial]\nq = [0, "a"]\n', r"initial.q\[1\] = 'a': expected a finite number$"),
+        (BASE + '[loop.reference]\nkind = "schedule"\nfile = 5\n', "file = 5: expected the name of a CSV file"),
+        (BASE + '[loop.reference]\nkind = "expression"\nq = ["9**9**9**9", "0"]\n', "beyond the finite numbers"),
+        (BASE + "[loop.sensors]\ncounts = [1, 2, 3]\n", r"sensors\.counts = \[1\.0, 2\.0, 3\.0\]"),
+        (BASE + '[loop.sensors]\ncounts = "a"\n', "loop.sensors.counts = 'a': expected a finite number$"),
+        (BASE + '[start]\nq = "30deg"\n', "start.q = '30deg': expected a finite number$"),
+        (BASE + "[start]\nq = true\n", "start.q = True: expected a finite number$"),
+        (BASE + '[start]\nq = [0, "a"]\n', r"start.q\[1\] = 'a': expected a finite number$"),
         (BASE.replace("0.02", '"1"'), "duration_s = '1': expected a finite number$"),
         (BASE.replace("0.02", "true"), "duration_s = True: expected a finite number$"),
-        ('substeps = "2"\n' + BASE, "substeps = '2': expected a whole number$"),
-        ("substeps = 'a'\nseed = 'b'\n" + BASE, r"substeps = 'a': expected a whole number \(and 1 more\)$"),
-        (BASE + "period = 5.0\n", "computed_torque has no 'period'"),
-        (BASE + 'model = "puma560"\n', "computed_torque has no 'model'"),
-        (BASE.replace("kp = 100", "kp = [[1, 1], [2, 2]]"), r"controller.kp = .*: expected a number, or one for each"),
+        ('solver.substeps = "2"\n' + BASE, "solver.substeps = '2': expected a whole number$"),
+        ("solver.substeps = 'a'\nseed = 'b'\n" + BASE, r"seed = 'b': expected a whole number \(and 1 more\)$"),
+        (BASE + "period = 5.0\n", r"loop\.controller = 'period': no key of a computed_torque"),
+        (BASE + 'model = "puma560"\n', r"loop\.controller = 'model': no key of a computed_torque"),
+        (
+            BASE.replace("kp = 100", "kp = [[1, 1], [2, 2]]"),
+            r"loop.controller.kp = .*: expected a number, or one for each",
+        ),
         (
             BASE + '[values]\n"forearm.mass_kg" = [1, 2]\n',
             r"expected one number; what differs by lane goes into \[lanes",
         ),
-        (BASE + "[faults]\nx = 1\n", r"faults: no table of its own; \[timing\] has delays, jitter, losses"),
+        (BASE + "[faults]\nx = 1\n", r"faults: no table of its own; \[loop.timing\] has delays, jitter, losses"),
     ],
 )
 def test_a_mistake_is_told_in_one_line(tmp_path, text, said):
@@ -90,9 +93,9 @@ def test_one_joint_is_no_range(tmp_path):
 
     write_toml(chain([{"command": "voltage", "motor": MOTOR}]).description, tmp_path / "one.toml")
     text = (
-        'robot = "one.toml"\nduration_s = 0.02\n[drive]\ncommand = 0\n' + LIST + '"initial.q[1]" = { values = [1] }\n'
+        'robot = "one.toml"\nduration_s = 0.02\n[commands]\nconstant = 0\n' + LIST + '"start.q[1]" = { values = [1] }\n'
     )
-    with pytest.raises(ArmwrightError, match=r"expected initial.q\[0\], or the same of initial.qd$"):
+    with pytest.raises(ArmwrightError, match=r"lanes = 'start\.q\[1\]': expected start\.q\[0\]"):
         read(tmp_path, text)
 
 
@@ -100,7 +103,7 @@ def test_what_goes_wrong_in_a_run_names_the_file(tmp_path):
     from armwright.cli.simulate import simulate
 
     path = tmp_path / "one.scenario.toml"
-    path.write_text(BASE + '[reference]\nkind = "expression"\nq = ["log(-1)", "0"]\n')
+    path.write_text(BASE + '[loop.reference]\nkind = "expression"\nq = ["log(-1)", "0"]\n')
     with pytest.raises(ArmwrightError) as refused:
         simulate(str(path))
     assert str(refused.value).startswith(f"{path}: reference: ")
@@ -110,8 +113,8 @@ def test_what_goes_wrong_in_a_run_names_the_file(tmp_path):
 def test_joints_that_a_table_leaves_out_have_no_limit(tmp_path, name):
     first = aw.load("two-link").names[0]
     free = aw.simulate(read(tmp_path, BASE + POSE))
-    other = aw.simulate(read(tmp_path, BASE + POSE + f"[shaping]\n{name} = {{ {first} = 1e6 }}\n"))
-    held = aw.simulate(read(tmp_path, BASE + POSE + f"[shaping]\n{name} = {{ {first} = 1 }}\n"))
+    other = aw.simulate(read(tmp_path, BASE + POSE + f"[loop.command_filter]\n{name} = {{ {first} = 1e6 }}\n"))
+    held = aw.simulate(read(tmp_path, BASE + POSE + f"[loop.command_filter]\n{name} = {{ {first} = 1 }}\n"))
     if name == "limit":
         np.testing.assert_array_equal(free.u_issued, other.u_issued)
         assert np.abs(held.u_issued[:, 0]).max() <= 1.0

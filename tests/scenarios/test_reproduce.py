@@ -12,8 +12,8 @@ import pytest
 import armwright as aw
 from armwright.errors import Interrupted, RunError
 
-TEXT = 'robot = "two-link"\nduration_s = 0.02\nsample_period_s = 1e-3\n'
-DRIVEN = TEXT + "[drive]\ncommand = [20, 5]\n"
+TEXT = 'robot = "two-link"\nduration_s = 0.02\nsolver.step_s = 1e-3\n'
+DRIVEN = TEXT + "[commands]\nconstant = [20, 5]\n"
 
 
 def saved(folder, run):
@@ -55,7 +55,7 @@ def test_what_a_run_was_made_with_must_be_readable(tmp_path):
 def test_nothing_is_left_behind(tmp_path, monkeypatch):
     names = ",".join(aw.load("two-link").names)
     (tmp_path / "u.csv").write_text(f"t,{names}\n0,20,5\n0.01,0,0\n")
-    path = saved(tmp_path, aw.simulate(scenario(tmp_path, TEXT + '[drive]\nschedule = "u.csv"\n')))
+    path = saved(tmp_path, aw.simulate(scenario(tmp_path, TEXT + '[commands]\nschedule = "u.csv"\n')))
     (tmp_path / "temporary").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
     assert aw.reproduce(path).same
@@ -66,7 +66,7 @@ def test_nothing_is_left_behind(tmp_path, monkeypatch):
 def test_of_a_stopped_run_what_there_is_comes_again(tmp_path, lanes):
     text = DRIVEN.replace("duration_s = 0.02", "duration_s = 0.5")
     if lanes > 1:
-        text += '[lanes]\nkind = "grid"\n[lanes.vary]\n"initial.q[0]" = { start = 0, stop = 1, count = 2000 }\n'
+        text += '[lanes]\nkind = "grid"\n[lanes.vary]\n"start.q[0]" = { start = 0, stop = 1, count = 2000 }\n'
 
     def stop(done, of):
         if (0.5 * of if lanes > 1 else 0) < done < of:

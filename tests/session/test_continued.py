@@ -194,7 +194,9 @@ def test_a_joined_run_is_a_start_in_python(robot, tmp_path, monkeypatch):
     for line in ("simulate new steps=20", "TimeStep = 0.25 ms", "simulate continue steps=20", "save-simulation run.nc"):
         session.run(line)
     run = aw.load_run("run.nc")
-    after = aw.simulate(aw.Scenario(session.state.arm, command=session.state.u, step=2.5e-4, duration=5e-3, start=run))
+    after = aw.simulate(
+        aw.Scenario(session.state.arm, command=session.state.u, duration=5e-3, start=run, solver=aw.Solver(step=2.5e-4))
+    )
     session.run("simulate continue steps=20")
     for name in STATES | {"q", "qd"}:
         np.testing.assert_array_equal(after[name], session.state.run[name][-21:], err_msg=name)

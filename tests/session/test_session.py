@@ -89,7 +89,9 @@ def test_energy_pose_and_jacobian_are_the_functions(session):
 def test_a_simulation_is_the_functions_to_the_bit(session):
     session.run("voltage = 5 4 3 2 1 0")
     session.run("simulate new steps=100")
-    scenario = aw.Scenario(aw.load("cmu-dd"), command=[5, 4, 3, 2, 1, 0], duration=0.1, q0=numbers(Q), qd0=numbers(QD))
+    scenario = aw.Scenario(
+        aw.load("cmu-dd"), command=[5, 4, 3, 2, 1, 0], duration=0.1, start=aw.Start(numbers(Q), numbers(QD))
+    )
     run = aw.simulate(scenario)
     for name in ("q", "qd", "tau", "voltage", "current"):
         assert np.array_equal(session.state.run[name].values, run[name].values), name
@@ -127,7 +129,10 @@ def test_a_controller_follows_dacout(session):
     asked = np.deg2rad([5, 0, 10, 0, 0, 0])
     law = JointPID(kp=300.0, kd=40.0)
     scenario = aw.Scenario(
-        aw.load("cmu-dd"), controller=law, reference=asked, sample_period=0.002, substeps=2, duration=0.1
+        aw.load("cmu-dd"),
+        duration=0.1,
+        loop=aw.Loop(controller=law, reference=asked, period=0.002),
+        solver=aw.Solver(substeps=2),
     )
     assert np.array_equal(session.state.run["q"].values, aw.simulate(scenario)["q"].values)
     assert np.allclose(session.state.run["q_reference"].values, asked, rtol=1e-12)

@@ -23,6 +23,7 @@ from armwright.simulation.integrate.stepping import (
 )
 from armwright.simulation.plant.plant import Plant, plant_derivative
 from physics.arms import arm
+from simulation.fields import scenario_of
 from simulation.plants import ELASTIC, LUGRE, MOTOR
 from simulation.plants import pendulum as pendulum_arm
 from simulation.test_simulation import motor_alone
@@ -63,7 +64,7 @@ def test_a_step_has_order_five_and_its_path_order_four():
 def test_a_run_is_as_good_as_its_tolerance(rtol):
     model, u = arm("two-link"), np.array([90.0, 20.0])
     run = aw.simulate(
-        aw.Scenario(model, duration=0.4, command=u, step=0.1, integrator="rk45", rtol=rtol, atol=rtol / 10, **START)
+        scenario_of(model, duration=0.4, command=u, step=0.1, integrator="rk45", rtol=rtol, atol=rtol / 10, **START)
     )
     exact = solve_ivp(
         lambda t, x: plant_derivative(model, x, u), (0, 0.4), np.ravel([START["q0"], START["qd0"]]), "DOP853",
@@ -75,7 +76,7 @@ def test_a_run_is_as_good_as_its_tolerance(rtol):
 
 def test_tighter_tolerances_take_more_steps():
     tried = [
-        int(aw.simulate(aw.Scenario(arm("two-link"), duration=0.4, command=[90.0, 20.0], step=0.1, integrator="rk45",
+        int(aw.simulate(scenario_of(arm("two-link"), duration=0.4, command=[90.0, 20.0], step=0.1, integrator="rk45",
                                     rtol=rtol, **START)).steps_tried)
         for rtol in (1e-4, 1e-7, 1e-10)
     ]  # fmt: skip
@@ -93,7 +94,7 @@ def test_a_lane_does_not_depend_on_the_others():
 
     def run(order, threads):
         return aw.simulate(
-            aw.Scenario(model, command=aw.Batch(commands[order]), q0=START["q0"], qd0=START["qd0"], **common),
+            scenario_of(model, command=aw.Batch(commands[order]), q0=START["q0"], qd0=START["qd0"], **common),
             threads=threads,
         )
 
@@ -112,8 +113,8 @@ def test_a_lane_does_not_depend_on_the_others():
 
 def test_a_lane_has_the_same_bits_in_narrower_tiles():
     common = {"duration": 0.05, "step": 0.01, "integrator": "rk45", "command": aw.Batch(np.eye(3)[:, :2] * 50), **START}
-    wide = aw.simulate(aw.Scenario(arm("two-link"), **common))
-    narrow = aw.simulate(aw.Scenario(arm("two-link"), **common, target="x86-64-v3"))
+    wide = aw.simulate(scenario_of(arm("two-link"), **common))
+    narrow = aw.simulate(scenario_of(arm("two-link"), **common, target="x86-64-v3"))
     np.testing.assert_array_equal(wide.q.values, narrow.q.values)
     np.testing.assert_array_equal(wide.steps_tried.values, narrow.steps_tried.values)
 
@@ -135,8 +136,10 @@ def test_events_happen_when_closed_forms_say():
         "clock": lambda t, x: scalar.sin(10 * np.pi * (t - 0.05)),
     }
     run = aw.simulate(
-        aw.Scenario(motor_alone(), duration=1.5, step=0.025, command=aw.Batch(volts), integrator="rk45", events=events,
-                    rtol=1e-11, atol=1e-12)
+        aw.Scenario(
+            motor_alone(), duration=1.5, command=aw.Batch(volts),
+            solver=aw.Solver(step=0.025, integrator="rk45", events=events, rtol=1e-11, atol=1e-12),
+        )
     )  # fmt: skip
     assert run.event.values.tolist() == ["a turn", "fast", "clock"]
     for lane, v in enumerate(volts[:2, 0]):
@@ -152,7 +155,9 @@ def test_events_happen_when_closed_forms_say():
 def test_two_events_in_one_step_are_both_noted_in_their_order():
     events = {"late": lambda t, x: t - 0.0171, "early": lambda t, x: t - 0.0111, "same": lambda t, x: 3 * (t - 0.0111)}
     run = aw.simulate(
-        aw.Scenario(motor_alone(), duration=0.1, step=0.1, command=[-1.0], integrator="rk45", events=events)
+        aw.Scenario(
+            motor_alone(), duration=0.1, command=[-1.0], solver=aw.Solver(step=0.1, integrator="rk45", events=events)
+        )
     )
     np.testing.assert_allclose(run.event_time.values, [0.0171, 0.0111, 0.0111], rtol=0, atol=1e-12)
     assert run.event_count.values.tolist() == [1, 1, 1]
@@ -160,8 +165,8 @@ def test_two_events_in_one_step_are_both_noted_in_their_order():
 
 def test_events_do_not_disturb_the_motion():
     common = {"duration": 0.3, "step": 0.05, "command": [90.0, 20.0], "integrator": "rk45", "rtol": 1e-11, **START}
-    plain = aw.simulate(aw.Scenario(arm("two-link"), **common))
-    watched = aw.simulate(aw.Scenario(arm("two-link"), **common, events={"at": lambda t, x: x.q[0] - 0.45}))
+    plain = aw.simulate(scenario_of(arm("two-link"), **common))
+    watched = aw.simulate(scenario_of(arm("two-link"), **common, events={"at": lambda t, x: x.q[0] - 0.45}))
     np.testing.assert_allclose(watched.q.values, plain.q.values, atol=1e-11)
     assert watched.event_count.values.tolist() == [1]
 
@@ -172,8 +177,11 @@ def test_joint_stops_are_events_of_joints_with_limits():
     high = model.bodies[1].limits.position[1]
     assert {"joint2 low", "joint2 high"} <= set(stops)
     run = aw.simulate(
-        aw.Scenario(model, duration=0.5, command=np.zeros(6), q0=[0, high - 0.1, 0, 0, 0, 0], qd0=[0, 2.0, 0, 0, 0, 0],
-                    integrator="rk45", events=stops)
+        aw.Scenario(
+            model, duration=0.5, command=np.zeros(6),
+            start=aw.Start([0, high - 0.1, 0, 0, 0, 0], [0, 2.0, 0, 0, 0, 0]),
+            solver=aw.Solver(integrator="rk45", events=stops),
+        )
     )  # fmt: skip
     at = float(run.event_time.sel(event="joint2 high"))
     passed = run.time.values[run.q.values[:, 1] > high][0]
@@ -183,8 +191,10 @@ def test_joint_stops_are_events_of_joints_with_limits():
 def test_a_lane_without_enough_steps_is_frozen_and_marked_and_the_others_go_on():
     model = motor_alone()
     run = aw.simulate(
-        aw.Scenario(model, duration=0.1, step=0.02, command=aw.Batch([[0.0], [6.0]]), qd0=aw.Batch([[0.0], [30.0]]),
-                    integrator="rk45", rtol=1e-9, max_steps=2)
+        aw.Scenario(
+            model, duration=0.1, command=aw.Batch([[0.0], [6.0]]), start=aw.Start(qd=aw.Batch([[0.0], [30.0]])),
+            solver=aw.Solver(step=0.02, integrator="rk45", rtol=1e-9, max_steps=2),
+        )
     )  # fmt: skip
     assert np.isnan(run.stalled_at.values[0])
     assert run.stalled_at.values[1] == 0.0
@@ -192,14 +202,23 @@ def test_a_lane_without_enough_steps_is_frozen_and_marked_and_the_others_go_on()
     assert run.steps_tried.values[1] == 2
     with pytest.raises(DivergenceError, match=r"ran out of steps in the tick at t = 0 s.*max_steps"):
         aw.simulate(
-            aw.Scenario(model, duration=0.1, step=0.02, command=[6.0], qd0=[30.0], integrator="rk45", max_steps=2)
+            aw.Scenario(
+                model,
+                duration=0.1,
+                command=[6.0],
+                start=aw.Start(qd=[30.0]),
+                solver=aw.Solver(step=0.02, integrator="rk45", max_steps=2),
+            )
         )
 
 
 def test_a_lane_that_diverges_is_told_apart():
     run = aw.simulate(
-        aw.Scenario(motor_alone(), duration=0.01, command=[1.0], q0=aw.Batch([[1e308], [0.0]]),
-                    qd0=aw.Batch([[1e308], [0.0]]), integrator="rk45", max_steps=20)
+        aw.Scenario(
+            motor_alone(), duration=0.01, command=[1.0],
+            start=aw.Start(aw.Batch([[1e308], [0.0]]), aw.Batch([[1e308], [0.0]])),
+            solver=aw.Solver(integrator="rk45", max_steps=20),
+        )
     )  # fmt: skip
     assert run.diverged_at.values[0] == 0.0
     assert np.isnan(run.stalled_at.values).all()
@@ -217,17 +236,22 @@ def test_a_lane_that_diverges_is_told_apart():
 def test_events_that_cannot_be_watched_are_refused(event, said):
     with pytest.raises(ScenarioError, match=said):
         aw.simulate(
-            aw.Scenario(arm("two-link"), duration=0.1, command=[0.0, 0.0], integrator="rk45", events={"e": event})
+            aw.Scenario(
+                arm("two-link"),
+                duration=0.1,
+                command=[0.0, 0.0],
+                solver=aw.Solver(integrator="rk45", events={"e": event}),
+            )
         )
 
 
 def test_events_are_found_under_a_controller_too():
     model = arm("two-link")
     common = {"controller": lambda t, r, y: 200.0 * (r.q - y.q) - 20.0 * y.qd, "reference": [0.6, 0.1], "duration": 0.2}
-    common |= {"sample_period": 4e-3, "q0": [0.4, 0.4], "qd0": aw.Batch([[0.5, 0.5], [0.0, 0.0]])}
+    common |= {"period": 4e-3, "q0": [0.4, 0.4], "qd0": aw.Batch([[0.5, 0.5], [0.0, 0.0]])}
     events = {"there": lambda t, x: x.q[0] - 0.42}
-    run = aw.simulate(aw.Scenario(model, integrator="rk45", events=events, **common))
-    fine = aw.simulate(aw.Scenario(model, integrator="rk4", substeps=4, **common))
+    run = aw.simulate(scenario_of(model, integrator="rk45", events=events, **common))
+    fine = aw.simulate(scenario_of(model, integrator="rk4", substeps=4, **common))
     for lane in range(2):
         q, at = fine.q.values[lane, :, 0], run.event_time.values[lane, 0]
         after = int(np.argmax(q > 0.42))
@@ -238,7 +262,7 @@ def test_events_are_found_under_a_controller_too():
 @pytest.mark.parametrize("command", [[90.0, 20.0], aw.Batch([[90.0, 20.0], [0.0, 0.0]])], ids=["single", "lanes"])
 def test_runs_with_events_are_kept_drawn_and_written(command, tmp_path):
     run = aw.simulate(
-        aw.Scenario(arm("two-link"), duration=0.02, command=command, integrator="rk45", rtol=1e-7,
+        scenario_of(arm("two-link"), duration=0.02, command=command, integrator="rk45", rtol=1e-7,
                     events={"start": lambda t, x: t - 0.005}, **START)
     )  # fmt: skip
     aw.save(run, tmp_path / "run.nc")

@@ -16,6 +16,7 @@ from armwright.errors import RunError, ScenarioError
 from armwright.results.aliases import LOOP_STATE
 from frozen.runs import RUNS, controlled, stubborn, two_link
 from physics.arms import arm
+from simulation.fields import scenario_of, with_fields
 from simulation.plants import BRAKE, MANY, MOTOR, pendulum
 
 OF_A_PART = {LOOP_STATE, "diverged_at", "stalled_at", "steps_tried", "event_count", "event_time"}  # not of single rows
@@ -27,7 +28,7 @@ WITHOUT_BITS = [name for name in RUNS if "cvodes" in name]  # a multistep solver
 def halved(name):
     """A reference run, the ticks of its first half, and the ticks of its second."""
     scenario = RUNS[name]()
-    every = scenario.record_every or scenario.ticks
+    every = scenario.recording.every or scenario.ticks
     first = scenario.ticks // every // 2 * every
     return scenario, first, scenario.ticks - first
 
@@ -36,8 +37,8 @@ def by_run(scenario, first, second, folder):
     """Halves of a run: the second starts from the first, which was read from a file."""
     a = aw.simulate(dataclasses.replace(scenario, duration=first * scenario.tick))
     aw.save(a, folder / "first.nc")
-    later = {"q0": None, "qd0": None, "start": aw.load_run(folder / "first.nc")}
-    return a, aw.simulate(dataclasses.replace(scenario, **later, duration=second * scenario.tick))
+    start = aw.load_run(folder / "first.nc")
+    return a, aw.simulate(dataclasses.replace(scenario, start=start, duration=second * scenario.tick))
 
 
 def by_simulation(scenario, first, second, folder):
@@ -117,7 +118,7 @@ def test_commands_from_outside_are_those_of_a_controller(lanes):
     q0 = [0.3, -0.5] if lanes is None else aw.Batch(np.linspace([0.3, -0.5], [0.1, 0.2], lanes))
     scenario = two_link(controller=law, q0=q0, sensors=SENSORS, timing=TIMING, seed=5)
     whole = aw.simulate(scenario)
-    simulation = aw.Simulation(dataclasses.replace(scenario, controller=None))
+    simulation = aw.Simulation(with_fields(scenario, controller=None))
     for k in range(scenario.ticks):
         y, r = simulation.measurement, simulation.reference_now
         np.testing.assert_array_equal(y.q, whole.q_measured.isel(time=k).values)
@@ -130,7 +131,7 @@ def test_commands_from_outside_are_those_of_a_controller(lanes):
 def test_commands_of_a_python_controller_are_matched_to_the_bit():
     """A controller that is not compiled computes with the same NumPy operations as the loop around `step`."""
     scenario = controlled(controller=stubborn, sensors=SENSORS, timing=TIMING, duration=0.04)
-    whole, simulation = aw.simulate(scenario), aw.Simulation(dataclasses.replace(scenario, controller=None))
+    whole, simulation = aw.simulate(scenario), aw.Simulation(with_fields(scenario, controller=None))
     for _ in range(scenario.ticks):
         simulation.step(stubborn(simulation.time, simulation.reference_now, simulation.measurement))
     np.testing.assert_array_equal(simulation.plant_state.q, whole.q.values[-1])
@@ -218,17 +219,17 @@ def test_lanes_continue_under_another_controller():
     """The other controller measures first what the drives did with the last command that was in force."""
     model = arm("cmu-dd")
     q0 = aw.Batch(np.random.default_rng(0).uniform(-0.2, 0.2, (5, 6)))
-    common = {"reference": np.full(6, 0.1), "sample_period": 2e-3}
-    first = aw.simulate(aw.Scenario(model, controller=law, q0=q0, duration=0.1, **common))
-    second = aw.simulate(aw.Scenario(model, controller=law, start=first, duration=0.1, **common))
-    held = aw.simulate(aw.Scenario(model, controller=another, start=first, duration=0.01, **common))
+    common = {"reference": np.full(6, 0.1), "period": 2e-3}
+    first = aw.simulate(scenario_of(model, controller=law, q0=q0, duration=0.1, **common))
+    second = aw.simulate(scenario_of(model, controller=law, start=first, duration=0.1, **common))
+    held = aw.simulate(scenario_of(model, controller=another, start=first, duration=0.01, **common))
     np.testing.assert_allclose(held.u.values[:, 0], first.u.values[:, -2], rtol=1e-9, atol=1e-9)
     assert "controller 'another' began anew at t = 0.1 s, behind 'law'" in held.attrs["notes"]
     assert "began anew" not in second.attrs.get("notes", "")
-    one = aw.simulate(aw.Scenario(model, controller=law, start=first.isel(lane=3), duration=0.1, **common))
+    one = aw.simulate(scenario_of(model, controller=law, start=first.isel(lane=3), duration=0.1, **common))
     np.testing.assert_array_equal(one.q.values, second.q.values[3])
     spread = aw.simulate(
-        aw.Scenario(model, controller=aw.JointPID(kp=aw.Batch([100.0, 200.0])), start=one, duration=0.01, **common)
+        scenario_of(model, controller=aw.JointPID(kp=aw.Batch([100.0, 200.0])), start=one, duration=0.01, **common)
     )
     np.testing.assert_array_equal(spread.q.values[:, 0], np.broadcast_to(one.q.values[-1], (2, 6)))
     assert spread.time.values[0] == pytest.approx(0.2)
@@ -236,8 +237,8 @@ def test_lanes_continue_under_another_controller():
 
 def test_schedules_and_references_keep_their_own_times():
     rows = aw.Schedule([0.0, 0.03, 0.06], [[5, 1], [-5, 2], [0, 0]], ["shoulder", "elbow"])
-    first = aw.simulate(aw.Scenario(arm("two-link"), schedule=rows, duration=0.05))
-    second = aw.simulate(aw.Scenario(arm("two-link"), schedule=rows, start=first, duration=0.05))
+    first = aw.simulate(aw.Scenario(arm("two-link"), command=rows, duration=0.05))
+    second = aw.simulate(aw.Scenario(arm("two-link"), command=rows, start=first, duration=0.05))
     np.testing.assert_array_equal(second.u.values[[0, 9, 10]], [[-5, 2], [-5, 2], [0, 0]])
     np.testing.assert_allclose(second.time.values[[0, -1]], [0.05, 0.1])
 
@@ -255,15 +256,15 @@ def test_a_simulation_from_outside_continues_under_a_controller():
 def test_a_brake_stays_as_bent_as_it_was():
     model = pendulum("torque", motor=MOTOR, brake=BRAKE)
     common = {"command": [3.0], "brake": 1, "step": 5e-4}
-    whole = aw.simulate(aw.Scenario(model, duration=0.1, **common))
-    first = aw.simulate(aw.Scenario(model, duration=0.05, **common))
-    second = aw.simulate(aw.Scenario(model, start=first, duration=0.05, **common))
+    whole = aw.simulate(scenario_of(model, duration=0.1, **common))
+    first = aw.simulate(scenario_of(model, duration=0.05, **common))
+    second = aw.simulate(scenario_of(model, start=first, duration=0.05, **common))
     np.testing.assert_array_equal(second.q.values, whole.q.values[100:])
-    unbraked = aw.simulate(aw.Scenario(model, command=[3.0], step=5e-4, duration=0.05))
-    fresh = aw.simulate(aw.Scenario(model, start=unbraked, duration=0.05, **common))
+    unbraked = aw.simulate(aw.Scenario(model, command=[3.0], duration=0.05, solver=aw.Solver(step=5e-4)))
+    fresh = aw.simulate(scenario_of(model, start=unbraked, duration=0.05, **common))
     assert fresh.brake.values[0, 0] == 0.0
     np.testing.assert_array_equal(fresh.q.values[0], unbraked.q.values[-1])
-    released = aw.simulate(aw.Scenario(model, start=first, command=[3.0], step=5e-4, duration=0.05))
+    released = aw.simulate(aw.Scenario(model, start=first, command=[3.0], duration=0.05, solver=aw.Solver(step=5e-4)))
     np.testing.assert_array_equal(released.qd.values[0], first.qd.values[-1])
 
 
@@ -288,33 +289,38 @@ RENAMED = dataclasses.replace(STATE, entries=("q a", *STATE.entries[1:]))
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"start": "run.nc"}, "start: of type str; expected a run or the state of a Simulation"),
+        ({"start": "run.nc"}, r"start\.q = 'run\.nc': expected 2 numbers"),
         (
             {"start": RUN.isel(time=slice(0))},
             "start: part of a run, without rows; expected it with its end at t = 0.01 s",
         ),
         ({"start": RUN.isel(time=slice(5))}, "start: part of a run, to t = 0.004 s; expected it with its end"),
         ({"start": RUN.drop_vars(LOOP_STATE)}, "start: a dataset without loop_state; expected a run"),
-        ({"start": RUN, "q0": [0.0, 0.0]}, "q0 and start: expected one of them"),
-        ({"start": RUN.assign_coords(joint=["a", "b"])}, "a run of the joints a, b; expected shoulder, elbow"),
+        ({"start": RUN.assign_coords(joint=["a", "b"])}, "start: a run of a, b"),
         ({"start": RENAMED}, "start: a state with 'q a'; expected the 4 numbers of two-link with its drives"),
-        ({"start": RUN, "step": 5e-4}, "start: ticks of 0.001 s; expected those of the scenario, 0.0005 s"),
+        ({"start": RUN, "step": 5e-4}, r"start: a state of ticks of 0\.001 s"),
         ({"start": RUN.isel(state_entry=[0])}, "loop_state cannot be read"),
     ],
 )
 def test_what_is_no_start_is_refused(fields, said):
     with pytest.raises(ScenarioError, match=said):
-        aw.Scenario(arm("two-link"), command=[1.0, 1.0], duration=0.01, **fields)
+        scenario_of(arm("two-link"), command=[1.0, 1.0], duration=0.01, **fields)
 
 
 def test_a_state_of_another_arm_or_of_other_lanes_is_refused():
     with pytest.raises(ScenarioError, match="expected the 12 numbers of puma560 with its drives"):
         aw.Scenario(arm("puma560"), command=np.zeros(6), duration=0.01, start=STATE)
-    bare = aw.simulate(aw.Scenario(MANY["elastic"], command=[1.0], duration=0.01, step=2e-4, record="state"))
-    with pytest.raises(
-        ScenarioError, match="without loop_state; expected a run, as simulate returns with record = 'all'"
-    ):
-        aw.Scenario(MANY["elastic"], command=[1.0], duration=0.01, step=2e-4, start=bare)
+    bare = aw.simulate(
+        aw.Scenario(
+            MANY["elastic"],
+            command=[1.0],
+            duration=0.01,
+            solver=aw.Solver(step=2e-4),
+            recording=aw.Recording(what="state"),
+        )
+    )
+    with pytest.raises(ScenarioError, match="start: a dataset without loop_state"):
+        aw.Scenario(MANY["elastic"], command=[1.0], duration=0.01, start=bare, solver=aw.Solver(step=2e-4))
     lanes = aw.Simulation(aw.Scenario(arm("two-link"), command=aw.Batch(np.zeros((3, 2))), duration=0.01))
     other = aw.Simulation(aw.Scenario(arm("two-link"), command=aw.Batch(np.zeros((4, 2))), duration=0.01))
     with pytest.raises(ScenarioError, match="restore: a state of 3 lanes; expected 4"):
@@ -327,7 +333,7 @@ def test_a_state_of_another_arm_or_of_other_lanes_is_refused():
 
 def test_a_lane_that_diverged_is_no_start():
     qd0 = aw.Batch([[0.0, 0.0], [1e200, 0.0]])
-    run = aw.simulate(aw.Scenario(arm("two-link"), command=np.zeros(2), qd0=qd0, duration=0.01))
+    run = aw.simulate(aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01, start=aw.Start(qd=qd0)))
     with pytest.raises(ScenarioError, match="start: lane 1 stopped at t = 0 s"):
         aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01, start=run)
     aw.simulate(aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01, start=run.isel(lane=0)))

@@ -14,14 +14,16 @@ from armwright.errors import ScenarioError
 from armwright.interfaces import Measurement
 from armwright.model.joint_signals import motion_layout
 from armwright.simulation.integrate.integrators import rk3_step
+from armwright.simulation.loop.command_filter import CommandFilter
 from armwright.simulation.loop.controller import reference_of
 from armwright.simulation.loop.references import reference_rows
 from armwright.simulation.loop.sensors import Sensors
-from armwright.simulation.loop.shaping import Shaping
 from armwright.simulation.loop.timing import Timing
 from armwright.simulation.plant.plant import plant_derivative
 from armwright.simulation.scenario import Scenario
+from armwright.simulation.scenario_parts import Loop, Solver
 from physics.arms import arm
+from simulation.fields import scenario_of, with_fields
 
 PERIOD = 2e-3
 KP, KD = np.array([400.0, 900, 300, 150, 30, 20]), np.array([40.0, 90, 30, 12, 3, 2])
@@ -52,9 +54,9 @@ def swing(t):
     )
 
 
-def accounted(model, law, reference, ticks, timing=None, shaping=None, substeps=1, x0=None):
+def accounted(model, law, reference, ticks, timing=None, command_filter=None, substeps=1, x0=None):
     """Rows (ticks + 1, …) of x, y, u_issued and u: commands with their arrivals in a list, the plant stepped between changes."""
-    timing, shaping, n = timing or Timing(), shaping or Shaping(), model.n
+    timing, command_filter, n = timing or Timing(), command_filter or CommandFilter(), model.n
     behind = timing.command_delay / PERIOD + (timing.preset == "one-tick")
     earlier = timing.measurement_delay / PERIOD
     x = np.zeros(2 * n) if x0 is None else x0
@@ -69,7 +71,7 @@ def accounted(model, law, reference, ticks, timing=None, shaping=None, substeps=
         y = aw_measurement(np.concatenate([seen, limited_drive(model, seen[n:], u).current]), applied(x, u), n)
         r = reference[k]
         asked, s = law.step(k * PERIOD, r, y, s) if hasattr(law, "step") else (law(k * PERIOD, r, y), None)
-        last, kept = shaping.shaped(PERIOD, asked, kept)
+        last, kept = command_filter.filtered(PERIOD, asked, kept)
         arrivals.append((k + behind, last))
 
         def now(at):
@@ -106,8 +108,8 @@ CASES = {
     "an old measurement": {"timing": Timing(measurement_delay=2 * PERIOD)},
     "sampled between ticks": {"timing": Timing(measurement_delay=1.25 * PERIOD)},
     "both": {"timing": Timing("one-tick", measurement_delay=0.75 * PERIOD, command_delay=1.25 * PERIOD)},
-    "shaped": {"shaping": Shaping(limit=30.0, rate=5e3, resolution=0.25)},
-    "coarse": {"shaping": Shaping(limit=30.0, rate=100.0, resolution=7.0), "timing": Timing("one-tick")},
+    "shaped": {"command_filter": CommandFilter(limit=30.0, rate=5e3, resolution=0.25)},
+    "coarse": {"command_filter": CommandFilter(limit=30.0, rate=100.0, resolution=7.0), "timing": Timing("one-tick")},
     "substeps": {"substeps": 3, "timing": Timing(command_delay=0.25 * PERIOD)},
 }
 
@@ -117,8 +119,8 @@ CASES = {
 def test_the_loop_is_what_its_account_says(case, law):
     model, ticks = arm("cmu-dd"), 25
     expected = accounted(model, law, references(model, ticks), ticks, **CASES[case])
-    scenario = Scenario(
-        model, controller=law, reference=swing, sample_period=PERIOD, duration=ticks * PERIOD, **CASES[case]
+    scenario = scenario_of(
+        model, controller=law, reference=swing, period=PERIOD, duration=ticks * PERIOD, **CASES[case]
     )
     run = aw.simulate(scenario)
     assert run.attrs["controller"] == "compiled"
@@ -133,16 +135,28 @@ def test_a_delay_of_one_and_a_half_periods_switches_in_the_middle_of_one():
     model, ticks = arm("cmu-dd"), 6
     late = Scenario(
         model,
-        controller=lambda t, r, y: scalar.array([30.0 * scalar.where(scalar.less(t, PERIOD), 0.0, 1.0)] + [0.0] * 5),
-        sample_period=PERIOD,
-        substeps=4,
         duration=ticks * PERIOD,
-        timing=Timing(command_delay=1.5 * PERIOD),
-        initial_command=np.zeros(6),
+        loop=Loop(
+            controller=lambda t, r, y: scalar.array(
+                [30.0 * scalar.where(scalar.less(t, PERIOD), 0.0, 1.0)] + [0.0] * 5
+            ),
+            period=PERIOD,
+            timing=Timing(command_delay=1.5 * PERIOD),
+            initial_command=np.zeros(6),
+        ),
+        solver=Solver(substeps=4),
     )
     run = aw.simulate(late)
     plain = aw.Schedule(np.array([0.0, 2.5 * PERIOD]), np.array([[0.0] * 6, [30.0] + [0.0] * 5]), tuple(model.names))
-    exact = aw.simulate(aw.Scenario(model, schedule=plain, step=PERIOD / 40, duration=ticks * PERIOD, record_every=40))
+    exact = aw.simulate(
+        aw.Scenario(
+            model,
+            command=plain,
+            duration=ticks * PERIOD,
+            solver=aw.Solver(step=PERIOD / 40),
+            recording=aw.Recording(every=40),
+        )
+    )
     np.testing.assert_allclose(run.q.values, exact.q.values, atol=1e-8)
     assert run.qd.values[2, 0] == pytest.approx(exact.qd.values[2, 0], abs=1e-7)
     assert abs(run.qd.values[3, 0]) > 1e-3
@@ -153,14 +167,14 @@ def test_what_cannot_be_traced_runs_in_python_and_says_so():
         return np.asarray(pd(t, r, y), dtype=float)
 
     model = arm("cmu-dd")
-    common = {"reference": swing, "sample_period": PERIOD, "duration": 20 * PERIOD}
+    common = {"reference": swing, "period": PERIOD, "duration": 20 * PERIOD}
     timing = Timing("one-tick", measurement_delay=0.5 * PERIOD)
-    compiled = aw.simulate(Scenario(model, controller=pd, timing=timing, **common))
-    called = aw.simulate(Scenario(model, controller=stubborn, timing=timing, **common))
+    compiled = aw.simulate(scenario_of(model, controller=pd, timing=timing, **common))
+    called = aw.simulate(scenario_of(model, controller=stubborn, timing=timing, **common))
     assert called.attrs["controller"].startswith("called in Python once a tick")
     np.testing.assert_allclose(called.q.values, compiled.q.values, atol=1e-12)
     q0 = aw.Batch(np.random.default_rng(0).uniform(-0.2, 0.2, (21, 6)))
-    many = [aw.simulate(Scenario(model, controller=c, q0=q0, **common)) for c in (pd, stubborn)]
+    many = [aw.simulate(scenario_of(model, controller=c, q0=q0, **common)) for c in (pd, stubborn)]
     np.testing.assert_allclose(many[0].q.values, many[1].q.values, atol=1e-12)
 
 
@@ -170,15 +184,15 @@ def test_a_lane_has_the_same_bits_wherever_it_stands():
     sensors = Sensors(counts=4096, velocity="filtered", cutoff_hz=40.0, position_noise=1e-5)
     delays = np.linspace(0.0, 3 * PERIOD, 40)
     timing = Timing(command_delay=aw.Batch(delays), jitter=0.4 * PERIOD, command_loss=0.1)
-    common = {"controller": Integral(), "sensors": sensors, "sample_period": PERIOD, "duration": 30 * PERIOD, "seed": 3}
-    whole = Scenario(model, q0=aw.Batch(q0), timing=timing, **common)
+    common = {"controller": Integral(), "sensors": sensors, "period": PERIOD, "duration": 30 * PERIOD, "seed": 3}
+    whole = scenario_of(model, q0=aw.Batch(q0), timing=timing, **common)
     run = aw.simulate(whole, threads=1)
     again = aw.simulate(whole, threads=2)
     np.testing.assert_array_equal(run.q.values, again.q.values)
     few = replace(timing, command_delay=aw.Batch(delays[:7]))
-    first = Scenario(model, q0=aw.Batch(q0[:7]), timing=few, **common)
-    narrow = replace(first, target="x86-64-v3")
-    wide = replace(whole, target="x86-64-v3")
+    first = scenario_of(model, q0=aw.Batch(q0[:7]), timing=few, **common)
+    narrow = with_fields(first, target="x86-64-v3")
+    wide = with_fields(whole, target="x86-64-v3")
     np.testing.assert_array_equal(aw.simulate(wide).q.values, run.q.values)
     np.testing.assert_array_equal(aw.simulate(narrow).q.values, run.q.values[:7])
 
@@ -198,12 +212,12 @@ def test_gains_and_parameters_may_be_batches():
     model = arm("cmu-dd")
     gains = KP * np.array([[0.5], [1.0], [2.0]])
     masses = np.array([1.0, 1.5, 2.0])
-    common = {"reference": np.full(6, 0.1), "sample_period": PERIOD, "duration": 20 * PERIOD}
+    common = {"reference": np.full(6, 0.1), "period": PERIOD, "duration": 20 * PERIOD}
     varied = {"link6.mass_kg": aw.Batch(masses)}
-    many = aw.simulate(Scenario(model, controller=Gains(aw.Batch(gains)), vary=varied, **common))
+    many = aw.simulate(scenario_of(model, controller=Gains(aw.Batch(gains)), vary=varied, **common))
     for lane in range(3):
         one = aw.simulate(
-            Scenario(model, controller=Gains(gains[lane]), vary={"link6.mass_kg": masses[lane]}, **common)
+            scenario_of(model, controller=Gains(gains[lane]), vary={"link6.mass_kg": masses[lane]}, **common)
         )
         np.testing.assert_allclose(many.q.values[lane], one.q.values, atol=1e-10)
 
@@ -216,7 +230,7 @@ def test_hidden_state_is_found():
         return memory["last"] * (r.q - y.q)
 
     with pytest.raises(ScenarioError, match="hidden state"):
-        aw.simulate(Scenario(arm("cmu-dd"), controller=forgets, sample_period=PERIOD, duration=4 * PERIOD))
+        aw.simulate(Scenario(arm("cmu-dd"), duration=4 * PERIOD, loop=Loop(controller=forgets, period=PERIOD)))
 
 
 @pytest.mark.parametrize(
@@ -228,30 +242,30 @@ def test_hidden_state_is_found():
 )
 def test_wrong_shapes_are_refused(law, said):
     with pytest.raises(ScenarioError, match=said):
-        aw.simulate(Scenario(arm("cmu-dd"), controller=law, sample_period=PERIOD, duration=4 * PERIOD))
+        aw.simulate(Scenario(arm("cmu-dd"), duration=4 * PERIOD, loop=Loop(controller=law, period=PERIOD)))
 
 
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
         ({"substeps": 0}, "substeps = 0: expected a whole number, 1 or more"),
-        ({"duration": 2.5 * PERIOD}, "no whole number of sample_periods"),
+        ({"duration": 2.5 * PERIOD}, r"duration = 0\.005"),
         ({"duration": None}, "a controller does not say when to stop"),
-        ({"step": 1e-3, "sample_period": 3e-3}, "is not sample_period / substeps"),
-        ({"command": np.zeros(6)}, "expected one of schedule, command and controller, not command and controller"),
+        ({"step": 1e-3, "period": 3e-3}, r"solver\.step = 0\.001"),
+        ({"command": np.zeros(6)}, "loop: beside a command"),
         ({"vary": {"link6.mas_kg": 1.0}}, "no parameter 'link6.mas_kg'"),
         (
             {"timing": Timing(command_delay=aw.Batch([0.0, 1e-3])), "q0": aw.Batch(np.zeros((3, 6)))},
-            "3 of q0, 2 of timing.command_delay",
+            r"2 of loop\.timing\.command_delay, 3 of start\.q",
         ),
         ({"initial_command": np.zeros(5)}, "initial_command"),
         ({"reference": np.zeros(5)}, "reference of shape"),
     ],
 )
 def test_scenarios_that_do_not_fit_are_refused(fields, said):
-    common = {"controller": pd, "sample_period": PERIOD, "duration": 10 * PERIOD}
+    common = {"controller": pd, "period": PERIOD, "duration": 10 * PERIOD}
     with pytest.raises(aw.ArmwrightError, match=said):
-        aw.simulate(Scenario(arm("cmu-dd"), **(common | fields)))
+        aw.simulate(scenario_of(arm("cmu-dd"), **(common | fields)))
 
 
 def test_a_reference_that_jumps_or_leaves_the_limits_is_told():
@@ -259,7 +273,9 @@ def test_a_reference_that_jumps_or_leaves_the_limits_is_told():
     jumps = aw.Schedule(np.array([0.0, 10 * PERIOD]), np.array([[0.0] * 6, [9.0] + [0.0] * 5]), tuple(model.names))
     law = lambda t, r, y: 0.0 * y.q  # noqa: E731
     notes = aw.simulate(
-        Scenario(model, controller=law, reference=jumps, sample_period=PERIOD, duration=20 * PERIOD, q0=np.zeros(6))
+        Scenario(
+            model, duration=20 * PERIOD, start=np.zeros(6), loop=Loop(controller=law, reference=jumps, period=PERIOD)
+        )
     ).attrs["notes"]
     assert "waist: the reference leaves its position limits" in str(notes)
     assert "waist: the reference jumps by 9" in str(notes)
@@ -276,8 +292,8 @@ class Table:
 
 
 def test_a_state_of_any_kind_is_kept_where_the_controller_runs_in_python():
-    common = {"reference": swing, "sample_period": PERIOD, "duration": 10 * PERIOD}
-    run = aw.simulate(Scenario(arm("cmu-dd"), controller=Table(), **common))
+    common = {"reference": swing, "period": PERIOD, "duration": 10 * PERIOD}
+    run = aw.simulate(scenario_of(arm("cmu-dd"), controller=Table(), **common))
     assert run.attrs["controller"].startswith("called in Python")
-    plain = aw.simulate(Scenario(arm("cmu-dd"), controller=pd, **common))
+    plain = aw.simulate(scenario_of(arm("cmu-dd"), controller=pd, **common))
     np.testing.assert_allclose(run.q.values, plain.q.values, atol=1e-12)

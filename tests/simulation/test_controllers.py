@@ -11,6 +11,7 @@ import armwright as aw
 from armwright import scalar
 from armwright.errors import ScenarioError
 from physics.arms import arm
+from simulation.fields import scenario_of
 
 PERIOD = 2e-3
 GOAL = [0.3, -0.2]
@@ -18,8 +19,8 @@ GOAL = [0.3, -0.2]
 
 def simulated(law, **fields):
     """A run of the two-link arm under a law."""
-    common = {"reference": GOAL, "sample_period": PERIOD, "duration": 15 * PERIOD}
-    return aw.simulate(aw.Scenario(arm("two-link"), controller=law, **(common | fields)))
+    common = {"reference": GOAL, "period": PERIOD, "duration": 15 * PERIOD}
+    return aw.simulate(scenario_of(arm("two-link"), controller=law, **(common | fields)))
 
 
 def one_line(law, **fields):

@@ -11,6 +11,7 @@ from armwright.errors import DivergenceError, ScenarioError
 from armwright.simulation.loop.timing import Timing
 from armwright.simulation.plant.plant import plant_derivative
 from physics.arms import arm
+from simulation.fields import scenario_of
 from simulation.test_simulation import motor_alone
 
 PERIOD = 4e-3
@@ -39,7 +40,7 @@ def test_a_schedule_that_changes_between_ticks_is_solved_as_scipy_does():
     commands = np.array([[90.0, 20.0], [10.0, -5.0], [60.0, 0.0], [0.0, 10.0]])
     times = np.array([0.0, 0.0113, 0.0116, 0.05])
     run = aw.simulate(
-        aw.Scenario(model, schedule=aw.Schedule(times, commands, tuple(model.names)), duration=0.1, step=2e-3,
+        scenario_of(model, command=aw.Schedule(times, commands, tuple(model.names)), duration=0.1, step=2e-3,
                     integrator="cvodes", **START)
     )  # fmt: skip
     changes = list(zip(times.tolist(), commands, strict=True))
@@ -66,12 +67,12 @@ TIMINGS = {
 @pytest.mark.parametrize("timing", TIMINGS.values(), ids=TIMINGS)
 def test_a_controlled_arm_is_what_small_steps_come_to(timing):
     """Same sensors, draws and changes: only the integration differs, and rk4's error is known to vanish."""
-    common = {"controller": pd, "reference": [0.6, 0.2], "sample_period": PERIOD, "duration": 20 * PERIOD}
+    common = {"controller": pd, "reference": [0.6, 0.2], "period": PERIOD, "duration": 20 * PERIOD}
     common |= {"timing": timing, "seed": 3, **START, "vary": {"forearm.mass_kg": aw.Batch([8.0, 10.0, 15.0])}}
     model = arm("two-link")
-    exact = aw.simulate(aw.Scenario(model, integrator="cvodes", **common))
-    stepped = aw.simulate(aw.Scenario(model, integrator="rk4", substeps=16, **common))
-    adaptive = aw.simulate(aw.Scenario(model, integrator="rk45", rtol=1e-12, atol=1e-12, **common))
+    exact = aw.simulate(scenario_of(model, integrator="cvodes", **common))
+    stepped = aw.simulate(scenario_of(model, integrator="rk4", substeps=16, **common))
+    adaptive = aw.simulate(scenario_of(model, integrator="rk45", rtol=1e-12, atol=1e-12, **common))
     for name, gain in {"q": 1, "qd": 1, "q_measured": 1, "u": 200, "u_issued": 200}.items():
         for run in (stepped, adaptive):
             np.testing.assert_allclose(run[name].values, exact[name].values, rtol=1e-9, atol=1e-9 * gain)
@@ -86,7 +87,7 @@ PUSHED = aw.Schedule(
 @pytest.mark.parametrize("timing", TIMINGS.values(), ids=TIMINGS)
 def test_a_wrench_under_a_controller_is_what_small_steps_come_to(timing):
     """Held from row to row as commands are, and landed on where it changes within a tick; parameters vary beside it."""
-    common = {"controller": pd, "reference": [0.6, 0.2], "sample_period": PERIOD, "duration": 20 * PERIOD}
+    common = {"controller": pd, "reference": [0.6, 0.2], "period": PERIOD, "duration": 20 * PERIOD}
     common |= {
         "timing": timing,
         "seed": 3,
@@ -95,9 +96,9 @@ def test_a_wrench_under_a_controller_is_what_small_steps_come_to(timing):
         "wrench": PUSHED,
     }
     model = arm("two-link")
-    exact = aw.simulate(aw.Scenario(model, integrator="cvodes", **common))
-    stepped = aw.simulate(aw.Scenario(model, integrator="rk4", substeps=32, **common))
-    free = aw.simulate(aw.Scenario(model, integrator="cvodes", **(common | {"wrench": None})))
+    exact = aw.simulate(scenario_of(model, integrator="cvodes", **common))
+    stepped = aw.simulate(scenario_of(model, integrator="rk4", substeps=32, **common))
+    free = aw.simulate(scenario_of(model, integrator="cvodes", **(common | {"wrench": None})))
     assert np.abs(exact.qd.values - free.qd.values).max() > 0.05
     for name, gain in {"q": 1, "qd": 1, "qdd": 200, "u": 200}.items():
         np.testing.assert_allclose(stepped[name].values, exact[name].values, rtol=1e-9, atol=1e-9 * gain)
@@ -106,8 +107,8 @@ def test_a_wrench_under_a_controller_is_what_small_steps_come_to(timing):
 def test_parameters_vary_without_a_controller():
     common = {"duration": 0.05, "step": 5e-3, "command": [90.0, 20.0], "wrench": PUSHED, **START}
     varied = {"forearm.mass_kg": aw.Batch([8.0, 15.0])}
-    exact = aw.simulate(aw.Scenario(arm("two-link"), integrator="cvodes", vary=varied, **common))
-    stepped = aw.simulate(aw.Scenario(arm("two-link"), integrator="rk4", vary=varied, **(common | {"step": 2e-4})))
+    exact = aw.simulate(scenario_of(arm("two-link"), integrator="cvodes", vary=varied, **common))
+    stepped = aw.simulate(scenario_of(arm("two-link"), integrator="rk4", vary=varied, **(common | {"step": 2e-4})))
     np.testing.assert_allclose(stepped.qd.values[:, ::25], exact.qd.values, atol=1e-9)
     assert np.abs(np.diff(exact.q.values, axis=0)).max() > 1e-3
 
@@ -116,9 +117,9 @@ def test_a_controller_in_python_runs_with_it():
     def table(t, r, y):
         return np.where(np.asarray(y.q, dtype=float) < 0.5, 1.0, -1.0)
 
-    common = {"controller": table, "sample_period": PERIOD, "duration": 10 * PERIOD, **START}
-    exact = aw.simulate(aw.Scenario(arm("two-link"), integrator="cvodes", **common))
-    stepped = aw.simulate(aw.Scenario(arm("two-link"), integrator="rk4", substeps=8, **common))
+    common = {"controller": table, "period": PERIOD, "duration": 10 * PERIOD, **START}
+    exact = aw.simulate(scenario_of(arm("two-link"), integrator="cvodes", **common))
+    stepped = aw.simulate(scenario_of(arm("two-link"), integrator="rk4", substeps=8, **common))
     assert exact.attrs["controller"].startswith("called in Python")
     np.testing.assert_allclose(exact.q.values, stepped.q.values, atol=1e-10)
 
@@ -126,23 +127,25 @@ def test_a_controller_in_python_runs_with_it():
 def test_lanes_are_those_of_single_runs():
     commands = np.array([[90.0, 20.0], [0.0, 0.0]])
     common = {"duration": 0.05, "step": 5e-3, "integrator": "cvodes", **START}
-    both = aw.simulate(aw.Scenario(arm("two-link"), command=aw.Batch(commands), **common))
+    both = aw.simulate(scenario_of(arm("two-link"), command=aw.Batch(commands), **common))
     for lane in range(2):
-        one = aw.simulate(aw.Scenario(arm("two-link"), command=commands[lane], **common))
+        one = aw.simulate(scenario_of(arm("two-link"), command=commands[lane], **common))
         np.testing.assert_array_equal(both.q.values[lane], one.q.values)
 
 
 def test_fewer_rows_are_the_same_rows():
     common = {"duration": 0.06, "step": 5e-3, "integrator": "cvodes", "command": [90.0, 20.0], **START}
-    full = aw.simulate(aw.Scenario(arm("two-link"), **common))
-    third = aw.simulate(aw.Scenario(arm("two-link"), **common, record_every=3))
-    ends = aw.simulate(aw.Scenario(arm("two-link"), **common, record_every=0))
+    full = aw.simulate(scenario_of(arm("two-link"), **common))
+    third = aw.simulate(scenario_of(arm("two-link"), **common, every=3))
+    ends = aw.simulate(scenario_of(arm("two-link"), **common, every=0))
     np.testing.assert_array_equal(third.q.values, full.q.values[::3])
     np.testing.assert_array_equal(ends.q.values, full.q.values[[0, -1]])
 
 
 def test_too_many_lanes_are_refused():
-    many = aw.Scenario(arm("two-link"), duration=0.1, command=aw.Batch(np.zeros((1001, 2))), integrator="cvodes")
+    many = aw.Scenario(
+        arm("two-link"), duration=0.1, command=aw.Batch(np.zeros((1001, 2))), solver=aw.Solver(integrator="cvodes")
+    )
     with pytest.raises(ScenarioError, match="1001 lanes; expected at most 1000, or integrator = 'rk45'"):
         aw.simulate(many)
 
@@ -150,9 +153,9 @@ def test_too_many_lanes_are_refused():
 def test_a_lane_that_has_no_solution_is_marked_and_the_others_go_on(capfd):
     common = {"duration": 0.01, "integrator": "cvodes"}
     far = aw.Batch([[1e308], [0.0]])
-    run = aw.simulate(aw.Scenario(motor_alone(), command=[1.0], q0=far, qd0=far, **common))
+    run = aw.simulate(scenario_of(motor_alone(), command=[1.0], q0=far, qd0=far, **common))
     assert run.diverged_at.values[0] == 0.0
     assert np.isnan(run.diverged_at.values[1])
     with pytest.raises(DivergenceError, match="left the finite numbers at t = 0 s"):
-        aw.simulate(aw.Scenario(motor_alone(), command=[1.0], q0=[1e308], qd0=[1e308], **common))
+        aw.simulate(scenario_of(motor_alone(), command=[1.0], q0=[1e308], qd0=[1e308], **common))
     assert capfd.readouterr().err == ""

@@ -12,6 +12,7 @@ from armwright.simulation.integrate.integrators import INTEGRATORS, semi_implici
 from armwright.simulation.loop.compiled import compile_loop
 from armwright.simulation.plant.step_limits import Stability
 from physics.arms import arm
+from simulation.fields import scenario_of
 from simulation.plants import ELASTIC, LUGRE, MOTOR, ON_MOTOR, chain
 
 VISCOUS = {"viscous_n_m_s_per_rad": 0.8}
@@ -79,10 +80,10 @@ def test_semi_implicit_euler_keeps_the_energy_of_an_oscillator():
 def test_a_whole_arm_converges_with_the_order_of_the_rule(name):
     model = arm("two-link")
     loop = compile_loop(model, name)
-    common = {"duration": 0.064, "command": [90.0, 20.0], "q0": [0.4, 0.4], "qd0": [0.5, 0.5], "record_every": 0}
-    exact = aw.simulate(aw.Scenario(model, **common, integrator="cvodes", step=8e-3))
+    common = {"duration": 0.064, "command": [90.0, 20.0], "q0": [0.4, 0.4], "qd0": [0.5, 0.5], "every": 0}
+    exact = aw.simulate(scenario_of(model, **common, integrator="cvodes", step=8e-3))
     steps = (8e-3, 4e-3, 2e-3)
-    runs = [aw.simulate(aw.Scenario(model, **common, integrator=name, step=h), loop=loop) for h in steps]
+    runs = [aw.simulate(scenario_of(model, **common, integrator=name, step=h), loop=loop) for h in steps]
     errors = [np.abs(run.qd.values[-1] - exact.qd.values[-1]).max() for run in runs]
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.all(np.abs(orders - INTEGRATORS[name].order) < 0.25), (orders, errors)
@@ -113,7 +114,7 @@ def test_the_largest_step_follows_the_rule():
 )
 def test_what_does_not_fit_an_integrator_is_refused(fields, said):
     with pytest.raises(ScenarioError, match=said):
-        aw.Scenario(arm("two-link"), command=[0.0, 0.0], duration=0.1, **fields)
+        scenario_of(arm("two-link"), command=[0.0, 0.0], duration=0.1, **fields)
 
 
 STIFF = {  # drives whose fast parts are integrated exactly, each with a step that shows the order
@@ -131,11 +132,11 @@ def test_fast_parts_that_are_integrated_exactly_leave_the_rule_its_order(drive, 
     """Against CVODES at 1e-12: bristles of a joint that begins to slide, whose rate changes a hundredfold, and windings."""
     (joint, step), order = STIFF[drive], INTEGRATORS[name].order
     model = chain([{"command": "voltage", **joint}])
-    common = {"duration": 0.064, "command": [9.0], "q0": [0.3], "qd0": [0.02], "record_every": 0, "record": "state"}
-    exact = aw.simulate(aw.Scenario(model, **common, integrator="cvodes", step=step))
+    common = {"duration": 0.064, "command": [9.0], "q0": [0.3], "qd0": [0.02], "every": 0, "what": "state"}
+    exact = aw.simulate(scenario_of(model, **common, integrator="cvodes", step=step))
     loop, errors = compile_loop(model, name), []
     for h in (step / 2**k for k in range(2, 6)):
-        run = aw.simulate(aw.Scenario(model, **common, integrator=name, step=h), loop=loop)
+        run = aw.simulate(scenario_of(model, **common, integrator=name, step=h), loop=loop)
         errors.append(max(np.abs(run[each].values[-1] - exact[each].values[-1]).max() for each in ("q", "qd")))
     seen = [error for error in errors if error > 5e-11]  # CVODES' own is near
     assert len(seen) >= 2

@@ -25,10 +25,18 @@ def scenarios(lanes, duration):
     q0 = np.random.default_rng(1).uniform(-0.2, 0.2, (lanes or 1, 2))
     q0 = aw.Batch(q0) if lanes else q0[0]
     controlled = aw.Scenario(
-        model, controller=lambda t, r, y: 20.0 * (r.q - y.q) - 5.0 * y.qd, reference=np.zeros(2), q0=q0,
-        sample_period=PERIOD, duration=duration, record_every=100, reduce=["rms_error"],
+        model, duration=duration, start=q0,
+        loop=aw.Loop(controller=lambda t, r, y: 20.0 * (r.q - y.q) - 5.0 * y.qd, reference=np.zeros(2), period=PERIOD),
+        recording=aw.Recording(every=100, reduce=["rms_error"]),
     )  # fmt: skip
-    driven = aw.Scenario(model, command=np.zeros(2), q0=q0, step=PERIOD, duration=duration, record_every=100)
+    driven = aw.Scenario(
+        model,
+        command=np.zeros(2),
+        duration=duration,
+        start=q0,
+        solver=aw.Solver(step=PERIOD),
+        recording=aw.Recording(every=100),
+    )
     return [controlled, driven]
 
 
@@ -88,8 +96,9 @@ def test_a_simulation_stays_where_it_was(lanes, stepped):
     model = arm("two-link")
     q0 = np.random.default_rng(2).uniform(-0.2, 0.2, (lanes or 1, 2))
     scenario = aw.Scenario(
-        model, controller=Integrates(), reference=np.zeros(2), q0=aw.Batch(q0) if lanes else q0[0], sample_period=PERIOD,
-        duration=20 * PERIOD, sensors=aw.Sensors(velocity="difference", position_noise=1e-3),
+        model, duration=20 * PERIOD, start=aw.Batch(q0) if lanes else q0[0],
+        loop=aw.Loop(controller=Integrates(), reference=np.zeros(2), period=PERIOD,
+            sensors=aw.Sensors(velocity="difference", position_noise=1e-3)),
     )  # fmt: skip
     whole = aw.simulate(scenario)
     simulation = aw.Simulation(scenario)

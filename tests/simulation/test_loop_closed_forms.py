@@ -80,7 +80,15 @@ def test_steps_of_a_schedule(name):
     model = arm(name)
     changes = [(0.0, 9.0), (0.0333, -6.0)]
     plan = aw.Schedule(np.array([t for t, _ in changes]), np.array([[u] for _, u in changes]), tuple(model.names))
-    run = aw.simulate(aw.Scenario(model, schedule=plan, duration=0.1, step=5e-5, record_every=100, integrator="rk4"))
+    run = aw.simulate(
+        aw.Scenario(
+            model,
+            command=plan,
+            duration=0.1,
+            solver=aw.Solver(step=5e-5, integrator="rk4"),
+            recording=aw.Recording(every=100),
+        )
+    )
     check(run, np.array([at(name, changes, t) for t in run.time.values]))
 
 
@@ -105,8 +113,10 @@ def test_delayed_feedback(name):
     commands, measurements = PERIOD * np.array(delays).T
     run = aw.simulate(
         aw.Scenario(
-            model, controller=law, sample_period=PERIOD, substeps=40, duration=TICKS * PERIOD, integrator="rk4",
-            timing=aw.Timing(command_delay=aw.Batch(commands), measurement_delay=aw.Batch(measurements)), initial_command=[0.0],
+            model, duration=TICKS * PERIOD,
+            loop=aw.Loop(controller=law, period=PERIOD, timing=aw.Timing(command_delay=aw.Batch(commands),
+                measurement_delay=aw.Batch(measurements)), initial_command=[0.0]),
+            solver=aw.Solver(substeps=40, integrator="rk4"),
         )
     )  # fmt: skip
     assert run.attrs["controller"] == "compiled"

@@ -9,6 +9,7 @@ import armwright as aw
 from armwright.errors import ScenarioError
 from armwright.simulation.plant.plant import Plant
 from physics.arms import arm
+from simulation.fields import scenario_of
 from simulation.plants import BRAKE, ELASTIC, MOTOR, chain, pendulum
 
 G, WEIGHT, LINK = 9.81, 3.0 * 9.81 * 0.3, 0.1 + 3.0 * 0.09  # of `pendulum`, at q = 0 [N m], [kg m²]
@@ -22,9 +23,9 @@ def braked(**more):
 
 
 def test_a_released_brake_is_no_brake():
-    common = {"controller": PID, "reference": [0.6], "sample_period": PERIOD, "duration": 0.5}
-    without = aw.simulate(aw.Scenario(braked(), **common))
-    released = aw.simulate(aw.Scenario(braked(), brake=0, **common))
+    common = {"controller": PID, "reference": [0.6], "period": PERIOD, "duration": 0.5}
+    without = aw.simulate(scenario_of(braked(), **common))
+    released = aw.simulate(scenario_of(braked(), brake=0, **common))
     np.testing.assert_allclose(released.q.values, without.q.values, atol=1e-13)
     assert "brake" not in without
     assert not released.brake.values.any()
@@ -37,8 +38,9 @@ def test_an_applied_brake_holds_where_the_spring_says():
     """
     run = aw.simulate(
         aw.Scenario(
-            braked(), controller=lambda t, r, y: 0.0 * y.q, brake=[1], initial_command=[0.0], sample_period=PERIOD,
-            substeps=2, duration=2.0,
+            braked(), duration=2.0,
+            loop=aw.Loop(controller=lambda t, r, y: 0.0 * y.q, initial_command=[0.0], period=PERIOD),
+            inputs=aw.Inputs(brake=[1]), solver=aw.Solver(substeps=2),
         )
     )  # fmt: skip
     holding, stiffness, q = BRAKE["holding_torque_n_m"], BRAKE["stiffness_n_m_per_rad"], run.q.values[-1, 0]
@@ -55,8 +57,9 @@ def test_applied_while_it_moves_it_takes_the_motion_away():
     applied = aw.Schedule([0.0, 0.0505], [[0], [1]], ["joint0"])
     run = aw.simulate(
         aw.Scenario(
-            model, controller=lambda t, r, y: 0.0 * y.q, brake=applied, qd0=[speed], sample_period=PERIOD, duration=1.2,
-            initial_command=[0.0], substeps=8,
+            model, duration=1.2, start=aw.Start(qd=[speed]),
+            loop=aw.Loop(controller=lambda t, r, y: 0.0 * y.q, period=PERIOD, initial_command=[0.0]),
+            inputs=aw.Inputs(brake=applied), solver=aw.Solver(substeps=8),
         )
     )  # fmt: skip
     qd, t = run.qd.values[:, 0], run.time.values
@@ -78,8 +81,8 @@ def test_a_controller_cannot_move_what_is_braked_and_goes_on_when_it_is_not():
     applied = aw.Schedule([0.0, 0.2, 1.0], [[0], [1], [0]], ["joint0"])
     run = aw.simulate(
         aw.Scenario(
-            model, controller=control, reference=aw.Ramp([0.0], [0.8], 1.0), brake=applied, sample_period=PERIOD, substeps=2,
-            duration=2.5,
+            model, duration=2.5, loop=aw.Loop(controller=control, reference=aw.Ramp([0.0], [0.8], 1.0), period=PERIOD),
+            inputs=aw.Inputs(brake=applied), solver=aw.Solver(substeps=2),
         )
     )  # fmt: skip
     q, t = run.q.values[:, 0], run.time.values
@@ -100,12 +103,12 @@ def test_a_controller_cannot_move_what_is_braked_and_goes_on_when_it_is_not():
 def test_brakes_differ_by_lane_and_bits_do_not():
     joint = {"command": "voltage", "motor": MOTOR, "brake": BRAKE, "limits": {"current_a": 6.0}}
     model = chain([joint, joint], gravity=0.0)
-    common = {"controller": PID, "reference": [0.5, -0.3], "sample_period": PERIOD, "duration": 0.5}
+    common = {"controller": PID, "reference": [0.5, -0.3], "period": PERIOD, "duration": 0.5}
     rows = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
-    many = aw.simulate(aw.Scenario(model, brake=aw.Batch(rows), **common))
+    many = aw.simulate(scenario_of(model, brake=aw.Batch(rows), **common))
     for lane, row in enumerate(rows):
         np.testing.assert_array_equal(
-            aw.simulate(aw.Scenario(model, brake=row, **common)).q.values, many.q.values[lane]
+            aw.simulate(scenario_of(model, brake=row, **common)).q.values, many.q.values[lane]
         )
     moved = np.abs(many.q.values[:, -1]) > 0.05
     np.testing.assert_array_equal(moved, rows == 0)
@@ -123,12 +126,12 @@ def test_brakes_differ_by_lane_and_bits_do_not():
 )
 def test_brakes_that_cannot_be_are_refused(fields, said):
     with pytest.raises(ScenarioError, match=said):
-        aw.Scenario(braked(), command=[0.0], duration=0.1, **fields)
+        scenario_of(braked(), command=[0.0], duration=0.1, **fields)
 
 
 def test_an_arm_without_brakes_applies_none():
     with pytest.raises(ScenarioError, match="no joint of two-link has a brake in its record"):
-        aw.Scenario(arm("two-link"), command=[0.0, 0.0], duration=0.1, brake=1)
+        aw.Scenario(arm("two-link"), command=[0.0, 0.0], duration=0.1, inputs=aw.Inputs(brake=1))
 
 
 WRIST = {**MOTOR, "gear_ratio": 30.0}
@@ -160,7 +163,7 @@ def test_what_holds_coupled_motors_holds_the_arm(model):
     """The command before the first tick is  N⁻ᵀ g  on the motors, and nothing moves."""
     q0 = [0.1, 0.2, 0.3][: model.n]
     run = aw.simulate(
-        aw.Scenario(model, controller=lambda t, r, y: y.applied, q0=q0, sample_period=PERIOD, duration=0.3)
+        aw.Scenario(model, duration=0.3, start=q0, loop=aw.Loop(controller=lambda t, r, y: y.applied, period=PERIOD))
     )
     np.testing.assert_allclose(run.q.values, np.broadcast_to(q0, run.q.shape), atol=1e-9)
     np.testing.assert_allclose(run.tau.values[0], aw.gravity_torques(model, q0), rtol=1e-9)
@@ -173,8 +176,10 @@ def test_a_coupled_wrist_tracks(side):
     control = aw.JointPID(kp=[400.0, 400.0, 20.0], ki=[400.0, 400.0, 20.0], kd=[20.0, 40.0, 2.0], gravity=True)
     run = aw.simulate(
         aw.Scenario(
-            model, controller=control, reference=aw.Quintic([0.0, 0.0, 0.0], goal, 3.0), sensors=aw.Sensors(side=side),
-            sample_period=PERIOD, duration=8.0, record_every=10,
+            model, duration=8.0,
+            loop=aw.Loop(controller=control, reference=aw.Quintic([0.0, 0.0, 0.0], goal, 3.0),
+                sensors=aw.Sensors(side=side), period=PERIOD),
+            recording=aw.Recording(every=10),
         )
     )  # fmt: skip
     assert run.attrs["controller"] == "compiled"
@@ -191,8 +196,8 @@ def test_encoders_of_coupled_motors_count_the_motors_turns():
     counts, ratios = 64, np.array([[50.0, 0, 0], [12.0, 30.0, 0], [-6.0, 9.0, 30.0]])
     run = aw.simulate(
         aw.Scenario(
-            wrist(), controller=lambda t, r, y: 0.0 * y.q, sensors=aw.Sensors(counts=counts), q0=[0.1, 0.2, 0.3],
-            sample_period=PERIOD, duration=0.05,
+            wrist(), duration=0.05, start=[0.1, 0.2, 0.3],
+            loop=aw.Loop(controller=lambda t, r, y: 0.0 * y.q, sensors=aw.Sensors(counts=counts), period=PERIOD),
         )
     )  # fmt: skip
     turns = run.q_measured.values @ ratios.T / (2.0 * np.pi) * counts
@@ -212,7 +217,8 @@ def test_power_balances_with_coupled_motors_under_a_controller(elastic):
     control = aw.JointPID(kp=[60.0, 60.0, 5.0][: model.n], kd=[6.0, 6.0, 0.5][: model.n], gravity=True)
     run = aw.simulate(
         aw.Scenario(
-            model, controller=control, reference=aw.Quintic(0.0 * goal, goal, 0.5), sample_period=1e-4, duration=0.4,
+            model, duration=0.4,
+            loop=aw.Loop(controller=control, reference=aw.Quintic(0.0 * goal, goal, 0.5), period=1e-4),
         )
     )  # fmt: skip
     flows = {

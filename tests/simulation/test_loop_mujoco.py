@@ -118,9 +118,10 @@ def ours(arm: Model, integrator: str, substeps: int, delay: float) -> tuple[np.n
     reference = np.array([np.concatenate(swing(k * PERIOD, arm.n)) for k in range(TICKS + 1)])
     run = aw.simulate(
         aw.Scenario(
-            arm, controller=aw.JointPID(kp=KP, kd=KD), sample_period=PERIOD, substeps=substeps, duration=TICKS * PERIOD,
-            reference=np.concatenate([reference, np.zeros((TICKS + 1, arm.n))], axis=1), integrator=integrator,
-            timing=aw.Timing(command_delay=delay), initial_command=np.zeros(arm.n),
+            arm, duration=TICKS * PERIOD,
+            loop=aw.Loop(controller=aw.JointPID(kp=KP, kd=KD), period=PERIOD, reference=np.concatenate([reference,
+                np.zeros((TICKS + 1, arm.n))], axis=1), timing=aw.Timing(command_delay=delay), initial_command=np.zeros(arm.n)),
+            solver=aw.Solver(substeps=substeps, integrator=integrator),
         )
     )  # fmt: skip
     assert run.attrs["controller"] == "compiled"

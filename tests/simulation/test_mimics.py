@@ -27,7 +27,7 @@ def test_a_run_is_forward_dynamics_integrated():
     """0.1 s under a constant voltage against SciPy on the plain forward dynamics."""
     model = arm("gripper")
     u, q0 = np.array([3.0, -2.0, 4.0, 1.0, 2.0]), np.array([0.2, 0.1, -0.3, 0.4, 0.02])
-    run = aw.simulate(aw.Scenario(model, command=u, q0=q0, duration=0.1, step=1e-4))
+    run = aw.simulate(aw.Scenario(model, command=u, duration=0.1, start=q0, solver=aw.Solver(step=1e-4)))
     assert list(run.joint.values) == model.names
 
     def slope(_, x):
@@ -45,7 +45,12 @@ def test_a_controller_drives_the_coordinates():
     goal = np.array([0.1, 0.02, -0.1, 0.1, 0.01])
     law = aw.ComputedTorque(kp=400.0, kd=40.0)
     run = aw.simulate(
-        aw.Scenario(model, controller=law, reference=goal, sample_period=1e-3, duration=1.5, record_every=100)
+        aw.Scenario(
+            model,
+            duration=1.5,
+            loop=aw.Loop(controller=law, reference=goal, period=1e-3),
+            recording=aw.Recording(every=100),
+        )
     )
     assert np.abs(run.q.values[-1] - goal).max() < 1e-2
 

@@ -13,6 +13,7 @@ from armwright import scalar
 from armwright.errors import ArmwrightError
 from armwright.simulation.plant.plant import Plant
 from physics.arms import arm
+from simulation.fields import scenario_of
 from simulation.plants import MOTOR, pendulum
 
 G, L = 9.81, 0.6  # of `pendulum`: its rod of 3 kg ends at L
@@ -32,10 +33,10 @@ def test_a_switch_is_two_runs_one_behind_the_other(integrator):
     bare = arm("two-link")
     common = {"command": [20.0, 5.0], "integrator": integrator}
     switched = [aw.Payload(0.05, *HELD), aw.Payload(0.12, 0.0)]
-    run = aw.simulate(aw.Scenario(bare, payload=switched, duration=0.2, **common, **START))
-    a = aw.simulate(aw.Scenario(bare, duration=0.05, **common, **START))
-    b = aw.simulate(aw.Scenario(bare.with_payload(*HELD), duration=0.07, start=a, **common))
-    c = aw.simulate(aw.Scenario(bare, duration=0.08, start=b, **common))
+    run = aw.simulate(scenario_of(bare, payload=switched, duration=0.2, **common, **START))
+    a = aw.simulate(scenario_of(bare, duration=0.05, **common, **START))
+    b = aw.simulate(scenario_of(bare.with_payload(*HELD), duration=0.07, start=a, **common))
+    c = aw.simulate(scenario_of(bare, duration=0.08, start=b, **common))
     tight = 1e-10 if integrator == "cvodes" else 1e-14
     for part, rows in ((a, slice(0, 50)), (b, slice(50, 120)), (c, slice(120, 200))):
         np.testing.assert_allclose(run.q.values[rows], part.q.values[:-1], atol=tight)
@@ -52,11 +53,11 @@ def test_rows_between_ticks_are_landed_on():
     model = arm("two-link")
     common = {"controller": law, "reference": [0.5, -0.4], "duration": 0.2, **START}
     switched = [aw.Payload(0.0503, *HELD), aw.Payload(0.1207, 0.5, [0, 0, 0], [0, 0, 0])]
-    coarse = aw.simulate(aw.Scenario(model, payload=switched, sample_period=2e-3, substeps=8, **common))
-    exact = aw.simulate(aw.Scenario(model, payload=switched, sample_period=2e-3, integrator="cvodes", **common))
+    coarse = aw.simulate(scenario_of(model, payload=switched, period=2e-3, substeps=8, **common))
+    exact = aw.simulate(scenario_of(model, payload=switched, period=2e-3, integrator="cvodes", **common))
     np.testing.assert_allclose(coarse.q.values, exact.q.values, atol=1e-9)
     late = [aw.Payload(0.052, *HELD), aw.Payload(0.122, 0.5, [0, 0, 0], [0, 0, 0])]
-    moved = aw.simulate(aw.Scenario(model, payload=late, sample_period=2e-3, substeps=8, **common))
+    moved = aw.simulate(scenario_of(model, payload=late, period=2e-3, substeps=8, **common))
     assert np.abs(moved.q.values - exact.q.values).max() > 1e-6  # a row put on the next tick is another run
 
 
@@ -66,7 +67,7 @@ def test_commands_over_time_and_bodies_land_where_scipy_switches():
     commands = aw.Schedule([0.0, 0.1], [[20.0, 5.0], [-10.0, 2.0]], model.names)
     payload = [aw.Payload(0.0503, *HELD), aw.Payload(0.1207, 0.0)]
     run = aw.simulate(
-        aw.Scenario(model, schedule=commands, payload=payload, duration=0.2, step=1e-3, integrator="rk4", **START)
+        scenario_of(model, command=commands, payload=payload, duration=0.2, step=1e-3, integrator="rk4", **START)
     )
     x = np.concatenate([START["q0"], START["qd0"]])
     for begin, end, own in zip(times, times[1:], [model, *[model.with_payload(*HELD)] * 2, model], strict=False):
@@ -89,8 +90,8 @@ def test_holding_it_takes_m_g_r_more():
     control = aw.JointPID(kp=4000.0, ki=20000.0, kd=400.0, gravity=True)
     run = aw.simulate(
         aw.Scenario(
-            model, controller=control, q0=[q0], sample_period=1e-3, duration=6.0,
-            payload=[aw.Payload(2.0, mass, [r, 0, 0], [0.0, 0.02, 0.02]), aw.Payload(4.0, 0.0)],
+            model, duration=6.0, start=[q0], loop=aw.Loop(controller=control, period=1e-3),
+            inputs=aw.Inputs(payload=[aw.Payload(2.0, mass, [r, 0, 0], [0.0, 0.02, 0.02]), aw.Payload(4.0, 0.0)]),
         )
     )  # fmt: skip
     tau, q = run.tau.values[:, 0], run.q.values[:, 0]
@@ -105,8 +106,8 @@ def test_it_is_there_before_the_first_tick():
     q0 = [0.1, 0.4, -0.3, 0.2, 0.3, 0.1]
     held = aw.simulate(
         aw.Scenario(
-            model, controller=lambda t, r, y: y.applied, q0=q0, sample_period=1e-3, duration=0.2,
-            payload=aw.Payload(0.0, *HELD),
+            model, duration=0.2, start=q0, loop=aw.Loop(controller=lambda t, r, y: y.applied, period=1e-3),
+            inputs=aw.Inputs(payload=aw.Payload(0.0, *HELD)),
         )
     )  # fmt: skip
     np.testing.assert_allclose(held.q.values, np.broadcast_to(q0, held.q.shape), atol=1e-9)
@@ -118,7 +119,7 @@ def test_the_hand_keeps_its_speed_and_energy_jumps_by_the_bodys_own():
     start = {"q0": [0.1, 0.4, -0.3, 0.2, 0.3, 0.1], "qd0": [1.0, -0.8, 0.9, 1.2, -1.0, 0.7]}
     volts = [8.0, -20.0, 12.0, 3.0, -1.0, 0.5]
     switched = [aw.Payload(0.1, *HELD), aw.Payload(0.25, 0.0)]
-    run = aw.simulate(aw.Scenario(model, command=volts, step=1e-4, duration=0.4, payload=switched, **start))
+    run = aw.simulate(scenario_of(model, command=volts, step=1e-4, duration=0.4, payload=switched, **start))
     states = np.concatenate([run.q.values, run.qd.values], axis=1)
     plants = {False: Plant.of(model), True: Plant.of(model.with_payload(*HELD))}
 
@@ -168,8 +169,8 @@ def test_from_the_beginning_it_is_the_arm_with_a_payload(data):
     spread = (points - com).T @ (points - com) * mass / 4
     tensor = np.trace(spread) * np.eye(3) - spread
     common = {"command": [8.0, -20.0, 12.0, 3.0, -1.0, 0.5], "q0": [0.1, 0.4, -0.3, 0.2, 0.3, 0.1], "duration": 0.02}
-    told = aw.simulate(aw.Scenario(model, payload=aw.Payload(0.0, mass, com, tensor, frame), **common))
-    held = aw.simulate(aw.Scenario(model.with_payload(mass, com, tensor, frame), **common))
+    told = aw.simulate(scenario_of(model, payload=aw.Payload(0.0, mass, com, tensor, frame), **common))
+    held = aw.simulate(scenario_of(model.with_payload(mass, com, tensor, frame), **common))
     np.testing.assert_allclose(told.qdd.values, held.qdd.values, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(told.q.values, held.q.values, rtol=1e-11, atol=1e-12)
 
@@ -178,12 +179,12 @@ def test_two_hands_hold_their_own():
     model = arm("two-link")
     common = {"command": [20.0, 5.0], "duration": 0.1, **START}
     first, second = aw.Payload(0.0, 1.0, [0.1, 0, 0], [0, 0, 0], "upper_arm"), aw.Payload(0.0, *HELD, "forearm")
-    both = aw.simulate(aw.Scenario(model, payload=[first, second], **common))
+    both = aw.simulate(scenario_of(model, payload=[first, second], **common))
     held = model.with_payload(1.0, [0.1, 0, 0], [0, 0, 0], "upper_arm", name="one").with_payload(*HELD, "forearm")
-    np.testing.assert_allclose(both.q.values, aw.simulate(aw.Scenario(held, **common)).q.values, atol=1e-13)
+    np.testing.assert_allclose(both.q.values, aw.simulate(scenario_of(held, **common)).q.values, atol=1e-13)
     emptied = [first, second, aw.Payload(0.05, 0.0, frame="upper_arm")]
-    left = aw.simulate(aw.Scenario(model, payload=emptied, **common))
-    half = aw.simulate(aw.Scenario(held, **common | {"duration": 0.05}))
+    left = aw.simulate(scenario_of(model, payload=emptied, **common))
+    half = aw.simulate(scenario_of(held, **common | {"duration": 0.05}))
     rest = aw.simulate(
         aw.Scenario(model.with_payload(*HELD, "forearm"), start=half, command=[20.0, 5.0], duration=0.05)
     )
@@ -198,9 +199,7 @@ def test_a_lane_has_the_same_bits_wherever_it_stands(driven):
     mass, time = draw.uniform(0.0, 3.0, count), draw.uniform(0.01, 0.04, count)
     com, tensor = draw.uniform(-0.1, 0.1, (count, 3)), np.abs(draw.uniform(0.5, 1.0, (count, 1, 1))) * TENSOR
     q0 = draw.uniform(-0.5, 0.5, (count, 2))
-    drive = (
-        {"controller": law, "sample_period": 1e-3} if driven == "controller" else {"command": [5.0, 1.0], "step": 1e-3}
-    )
+    drive = {"controller": law, "period": 1e-3} if driven == "controller" else {"command": [5.0, 1.0], "step": 1e-3}
 
     def run(lanes, threads=None):
         numbers = [each[lanes] for each in (time, mass, com, tensor, q0)]
@@ -208,7 +207,7 @@ def test_a_lane_has_the_same_bits_wherever_it_stands(driven):
             numbers = [aw.Batch(each) for each in numbers]
         *body, start = numbers
         payload = [aw.Payload(*body), aw.Payload(0.06, 0.0)]
-        scenario = aw.Scenario(
+        scenario = scenario_of(
             arm("two-link"), payload=payload, q0=start, duration=0.08, reduce=["peak_torque"], **drive
         )
         return aw.simulate(scenario, threads=threads)
@@ -226,31 +225,31 @@ def test_a_lane_has_the_same_bits_wherever_it_stands(driven):
 def test_with_numbers_that_vary_and_a_controller_in_python():
     """The arm's own parameters vary beside what it carries; a controller that cannot be traced changes nothing."""
     masses = np.array([2.0, 4.0])
-    common = {"reference": [0.4, -0.4], "sample_period": 1e-3, "duration": 0.1, **START}
+    common = {"reference": [0.4, -0.4], "period": 1e-3, "duration": 0.1, **START}
     payload = [aw.Payload(0.03, aw.Batch([1.0, 2.0]), COM, TENSOR)]
     varied = {"vary": {"forearm.mass_kg": aw.Batch(masses)}, "payload": payload, **common}
-    traced = aw.simulate(aw.Scenario(arm("two-link"), controller=law, **varied))
+    traced = aw.simulate(scenario_of(arm("two-link"), controller=law, **varied))
 
     def untraced(t, r, y):
         return np.asarray(law(t, r, y), dtype=float)
 
-    called = aw.simulate(aw.Scenario(arm("two-link"), controller=untraced, **varied))
+    called = aw.simulate(scenario_of(arm("two-link"), controller=untraced, **varied))
     np.testing.assert_allclose(called.q.values, traced.q.values, atol=1e-12)
     for lane in range(2):
         own = arm("two-link").with_values({"forearm.mass_kg": masses[lane]})
         one = aw.simulate(
-            aw.Scenario(own, controller=law, payload=aw.Payload(0.03, [1.0, 2.0][lane], COM, TENSOR), **common)
+            scenario_of(own, controller=law, payload=aw.Payload(0.03, [1.0, 2.0][lane], COM, TENSOR), **common)
         )
         np.testing.assert_allclose(traced.q.values[lane], one.q.values, atol=1e-12)
 
 
 def test_what_is_not_carried_costs_nothing():
-    plain = aw.simulate(aw.Scenario(arm("two-link"), command=[5.0, 1.0], duration=0.05, **START))
+    plain = aw.simulate(scenario_of(arm("two-link"), command=[5.0, 1.0], duration=0.05, **START))
     empty = aw.simulate(
-        aw.Scenario(arm("two-link"), command=[5.0, 1.0], duration=0.05, payload=aw.Payload(0, 0), **START)
+        scenario_of(arm("two-link"), command=[5.0, 1.0], duration=0.05, payload=aw.Payload(0, 0), **START)
     )
     np.testing.assert_allclose(empty.q.values, plain.q.values, atol=1e-14)
-    simulation = aw.Simulation(aw.Scenario(arm("two-link"), command=[5.0, 1.0], duration=0.05, **START))
+    simulation = aw.Simulation(scenario_of(arm("two-link"), command=[5.0, 1.0], duration=0.05, **START))
     assert [port.name for port in simulation.loop.step.inputs] == ["x", "u", "h"]
 
 
@@ -291,18 +290,18 @@ BODY = (1.0, [0, 0, 0.1], [0.01, 0.01, 0.01])
 )  # fmt: skip
 def test_bodies_that_cannot_be_are_refused(payload, said):
     with pytest.raises(ArmwrightError, match=said) as refused:
-        aw.Scenario(arm("two-link"), command=[0.0, 0.0], duration=0.5, payload=payload)
+        aw.Scenario(arm("two-link"), command=[0.0, 0.0], duration=0.5, inputs=aw.Inputs(payload=payload))
     assert "\n" not in str(refused.value)
 
 
 def test_an_arm_that_is_not_told_carries_what_it_does_not_know():
     """Computed torque with the arm's own model: the body is what the model does not know, and the error is its weight's."""
     control = aw.ComputedTorque(kp=100.0, kd=20.0)
-    common = {"controller": control, "reference": [0.3, 0.2], "q0": [0.3, 0.2], "sample_period": 1e-3, "duration": 4.0}
+    common = {"controller": control, "reference": [0.3, 0.2], "q0": [0.3, 0.2], "period": 1e-3, "duration": 4.0}
     loaded = arm("two-link").with_payload(1.0, [0, 0, 0], [0, 0, 0])
-    run = aw.simulate(aw.Scenario(arm("two-link"), payload=aw.Payload(0.0, 1.0, [0, 0, 0], [0, 0, 0]), **common))
+    run = aw.simulate(scenario_of(arm("two-link"), payload=aw.Payload(0.0, 1.0, [0, 0, 0], [0, 0, 0]), **common))
     knows = aw.simulate(
-        aw.Scenario(
+        scenario_of(
             arm("two-link"), payload=aw.Payload(0.0, 1.0, [0, 0, 0], [0, 0, 0]),
             **common | {"controller": aw.ComputedTorque(kp=100.0, kd=20.0, model=loaded)},
         )

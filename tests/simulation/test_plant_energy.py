@@ -99,9 +99,11 @@ def test_under_a_sampled_controller_it_shrinks_with_the_order():
     for substeps in (8, 16, 32):
         run = aw.simulate(
             aw.Scenario(
-                arm, controller=aw.JointPID(kp=60.0, kd=2.0), reference=[0.5], sample_period=period, substeps=substeps,
-                duration=ticks * period, sensors=aw.Sensors(counts=64, velocity="difference"),
-                shaping=aw.Shaping(resolution=0.5), timing=aw.Timing("one-tick"), initial_command=[0.0],
+                arm, duration=ticks * period,
+                loop=aw.Loop(controller=aw.JointPID(kp=60.0, kd=2.0), reference=[0.5], period=period,
+                    sensors=aw.Sensors(counts=64, velocity="difference"), command_filter=aw.CommandFilter(resolution=0.5),
+                        timing=aw.Timing("one-tick"), initial_command=[0.0]),
+                solver=aw.Solver(substeps=substeps),
             )
         )  # fmt: skip
         assert np.ptp(run.u_issued.values) > 20.0

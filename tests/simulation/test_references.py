@@ -44,7 +44,9 @@ def test_what_cannot_be_traced_has_no_speeds_and_the_run_says_so():
     assert "\n" not in note
     run = aw.simulate(
         aw.Scenario(
-            model, controller=lambda t, r, y: 10.0 * (r.q - y.q), reference=wobble, sample_period=1e-3, duration=0.01
+            model,
+            duration=0.01,
+            loop=aw.Loop(controller=lambda t, r, y: 10.0 * (r.q - y.q), reference=wobble, period=1e-3),
         )
     )
     assert note in run.attrs["notes"].splitlines()

@@ -11,6 +11,7 @@ import armwright as aw
 from armwright import scalar
 from armwright.errors import ScenarioError
 from frozen.runs import GEARED, controlled, swing
+from simulation.fields import scenario_of, with_fields
 from simulation.plants import COULOMB, ELASTIC, LUGRE, MANY, MOTOR, STOPS, chain, pendulum
 
 JOINT = "joint0"
@@ -29,9 +30,9 @@ def varied(name):
 
 def start(field, entry):
     def change(scenario, value):
-        given = np.array(getattr(scenario, field), dtype=float)
-        given[entry] = value
-        return replace(scenario, **{field: given})
+        values = np.array(getattr(scenario.start, field), dtype=float)
+        values[entry] = value
+        return replace(scenario, start=replace(scenario.start, **{field: values}))
 
     return change
 
@@ -39,15 +40,15 @@ def start(field, entry):
 @pytest.mark.parametrize("integrator", ["rk3", "rk4", "semi_implicit_euler"])
 def test_commands_over_time(integrator):
     scenario = aw.Scenario(
-        GEARED, schedule=aw.Schedule([0.0, 0.0203], [[9.0, -3.0], [-6.0, 2.0]], GEARED.names), duration=0.05, step=2.5e-4,
-        integrator=integrator, q0=[0.3, -0.2], qd0=[0.1, 0.2],
+        GEARED, command=aw.Schedule([0.0, 0.0203], [[9.0, -3.0], [-6.0, 2.0]], GEARED.names), duration=0.05,
+        start=aw.Start([0.3, -0.2], [0.1, 0.2]), solver=aw.Solver(step=2.5e-4, integrator=integrator),
     )  # fmt: skip
-    found = aw.sensitivities(scenario, ["rod1.mass_kg", "joint0.motor.resistance_ohm", "q0[1]"])
+    found = aw.sensitivities(scenario, ["rod1.mass_kg", "joint0.motor.resistance_ohm", "start.q[1]"])
     np.testing.assert_array_equal(
         found.q.values, aw.simulate(scenario).q.values
     )  # the run itself is the same to the bit
-    assert list(found.parameter.values) == ["rod1.mass_kg", "joint0.motor.resistance_ohm", "q0[1]"]
-    changes = [("rod1.mass_kg", 3.0, varied("rod1.mass_kg")), ("q0[1]", -0.2, start("q0", 1))]
+    assert list(found.parameter.values) == ["rod1.mass_kg", "joint0.motor.resistance_ohm", "start.q[1]"]
+    changes = [("rod1.mass_kg", 3.0, varied("rod1.mass_kg")), ("start.q[1]", -0.2, start("q", 1))]
     changes.append(("joint0.motor.resistance_ohm", 1.2, varied("joint0.motor.resistance_ohm")))
     for name, value, change in changes:
         for signal, expected in slope(scenario, name, value, change).items():
@@ -64,15 +65,13 @@ def test_every_drive(effect):
         model,
         command=np.full(n, 9.0),
         duration=0.02,
-        step=1e-4,
-        integrator="rk3",
-        q0=np.full(n, 0.3),
-        qd0=np.full(n, 0.8),
+        start=aw.Start(np.full(n, 0.3), np.full(n, 0.8)),
+        solver=aw.Solver(step=1e-4, integrator="rk3"),
     )
-    found = aw.sensitivities(scenario, [name, f"{JOINT}.motor.resistance_ohm", "qd0[0]"])
+    found = aw.sensitivities(scenario, [name, f"{JOINT}.motor.resistance_ohm", "start.qd[0]"])
     for column, value, change in (
         (name, 3.0, varied(name)), (f"{JOINT}.motor.resistance_ohm", 1.2, varied(f"{JOINT}.motor.resistance_ohm")),
-        ("qd0[0]", 0.8, start("qd0", 0)),
+        ("start.qd[0]", 0.8, start("qd", 0)),
     ):  # fmt: skip
         for signal, expected in slope(scenario, column, value, change).items():
             own = found[f"d_{signal}"].sel(parameter=column).values
@@ -84,18 +83,19 @@ def test_a_sampled_loop():
     law = aw.JointPID(kp=[30.0, 20.0], ki=40.0, kd=3.0, gravity=True)
     drive = {"command": "voltage", "motor": MOTOR, "friction": COULOMB}
     scenario = aw.Scenario(
-        chain([drive, drive], gravity=2.0), controller=law, reference=swing, sample_period=2e-3, substeps=8, duration=0.1,
-        integrator="rk3", timing=aw.Timing("one-tick", measurement_delay=4e-3),
-        sensors=aw.Sensors(velocity="observer", cutoff_hz=60.0), q0=[0.05, -0.05], qd0=[0.2, -0.1],
+        chain([drive, drive], gravity=2.0), duration=0.1, start=aw.Start([0.05, -0.05], [0.2, -0.1]),
+        loop=aw.Loop(controller=law, reference=swing, period=2e-3, timing=aw.Timing("one-tick", measurement_delay=4e-3),
+            sensors=aw.Sensors(velocity="observer", cutoff_hz=60.0)),
+        solver=aw.Solver(substeps=8, integrator="rk3"),
     )  # fmt: skip
-    names = ["rod1.mass_kg", "controller.kp[0]", "controller.kd", "qd0[0]"]
+    names = ["rod1.mass_kg", "loop.controller.kp[0]", "loop.controller.kd", "start.qd[0]"]
     found = aw.sensitivities(scenario, names)
     assert list(found.parameter.values) == [
         "rod1.mass_kg",
-        "controller.kp[0]",
-        "controller.kd[0]",
-        "controller.kd[1]",
-        "qd0[0]",
+        "loop.controller.kp[0]",
+        "loop.controller.kd[0]",
+        "loop.controller.kd[1]",
+        "start.qd[0]",
     ]
     assert "lane" not in found.dims
     np.testing.assert_array_equal(found.q.values, aw.simulate(scenario).q.values)
@@ -104,13 +104,13 @@ def test_a_sampled_loop():
         def change(given, value):
             rows = np.array(np.broadcast_to(getattr(law, field), 2), dtype=float)
             rows[entry] = value
-            return replace(given, controller=replace(law, **{field: rows}))
+            return with_fields(given, controller=replace(law, **{field: rows}))
 
         return change
 
     for name, value, change in (
-        ("rod1.mass_kg", 3.0, varied("rod1.mass_kg")), ("controller.kp[0]", 30.0, gain("kp", 0)),
-        ("controller.kd[1]", 3.0, gain("kd", 1)), ("qd0[0]", 0.2, start("qd0", 0)),
+        ("rod1.mass_kg", 3.0, varied("rod1.mass_kg")), ("loop.controller.kp[0]", 30.0, gain("kp", 0)),
+        ("loop.controller.kd[1]", 3.0, gain("kd", 1)), ("start.qd[0]", 0.2, start("qd", 0)),
     ):  # fmt: skip
         for signal, expected in slope(scenario, name, value, change).items():
             own = found[f"d_{signal}"].sel(parameter=name).values
@@ -119,11 +119,11 @@ def test_a_sampled_loop():
 
 
 def test_lanes_are_those_of_single_runs():
-    scenario = aw.Scenario(GEARED, command=[9.0, -3.0], duration=0.02, step=5e-4, integrator="rk3")
+    scenario = aw.Scenario(GEARED, command=[9.0, -3.0], duration=0.02, solver=aw.Solver(step=5e-4, integrator="rk3"))
     start = np.array([[0.3, -0.2], [0.1, 0.4], [-0.2, 0.0]])
-    many = aw.sensitivities(replace(scenario, q0=aw.Batch(start)), ["rod1.mass_kg"])
+    many = aw.sensitivities(with_fields(scenario, q0=aw.Batch(start)), ["rod1.mass_kg"])
     for k, q0 in enumerate(start):
-        alone = aw.sensitivities(replace(scenario, q0=q0), ["rod1.mass_kg"])
+        alone = aw.sensitivities(with_fields(scenario, q0=q0), ["rod1.mass_kg"])
         np.testing.assert_array_equal(many.d_q.values[k], alone.d_q.values)
 
 
@@ -144,7 +144,12 @@ def test_a_reversal_under_coulomb_friction():
         friction |= {"coulomb_positive_n_m": level, "coulomb_negative_n_m": level}
         model = pendulum("torque", gravity=0.0, friction=friction)
         scenario = aw.Scenario(
-            model, command=[torque], qd0=[speed], duration=end, step=end / 2**14, integrator="rk4", record_every=0
+            model,
+            command=[torque],
+            duration=end,
+            start=aw.Start(qd=[speed]),
+            solver=aw.Solver(step=end / 2**14, integrator="rk4"),
+            recording=aw.Recording(every=0),
         )
         names = [f"{JOINT}.friction.coulomb_positive_n_m", f"{JOINT}.friction.coulomb_negative_n_m"]
         slopes = aw.sensitivities(scenario, names).d_qd.values[-1, 0]
@@ -159,13 +164,17 @@ def test_what_has_no_derivative_is_refused():
     open_loop = {"command": [1.0], "duration": 0.01, "step": 1e-4}
     mass = ["rod0.mass_kg"]
     cases = [
-        (aw.Scenario(stops, **open_loop), mass, "stops"),
-        (aw.Scenario(play, **open_loop), mass, "play"),
-        (aw.Scenario(MANY["plain"], command=[1.0], duration=0.01, integrator="rk45"), mass, "integrator"),
+        (scenario_of(stops, **open_loop), mass, "stops"),
+        (scenario_of(play, **open_loop), mass, "play"),
+        (
+            aw.Scenario(MANY["plain"], command=[1.0], duration=0.01, solver=aw.Solver(integrator="rk45")),
+            mass,
+            "integrator",
+        ),
         (controlled(sensors=aw.Sensors(counts=100)), mass, "quantiser"),
         (controlled(timing=aw.Timing(command_delay=1e-3)), mass, "whole ticks"),
-        (controlled(), ["controller.kp"], "no field"),
-        (controlled(), ["q0[2]"], r"q0\[0\]"),
+        (controlled(), ["loop.controller.kp"], "no field"),
+        (controlled(), ["start.q[2]"], "start"),
         (controlled(), [], "list of names"),
     ]
     for scenario, by, match in cases:
@@ -175,7 +184,9 @@ def test_what_has_no_derivative_is_refused():
 
 def test_an_unknown_parameter_is_named():
     with pytest.raises(aw.ArmwrightError, match="rod0 has mass_kg"):
-        aw.sensitivities(aw.Scenario(GEARED, command=[1.0, 0.0], duration=0.01, step=1e-4), ["rod0.weight"])
+        aw.sensitivities(
+            aw.Scenario(GEARED, command=[1.0, 0.0], duration=0.01, solver=aw.Solver(step=1e-4)), ["rod0.weight"]
+        )
 
 
 def test_laws_in_numpy_have_them_too():
@@ -194,7 +205,7 @@ def test_bristles_turn_round_smoothly():
     """LuGre needs no jump formula: its state is continuous through a reversal."""
     model = pendulum(motor=MOTOR, friction=LUGRE)
     rows = aw.Schedule([0.0, 0.02], [[12.0], [-12.0]], [JOINT])
-    scenario = aw.Scenario(model, schedule=rows, duration=0.06, step=5e-5, integrator="rk4")
+    scenario = aw.Scenario(model, command=rows, duration=0.06, solver=aw.Solver(step=5e-5, integrator="rk4"))
     run = aw.simulate(scenario)
     assert run.qd.values.max() > 0.01 > -0.01 > run.qd.values.min()
     name = f"{JOINT}.friction.coulomb_positive_n_m"

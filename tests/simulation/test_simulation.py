@@ -13,6 +13,7 @@ from armwright.kernels.target import select_target
 from armwright.model import build_model
 from armwright.simulation.loop.compiled import compile_loop
 from armwright.simulation.plant.plant import plant_derivative
+from simulation.fields import scenario_of
 
 LEVEL = {"xyz_m": [0, 0, 0], "rpy_rad": [0, 0, 0]}
 DISC = {"xx": 0.01, "xy": 0, "xz": 0, "yy": 0.01, "yz": 0, "zz": 0.02}
@@ -112,7 +113,7 @@ def test_order_three(driven):
     """Halving the step divides RK3's error by 8."""
     arm, loop, start = driven
     ends = {
-        h: final(aw.simulate(aw.Scenario(arm, duration=0.064, step=h, **start, record_every=0), loop=loop))
+        h: final(aw.simulate(scenario_of(arm, duration=0.064, step=h, **start, every=0), loop=loop))
         for h in (5e-4, 2.5e-4, 1.25e-4, 7.8125e-6)
     }
     errors = [np.abs(ends[h] - ends[7.8125e-6]).max() for h in (5e-4, 2.5e-4, 1.25e-4)]
@@ -127,7 +128,7 @@ def test_energy_balance(driven):
     from armwright.actuators import friction_torques
 
     arm, loop, start = driven
-    run = aw.simulate(aw.Scenario(arm, duration=0.2, step=1e-4, **start), loop=loop)
+    run = aw.simulate(scenario_of(arm, duration=0.2, step=1e-4, **start), loop=loop)
     q, qd, tau = (run[name].values for name in ("q", "qd", "tau"))
     energy = [aw.kinetic_energy(arm, q[k], qd[k]) + aw.potential_energy(arm, q[k]) for k in (0, -1)]
     into = simpson(np.sum(tau * qd, axis=1), x=run.time.values)
@@ -150,18 +151,18 @@ def test_bits_do_not_depend_on_lanes_threads_or_width(cmu):
     arm, loop = cmu
     rng = np.random.default_rng(5)
     command, q0 = rng.uniform(-5, 5, (37, 6)), rng.uniform(-1, 1, (37, 6))
-    whole = aw.simulate(aw.Scenario(arm, duration=0.1, command=aw.Batch(command), q0=aw.Batch(q0)), loop=loop)
+    whole = aw.simulate(aw.Scenario(arm, duration=0.1, command=aw.Batch(command), start=aw.Batch(q0)), loop=loop)
     for lane in (0, 7, 8, 36):
-        alone = aw.simulate(aw.Scenario(arm, duration=0.1, command=command[lane], q0=q0[lane]), loop=loop)
+        alone = aw.simulate(aw.Scenario(arm, duration=0.1, command=command[lane], start=q0[lane]), loop=loop)
         assert np.array_equal(final(alone), final(whole)[lane])
         assert np.array_equal(alone.qdd.values, whole.qdd.values[lane])
     tiled = {"command": aw.Batch(np.tile(command, (8, 1))), "q0": aw.Batch(np.tile(q0, (8, 1)))}
-    many = aw.Scenario(arm, duration=0.1, record_every=0, **tiled)
+    many = scenario_of(arm, duration=0.1, every=0, **tiled)
     for threads in (1, 2, 3):
         assert np.array_equal(final(aw.simulate(many, loop=loop, threads=threads)), np.tile(final(whole), (8, 1)))
     if select_target().width == 8:
         lanes = {"command": aw.Batch(command), "q0": aw.Batch(q0)}
-        narrow = aw.simulate(aw.Scenario(arm, duration=0.1, target="x86-64-v3", **lanes))
+        narrow = aw.simulate(scenario_of(arm, duration=0.1, target="x86-64-v3", **lanes))
         assert np.array_equal(narrow.q.values, whole.q.values)
 
 
@@ -171,7 +172,7 @@ def test_schedule_rows_are_landed_on(cmu):
     times = np.array([0.0, 0.01234321, 0.01236789, 0.05, 0.0876543, 0.1])
     commands = np.random.default_rng(6).uniform(-8, 8, (6, 6))
     schedule = aw.Schedule(times, commands, tuple(arm.names))
-    run = aw.simulate(aw.Scenario(arm, duration=0.12, step=1e-4, schedule=schedule), loop=loop)
+    run = aw.simulate(aw.Scenario(arm, duration=0.12, command=schedule, solver=aw.Solver(step=1e-4)), loop=loop)
     x = np.zeros(12)
     for first, last, u in zip(times, [*times[1:], 0.12], commands, strict=True):
         x = solve_ivp(
@@ -194,9 +195,9 @@ def test_schedules_a_lane(cmu):
         )
         for k in range(11)
     ]
-    together = aw.simulate(aw.Scenario(arm, duration=0.1, schedule=aw.Batch(schedules)), loop=loop)
+    together = aw.simulate(aw.Scenario(arm, duration=0.1, command=aw.Batch(schedules)), loop=loop)
     for lane in (0, 1, 5, 10):
-        alone = aw.simulate(aw.Scenario(arm, duration=0.1, schedule=schedules[lane]), loop=loop)
+        alone = aw.simulate(aw.Scenario(arm, duration=0.1, command=schedules[lane]), loop=loop)
         assert np.array_equal(alone.q.values, together.q.values[lane])
         assert np.array_equal(alone.u.values, together.u.values[lane])
 
@@ -205,7 +206,7 @@ def test_row_beside_a_tick_is_put_on_it():
     """0.3 s written in decimals is tick 300, though 300 · 0.001 is another double."""
     arm = aw.load("two-link")
     rows = aw.Schedule(np.array([0.0, 0.3, 0.7]), np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]]), ("shoulder", "elbow"))
-    run = aw.simulate(aw.Scenario(arm, duration=0.9, schedule=rows))
+    run = aw.simulate(aw.Scenario(arm, duration=0.9, command=rows))
     assert [int(k) for k in np.flatnonzero(np.any(np.diff(run.u.values, axis=0), axis=1)) + 1] == [300, 700]
 
 
@@ -213,19 +214,21 @@ def test_diverged_lane_is_frozen_and_the_rest_go_on():
     """A lane with an absurd speed leaves the finite numbers; its neighbours keep their bits."""
     arm = aw.load("two-link")
     qd0 = np.random.default_rng(8).normal(size=(10, 2))
-    clean = aw.simulate(aw.Scenario(arm, duration=0.05, command=np.zeros(2), qd0=aw.Batch(qd0)))
+    clean = aw.simulate(aw.Scenario(arm, duration=0.05, command=np.zeros(2), start=aw.Start(qd=aw.Batch(qd0))))
     qd0[3] = 1e200
-    run = aw.simulate(aw.Scenario(arm, duration=0.05, command=np.zeros(2), qd0=aw.Batch(qd0)))
+    run = aw.simulate(aw.Scenario(arm, duration=0.05, command=np.zeros(2), start=aw.Start(qd=aw.Batch(qd0))))
     assert np.isfinite(run.q.values).all()
     assert run.diverged_at.values[3] == 0.0
     assert np.isnan(np.delete(run.diverged_at.values, 3)).all()
     assert np.array_equal(np.delete(run.q.values, 3, axis=0), np.delete(clean.q.values, 3, axis=0))
     with pytest.raises(DivergenceError, match=r"two-link: the simulation left the finite numbers at t = 0 s"):
-        aw.simulate(aw.Scenario(arm, duration=0.05, command=np.zeros(2), qd0=[1e200, 0]))
+        aw.simulate(aw.Scenario(arm, duration=0.05, command=np.zeros(2), start=aw.Start(qd=[1e200, 0])))
 
 
 def test_a_simulation_that_diverged_stays_where_it_was():
-    simulation = aw.Simulation(aw.Scenario(aw.load("two-link"), duration=0.05, command=np.zeros(2), qd0=[1e200, 0]))
+    simulation = aw.Simulation(
+        aw.Scenario(aw.load("two-link"), duration=0.05, command=np.zeros(2), start=aw.Start(qd=[1e200, 0]))
+    )
     for _ in range(2):
         with pytest.raises(DivergenceError, match="at t = 0 s"):
             simulation.run()
@@ -238,11 +241,11 @@ def test_step_too_large_is_refused_before_it_runs():
     drive = arm.bodies[0].drive
     constant = (0.02 + 25e-4) / (25 * drive.torque_constant**2 / drive.resistance + 0.03)
     with pytest.raises(ScenarioError, match=r"a step of 0\.00[0-9]+ s would do") as caught:
-        aw.simulate(aw.Scenario(arm, duration=0.1, step=0.01, command=[1.0]))
+        aw.simulate(aw.Scenario(arm, duration=0.1, command=[1.0], solver=aw.Solver(step=0.01)))
     assert f"{constant:.3g} s" in str(caught.value)
     would_do = float(str(caught.value).split("a step of ")[1].split()[0])
     assert 1.2 * constant < would_do < 2.5127 * constant
-    run = aw.simulate(aw.Scenario(arm, duration=100 * would_do, step=would_do, command=[1.0]))
+    run = aw.simulate(aw.Scenario(arm, duration=100 * would_do, command=[1.0], solver=aw.Solver(step=would_do)))
     assert abs(run.qd.values[-1, 0]) == pytest.approx(0.25 / 0.01 / (25 * 0.05**2 / 0.01 + 0.03), rel=1e-6)
 
 
@@ -278,7 +281,7 @@ def test_a_limit_does_not_hide_a_diverged_lane():
     """Clipping keeps NaN: a lane that is lost is found by its state, not kept alive by its voltage limit."""
     arm = motor_alone(limits={"voltage_v": 4.0})
     far = aw.Batch([[1e308], [0.0]])
-    run = aw.simulate(aw.Scenario(arm, duration=0.01, command=[1.0], qd0=far, q0=far))
+    run = aw.simulate(aw.Scenario(arm, duration=0.01, command=[1.0], start=aw.Start(far, far)))
     assert run.diverged_at.values[0] >= 0.0
     assert np.isnan(run.diverged_at.values[1])
 
@@ -286,7 +289,7 @@ def test_a_limit_does_not_hide_a_diverged_lane():
 def test_position_limit_is_reported():
     """Nothing stops the arm at its limit yet, but the run says that it was passed and when."""
     arm = aw.load("cmu-dd")
-    run = aw.simulate(aw.Scenario(arm, duration=1.0, command=np.zeros(6), q0=[0, 1.0, 0, 0, 0, 0]))
+    run = aw.simulate(aw.Scenario(arm, duration=1.0, command=np.zeros(6), start=[0, 1.0, 0, 0, 0, 0]))
     assert any(
         note.startswith("joint2: passed its position limits [-1.92, 1.92] at t = 0.")
         for note in run.attrs["notes"].splitlines()
@@ -297,8 +300,12 @@ def test_record_every_and_state_only(cmu):
     """Fewer rows are the same rows."""
     arm, loop = cmu
     full = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6)), loop=loop)
-    tenth = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6), record_every=10), loop=loop)
-    ends = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6), record_every=0, record="state"), loop=loop)
+    tenth = aw.simulate(
+        aw.Scenario(arm, duration=0.06, command=np.ones(6), recording=aw.Recording(every=10)), loop=loop
+    )
+    ends = aw.simulate(
+        aw.Scenario(arm, duration=0.06, command=np.ones(6), recording=aw.Recording(every=0, what="state")), loop=loop
+    )
     assert np.array_equal(tenth.q.values, full.q.values[::10])
     assert np.array_equal(tenth.time.values, full.time.values[::10])
     assert np.array_equal(ends.q.values, full.q.values[[0, -1]])
@@ -311,7 +318,7 @@ def test_progress_counts_all_steps(cmu):
     arm, loop = cmu
     for threads in (1, 2):
         seen = []
-        scenario = aw.Scenario(arm, duration=0.1, command=aw.Batch(np.zeros((600, 6))), record_every=0)
+        scenario = aw.Scenario(arm, duration=0.1, command=aw.Batch(np.zeros((600, 6))), recording=aw.Recording(every=0))
         aw.simulate(scenario, loop=loop, threads=threads, progress=lambda *steps, seen=seen: seen.append(steps))
         assert seen[-1][0] == seen[-1][1] > 0
 
@@ -319,34 +326,34 @@ def test_progress_counts_all_steps(cmu):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"command": [0, 0]}, "duration: expected one"),
-        ({"command": [0, 0], "duration": -1.0}, "duration = -1.0: expected a time above 0 s"),
+        ({"command": [0, 0]}, "duration = None"),
+        ({"command": [0, 0], "duration": -1.0}, r"duration = -1\.0"),
         ({"command": [0, 0], "duration": float("nan")}, "duration = nan"),
         ({"command": [0, 0], "duration": 1.0, "step": 0}, "step = 0: expected"),
         ({"command": [0, 0], "duration": 1.0, "step": "fast"}, "step = 'fast': expected"),
-        ({"command": [0, 0], "duration": 0.0105}, "no whole number of steps"),
-        ({"command": [0, 0], "duration": 1.0, "record_every": 3}, "record_every = 3 does not divide the 1000 steps"),
-        ({"command": [0, 0], "duration": 1.0, "record_every": -1}, "record_every = -1"),
-        ({"command": [0, 0], "duration": 1.0, "record": "some"}, "record = 'some'"),
+        ({"command": [0, 0], "duration": 0.0105}, r"duration = 0\.0105"),
+        ({"command": [0, 0], "duration": 1.0, "every": 3}, r"recording\.every = 3"),
+        ({"command": [0, 0], "duration": 1.0, "every": -1}, r"recording\.every = -1"),
+        ({"command": [0, 0], "duration": 1.0, "what": "some"}, r"recording\.what = 'some'"),
         ({"command": [0, 0, 0], "duration": 1.0}, r"command has shape \(3,\), expected \(2,\)"),
         ({"command": np.zeros((3, 2)), "duration": 1.0}, r"command has shape \(3, 2\), expected \(2,\): .* Batch"),
         ({"command": [0, float("nan")], "duration": 1.0}, "command holds nan"),
         ({"command": ["a", "b"], "duration": 1.0}, "expected 2 numbers"),
         (
             {"command": [0, 0], "duration": 1.0, "q0": aw.Batch(np.zeros((3, 2))), "qd0": aw.Batch(np.zeros((4, 2)))},
-            "lanes do not fit together: 3 of q0, 4 of qd0",
+            r"3 of start\.q, 4 of start\.qd",
         ),
         ({"command": [0, 0], "duration": 1.0, "integrator": "rk33"}, "integrator = 'rk33': unknown; did you mean rk3"),
         (
-            {"schedule": aw.Schedule.constant(["a"], [1.0]), "duration": 1.0},
-            "schedule: the schedule is for a; expected shoulder, elbow",
+            {"command": aw.Schedule.constant(["a"], [1.0]), "duration": 1.0},
+            "command: the schedule is for a",
         ),
     ],
 )
 def test_scenarios_that_cannot_run(changes, message):
     """Refused before anything runs, naming the field, its value and what was expected."""
     with pytest.raises(ScenarioError, match=message):
-        aw.Scenario(aw.load("two-link"), **changes)
+        scenario_of(aw.load("two-link"), **changes)
 
 
 def test_an_arm_that_nothing_drives_is_refused():
@@ -366,8 +373,8 @@ def test_a_loop_serves_its_own_arm_only(cmu):
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"record": "state"}, "recorded states alone"),
-        ({"record": "none", "reduce": ["peak_torque"]}, "reduction"),
+        ({"what": "state"}, "recorded states alone"),
+        ({"what": "none", "reduce": ["peak_torque"]}, "reduction"),
         ({"wrench": np.ones(6)}, "wrench"),
         ({"command": None, "controller": aw.JointPID(kp=1.0)}, "sampling"),
     ],
@@ -375,9 +382,9 @@ def test_a_loop_serves_its_own_arm_only(cmu):
 def test_a_loop_of_another_kind_is_refused(fields, said):
     """A loop without what a run needs is refused in one line, not found out on the way."""
     common = {"command": np.zeros(2), "duration": 0.01}
-    other = aw.Simulation(aw.Scenario(aw.load("two-link"), **(common | fields))).loop
+    other = aw.Simulation(scenario_of(aw.load("two-link"), **(common | fields))).loop
     with pytest.raises(ScenarioError, match=f"the loop was compiled for {said}; expected one for commands"):
-        aw.simulate(aw.Scenario(other.arm, **common), loop=other)
+        aw.simulate(scenario_of(other.arm, **common), loop=other)
 
 
 def test_gear_loss_under_load_bounds_the_step():
@@ -396,9 +403,11 @@ def test_a_swing_bounds_the_step():
     """An undamped pendulum wants a dozen steps a period; what is named then stays bounded for a minute."""
     arm = aw.load("two-link")
     with pytest.raises(ScenarioError, match="lose track") as caught:
-        aw.simulate(aw.Scenario(arm, duration=60.0, step=0.3, command=[0, 0], q0=[-1.5, 0]))
+        aw.simulate(aw.Scenario(arm, duration=60.0, command=[0, 0], start=[-1.5, 0], solver=aw.Solver(step=0.3)))
     step = float(str(caught.value).split("a step of ")[1].split()[0])
-    run = aw.simulate(aw.Scenario(arm, duration=600 * step, step=step, command=[0, 0], q0=[-1.5, 0]))
+    run = aw.simulate(
+        aw.Scenario(arm, duration=600 * step, command=[0, 0], start=[-1.5, 0], solver=aw.Solver(step=step))
+    )
     assert np.abs(run.qd.values).max() < 30
 
 
@@ -427,11 +436,11 @@ def test_columns_go_by_name():
     arm = aw.load("two-link")
     straight = aw.Schedule(np.zeros(1), np.array([[3.0, 1.0]]), ("shoulder", "elbow"))
     swapped = aw.Schedule(np.zeros(1), np.array([[1.0, 3.0]]), ("elbow", "shoulder"))
-    ends = [final(aw.simulate(aw.Scenario(arm, duration=0.1, schedule=schedule))) for schedule in (straight, swapped)]
+    ends = [final(aw.simulate(aw.Scenario(arm, duration=0.1, command=schedule))) for schedule in (straight, swapped)]
     assert np.array_equal(*ends)
-    for wrong in ("run.csv", [], [1, 2]):
+    for wrong in ("run.csv", [], [straight, swapped]):
         with pytest.raises(ScenarioError):
-            aw.Scenario(arm, duration=0.1, schedule=wrong)
+            aw.Scenario(arm, duration=0.1, command=wrong)
 
 
 def test_no_false_word_of_clipping():
@@ -439,7 +448,7 @@ def test_no_false_word_of_clipping():
     arm = motor_alone(command="current", limits={"voltage_v": 100.0})
     times = np.arange(100) * 0.01
     schedule = aw.Schedule(times, 0.5 * np.sin(2 * np.pi * times)[:, None], ("axis",))
-    assert aw.simulate(aw.Scenario(arm, duration=1.0, schedule=schedule)).attrs["notes"] == ""
+    assert aw.simulate(aw.Scenario(arm, duration=1.0, command=schedule)).attrs["notes"] == ""
 
 
 def test_a_joint_without_inertia_is_named():
@@ -456,7 +465,10 @@ def test_too_much_to_record(cmu):
     """What memory cannot hold is said before it runs, with what to do."""
     arm, loop = cmu
     for duration in (1e12, 1e300):
-        with pytest.raises(ScenarioError, match=r"record_every above 1|more than can be counted"):
+        with pytest.raises(
+            ScenarioError,
+            match=r"recording.every above 1|2\^53 times",
+        ):
             aw.simulate(aw.Scenario(arm, duration=duration, command=np.zeros(6)), loop=loop)
 
 
@@ -465,7 +477,7 @@ def test_ctrl_c_comes_back_soon(cmu):
     import time
 
     arm, loop = cmu
-    scenario = aw.Scenario(arm, duration=400.0, command=aw.Batch(np.zeros((600, 6))), record_every=0)
+    scenario = aw.Scenario(arm, duration=400.0, command=aw.Batch(np.zeros((600, 6))), recording=aw.Recording(every=0))
     start = time.perf_counter()
 
     def interrupt(done, total):
@@ -480,10 +492,10 @@ def test_parameters_may_vary_by_lane_without_a_controller():
     arm = aw.load("cmu-dd")
     masses = np.array([1.0, 2.0, 3.0])
     common = {"command": [8, 6, 4, 2, 1, 0.5], "duration": 0.1}
-    many = aw.simulate(aw.Scenario(arm, vary={"link6.mass_kg": aw.Batch(masses)}, **common))
+    many = aw.simulate(scenario_of(arm, vary={"link6.mass_kg": aw.Batch(masses)}, **common))
     assert many.sizes["lane"] == 3
     for lane, mass in enumerate(masses):
-        one = aw.simulate(aw.Scenario(arm, vary={"link6.mass_kg": mass}, **common))
+        one = aw.simulate(scenario_of(arm, vary={"link6.mass_kg": mass}, **common))
         np.testing.assert_array_equal(many.q[lane], one.q)
         np.testing.assert_array_equal(many.tau[lane], one.tau)
     assert np.abs(many.q[0] - many.q[2]).max() > 1e-4

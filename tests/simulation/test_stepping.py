@@ -8,10 +8,11 @@ import pytest
 import armwright as aw
 from armwright.errors import DivergenceError, ScenarioError
 from physics.arms import arm
+from simulation.fields import scenario_of
 
 PERIOD = 1e-3
 SENSORS = aw.Sensors(velocity="difference", position_noise=1e-4)
-COMMON = {"sample_period": PERIOD, "sensors": SENSORS}
+COMMON = {"period": PERIOD, "sensors": SENSORS}
 Q0 = np.random.default_rng(0).uniform(-0.2, 0.2, (600, 2))
 
 
@@ -34,9 +35,9 @@ def commanded(simulation, ticks):
 def test_commands_from_outside_do_what_a_controller_does(lanes):
     q0 = aw.Batch(Q0[:lanes]) if lanes else Q0[0]
     run = aw.simulate(
-        aw.Scenario(arm("two-link"), controller=pd, reference=[0.1, 0.1], q0=q0, duration=20 * PERIOD, **COMMON)
+        scenario_of(arm("two-link"), controller=pd, reference=[0.1, 0.1], q0=q0, duration=20 * PERIOD, **COMMON)
     )
-    rows = commanded(aw.Simulation(aw.Scenario(arm("two-link"), q0=q0, **COMMON)), 21)
+    rows = commanded(aw.Simulation(scenario_of(arm("two-link"), q0=q0, **COMMON)), 21)
     expected = np.concatenate([run.q.values, run.qd_measured.values], axis=-1)
     np.testing.assert_allclose(rows, np.moveaxis(expected, -2, 0), rtol=0, atol=1e-10)
 
@@ -44,7 +45,7 @@ def test_commands_from_outside_do_what_a_controller_does(lanes):
 @pytest.mark.parametrize("measured", [False, True])
 def test_a_state_goes_on_to_the_bit(measured):
     """Kept before or after the measurement of its tick, in this simulation or in another one."""
-    scenario = aw.Scenario(arm("two-link"), q0=Q0[0], **COMMON)
+    scenario = scenario_of(arm("two-link"), q0=Q0[0], **COMMON)
     simulation = aw.Simulation(scenario)
     commanded(simulation, 5)
     if measured:
@@ -54,7 +55,7 @@ def test_a_state_goes_on_to_the_bit(measured):
     expected = commanded(simulation, 10)
     simulation.restore(state)
     np.testing.assert_array_equal(commanded(simulation, 10), expected)
-    other = aw.Simulation(aw.Scenario(arm("two-link"), start=state, **COMMON))
+    other = aw.Simulation(scenario_of(arm("two-link"), start=state, **COMMON))
     np.testing.assert_array_equal(commanded(other, 10), expected)
     simulation.reset()
     assert simulation.tick == 0
@@ -63,15 +64,15 @@ def test_a_state_goes_on_to_the_bit(measured):
 
 def test_a_measurement_is_not_taken_twice_by_who_takes_over():
     """A compiled controller measures in one go with what it commands: it takes over before the measurement, not after it."""
-    simulation = aw.Simulation(aw.Scenario(arm("two-link"), q0=Q0[0], **COMMON))
+    simulation = aw.Simulation(scenario_of(arm("two-link"), q0=Q0[0], **COMMON))
     commanded(simulation, 5)
     before = simulation.state
     y = simulation.measurement
     taking = {"controller": pd, "reference": [0.1, 0.1], "duration": 5 * PERIOD, **COMMON}
-    run = aw.simulate(aw.Scenario(arm("two-link"), start=before, **taking))
+    run = aw.simulate(scenario_of(arm("two-link"), start=before, **taking))
     np.testing.assert_array_equal(run.qd_measured.values[0], y.qd)
     with pytest.raises(ScenarioError, match="has its measurement already"):
-        aw.Simulation(aw.Scenario(arm("two-link"), start=simulation.state, **taking))
+        aw.Simulation(scenario_of(arm("two-link"), start=simulation.state, **taking))
 
 
 class AtOnce:
@@ -89,7 +90,7 @@ class AtOnce:
 
 def test_all_lanes_at_once_are_all_lanes():
     """However they are run: hundreds of lanes, which a compiled loop takes in groups, have one memory."""
-    scenario = aw.Scenario(
+    scenario = scenario_of(
         arm("two-link"), controller=AtOnce(), reference=np.zeros(2), q0=aw.Batch(Q0), duration=10 * PERIOD, **COMMON
     )
     whole, simulation = aw.simulate(scenario), aw.Simulation(scenario)
@@ -101,7 +102,7 @@ def test_all_lanes_at_once_are_all_lanes():
 
 def test_rows_of_a_reference_are_there_again_after_a_reset():
     rows = np.linspace(Q0[0], [0.1, 0.1], 11)
-    scenario = aw.Scenario(arm("two-link"), controller=pd, reference=rows, q0=Q0[0], duration=10 * PERIOD, **COMMON)
+    scenario = scenario_of(arm("two-link"), controller=pd, reference=rows, q0=Q0[0], duration=10 * PERIOD, **COMMON)
     simulation = aw.Simulation(scenario)
     first = simulation.run()
     simulation.reset()
@@ -119,7 +120,7 @@ def test_rows_of_a_reference_are_there_again_after_a_reset():
     ],
 )
 def test_commands_that_are_none_are_refused(command, said):
-    simulation = aw.Simulation(aw.Scenario(arm("two-link"), **COMMON))
+    simulation = aw.Simulation(scenario_of(arm("two-link"), **COMMON))
     with pytest.raises(ScenarioError, match=said):
         simulation.step(command)
 
@@ -131,9 +132,9 @@ def test_what_does_not_fit_is_refused():
     for name in ("measurement", "reference_now"):
         with pytest.raises(ScenarioError, match=f"{name}: the loop is not sampled"):
             getattr(simulation, name)
-    with pytest.raises(ScenarioError, match="of type int; expected a run or the state of a Simulation"):
+    with pytest.raises(ScenarioError, match="start = 3"):
         simulation.restore(3)
-    three = aw.Scenario(arm("two-link"), command=np.zeros(2), q0=aw.Batch(Q0[:3]), duration=0.01)
+    three = aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01, start=aw.Batch(Q0[:3]))
     with pytest.raises(ScenarioError, match="a state of 3 lanes; expected 1"):
         simulation.restore(aw.Simulation(three).state)
 
@@ -141,18 +142,20 @@ def test_what_does_not_fit_is_refused():
 def test_a_run_that_was_cut_is_no_start():
     """Its rows end elsewhere than the state that it carries."""
     common = {"command": np.zeros(2), "duration": 0.01}
-    run = aw.simulate(aw.Scenario(arm("two-link"), qd0=[1.0, 1.0], **common))
-    assert aw.Scenario(arm("two-link"), start=run.isel(time=slice(5, None)), **common).started.tick == 10
+    run = aw.simulate(scenario_of(arm("two-link"), qd0=[1.0, 1.0], **common))
+    assert scenario_of(arm("two-link"), start=run.isel(time=slice(5, None)), **common).started.tick == 10
     with pytest.raises(ScenarioError, match=r"part of a run, to t = 0.004 s"):
-        aw.Scenario(arm("two-link"), start=run.isel(time=slice(5)), **common)
+        scenario_of(arm("two-link"), start=run.isel(time=slice(5)), **common)
 
 
 def test_a_single_lane_that_diverges_says_so():
     two = arm("two-link")
-    alone = aw.Simulation(aw.Scenario(two, command=np.zeros(2), qd0=[1e200, 0.0], duration=0.01))
+    alone = aw.Simulation(aw.Scenario(two, command=np.zeros(2), duration=0.01, start=aw.Start(qd=[1e200, 0.0])))
     with pytest.raises(DivergenceError, match="t = 0 s"):
         alone.step()
-    many = aw.Simulation(aw.Scenario(two, command=np.zeros(2), qd0=aw.Batch([[1e200, 0.0], [0.1, 0.0]]), duration=0.01))
+    many = aw.Simulation(
+        aw.Scenario(two, command=np.zeros(2), duration=0.01, start=aw.Start(qd=aw.Batch([[1e200, 0.0], [0.1, 0.0]])))
+    )
     for _ in range(3):
         many.step()
     assert many.plant_state.qd[1, 0] != 0.1

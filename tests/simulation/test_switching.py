@@ -16,6 +16,7 @@ from armwright.program import interpret, trace
 from armwright.simulation.integrate.integrators import INTEGRATORS, rk4_step
 from armwright.simulation.loop.compiled import compile_loop
 from armwright.simulation.plant.switching import Watched, switching_programs
+from simulation.fields import scenario_of
 from simulation.plants import COULOMB, ELASTIC, LUGRE, MOTOR, chain, pendulum
 
 STOPS = {"stiffness_n_m_per_rad": 400.0, "damping_n_m_s_per_rad": 6.0}
@@ -50,8 +51,8 @@ def test_a_joint_between_stops_bounces_as_in_closed_form(name):
     exact = np.array(bounced(inertia, 0.1, 1.0, duration))
     loop, errors = compile_loop(arm, name), []
     for k in range(4):
-        common = {"command": [0.0], "qd0": [1.0], "duration": duration, "record_every": 0}
-        run = aw.simulate(aw.Scenario(arm, step=4e-3 / 2**k, integrator=name, **common), loop=loop)
+        common = {"command": [0.0], "qd0": [1.0], "duration": duration, "every": 0}
+        run = aw.simulate(scenario_of(arm, step=4e-3 / 2**k, integrator=name, **common), loop=loop)
         errors.append(np.abs([run.q.values[-1, 0], run.qd.values[-1, 0]] - exact).max())
     assert np.log2(errors[0] / errors[-1]) / 3 == pytest.approx(INTEGRATORS[name].order, abs=0.3), errors
 
@@ -59,9 +60,9 @@ def test_a_joint_between_stops_bounces_as_in_closed_form(name):
 def test_rk45_and_cvodes_come_to_the_closed_form():
     arm = pendulum("torque", gravity=0.0, stops=STOPS, limits={"position_rad": [-0.1, 0.1]})
     exact = np.array(bounced(float(aw.mass_matrix(arm, np.zeros(1))[0, 0]), 0.1, 1.0, 2.0))
-    common = {"command": [0.0], "qd0": [1.0], "duration": 2.0, "record_every": 0, "step": 2e-2}
+    common = {"command": [0.0], "qd0": [1.0], "duration": 2.0, "every": 0, "step": 2e-2}
     for more, allowed in (({"integrator": "rk45", "rtol": 1e-9}, 1e-7), ({"integrator": "cvodes"}, 1e-9)):
-        run = aw.simulate(aw.Scenario(arm, **common, **more))
+        run = aw.simulate(scenario_of(arm, **common, **more))
         assert np.abs([run.q.values[-1, 0], run.qd.values[-1, 0]] - exact).max() < allowed
         assert "steps_tried" not in run or run.steps_tried < 2500
 
@@ -71,7 +72,8 @@ def test_events_and_contacts_are_landed_on_in_the_same_steps():
     inertia = float(aw.mass_matrix(arm, np.zeros(1))[0, 0])
     run = aw.simulate(
         aw.Scenario(
-            arm, command=[0.0], qd0=[1.0], duration=2.0, step=0.25, integrator="rk45", rtol=1e-9, events=aw.joint_stops(arm)
+            arm, command=[0.0], duration=2.0, start=aw.Start(qd=[1.0]),
+            solver=aw.Solver(step=0.25, integrator="rk45", rtol=1e-9, events=aw.joint_stops(arm)),
         )
     )  # fmt: skip
     assert dict(zip(run.event.values, run.event_count.values, strict=True)) == {"joint0 low": 2, "joint0 high": 4}
@@ -154,13 +156,13 @@ def arm_with_contacts():
 def test_a_lane_does_not_depend_on_its_neighbours(integrator):
     arm, draw, count = arm_with_contacts(), np.random.default_rng(1), 29
     q0, qd0, u = draw.uniform(-0.28, 0.3, (count, 2)), draw.uniform(-1, 1, (count, 2)), draw.uniform(-9, 9, (count, 2))
-    common = {"duration": 0.2, "step": 5e-4, "integrator": integrator, "record_every": 40, "record": "state"}
-    many = aw.simulate(aw.Scenario(arm, command=aw.Batch(u), q0=aw.Batch(q0), qd0=aw.Batch(qd0), **common), threads=2)
+    common = {"duration": 0.2, "step": 5e-4, "integrator": integrator, "every": 40, "what": "state"}
+    many = aw.simulate(scenario_of(arm, command=aw.Batch(u), q0=aw.Batch(q0), qd0=aw.Batch(qd0), **common), threads=2)
     assert many.q.values.max() > 0.351  # some are in a stop
     for lane in (0, 7, 16, 28):
         for target in (None, "x86-64-v3"):
             one = aw.simulate(
-                aw.Scenario(arm, command=u[lane], q0=q0[lane], qd0=qd0[lane], target=target, **common), threads=1
+                scenario_of(arm, command=u[lane], q0=q0[lane], qd0=qd0[lane], target=target, **common), threads=1
             )
             np.testing.assert_array_equal(one.q.values, many.q.values[lane])
             np.testing.assert_array_equal(one.qd.values, many.qd.values[lane])
@@ -169,8 +171,8 @@ def test_a_lane_does_not_depend_on_its_neighbours(integrator):
 def test_a_joint_that_leans_on_its_stop_comes_to_rest_there():
     """And one that begins exactly on it: p = load / stiffness, at no more than one landing or two."""
     arm = pendulum(motor=MOTOR, friction=COULOMB, stops=STOPS, limits={"position_rad": [-1.0, 0.0]})
-    common = {"duration": 8.0, "step": 1e-3, "record_every": 0, "record": "state"}
-    run = aw.simulate(aw.Scenario(arm, command=[0.0], q0=aw.Batch([[0.0], [-0.1]]), **common))
+    common = {"duration": 8.0, "step": 1e-3, "every": 0, "what": "state"}
+    run = aw.simulate(scenario_of(arm, command=[0.0], q0=aw.Batch([[0.0], [-0.1]]), **common))
     deep = run.q.values[:, -1, 0]
     load = float(aw.gravity_torques(arm, deep[:1])[0])
     np.testing.assert_allclose(deep, abs(load) / STOPS["stiffness_n_m_per_rad"], rtol=1e-3)
@@ -182,16 +184,16 @@ def test_stops_under_a_controller_with_delays():
     period = 4e-3
     common = {
         "controller": lambda t, r, y: 60.0 * (r.q - y.q) - 1.0 * y.qd, "reference": [0.9, 0.9],
-        "sample_period": period, "duration": 60 * period, "q0": [0.1, 0.0],
+        "period": period, "duration": 60 * period, "q0": [0.1, 0.0],
         "timing": aw.Timing("one-tick", measurement_delay=0.75 * period, command_delay=1.25 * period),
     }  # fmt: skip
     joint = {"command": "voltage", "motor": MOTOR, "friction": {"viscous_n_m_s_per_rad": 0.8}, "stops": STOPS}
     arm = chain([{**joint, "limits": {"position_rad": [-0.3, high]}} for high in (0.35, 0.25)])
-    exact = aw.simulate(aw.Scenario(arm, integrator="cvodes", **common))
+    exact = aw.simulate(scenario_of(arm, integrator="cvodes", **common))
     assert (exact.q.values.max(axis=0) > [0.36, 0.26]).all()
     errors = []
     for substeps in (1, 2):
-        run = aw.simulate(aw.Scenario(arm, integrator="rk4", substeps=substeps, **common))
+        run = aw.simulate(scenario_of(arm, integrator="rk4", substeps=substeps, **common))
         errors.append(np.abs(run.qd.values - exact.qd.values).max())
     assert errors[1] < 1e-5
     assert np.log2(errors[0] / errors[1]) > 3.5, errors
@@ -201,7 +203,9 @@ def test_an_arm_without_contacts_has_nothing_of_it():
     step = next(stage for stage in compile_loop(aw.load("two-link")).loops[-1].stages if isinstance(stage, Integrate))
     assert step.switching == ()
     assert "left" not in compile_loop(aw.load("two-link")).loops[-1].sizes
-    adapt = aw.Scenario(aw.load("two-link"), command=[0.0, 0.0], duration=0.1, integrator="rk45").adaptivity
+    adapt = aw.Scenario(
+        aw.load("two-link"), command=[0.0, 0.0], duration=0.1, solver=aw.Solver(integrator="rk45")
+    ).solver.adaptivity
     stages = compile_loop(aw.load("two-link"), "rk45", adaptivity=adapt).loops[-1].stages
     assert next(stage for stage in stages if isinstance(stage, Adapt)).switching == ()
 
@@ -212,7 +216,7 @@ def test_no_contact_is_lost_in_rounding():
     draw, count = np.random.default_rng(2), 160
     common = {
         "command": aw.Batch(draw.uniform(3.0, 9.0, (count, 1))), "q0": aw.Batch(draw.uniform(1.0, 1.5, (count, 1))),
-        "duration": 0.03, "record_every": 0, "record": "state",
+        "duration": 0.03, "every": 0, "what": "state",
     }  # fmt: skip
-    coarse, fine = (aw.simulate(aw.Scenario(arm, step=step, integrator="rk4", **common)) for step in (1e-4, 4e-6))
+    coarse, fine = (aw.simulate(scenario_of(arm, step=step, integrator="rk4", **common)) for step in (1e-4, 4e-6))
     np.testing.assert_allclose(fine.qd.values, coarse.qd.values, atol=2e-6)

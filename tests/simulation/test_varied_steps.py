@@ -10,6 +10,7 @@ from armwright.control import JointPID
 from armwright.errors import ScenarioError
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.plant.varied_steps import VariedSteps
+from simulation.fields import scenario_of
 from simulation.plants import MOTOR, chain
 
 NAME = "joint0.motor.resistance_ohm"
@@ -24,21 +25,21 @@ def arm():
 def refusal(arm, **more):
     more = {"command": [1.0], "duration": 0.02, "step": 1e-3} | more
     with pytest.raises(ScenarioError, match="too large for the arm's fastest time constant") as refused:
-        aw.simulate(aw.Scenario(arm, **more))
+        aw.simulate(scenario_of(arm, **more))
     return str(refused.value)
 
 
 def test_a_varied_number_is_refused_as_the_records_own(arm):
     own = refusal(chain([{"command": "voltage", "motor": {**MOTOR, "resistance_ohm": LOW}}]))
     assert refusal(arm, vary={NAME: LOW}) == f"{own} (with {NAME} = {LOW:g})"
-    controlled = {"command": None, "step": None, "controller": JointPID(kp=1.0), "sample_period": 1e-3}
+    controlled = {"command": None, "step": None, "controller": JointPID(kp=1.0), "period": 1e-3}
     assert refusal(arm, vary={NAME: LOW}, **controlled) == f"{own} (with {NAME} = {LOW:g})"
 
 
 def test_the_lane_is_found_among_many_and_named(arm):
     values = np.full(100_000, float(MOTOR["resistance_ohm"]))
     values[54_321] = LOW
-    assert f"(in lane 54321, with {NAME} = {LOW:g})" in refusal(arm, vary={NAME: aw.Batch(values)}, record_every=0)
+    assert f"(in lane 54321, with {NAME} = {LOW:g})" in refusal(arm, vary={NAME: aw.Batch(values)}, every=0)
 
 
 def test_lanes_that_all_do_are_run(arm):

@@ -13,6 +13,7 @@ from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.simulation.inputs.acting import WRENCH
 from physics.arms import arm
+from simulation.fields import scenario_of
 
 PERIOD = 1e-3
 FORCE = np.array([3.0, -5.0, 0.0, 0.0, 0.0, 1.5])
@@ -23,8 +24,8 @@ def zero(t, r, y):
 
 
 def scenario(**fields):
-    common = {"sample_period": PERIOD, "duration": 0.2, "q0": [0.3, -0.5], "initial_command": np.zeros(2)}
-    return aw.Scenario(arm("two-link"), **({"controller": zero, "wrench": FORCE} | common | fields))
+    common = {"period": PERIOD, "duration": 0.2, "q0": [0.3, -0.5], "initial_command": np.zeros(2)}
+    return scenario_of(arm("two-link"), **({"controller": zero, "wrench": FORCE} | common | fields))
 
 
 def test_the_arm_accelerates_as_the_equation_of_motion_says():
@@ -47,7 +48,7 @@ def test_what_holds_the_wrench_keeps_the_arm_still():
 def test_rows_are_landed_on_inside_a_tick():
     rows = aw.Schedule(np.array([0.0, 0.0503, 0.12]), np.array([np.zeros(6), FORCE, -FORCE]), WRENCH)
     coarse = aw.simulate(scenario(wrench=rows, substeps=4))
-    fine = aw.simulate(scenario(wrench=rows, sample_period=1e-4, record_every=10))
+    fine = aw.simulate(scenario(wrench=rows, period=1e-4, every=10))
     np.testing.assert_allclose(coarse.q.values, fine.q.values, atol=1e-9)
     np.testing.assert_allclose(coarse.qd.values, fine.qd.values, atol=1e-8)
 
@@ -60,8 +61,8 @@ def test_commands_over_time_need_no_controller(integrator):
         np.array([0.0, 0.0503, 0.0711]), np.array([[2.0, 1], [-1, 0], [3, 0.5]]), ("shoulder", "elbow")
     )
     common = {"duration": 0.2, "q0": [0.3, -0.5], "integrator": integrator}
-    run = aw.simulate(aw.Scenario(arm("two-link"), schedule=commands, wrench=rows, step=1e-3, **common))
-    fine = aw.Scenario(arm("two-link"), schedule=commands, wrench=rows, step=1e-4, record_every=10, **common)
+    run = aw.simulate(scenario_of(arm("two-link"), command=commands, wrench=rows, step=1e-3, **common))
+    fine = scenario_of(arm("two-link"), command=commands, wrench=rows, step=1e-4, every=10, **common)
     tight = 1e-9 if integrator == "rk45" else 1e-10
     np.testing.assert_allclose(run.q.values, aw.simulate(fine).q.values, atol=tight)
     x, model = np.array([0.3, -0.5, 0.0, 0.0]), arm("two-link")
@@ -97,7 +98,10 @@ def test_lanes_and_python_and_reducers():
             {"wrench": aw.Schedule(np.zeros(1), np.zeros((1, 2)), ("a", "b"))},
             "wrench: the schedule is for a, b; expected fx, fy",
         ),
-        ({"wrench": aw.Batch(np.zeros((3, 6))), "q0": aw.Batch(np.zeros((2, 2)))}, "2 of q0, 3 of wrench"),
+        (
+            {"wrench": aw.Batch(np.zeros((3, 6))), "q0": aw.Batch(np.zeros((2, 2)))},
+            r"3 of inputs\.wrench, 2 of start\.q",
+        ),
     ],
 )
 def test_wrenches_that_do_not_fit_are_refused(fields, said):

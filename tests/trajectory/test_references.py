@@ -48,8 +48,8 @@ def test_a_step_jumps_at_its_tick():
 def test_a_scenario_takes_them():
     run = aw.simulate(
         aw.Scenario(
-            arm("two-link"), controller=aw.ComputedTorque(kp=100.0, kd=20.0), reference=Ramp(START, GOAL, 0.5),
-            q0=START, sample_period=1e-3, duration=0.8,
+            arm("two-link"), duration=0.8, start=START,
+            loop=aw.Loop(controller=aw.ComputedTorque(kp=100.0, kd=20.0), reference=Ramp(START, GOAL, 0.5), period=1e-3),
         )
     )  # fmt: skip
     np.testing.assert_allclose(run.q.values[-1], GOAL, atol=0.05)

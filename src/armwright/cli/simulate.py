@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from armwright.model import Model
     from armwright.simulation.scenario import Scenario
+    from armwright.simulation.scenario_parts import Start
 
 SCENARIO = ".scenario.toml"
 Numbers = str | None
@@ -77,7 +78,6 @@ def simulate(
       armwright simulate swing.scenario.toml -o run.nc
     """
     import armwright as aw
-    from armwright.model.joint_signals import joint_units
     from armwright.results.plot import check_plot
     from armwright.results.recording import check_recording
 
@@ -93,9 +93,9 @@ def simulate(
             if value is not None:
                 raise ScenarioError(f"{robot}: --{name}, but a scenario file says all of it; expected one or the other")
         scenario = aw.read_scenario(robot)
-        if plot is not None and scenario.record == "none":
+        if plot is not None and scenario.recording.what == "none":
             raise ScenarioError(
-                f"{robot}: --plot draws rows, and [record] what = 'none' keeps none; expected 'all' or 'state', or no --plot"
+                f"{robot}: --plot draws rows, and [recording] what = 'none' keeps none; expected 'all' or 'state', or no --plot"
             )
         try:
             _run(scenario, output, plot)
@@ -106,12 +106,10 @@ def simulate(
     scenario = aw.Scenario(
         arm,
         duration=duration,
-        step=step,
-        integrator=integrator or "rk3",
-        **driven_by(arm, schedule, constants),
-        q0=None if q0 is None else vector("--q0", q0, arm.names, joint_units(arm, "q")),
-        qd0=None if qd0 is None else vector("--qd0", qd0, arm.names, joint_units(arm, "qd")),
-        record_every=1 if record_every is None else record_every,
+        command=commands_of(arm, schedule, constants),
+        start=start_of(arm, q0, qd0),
+        solver=aw.Solver(integrator or "rk3", step),
+        recording=aw.Recording(1 if record_every is None else record_every),
     )
     _run(scenario, output, plot)
 
@@ -137,7 +135,18 @@ def _run(scenario: Scenario, output: Path | None, plot: Path | None) -> None:
         raise typer.Exit(130)
 
 
-def driven_by(arm: Model, schedule: Path | None, constants: dict[str, str | None]) -> dict[str, Any]:
+def start_of(arm: Model, q0: str | None, qd0: str | None) -> Start:
+    """Initial positions and speeds from the options --q0 and --qd0."""
+    import armwright as aw
+    from armwright.model.joint_signals import joint_units
+
+    return aw.Start(
+        None if q0 is None else vector("--q0", q0, arm.names, joint_units(arm, "q")),
+        None if qd0 is None else vector("--qd0", qd0, arm.names, joint_units(arm, "qd")),
+    )
+
+
+def commands_of(arm: Model, schedule: Path | None, constants: dict[str, str | None]) -> Any:
     """The one way in which the arm is driven, as `Scenario` takes it.
 
     Raises:
@@ -156,14 +165,14 @@ def driven_by(arm: Model, schedule: Path | None, constants: dict[str, str | None
         what = " and ".join(given) if given else "no command"
         raise ScenarioError(f"{arm.name}: {what} given; expected one of --schedule FILE and {own} {','.join(units)}")
     if schedule is not None:
-        return {"schedule": aw.read_schedule(schedule, arm.names, units)}
+        return aw.read_schedule(schedule, arm.names, units)
     name, text = next((name, text) for name, text in constants.items() if text is not None)
     for body in arm.coordinates:
         if name not in ("command", body.drive.command):
             raise ScenarioError(
                 f"{arm.name}: --{name}, but joint {body.joint!r} is driven by {body.drive.command}; expected {own}"
             )
-    return {"command": vector(f"--{name}", text, arm.names, units)}
+    return vector(f"--{name}", text, arm.names, units)
 
 
 def _show(scenario: Scenario, run: xr.Dataset, spent: float, written: list[Path]) -> None:

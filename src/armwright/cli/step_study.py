@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armwright.cli.arguments import Robot, vector
-from armwright.cli.simulate import SCENARIO, Numbers, driven_by, option
+from armwright.cli.arguments import Robot
+from armwright.cli.simulate import SCENARIO, Numbers, commands_of, option, start_of
 from armwright.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -64,7 +64,6 @@ def step_study(
     """
     import armwright as aw
     from armwright.cli.progress import progress
-    from armwright.model.joint_signals import joint_units
 
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
@@ -74,17 +73,16 @@ def step_study(
                 raise ScenarioError(f"{robot}: --{name}, but a scenario file says all of it; expected one or the other")
         scenario = aw.read_scenario(robot)
         if integrator is not None:
-            scenario = replace(scenario, integrator=integrator, rtol=None, atol=None, max_steps=None)
+            solver = replace(scenario.solver, integrator=integrator, rtol=None, atol=None, max_steps=None)
+            scenario = replace(scenario, solver=solver)
     else:
         arm = aw.load(robot)
         scenario = aw.Scenario(
             arm,
             duration=duration,
-            step=step,
-            integrator=integrator or "rk3",
-            **driven_by(arm, schedule, constants),
-            q0=None if q0 is None else vector("--q0", q0, arm.names, joint_units(arm, "q")),
-            qd0=None if qd0 is None else vector("--qd0", qd0, arm.names, joint_units(arm, "qd")),
+            command=commands_of(arm, schedule, constants),
+            start=start_of(arm, q0, qd0),
+            solver=aw.Solver(integrator or "rk3", step),
         )
     with progress(f"trying steps for {scenario.arm.name}"):
         start = time.perf_counter()

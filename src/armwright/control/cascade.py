@@ -16,7 +16,7 @@ from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
-from armwright.simulation.settings import check_choice
+from armwright.simulation.checks import check_choice
 
 GAINS = ("position_kp", "speed_feedforward", "speed_kp", "speed_ki", "current_kp", "current_ki", "slack")
 LIMITS = ("speed_limit", "effort_limit", "voltage_limit")
@@ -67,7 +67,7 @@ class Cascade:
     period: float | None = None  # [s] of the loop, which fits the law to it
 
     def __post_init__(self) -> None:
-        check_choice("Cascade", "anti_windup", self.anti_windup, RULES)
+        check_choice("Cascade.anti_windup", self.anti_windup, RULES)
         check_tracking("Cascade", self.anti_windup, self.tracking_time)
         check_whole("Cascade", "delay_ticks", self.delay_ticks, 0, "a whole number of ticks, 0 or more")
         for loop in RATES:

@@ -10,7 +10,6 @@ import numpy as np
 from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.parameters import Batch, lane_values
-from armwright.simulation.settings import shown
 
 
 def per_joint(arm: Model, law: str, name: str, value: Any, *, low: float = 0.0, limit: bool = False) -> Any:
@@ -31,7 +30,7 @@ def per_joint(arm: Model, law: str, name: str, value: Any, *, low: float = 0.0, 
     except (TypeError, ValueError):
         array = None
     if array is None:
-        raise ScenarioError(f"{law}: {name} = {shown(value)}: expected a number, or one for each joint")
+        raise ScenarioError(place=f"{law}.{name}", value=value, expected="a number, or one for each joint")
     if array.shape[1:] not in ((), (n,)):
         told = f"one number or ({n},): {', '.join(arm.names)}; rows that differ by lane are a Batch"
         raise ScenarioError(f"{law}: {name} has shape {array.shape[1:]}; expected {told}")

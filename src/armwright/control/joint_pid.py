@@ -18,7 +18,7 @@ from armwright.interfaces import JointReference, Measurement
 from armwright.model import Model
 from armwright.model.simplify import simplified
 from armwright.scalar import Array, Scalar
-from armwright.simulation.settings import check_choice
+from armwright.simulation.checks import check_choice
 
 GAINS = ("kp", "ki", "kd", "speed_feedforward", "acceleration_feedforward", "slack")
 
@@ -63,8 +63,8 @@ class JointPID:
     period: float | None = None  # [s] of the loop, which fits the law to it
 
     def __post_init__(self) -> None:
-        check_choice("JointPID", "derivative", self.derivative, ("error", "measurement"))
-        check_choice("JointPID", "anti_windup", self.anti_windup, RULES)
+        check_choice("JointPID.derivative", self.derivative, ("error", "measurement"))
+        check_choice("JointPID.anti_windup", self.anti_windup, RULES)
         check_whole("JointPID", "delay_ticks", self.delay_ticks, 0, "a whole number of ticks, 0 or more")
         check_model("JointPID", self.model)
         if not isinstance(self.gravity, (bool, np.bool_)):

@@ -1,4 +1,4 @@
-"""`*.scenario.toml` → Scenario: robot, drives or controller, reference, timing, lanes, and what to keep."""
+"""`*.scenario.toml` → Scenario: robot, commands or loop, lanes, and what to keep."""
 
 from __future__ import annotations
 
@@ -15,28 +15,30 @@ import numpy as np
 
 from armwright import scalar
 from armwright.description.toml_file import read_document
-from armwright.errors import ArmwrightError, DescriptionError, ScenarioError, nearest
+from armwright.errors import ArmwrightError, DescriptionError, ScenarioError
 from armwright.expressions import expression
 from armwright.model import Model, build_model
 from armwright.model.joint_signals import joint_units
 from armwright.model.vary import Varied
 from armwright.scalar import Scalar
-from armwright.scenarios.acting import brake_of, payload_fields, payloads_of, wrench_of
 from armwright.scenarios.files import Files
-from armwright.scenarios.records import Kind, ScenarioTable
-from armwright.scenarios.varying import vary
-from armwright.simulation.inputs.schedule import read_schedule
+from armwright.scenarios.lanes import TENSOR, vary
+from armwright.scenarios.records import Kind, PayloadTable, ScenarioTable, Tensor
+from armwright.simulation.inputs.acting import WRENCH
+from armwright.simulation.inputs.payload import Payload
+from armwright.simulation.inputs.schedule import Schedule, read_schedule
+from armwright.simulation.loop.command_filter import CommandFilter
 from armwright.simulation.loop.sensors import Sensors
-from armwright.simulation.loop.shaping import Shaping
 from armwright.simulation.loop.timing import Timing
 from armwright.simulation.scenario import Scenario
+from armwright.simulation.scenario_parts import Inputs, Loop, Recording, Solver, Start
 from armwright.validation import validated
 
 HOMES = {"controller": "armwright.control", "reference": "armwright.trajectory"}
 CONFIGURED = {"controller": ("arm", "model", "signs", "period"), "reference": ("arm", "model")}  # what no file tells
 OTHERS = {"limit": np.inf, "rate": np.inf, "speed_limit": np.inf, "effort_limit": np.inf, "voltage_limit": np.inf}
 FAULTS = (
-    "no table of its own; [timing] has delays, jitter, losses and drift, [sensors] noise and counts, wrench and [[payload]] what "
+    "no table of its own; [loop.timing] has delays, jitter, losses and drift, [loop.sensors] noise and counts, [inputs] what "
     "disturbs, [values] and [lanes] other numbers of the arm"
 )
 
@@ -61,15 +63,14 @@ def read_scenario(path: str | os.PathLike[str]) -> Scenario:
 
 
 def parse_scenario(document: dict[str, Any], place: str, files: Files, text: str) -> Scenario:
-    """The scenario in a parsed TOML document; `place` is what errors call it."""
+    """The scenario in a parsed TOML document; `place` is what errors call its file."""
     if "faults" in document:
-        raise ScenarioError(f"{place}: faults: {FAULTS}")
+        raise ScenarioError(FAULTS, place="faults", file=place)
     table = validated(ScenarioTable, document, file=place, error=ScenarioError)
     try:
         scenario = _scenario(table, files)
     except ArmwrightError as error:
-        told = str(error)
-        raise type(error)(told if told.startswith(place) else f"{place}: {told}") from None
+        raise error.within(file=place) from None
     kept = {"scenario": text, "files": files.read}
     object.__setattr__(scenario, "document", json.dumps(kept, sort_keys=True))  # of this one: a changed copy has none
     return scenario
@@ -79,51 +80,110 @@ def _scenario(table: ScenarioTable, files: Files) -> Scenario:
     arm = build_model(files.robot(table.robot))
     if table.without:
         arm = arm.replace(**dict.fromkeys(table.without))
-    units = joint_units(arm, "u")
-    given: dict[str, Any] = {
-        "q0": _joints("initial.q", table.initial.q, arm),
-        "qd0": _joints("initial.qd", table.initial.qd, arm),
-        "initial_command": _joints("initial.command", table.initial.command, arm),
-        "duration": table.duration_s,
-        "sample_period": table.sample_period_s,
-        "substeps": table.substeps,
-        "integrator": table.integrator,
-        "rtol": table.rtol,
-        "atol": table.atol,
-        "max_steps": table.max_steps,
-        "seed": table.seed,
-        "vary": {name: _value(name, value, arm) for name, value in table.values.items()},
-        "record": table.record.what,
-        "record_every": table.record.every,
-    }
-    if table.record.reduce:
-        given["reduce"] = table.record.reduce
-    given |= {"wrench": wrench_of(table.wrench, files), "brake": brake_of(table.brake, arm, files)}
-    given["payload"] = [payload_fields(each) for each in table.payload]
-    parts: dict[str, Any] = {
-        "sensors": table.sensors.model_dump(),
-        "shaping": {name: _joints(f"shaping.{name}", value, arm) for name, value in table.shaping.model_dump().items()},
-        "timing": {name.removesuffix("_s"): value for name, value in table.timing.model_dump().items()},
-        "controller": None if table.controller is None else _fields("controller", table.controller, arm),
-    }
-    if table.drive is not None:
-        if table.drive.schedule is not None:
-            given["schedule"] = read_schedule(files.table(table.drive.schedule), arm.names, units)
-        else:
-            given["command"] = _joints("drive.command", table.drive.command, arm)
+    parts = _parts(table, arm, files)
     if table.lanes is not None:
         for name, column in table.lanes.columns().items():
-            vary(name, column, arm, given, parts)
-    given |= {
-        "sensors": Sensors(**parts["sensors"]),
-        "shaping": Shaping(**parts["shaping"]),
-        "timing": Timing(**parts["timing"]),
-        "payload": payloads_of(given["payload"]),
-        "reference": _reference(table.reference, arm, files),
+            vary(name, column, arm, parts)
+    inputs = parts["inputs"] | {"payload": [Payload(**fields) for fields in parts["inputs"]["payload"]] or None}
+    return Scenario(
+        arm,
+        table.duration_s,
+        command=_commands(table, arm, files),
+        loop=None if table.loop is None else _loop(table.loop.controller.kind, parts["loop"], arm),
+        inputs=Inputs(**inputs),
+        start=Start(**parts["start"]),
+        solver=Solver(**parts["solver"]),
+        recording=Recording(**parts["recording"]),
+        vary=parts["vary"],
+        seed=table.seed,
+    )
+
+
+def _parts(table: ScenarioTable, arm: Model, files: Files) -> dict[str, dict[str, Any]]:
+    """Fields of the parts of a scenario, by the part."""
+    start, inputs, recording = table.start, table.inputs, table.recording
+    parts: dict[str, dict[str, Any]] = {
+        "start": {"q": _joints("start.q", start.q, arm), "qd": _joints("start.qd", start.qd, arm)},
+        "solver": _without_units(table.solver),
+        "recording": {**recording.model_dump(), "reference": _reference("recording", recording.reference, arm, files)},
+        "inputs": {
+            "wrench": _wrench(inputs.wrench, files),
+            "brake": _brake(inputs.brake, arm, files),
+            "payload": [_payload(each) for each in inputs.payload],
+        },
+        "vary": {name: _value(name, value, arm) for name, value in table.values.items()},
     }
-    if table.controller is not None:
-        given["controller"] = _built("controller", table.controller.kind, parts["controller"] or {}, arm)
-    return Scenario(arm, **given)
+    if table.loop is not None:
+        loop, filter_ = table.loop, table.loop.command_filter.model_dump()
+        parts["loop"] = {
+            "controller": _fields("loop.controller", loop.controller, arm),
+            "reference": _reference("loop", loop.reference, arm, files),
+            "period": loop.period_s,
+            "sensors": loop.sensors.model_dump(),
+            "command_filter": {k: _joints(f"loop.command_filter.{k}", value, arm) for k, value in filter_.items()},
+            "timing": _without_units(loop.timing),
+            "initial_command": _joints("loop.initial_command", loop.initial_command, arm),
+        }
+    return parts
+
+
+def _without_units(table: pydantic.BaseModel) -> dict[str, Any]:
+    """Values of a table by key, without the units that keys end in."""
+    return {name.removesuffix("_s"): value for name, value in table.model_dump().items()}
+
+
+def _loop(kind: str, fields: dict[str, Any], arm: Model) -> Loop:
+    return Loop(
+        **fields
+        | {
+            "controller": _built("controller", kind, fields["controller"], arm),
+            "sensors": Sensors(**fields["sensors"]),
+            "command_filter": CommandFilter(**fields["command_filter"]),
+            "timing": Timing(**fields["timing"]),
+        }
+    )
+
+
+def _commands(table: ScenarioTable, arm: Model, files: Files) -> Any:
+    """Constant commands, or a table of them over time; None with a loop."""
+    if table.commands is None:
+        return None
+    if table.commands.schedule is not None:
+        return read_schedule(files.table(table.commands.schedule), arm.names, joint_units(arm, "u"))
+    return _joints("commands.constant", table.commands.constant, arm)
+
+
+def _wrench(value: Any, files: Files) -> Schedule | np.ndarray | None:
+    """Six numbers, or a table of them over time."""
+    if isinstance(value, str):
+        return read_schedule(files.table(value), WRENCH, ["N"] * 3 + ["N m"] * 3)
+    return None if value is None else np.array(value)
+
+
+def _brake(value: Any, arm: Model, files: Files) -> Any:
+    """Numbers, a table by joint whose others are released, or a table over time."""
+    braked = [body.joint for body in arm.coordinates if body.brake is not None]
+    if isinstance(value, str):
+        return read_schedule(files.table(value), braked)
+    if not isinstance(value, dict):
+        return value
+    for name in value:
+        if name not in braked:
+            raise ScenarioError("a joint without a brake", place="inputs.brake", value=name, choices=braked)
+    return [value.get(name, 0.0) for name in braked]
+
+
+def _payload(table: PayloadTable) -> dict[str, Any]:
+    """Fields of a `Payload`, its inertia as a tensor."""
+    tensor = table.inertia_kg_m2
+    if isinstance(tensor, Tensor):
+        entries = tensor
+        tensor = np.zeros((3, 3))
+        for name, (i, j) in TENSOR.items():
+            tensor[i, j] = tensor[j, i] = getattr(entries, name)
+    elif tensor is not None:
+        tensor = np.diag(tensor)
+    return {"time": table.time_s, "mass": table.mass_kg, "com": table.com_m, "inertia": tensor, "frame": table.frame}
 
 
 def _joints(place: str, value: Any, arm: Model) -> np.ndarray | None:
@@ -131,25 +191,30 @@ def _joints(place: str, value: Any, arm: Model) -> np.ndarray | None:
     if value is None:
         return None
     if isinstance(value, Mapping):
-        for name in value:
-            if name not in arm.names:
-                raise ScenarioError(f"{place}: no joint {name!r}; {nearest(name, arm.names)}")
+        _check_joints(place, value, arm)
         other = OTHERS.get(place.rpartition(".")[2], 0.0)
         value = [value.get(name, other) for name in arm.names]
     _check_numbers(place, value, arm)
     if not isinstance(value, (list, tuple)):
         return np.full(arm.n, float(value))
     if len(value) != arm.n:
-        raise ScenarioError(f"{place} holds {len(value)} numbers, expected {arm.n}: {', '.join(arm.names)}")
+        raise ScenarioError(place=place, value=value, expected=f"{arm.n} numbers: {', '.join(arm.names)}")
     return np.array(value, dtype=float)
+
+
+def _check_joints(place: str, table: Mapping[str, Any], arm: Model) -> None:
+    """Refuses names that are no joints of the arm."""
+    for name in table:
+        if name not in arm.names:
+            raise ScenarioError("no joint of the arm", place=place, value=name, choices=arm.names)
 
 
 def _check_numbers(place: str, value: Any, arm: Model) -> None:
     """Refuses what is neither a number nor a list of numbers."""
     for each in value if isinstance(value, (list, tuple)) else [value]:
         if isinstance(each, bool) or not isinstance(each, (int, float)):
-            told = f"a number, or one for each joint: {', '.join(arm.names)}"
-            raise ScenarioError(f"{place} = {repr(value)[:60]}: expected {told}")
+            expected = f"a number, or one for each joint: {', '.join(arm.names)}"
+            raise ScenarioError(place=place, value=value, expected=expected)
 
 
 def _value(name: str, value: float | tuple[float, ...], arm: Model) -> float | tuple[float, ...]:
@@ -157,22 +222,21 @@ def _value(name: str, value: float | tuple[float, ...], arm: Model) -> float | t
     size = len(Varied(arm, [name]).parameters)
     if np.shape(value) != (() if size == 1 else (size,)):
         expected = "one number" if size == 1 else f"{size} numbers"
-        raise ScenarioError(
-            f"values: {name} = {value}: expected {expected}; what differs by lane goes into [lanes.vary]"
-        )
+        more = "; what differs by lane goes into [lanes.vary]"
+        raise ScenarioError(place=f"values[{name!r}]", value=value, expected=f"{expected}{more}")
     return value
 
 
-def _kinds(place: str) -> dict[str, type]:
+def _kinds(home: str) -> dict[str, type]:
     """Controllers or trajectories by the name a file gives them: JointPID is joint_pid."""
-    module = importlib.import_module(HOMES[place])
+    module = importlib.import_module(HOMES[home])
     found = {name: getattr(module, name) for name in module.__all__}
     classes = {name: kind for name, kind in found.items() if isinstance(kind, type) and dataclasses.is_dataclass(kind)}
     return {re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower(): kind for name, kind in classes.items()}
 
 
 def _fields(place: str, table: Kind, arm: Model) -> dict[str, Any]:
-    """The fields of a kind, tables by joint told as arrays."""
+    """Fields of a controller or trajectory, tables by joint as arrays."""
     fields = table.fields()
     for name, value in fields.items():
         if isinstance(value, Mapping):
@@ -183,58 +247,61 @@ def _fields(place: str, table: Kind, arm: Model) -> dict[str, Any]:
     return fields
 
 
-def _built(place: str, kind: str, values: Mapping[str, Any], arm: Model) -> Any:
-    kinds = _kinds(place)
+def _built(home: str, kind: str, values: Mapping[str, Any], arm: Model, place: str = "loop") -> Any:
+    """A controller or a trajectory from its fields."""
+    kinds, place = _kinds(home), f"{place}.{home}"
     if kind not in kinds:
-        extra = ["pose", "schedule", "expression"] if place == "reference" else []
-        raise ScenarioError(f"{place}: kind = {kind!r}: unknown; {nearest(kind, [*kinds, *extra])}")
-    names = [f.name for f in dataclasses.fields(kinds[kind]) if f.init]
-    told = [name for name in names if name not in CONFIGURED[place]]
+        extra = ["pose", "schedule", "expression"] if home == "reference" else []
+        raise ScenarioError("unknown", place=f"{place}.kind", value=kind, choices=[*kinds, *extra])
+    names = [each.name for each in dataclasses.fields(kinds[kind]) if each.init]
+    keys = [name for name in names if name not in CONFIGURED[home]]
     for name in values:
-        if name not in told:
-            raise ScenarioError(f"{place}: {kind} has no {name!r}; {nearest(name, told)}")
+        if name not in keys:
+            raise ScenarioError(f"no key of a {kind}", place=place, value=name, choices=keys)
     values = {**({"arm": arm} if "arm" in names else {}), **({"model": arm} if "model" in names else {}), **values}
     try:
         return kinds[kind](**values)
     except TypeError as error:
-        missing = [f.name for f in dataclasses.fields(kinds[kind]) if f.init and f.name not in values and _needed(f)]
-        raise ScenarioError(f"{place}: {kind} needs {', '.join(missing) or error}") from None
+        needed = [each.name for each in dataclasses.fields(kinds[kind]) if each.init and _is_needed(each)]
+        missing = [name for name in needed if name not in values]
+        what = f"{kind} needs {', '.join(missing)}" if missing else str(error)
+        raise ScenarioError(what, place=place) from None
 
 
-def _needed(field: dataclasses.Field) -> bool:
+def _is_needed(field: dataclasses.Field) -> bool:
     return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
 
 
-def _reference(table: Kind | None, arm: Model, files: Files) -> Any:
+def _reference(part: str, table: Kind | None, arm: Model, files: Files) -> Any:
+    """The reference of a table in [loop] or [recording]."""
     if table is None:
         return None
-    fields = table.fields()
-    wanted = {"pose": ("q",), "schedule": ("file",), "expression": ("q",)}.get(table.kind)
-    if wanted is None:
-        return _built("reference", table.kind, _fields("reference", table, arm), arm)
+    place, fields = f"{part}.reference", table.fields()
+    key = {"pose": "q", "schedule": "file", "expression": "q"}.get(table.kind)
+    if key is None:
+        return _built("reference", table.kind, _fields(place, table, arm), arm, part)
     for name in fields:
-        if name not in wanted:
-            raise ScenarioError(f"reference: {table.kind} has no {name!r}; {nearest(name, wanted)}")
-    if wanted[0] not in fields:
-        raise ScenarioError(f"reference: {table.kind} needs {wanted[0]}")
+        if name != key:
+            raise ScenarioError(f"no key of a {table.kind}", place=place, value=name, choices=[key])
+    if key not in fields:
+        raise ScenarioError(f"{table.kind} needs {key}", place=place)
+    value = fields[key]
     if table.kind == "pose":
-        return _joints("reference.q", fields["q"], arm)
+        return _joints(f"{place}.q", value, arm)
     if table.kind == "schedule":
-        if not isinstance(fields["file"], str):
-            raise ScenarioError(f"reference: file = {fields['file']!r}: expected the name of a CSV file")
-        return read_schedule(files.table(fields["file"]), arm.names, joint_units(arm, "q"))
-    return _formulas(fields["q"], arm)
+        if not isinstance(value, str):
+            raise ScenarioError(place=f"{place}.file", value=value, expected="the name of a CSV file")
+        return read_schedule(files.table(value), arm.names, joint_units(arm, "q"))
+    return _formulas(f"{place}.q", value, arm)
 
 
-def _formulas(texts: Any, arm: Model) -> Any:
+def _formulas(place: str, texts: Any, arm: Model) -> Any:
     """q(t) from one formula a joint, or a table by joint whose others stay at 0."""
     if isinstance(texts, Mapping):
-        for name in texts:
-            if name not in arm.names:
-                raise ScenarioError(f"reference.q: no joint {name!r}; {nearest(name, arm.names)}")
+        _check_joints(place, texts, arm)
         texts = [str(texts.get(name, "0")) for name in arm.names]
     if not isinstance(texts, list) or len(texts) != arm.n:
-        raise ScenarioError(f"reference.q: expected {arm.n} formulas of t: {', '.join(arm.names)}")
+        raise ScenarioError(place=place, value=texts, expected=f"{arm.n} formulas of t: {', '.join(arm.names)}")
     formulas = [expression(str(text), ("t",)) for text in texts]
 
     def q(t: Scalar) -> np.ndarray:
@@ -244,7 +311,7 @@ def _formulas(texts: Any, arm: Model) -> Any:
                 with np.errstate(all="ignore"):  # what is no number is refused where it is used
                     values.append(formula({"t": t}))
             except (OverflowError, ZeroDivisionError):
-                raise ScenarioError(f"reference.q: {str(text)[:60]!r} is beyond the finite numbers") from None
+                raise ScenarioError("is beyond the finite numbers", place=place, value=str(text)) from None
         return scalar.array(values)
 
     return q

@@ -1,155 +1,126 @@
-"""Many runs from one file: numbers of it that take a list of values, a grid of them, or random draws."""
+"""Numbers of a scenario file that differ from lane to lane, as batches in their places."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+import re
+from typing import Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field, Strict, model_validator
 
 from armwright.errors import ScenarioError
-from armwright.parameters import Batch, Draw, lane_values
-from armwright.quantity import Record
+from armwright.model import Model
+from armwright.model.vary import Varied
+from armwright.parameters import Batch, lane_values
 
-MOST_LANES = 10**8
-Number = Annotated[float, Strict()]  # no text, and no true or false
-Whole = Annotated[int, Strict()]
-Numbers = tuple[Number, ...]
-
-
-def counted(count: int, told: str) -> BeforeValidator:
-    """Refuses a list of another length, in words."""
-
-    def check(value: Any) -> Any:
-        if isinstance(value, (list, tuple)) and len(value) != count:
-            raise ValueError(f"expected {count} numbers, not {len(value)}: {told}")
-        return value
-
-    return BeforeValidator(check)
+Fields = dict[str, Any]
+TENSOR = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
+PAYLOAD = {"time_s": "time", "mass_kg": "mass", "com_m": "com", "inertia_kg_m2": "inertia"}
+TIMES = ("measurement_delay", "command_delay", "jitter")  # whose keys end in _s
+NAME = re.compile(
+    r"(?P<place>start|loop\.controller|loop\.timing|inputs)\.(?P<key>\w+)(\[(?P<entry>\d+)\])?(?P<rest>.*)"
+)
+PAYLOAD_NUMBER = re.compile(r"\.(?P<key>\w+)(\[(?P<entry>\d)\]|\.(?P<tensor>\w\w))?")
 
 
-Pair = Annotated[tuple[Number, Number], counted(2, "where it is, and how wide it spreads")]
-Bounds = Annotated[tuple[Number, Number], counted(2, "a lower and an upper bound")]
+def vary(name: str, column: np.ndarray, arm: Model, parts: dict[str, Fields]) -> None:
+    """Puts a column of lanes in the place of one number of a scenario.
+
+    Args:
+        name: as in the file, `loop.controller.kp[2]`, `start.q[1]`, `inputs.payload[0].mass_kg`, or of the robot's record.
+        column: (lanes,).   arm: the model.   parts: fields of the scenario's parts, by the part; they are changed.
+    Raises:
+        ScenarioError: a name of nothing that may differ by lane.
+    """
+    match = NAME.fullmatch(name)
+    if match is None:
+        if name.partition(".")[0] in parts:
+            expected = "a number of the robot, start, loop.timing, loop.controller or inputs"
+            raise ScenarioError("cannot differ by lane", place="lanes", value=name, expected=expected)
+        parameters = Varied(
+            arm, [name]
+        ).parameters  # refuses what is no number of the record, and lists those there are
+        if len(parameters) > 1:
+            raise ScenarioError(f"{len(parameters)} numbers", place="lanes", value=name, expected=f"one, as {name}[0]")
+        parts["vary"][name] = Batch(column)
+        return
+    place, key, rest = match["place"], match["key"], match["rest"]
+    entry = None if match["entry"] is None else int(match["entry"])
+    if place == "inputs" and key == "payload" and entry is not None:
+        _vary_payload(name, entry, rest, column, parts["inputs"]["payload"])
+    elif rest:
+        raise ScenarioError(place="lanes", value=name, expected=f"{place}.{key}, or one entry of it")
+    elif place == "start":
+        _vary_entry(name, parts["start"], key, entry, column, arm.n, ("q", "qd"))
+    elif place == "inputs":
+        if not isinstance(parts["inputs"]["wrench"], (np.ndarray, Batch)):
+            raise ScenarioError(place="lanes", value=name, expected="inputs.wrench[0], beside six numbers of wrench")
+        _vary_entry(name, parts["inputs"], key, entry, column, 6, ("wrench",))
+    elif place == "loop.timing":
+        timing = parts.get("loop", {}).get("timing", {})
+        key = key.removesuffix("_s")
+        if key not in timing or entry is not None or key == "preset":
+            choices = [f"loop.timing.{each}{'_s' * (each in TIMES)}" for each in timing if each != "preset"]
+            raise ScenarioError("unknown", place="lanes", value=name, choices=choices)
+        timing[key] = Batch(column)
+    else:
+        _vary_gain(name, parts.get("loop", {}).get("controller", {}), key, entry, column, arm.n)
 
 
-class Values(Record):
-    """What one number is in the lanes: one of these ways."""
-
-    values: Numbers | None = Field(
-        default=None, min_length=1, description="These, one a lane (or one a row of the grid)."
-    )
-    start: Number | None = Field(default=None, description="From here …")
-    stop: Number | None = Field(default=None, description="… to here …")
-    count: Whole | None = Field(default=None, ge=1, le=MOST_LANES, description="… in so many equal steps.")
-    normal: Pair | None = Field(default=None, description="Drawn: mean and standard deviation.")
-    uniform: Bounds | None = Field(default=None, description="Drawn evenly between two bounds.")
-    lognormal: Pair | None = Field(default=None, description="Drawn: median, and standard deviation of the logarithm.")
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Values:
-        line = [name for name in ("start", "stop", "count") if getattr(self, name) is not None]
-        if line and len(line) != 3:
-            raise ValueError("start, stop and count go together")
-        ways = [name for name in ("values", "normal", "uniform", "lognormal") if getattr(self, name) is not None]
-        ways += ["start"] if line else []
-        if len(ways) != 1:
-            told = " and ".join(ways) or "none"
-            raise ValueError(
-                f"expected one of values, start with stop and count, normal, uniform, lognormal, not {told}"
-            )
-        for name in ("normal", "lognormal"):
-            given = getattr(self, name)
-            if given is not None and given[1] < 0:
-                raise ValueError(f"{name} = {list(given)}: expected a standard deviation of 0 or more")
-        if self.uniform is not None and not 0.0 <= self.uniform[1] - self.uniform[0] < np.inf:
-            raise ValueError(
-                f"uniform = {list(self.uniform)}: expected a lower and then an upper bound, a finite way apart"
-            )
-        return self
-
-    @property
-    def drawn(self) -> bool:
-        """Whether chance has a say."""
-        return self.values is None and self.start is None
-
-    @property
-    def size(self) -> int:
-        """How many values are stated."""
-        return len(self.values) if self.values is not None else self.count or 1
-
-    def listed(self) -> np.ndarray:
-        """The values, where they are stated."""
-        if self.values is not None:
-            return np.array(self.values)
-        return np.linspace(self.start or 0.0, self.stop or 0.0, self.count or 1)
-
-    def draw(self) -> Draw:
-        """The distribution, where chance has a say."""
-        if self.normal is not None:
-            return Draw.normal(*self.normal)
-        if self.uniform is not None:
-            return Draw.uniform(*self.uniform)
-        assert self.lognormal is not None
-        return Draw.lognormal(*self.lognormal)
+def _vary_entry(
+    name: str, fields: Fields, key: str, entry: int | None, column: np.ndarray, size: int, keys: tuple[str, ...]
+) -> None:
+    """One of several numbers, which are 0 where the file has none."""
+    if key not in keys or entry is None or entry >= size:
+        place = name.partition(".")[0]
+        expected = " or ".join(f"{place}.{each}[0] … {place}.{each}[{size - 1}]" for each in keys)
+        raise ScenarioError(place="lanes", value=name, expected=expected)
+    fields[key] = _placed(np.zeros(size) if fields[key] is None else fields[key], entry, column)
 
 
-class Lanes(Record):
-    """How numbers of the file vary from lane to lane."""
-
-    kind: Literal["list", "grid", "draws"] = Field(
-        description="'list': all lists are as long as there are lanes; 'grid': every combination; 'draws': at random."
-    )
-    count: Whole | None = Field(default=None, ge=1, le=MOST_LANES, description="Lanes to draw; goes with 'draws'.")
-    seed: Whole | None = Field(default=None, ge=0, description="Of the draws; goes with 'draws'.")
-    vary: dict[str, Values] = Field(
-        min_length=1,
-        description="By name: 'link6.mass_kg', 'controller.kp[2]', 'timing.command_delay_s', 'initial.q[1]'.",
-    )
-
-    @model_validator(mode="after")
-    def _complete(self) -> Lanes:
-        if (self.kind == "draws") != (self.count is not None) or (self.kind == "draws") != (self.seed is not None):
-            raise ValueError("count and seed go with kind = 'draws', which needs both")
-        if self.seed is not None and self.seed >= 2**63:
-            raise ValueError(f"seed = {self.seed}: expected a whole number, 0 or more, of 63 bits")
-        for name, values in self.vary.items():
-            if values.drawn and self.kind != "draws":
-                raise ValueError(f"{name} is drawn: expected kind = 'draws'")
-        lengths = {name: v.size for name, v in self.vary.items() if not v.drawn}
-        wanted = {self.count} if self.kind == "draws" else set(lengths.values())
-        if self.kind != "grid" and (len(wanted) > 1 or any(length not in wanted for length in lengths.values())):
-            told = ", ".join(f"{length} of {name}" for name, length in lengths.items())
-            raise ValueError(f"lists of unequal length: {told}")
-        if self.kind == "grid" and math.prod(lengths.values()) > MOST_LANES:
-            raise ValueError(f"a grid of {math.prod(lengths.values()):.3g} lanes; expected at most {MOST_LANES:.0e}")
-        return self
-
-    def columns(self) -> Mapping[str, np.ndarray]:
-        """(lanes,) values of every name, in the order of the file. A name's draws depend on the seed, the name and the lane."""
-        if self.kind == "grid":
-            axes = [values.listed() for values in self.vary.values()]
-            grid = np.meshgrid(*axes, indexing="ij")
-            return {name: part.ravel() for name, part in zip(self.vary, grid, strict=True)}
-        columns: dict[str, np.ndarray] = {}
-        for name, values in self.vary.items():
-            with np.errstate(over="ignore"):
-                drawn = values.draw().batch(self.seed or 0, name, range(self.count or 1)) if values.drawn else None
-                columns[name] = values.listed() if drawn is None else drawn.values
-            beyond = ~np.isfinite(columns[name])
-            if beyond.any():
-                lane = int(np.argmax(beyond))
-                raise ScenarioError(
-                    f"lanes.vary: {name} = {columns[name][lane]:g} in lane {lane}: expected a narrower distribution"
-                )
-        return columns
-
-
-def placed(whole: Any, entry: int | None, column: np.ndarray) -> Batch:
-    """A number, or one entry of several, that varies; the other entries stay as they are."""
+def _vary_gain(name: str, fields: Fields, key: str, entry: int | None, column: np.ndarray, n: int) -> None:
+    """A number of the controller, one for all joints or one of a joint."""
+    if key not in fields:
+        choices = [f"loop.controller.{each}" for each in fields]
+        raise ScenarioError("unknown", place="lanes", value=name, choices=choices)
+    whole = fields[key]
+    if isinstance(whole, (str, bool)):
+        raise ScenarioError("cannot differ by lane", place="lanes", value=name, expected="a number of the controller")
     if entry is None:
-        return Batch(column)
+        fields[key] = Batch(column)
+        return
+    if entry >= n:
+        expected = f"loop.controller.{key}[0] … loop.controller.{key}[{n - 1}]"
+        raise ScenarioError(place="lanes", value=name, expected=expected)
+    several = isinstance(whole, Batch) or np.ndim(whole) > 0
+    fields[key] = _placed(whole if several else np.full(n, whole), entry, column)
+
+
+def _vary_payload(name: str, number: int, rest: str, column: np.ndarray, payloads: list[Fields]) -> None:
+    """One number of a payload: `inputs.payload[0].mass_kg`, `….com_m[2]`, `….inertia_kg_m2.xx`."""
+    if number >= len(payloads):
+        expected = f"one of the {len(payloads)} [[inputs.payload]], counted from 0"
+        raise ScenarioError(place="lanes", value=name, expected=expected)
+    match, fields = PAYLOAD_NUMBER.fullmatch(rest), payloads[number]
+    key, entry, tensor = (None, None, None) if match is None else (match["key"], match["entry"], match["tensor"])
+    whole = fields.get(PAYLOAD.get(str(key), ""))
+    if key in ("time_s", "mass_kg") and entry is None and tensor is None:
+        fields[PAYLOAD[key]] = Batch(column)
+    elif key == "com_m" and entry is not None and int(entry) < 3 and whole is not None:
+        fields["com"] = _placed(whole, int(entry), column)
+    elif key == "inertia_kg_m2" and tensor in TENSOR and whole is not None:
+        rows = np.array(np.broadcast_to(lane_values(whole), (len(column), 3, 3)))
+        i, j = TENSOR[tensor]
+        rows[:, i, j] = rows[:, j, i] = column
+        fields["inertia"] = Batch(rows)
+    else:
+        choices = ["time_s", "mass_kg"]
+        choices += [f"com_m[{k}]" for k in range(3)] if fields["com"] is not None else []
+        choices += [f"inertia_kg_m2.{each}" for each in TENSOR] if fields["inertia"] is not None else []
+        raise ScenarioError("unknown", place=f"lanes: {name.removesuffix(rest)}", value=rest[1:], choices=choices)
+
+
+def _placed(whole: Any, entry: int, column: np.ndarray) -> Batch:
+    """Several numbers of which one varies; the others stay as they are."""
     rows = np.asarray(lane_values(whole), dtype=float)
     rows = np.repeat(rows, len(column), axis=0) if len(rows) == 1 else rows.copy()
     rows[:, entry] = column

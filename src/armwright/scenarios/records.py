@@ -1,13 +1,38 @@
-"""The tables of a scenario file, `*.scenario.toml`. Everything that decides a run is in it; nothing physical is defaulted."""
+"""Tables of a scenario file, `*.scenario.toml`, named like the parts of `Scenario`. Physical values have no hidden defaults."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+import numpy as np
+from pydantic import BeforeValidator, ConfigDict, Field, Strict, model_validator
 
+from armwright.errors import ScenarioError
+from armwright.parameters import Draw
 from armwright.quantity import Record
-from armwright.scenarios.lanes import Lanes, Number, Whole, counted
+
+MOST_LANES = 10**8
+Number = Annotated[float, Strict()]  # no text, and no true or false
+Whole = Annotated[int, Strict()]
+Numbers = tuple[Number, ...]
+
+
+def counted(count: int, told: str) -> BeforeValidator:
+    """Refuses a list of another length, in words."""
+
+    def check(value: Any) -> Any:
+        if isinstance(value, (list, tuple)) and len(value) != count:
+            raise ValueError(f"expected {count} numbers, not {len(value)}: {told}")
+        return value
+
+    return BeforeValidator(check)
+
+
+Pair = Annotated[tuple[Number, Number], counted(2, "where it is, and how wide it spreads")]
+Bounds = Annotated[tuple[Number, Number], counted(2, "a lower and an upper bound")]
+
 
 PerJoint = Number | tuple[Number, ...] | dict[str, Number]
 Wrench = Annotated[
@@ -17,29 +42,25 @@ Wrench = Annotated[
 Three = Annotated[tuple[Number, Number, Number], counted(3, "along x, y and z")]
 
 
-class Initial(Record):
-    """Where the arm begins: numbers in the order of the joints, or a table by their names (others are 0)."""
+class StartTable(Record):
+    """Initial positions and speeds: numbers in the order of the joints, or a table by their names (others are 0)."""
 
     q: PerJoint | None = Field(default=None, description="Positions [rad | m]; absent: 0.")
     qd: PerJoint | None = Field(default=None, description="Speeds [rad/s | m/s]; absent: 0.")
-    command: PerJoint | None = Field(
-        default=None,
-        description="In force before the first tick, each in its joint's own unit; absent: what holds the arm.",
-    )
 
 
-class Drive(Record):
-    """Commands over time, without a controller: one of these."""
+class CommandsTable(Record):
+    """Commands over time, without a loop: one of these."""
 
-    command: PerJoint | None = Field(default=None, description="Constant, each in its joint's own unit.")
+    constant: PerJoint | None = Field(default=None, description="One command a joint, each in its joint's own unit.")
     schedule: str | None = Field(
         default=None, description="CSV file: t in s and one column a joint, held from row to row."
     )
 
     @model_validator(mode="after")
-    def _one(self) -> Drive:
-        if (self.command is None) == (self.schedule is None):
-            raise ValueError("expected either command or schedule")
+    def _one(self) -> CommandsTable:
+        if (self.constant is None) == (self.schedule is None):
+            raise ValueError("expected either constant or schedule")
         return self
 
 
@@ -69,8 +90,8 @@ class SensorsTable(Record):
     current_noise: Number = Field(default=0.0, ge=0, description="[A].")
 
 
-class ShapingTable(Record):
-    """The command's way out of the controller; see `armwright.Shaping`. Absent: as it is."""
+class CommandFilterTable(Record):
+    """Filter of the controller's output; see `armwright.CommandFilter`. Absent: none."""
 
     limit: PerJoint | None = Field(default=None, description="The most that is commanded, either way.")
     rate: PerJoint | None = Field(default=None, description="How fast a command may change, per second.")
@@ -119,16 +140,181 @@ class PayloadTable(Record):
     frame: str | None = Field(default=None, description="Which carries it; absent: the tip.")
 
 
-class RecordTable(Record):
-    """What is kept of the run."""
+class LoopTable(Record):
+    """A sampled loop; see `armwright.Loop`."""
+
+    controller: Kind = Field(description="kind = 'joint_pid', 'cascade', 'computed_torque' and its gains.")
+    reference: Kind | None = Field(
+        default=None,
+        description="kind = 'pose', 'schedule', 'expression' or a named trajectory; absent: the initial pose.",
+    )
+    period_s: Number | None = Field(default=None, description="From sample to sample; absent: step times substeps.")
+    sensors: SensorsTable = Field(default_factory=SensorsTable, description="What is measured.")
+    command_filter: CommandFilterTable = Field(
+        default_factory=CommandFilterTable, description="Limits and steps of commands."
+    )
+    timing: TimingTable = Field(default_factory=TimingTable, description="Delays of measurements and commands.")
+    initial_command: PerJoint | None = Field(
+        default=None,
+        description="In force before the first tick, each in its joint's own unit; absent: what holds the arm.",
+    )
+
+
+class InputsTable(Record):
+    """What acts on the arm beside its commands; see `armwright.Inputs`."""
+
+    wrench: Wrench | None = Field(
+        default=None,
+        description="On the tip, in base axes: fx, fy, fz in N, mx, my, mz in N m; or a CSV file of them over t.",
+    )
+    brake: bool | PerJoint | str | None = Field(
+        default=None,
+        description="Holding brakes of the record, 1 applied, 0 released: for all, one for each, a table by joint, or a CSV file "
+        "over t; absent: released.",
+    )
+    payload: tuple[PayloadTable, ...] = Field(
+        default=(), description="What the end effector takes up and puts down, as [[inputs.payload]]."
+    )
+
+
+class SolverTable(Record):
+    """How the motion is integrated; see `armwright.Solver`."""
+
+    integrator: str = Field(default="rk3", description="rk3, rk4, semi_implicit_euler, rk45 or cvodes.")
+    step_s: Number | None = Field(default=None, description="Absent: period_s / substeps in a loop, else 1e-3.")
+    substeps: Whole = Field(default=1, description="Integration steps in a period of the loop.")
+    rtol: Number | None = Field(default=None, description="Relative tolerance of rk45 and cvodes.")
+    atol: Number | None = Field(
+        default=None, description="Absolute tolerance of rk45 and cvodes, in each state's unit."
+    )
+    max_steps: Whole | None = Field(default=None, description="Of rk45 in one tick; a lane that needs more is frozen.")
+
+
+class RecordingTable(Record):
+    """What is kept of the run; see `armwright.Recording`."""
 
     every: Whole = Field(default=1, ge=0, description="Ticks from one row to the next; 0: the first and the last only.")
     what: Literal["all", "state", "none"] = Field(default="all", description="All, q and qd alone, or no rows at all.")
-    reduce: tuple[str, ...] = Field(default=(), description="Numbers computed along the way, such as rms_error.")
+    reduce: tuple[str, ...] = Field(default=(), description="Numbers computed while the loop runs, such as rms_error.")
+    reference: Kind | None = Field(
+        default=None, description="What reduce measures errors from, beside [commands]; kinds as in [loop.reference]."
+    )
+
+
+class Values(Record):
+    """What one number is in the lanes: one of these ways."""
+
+    values: Numbers | None = Field(
+        default=None, min_length=1, description="These, one a lane (or one a row of the grid)."
+    )
+    start: Number | None = Field(default=None, description="From here …")
+    stop: Number | None = Field(default=None, description="… to here …")
+    count: Whole | None = Field(default=None, ge=1, le=MOST_LANES, description="… in so many equal steps.")
+    normal: Pair | None = Field(default=None, description="Drawn: mean and standard deviation.")
+    uniform: Bounds | None = Field(default=None, description="Drawn evenly between two bounds.")
+    lognormal: Pair | None = Field(default=None, description="Drawn: median, and standard deviation of the logarithm.")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Values:
+        line = [name for name in ("start", "stop", "count") if getattr(self, name) is not None]
+        if line and len(line) != 3:
+            raise ValueError("start, stop and count go together")
+        ways = [name for name in ("values", "normal", "uniform", "lognormal") if getattr(self, name) is not None]
+        ways += ["start"] if line else []
+        if len(ways) != 1:
+            told = " and ".join(ways) or "none"
+            raise ValueError(
+                f"expected one of values, start with stop and count, normal, uniform, lognormal, not {told}"
+            )
+        for name in ("normal", "lognormal"):
+            given = getattr(self, name)
+            if given is not None and given[1] < 0:
+                raise ValueError(f"{name} = {list(given)}: expected a standard deviation of 0 or more")
+        if self.uniform is not None and not 0.0 <= self.uniform[1] - self.uniform[0] < np.inf:
+            raise ValueError(
+                f"uniform = {list(self.uniform)}: expected a lower and then an upper bound, a finite way apart"
+            )
+        return self
+
+    @property
+    def drawn(self) -> bool:
+        """Whether chance has a say."""
+        return self.values is None and self.start is None
+
+    @property
+    def size(self) -> int:
+        """How many values are stated."""
+        return len(self.values) if self.values is not None else self.count or 1
+
+    def listed(self) -> np.ndarray:
+        """The values, where they are stated."""
+        if self.values is not None:
+            return np.array(self.values)
+        return np.linspace(self.start or 0.0, self.stop or 0.0, self.count or 1)
+
+    def draw(self) -> Draw:
+        """The distribution, where chance has a say."""
+        if self.normal is not None:
+            return Draw.normal(*self.normal)
+        if self.uniform is not None:
+            return Draw.uniform(*self.uniform)
+        assert self.lognormal is not None
+        return Draw.lognormal(*self.lognormal)
+
+
+class Lanes(Record):
+    """How numbers of the file vary from lane to lane."""
+
+    kind: Literal["list", "grid", "draws"] = Field(
+        description="'list': all lists are as long as there are lanes; 'grid': every combination; 'draws': at random."
+    )
+    count: Whole | None = Field(default=None, ge=1, le=MOST_LANES, description="Lanes to draw; goes with 'draws'.")
+    seed: Whole | None = Field(default=None, ge=0, description="Of the draws; goes with 'draws'.")
+    vary: dict[str, Values] = Field(
+        min_length=1,
+        description="By name: 'link6.mass_kg', 'loop.controller.kp[2]', 'loop.timing.command_delay_s', 'start.q[1]'.",
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> Lanes:
+        if (self.kind == "draws") != (self.count is not None) or (self.kind == "draws") != (self.seed is not None):
+            raise ValueError("count and seed go with kind = 'draws', which needs both")
+        if self.seed is not None and self.seed >= 2**63:
+            raise ValueError(f"seed = {self.seed}: expected a whole number, 0 or more, of 63 bits")
+        for name, values in self.vary.items():
+            if values.drawn and self.kind != "draws":
+                raise ValueError(f"{name} is drawn: expected kind = 'draws'")
+        lengths = {name: v.size for name, v in self.vary.items() if not v.drawn}
+        wanted = {self.count} if self.kind == "draws" else set(lengths.values())
+        if self.kind != "grid" and (len(wanted) > 1 or any(length not in wanted for length in lengths.values())):
+            told = ", ".join(f"{length} of {name}" for name, length in lengths.items())
+            raise ValueError(f"lists of unequal length: {told}")
+        if self.kind == "grid" and math.prod(lengths.values()) > MOST_LANES:
+            raise ValueError(f"a grid of {math.prod(lengths.values()):.3g} lanes; expected at most {MOST_LANES:.0e}")
+        return self
+
+    def columns(self) -> Mapping[str, np.ndarray]:
+        """(lanes,) values of every name, in the order of the file. A name's draws depend on the seed, the name and the lane."""
+        if self.kind == "grid":
+            axes = [values.listed() for values in self.vary.values()]
+            grid = np.meshgrid(*axes, indexing="ij")
+            return {name: part.ravel() for name, part in zip(self.vary, grid, strict=True)}
+        columns: dict[str, np.ndarray] = {}
+        for name, values in self.vary.items():
+            with np.errstate(over="ignore"):
+                drawn = values.draw().batch(self.seed or 0, name, range(self.count or 1)) if values.drawn else None
+                columns[name] = values.listed() if drawn is None else drawn.values
+            beyond = ~np.isfinite(columns[name])
+            if beyond.any():
+                lane = int(np.argmax(beyond))
+                raise ScenarioError(
+                    f"lanes.vary: {name} = {columns[name][lane]:g} in lane {lane}: expected a narrower distribution"
+                )
+        return columns
 
 
 class ScenarioTable(Record):
-    """A whole scenario."""
+    """A whole scenario; its tables are the parts of `armwright.Scenario`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -141,48 +327,17 @@ class ScenarioTable(Record):
         default_factory=dict, description="Other numbers than the record's: 'link6.mass_kg' = 1.2."
     )
     duration_s: Number | None = Field(default=None, description="How long; absent: until a schedule's last row.")
-    sample_period_s: Number | None = Field(
-        default=None, description="Of the controller; without one, of the integrator."
-    )
-    substeps: Whole = Field(default=1, description="Integration steps in a period.")
-    integrator: str = Field(default="rk3", description="rk3, rk4, semi_implicit_euler, rk45 or cvodes.")
-    rtol: Number | None = Field(default=None, description="Relative tolerance of rk45 and cvodes.")
-    atol: Number | None = Field(
-        default=None, description="Absolute tolerance of rk45 and cvodes, in each state's unit."
-    )
-    max_steps: Whole | None = Field(default=None, description="Of rk45 in one tick; a lane that wants more is frozen.")
     seed: Whole = Field(default=0, ge=0, description="Of noise, jitter and losses.")
-    initial: Initial = Field(default_factory=Initial, description="Where the arm begins.")
-    drive: Drive | None = Field(default=None, description="Commands over time; or a controller.")
-    controller: Kind | None = Field(
-        default=None, description="kind = 'joint_pid', 'cascade', 'computed_torque' and its gains."
-    )
-    reference: Kind | None = Field(
-        default=None,
-        description="kind = 'pose', 'schedule', 'expression' or a named trajectory; absent: the initial pose.",
-    )
-    sensors: SensorsTable = Field(default_factory=SensorsTable, description="What is measured.")
-    shaping: ShapingTable = Field(default_factory=ShapingTable, description="What becomes of commands.")
-    timing: TimingTable = Field(default_factory=TimingTable, description="When they act.")
-    wrench: Wrench | None = Field(
-        default=None,
-        description="On the tip, in base axes: fx, fy, fz in N, mx, my, mz in N m; or a CSV file of them over t.",
-    )
-    brake: bool | PerJoint | str | None = Field(
-        default=None,
-        description="Holding brakes of the record, 1 applied, 0 released: for all, one for each, a table by joint, or a CSV file "
-        "over t; absent: released.",
-    )
-    payload: tuple[PayloadTable, ...] = Field(
-        default=(), description="What hands take up and put down, as [[payload]]."
-    )
+    start: StartTable = Field(default_factory=StartTable, description="Initial positions and speeds.")
+    commands: CommandsTable | None = Field(default=None, description="Commands over time; or a loop.")
+    loop: LoopTable | None = Field(default=None, description="Controller, reference, sensors and timing.")
+    inputs: InputsTable = Field(default_factory=InputsTable, description="What acts beside commands.")
+    solver: SolverTable = Field(default_factory=SolverTable, description="Integrator and step.")
+    recording: RecordingTable = Field(default_factory=RecordingTable, description="What is kept.")
     lanes: Lanes | None = Field(default=None, description="Many runs at once; absent: one.")
-    record: RecordTable = Field(default_factory=RecordTable, description="What is kept.")
 
     @model_validator(mode="after")
     def _driven(self) -> ScenarioTable:
-        if (self.drive is None) == (self.controller is None):
-            raise ValueError("expected either [drive] or [controller]")
-        if self.reference is not None and self.controller is None and not self.record.reduce:
-            raise ValueError("[reference] goes with a [controller], or with reduce; commands over time are a [drive]")
+        if (self.commands is None) == (self.loop is None):
+            raise ValueError("expected either [commands] or [loop]")
         return self

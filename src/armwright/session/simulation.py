@@ -75,17 +75,11 @@ def scenario_of(
         raise SessionError("missing", place="simulate steps", expected="steps=…, the number of time steps")
     if state.controller is None:
         rows = None if schedule is None else aw.read_schedule(schedule, arm.names, joint_units(arm, "u"))
-        drive: dict[str, Any] = {"command": state.u, "step": state.step}
-        if rows is not None:
-            drive = {"schedule": at_dac_ticks(rows, state.dac_period), "step": state.step}
+        asked = state.u if rows is None else at_dac_ticks(rows, state.dac_period)
     else:
         scale = np.array(state.controller.scale)
         rows = None if schedule is None else aw.read_schedule(schedule, arm.names, ["V"] * arm.n)
         asked = state.dac * scale if rows is None else Schedule(rows.times, rows.commands * scale, rows.names)
-        drive = {
-            "controller": built_controller(state, state.controller), "reference": asked,
-            "sample_period": state.dac_period, "substeps": _substeps(state),
-        }  # fmt: skip
         steps = None if steps is None else _whole_samples(state, steps, "steps")
     if steps is None:
         assert rows is not None
@@ -99,10 +93,15 @@ def scenario_of(
     if every is not None and state.controller is not None:
         rows_every = _whole_samples(state, every, "every") // _substeps(state)
     start = start_of(state, before, state.step if state.controller is None else state.dac_period)
-    if rows is not None and "start" in start:  # the schedule's times count from here
-        key = "schedule" if state.controller is None else "reference"
-        drive[key] = _delayed(drive[key], start["start"].time)
-    return aw.Scenario(arm, duration=duration, record_every=rows_every, **start, **drive)
+    if isinstance(asked, Schedule) and isinstance(start, aw.LoopState):  # the schedule's times count from here
+        asked = _delayed(asked, start.time)
+    recording = aw.Recording(rows_every)
+    if state.controller is None:
+        solver = aw.Solver(step=state.step)
+        return aw.Scenario(arm, duration, asked, start=start, solver=solver, recording=recording)
+    loop = aw.Loop(built_controller(state, state.controller), asked, state.dac_period)
+    solver = aw.Solver(substeps=_substeps(state))
+    return aw.Scenario(arm, duration, loop=loop, start=start, solver=solver, recording=recording)
 
 
 def _delayed(rows: Schedule, by: float) -> Schedule:
@@ -171,7 +170,7 @@ def _run(
     try:
         return aw.simulate(scenario, progress=progress), steps
     except KeyboardInterrupt:
-        part = ticks_done * (1 if scenario.controller is None else scenario.substeps)
+        part = ticks_done * (1 if scenario.controller is None else scenario.solver.substeps)
         part -= part % (arguments["every"] or 1)
         if session.ask is None or not 0 < part < steps:
             raise
@@ -230,8 +229,8 @@ def save_run(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     return [Line(f"wrote {arguments['file']}", "good")]
 
 
-def start_of(state: State, before: xr.Dataset | None, period: float) -> dict[str, Any]:
-    """Fields of the scenario for its start: theta and omega, or the state at the end of the run before.
+def start_of(state: State, before: xr.Dataset | None, period: float) -> aw.Start | LoopState:
+    """Start of the scenario: theta and omega, or the state at the end of the run before.
 
     With another controller or another period only the plant and its commands continue.
 
@@ -240,14 +239,14 @@ def start_of(state: State, before: xr.Dataset | None, period: float) -> dict[str
     """
     end = _end_of(state, before)
     if end is None or before is None:
-        return {"q0": state.q, "qd0": state.qd}
+        return aw.Start(state.q, state.qd)
     if end.period == period and before.attrs.get(CONTROLLER, "") == _attributes(state)[CONTROLLER]:
-        return {"start": end}
+        return end
     plant = {name: values for name, values in end.blocks.items() if name in PLANT}
     tick = (
         end.tick if end.period == period else 0
     )  # with another period ticks count from 0; `joined_runs` shifts the times
-    return {"start": LoopState(tick, period, end.single, end.entries, plant)}
+    return LoopState(tick, period, end.single, end.entries, plant)
 
 
 def _end_of(state: State, before: xr.Dataset | None) -> LoopState | None:

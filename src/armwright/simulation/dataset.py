@@ -50,12 +50,14 @@ class Recorded:
 
     Attributes:
         rows: (rows, lanes in whole tiles, entries); None: nothing was recorded.   every: ticks from row to row.
-        reached: which lanes came how far.   account: what became of them.   reduced: (lanes, k) by the reducers.
+        ticks: of the whole run.   reached: which lanes came how far.   account: what became of them.   reduced: (lanes,
+            k) by the reducers.
         origin: the tick of the first row.
     """
 
     rows: np.ndarray | None
     every: int
+    ticks: int
     reached: Reached
     account: Account
     reduced: np.ndarray
@@ -84,7 +86,7 @@ def _parts(simulation: LoopRunner, rows: np.ndarray) -> dict[str, np.ndarray]:
 def run_dataset(simulation: LoopRunner, recorded: Recorded) -> xarray.Dataset:
     """The dataset of a run."""
     scenario, arm, reached = simulation.scenario, simulation.arm, recorded.reached
-    attrs: dict[str, Any] = {"integrator": scenario.integrator, "step_s": scenario.integration_step}
+    attrs: dict[str, Any] = {"integrator": scenario.solver.integrator, "step_s": scenario.integration_step}
     if scenario.sampled:
         attrs["sample_period_s"] = simulation.period
         why = simulation.untraced
@@ -97,10 +99,10 @@ def run_dataset(simulation: LoopRunner, recorded: Recorded) -> xarray.Dataset:
         dataset = _with_rows(simulation, recorded, recorded.rows, attrs, notes)
     if numbers is not None and (reached.stopped or scenario.first_lane):
         dataset = dataset.assign_coords(lane=("lane", numbers + scenario.first_lane, dataset["lane"].attrs))
-    if reached.ticks == scenario.ticks and simulation.reduction is not None:
+    if reached.ticks == recorded.ticks and simulation.reduction is not None:
         _reduced(simulation, dataset, recorded)
     account = recorded.account.of_lanes(reached.lanes)
-    account.tell(dataset, simulation.period, scenario.adaptivity, scenario.lane_count is None)
+    account.tell(dataset, simulation.period, scenario.solver.adaptivity, scenario.lane_count is None)
     return dataset
 
 
@@ -122,7 +124,7 @@ def _with_rows(
     u = parts.get("u", acting.pop("u", np.full((1, 1, n), np.nan)))
     u = np.broadcast_to(u, (len(rows), len(t), n))
     outputs: dict[str, np.ndarray] = {}
-    if scenario.record == "all":
+    if scenario.recording.what == "all":
         given = [x, u, *(acting[name] for name in simulation.config.inputs)]
         given += [own(scenario.parameters)[:, None, :]] if scenario.varied is not None else []
         kernel = simulation.loop.outputs

@@ -59,18 +59,19 @@ class LoopRunner:
         self.notes: list[str] = []
         self._check_step(loop)
         self._started = scenario.started
-        self.inputs = dict(scenario.inputs)
-        if scenario.sampled is False:
+        self.inputs = dict(scenario.held_inputs)
+        if not scenario.sampled:
             self.inputs["u"] = scenario.commands
-        self.reduction = Reduction.of(scenario.reduce, self.arm.n) if scenario.reduce else None
+        self.reduction = Reduction.of(scenario.recording.reduce, self.arm.n) if scenario.recording.reduce else None
         self.tick = self.origin = 0 if self._started is None else self._started.tick
         self.reference = self.reference_of_ticks(
             1 if scenario.duration is None else scenario.ticks, first=scenario.duration is not None
         )
         self.config, self.initialisation = self._configured()
+        target, outputs = scenario.solver.target, scenario.recording.what == "all"
         if loop is not None:
-            loop.check(self.config, scenario.target, outputs=scenario.record == "all")
-        self.loop = loop or CompiledLoop.of(self.config, scenario.target, outputs=scenario.record == "all")
+            loop.check(self.config, target, outputs=outputs)
+        self.loop = loop or CompiledLoop.of(self.config, target, outputs=outputs)
         self.untraced, self.plant = self.loop.tick.untraced, self.config.bare
         if self.untraced is not None and scenario.controller is not None:
             lanes = "" if scenario.lane_count is None or self.controller.vectorised else " for every lane"
@@ -83,7 +84,7 @@ class LoopRunner:
         self.rows = {name: landing_rows(held, self.period) for name, held in self.inputs.items()}
         if self.reference is not None and self.reference.rows is not None:
             self.rows["r"] = landing_rows(self.reference.rows, self.period)
-        self._solver = self._cvodes() if scenario.integrator == "cvodes" else None
+        self._solver = self._cvodes() if scenario.solver.integrator == "cvodes" else None
         called = self.untraced is not None and scenario.controller is not None
         self._in_python = PythonController(self.controller, self.arm, self.period) if called else None
         self._keep = self._kept_blocks()
@@ -98,7 +99,7 @@ class LoopRunner:
 
     def _check_step(self, loop: CompiledLoop | None) -> None:
         """Refuses an arm that cannot move, and a step that is too large for one that can."""
-        scenario, arm, name = self.scenario, self.arm, self.scenario.integrator
+        scenario, arm, name = self.scenario, self.arm, self.scenario.solver.integrator
         check_inertia(arm, scenario.initial_state[0, : arm.n])
         if name not in INTEGRATORS:
             return
@@ -127,7 +128,7 @@ class LoopRunner:
     def _configured(self) -> tuple[LoopConfig, Initialisation]:
         """What a tick is made of, and how its lanes begin."""
         scenario, n, sensors, controller = self.scenario, self.arm.n, None, None
-        plant = Plant.of(self.arm, brakes=scenario.brake is not None)
+        plant = Plant.of(self.arm, brakes=scenario.inputs.brake is not None)
         if self.reduction is not None:
             check_known(self.reduction, self.arm, plant.outputs(plant.initial(np.zeros(n), np.zeros(n)), np.zeros(n)))
             if self.reference is not None and "q" not in self.reference.layout:
@@ -135,20 +136,20 @@ class LoopRunner:
                     "reduce: the reference has no signal q; expected a reference of the joints beside reduce"
                 )
         layouts = {"x": plant.layout}
-        if scenario.sampled:
+        if scenario.loop is not None:
             assert self.reference is not None
-            sensors = SensorSet.of(plant, scenario.sensor_list, wrench=scenario.wrench is not None)
+            sensors = SensorSet.of(plant, scenario.loop.sensor_list, wrench=scenario.inputs.wrench is not None)
             controller = ControllerAdapter(scenario.controller_fields, sensors.y, self.reference.layout)
             layouts |= {"y": sensors.y, "r": self.reference.layout, "u_issued": scenario.command_layout}
             layouts |= {"u": scenario.command_layout}
-        stored = {"none": (), "state": ("x",), "all": tuple(layouts)}[scenario.record]
+        stored = {"none": (), "state": ("x",), "all": tuple(layouts)}[scenario.recording.what]
         config = LoopConfig(
             self.arm,
             scenario.varied,
-            scenario.integrator,
-            scenario.adaptivity,
-            scenario.substeps if scenario.sampled else 1,
-            inputs={name: rows_of(held).shape[1] for name, held in scenario.inputs.items()},
+            scenario.solver.integrator,
+            scenario.solver.adaptivity,
+            scenario.solver.substeps if scenario.sampled else 1,
+            inputs={name: rows_of(held).shape[1] for name, held in scenario.held_inputs.items()},
             payload_frames=scenario.payload_frames,
             recorded={name: layouts[name] for name in stored},
             reduction=self.reduction,
@@ -156,23 +157,23 @@ class LoopRunner:
         )
         start = scenario.initial_state if self._started is None else self._started.blocks["x"]
         first = (config, start, scenario.parameters, scenario.first_command, controller, sensors)
-        initialisation = Initialisation(*first, self.period, scenario.target)
-        if sensors is None or controller is None:
+        initialisation = Initialisation(*first, self.period, scenario.solver.target)
+        if scenario.loop is None or sensors is None or controller is None:
             return config, initialisation
-        delays = Delays.of(scenario.timing, self.period)
+        delays = Delays.of(scenario.loop.timing, self.period)
         outside = None if scenario.controller is not None else "it is commanded from outside"
         sampling = Sampling(
-            controller, initialisation.states, sensors, scenario.shaping, delays, self.period,
+            controller, initialisation.states, sensors, scenario.loop.command_filter, delays, self.period,
             outside or initialisation.untraced,
         )  # fmt: skip
         return replace(config, sampling=sampling), initialisation
 
     def _cvodes(self) -> Cvodes:
         """CVODES for the plant."""
-        assert self.scenario.adaptivity is not None
+        assert self.scenario.solver.adaptivity is not None
         check_lanes(self.count)
         stiff, watched = bool(self.plant.stiff), plant_watched(self.config)
-        return Cvodes(*plant_derivative(self.config), self.scenario.adaptivity, stiff, watched)
+        return Cvodes(*plant_derivative(self.config), self.scenario.solver.adaptivity, stiff, watched)
 
     def _kept_blocks(self) -> set[str]:
         """Names of the blocks that make the state of the loop."""
@@ -202,8 +203,8 @@ class LoopRunner:
                 lanes.set(name, given)
         for name, rows in self.rows.items():
             self.loop.loops[0].begin_rows(lanes, name, rows, self.tick)
-        if self.scenario.adaptivity is not None:
-            begin_adaptive(lanes, self.scenario.adaptivity, self.plant.layout, x)
+        if self.scenario.solver.adaptivity is not None:
+            begin_adaptive(lanes, self.scenario.solver.adaptivity, self.plant.layout, x)
         for name, block in (("y_old", "y_kept"), ("u", "u"), ("u_queued", "u")):
             if name in lanes.rings:
                 lanes.fill_ring(name, values[block])

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from armwright.errors import ScenarioError
-from armwright.interfaces import Sensor
 from armwright.model import Model
 from armwright.model.joint_signals import joint_signal
 from armwright.model.vary import Varied
@@ -25,29 +25,23 @@ from armwright.parameters import (
     resolved,
 )
 from armwright.signals import Layout
-from armwright.simulation.inputs.acting import Held, Told, brake_of, held, numbers_of, schedules_of, wrench_of
+from armwright.simulation.checks import check_time, is_whole
+from armwright.simulation.inputs.acting import Held, Told, brake_of, held, numbers_of, wrench_of
 from armwright.simulation.inputs.payload import payload_of
-from armwright.simulation.inputs.schedule import Schedule
-from armwright.simulation.integrate.events import EventFunction
-from armwright.simulation.integrate.stepping import Adaptivity
 from armwright.simulation.loop.controller import configured
-from armwright.simulation.loop.sensors import Sensors
-from armwright.simulation.loop.shaping import Shaping
-from armwright.simulation.loop.state import LoopState
-from armwright.simulation.loop.timing import Timing
-from armwright.simulation.scenario_checks import check_scenario, is_time, start_state
+from armwright.simulation.loop.state import LoopState, state_to_continue
+from armwright.simulation.scenario_parts import Inputs, Loop, Recording, Solver, Start, check_part
 
 MOST_STEPS = 2**53
-BATCHED = (  # fields that may hold batches and draws
-    "schedule", "command", "q0", "qd0", "initial_command", "wrench", "brake", "payload", "timing", "vary", "reference",
-    "controller", "sensors",
-)  # fmt: skip
-STEP = 1e-3  # [s] of an integrator that is not told another
+WITH_LANES = ("command", "loop", "inputs", "start", "recording", "vary")  # fields that may hold batches and draws
+STEP = 1e-3  # [s] of an integrator, if nothing else is said
 
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
     """An arm, what drives it, from where, and for how long.
+
+    An arm is driven by commands over time, by the controller of a loop, or, without both, by `Simulation.step`.
 
     Lanes are simulations side by side that differ in some values. Such a value is given as a `Batch`, or drawn at random as a
     `Draw`: commands, schedules, references, gains of a controller, initial states, delays, noise of sensors, payloads, wrenches,
@@ -56,83 +50,96 @@ class Scenario:
     Args:
         arm: the model.
         duration: [s]; by default the time of the schedule's last row.
-        step: [s] of the integrator, default 1 ms; with a `sample_period` it is that over `substeps`.
-        schedule: commands over time, held between rows.
-        command: (n,) constant commands, each in its joint's own unit [V | A | N m | N].
-        controller: a control law instead: a plain function (t, r, y) → u, or a `Controller` with memory.
-        reference: where the controller is to bring the arm: a pose, rows, a Schedule of poses or a `Trajectory`, a function of
-            time; default: the initial position. Without a controller it is what `reduce` measures errors from.
-        sample_period: [s] of the controller.   substeps: integration steps in each of its periods.
-        sensors: an `aw.Sensors`, or several sensors; default: joint positions, velocities and currents, exactly.
-        shaping, timing: what becomes of commands, and when; default: nothing, at once.
-        initial_command: (n,) in force before the first tick; default: what holds the arm, within its drives' limits.
+        command: (n,) constant commands, each in its joint's own unit [V | A | N m | N], or a `Schedule` that is held from row
+            to row.
+        loop: a sampled loop instead: controller, reference, sensors, timing.
+        inputs: what acts on the arm beside commands: wrench, brakes, payloads.
+        start: (n,) initial positions [rad | m], or a `Start` with speeds too; default 0. Or a run, or the `LoopState` of a
+            `Simulation`, that goes on: time, plant, commands on their way, sensors, random numbers, and the controller if it
+            is the same one.
+        solver: the integrator and its step.
+        recording: what is kept of the run.
         vary: numbers of the record by name: `{"link6.mass_kg": Batch([0.1, 0.2])}`.
-        wrench: of the environment on the tip, in base axes: (6,) [N, N m], or a Schedule with the columns
-            `inputs.WRENCH`, held from row to row and landed on.
-        payload: what the hand takes up and puts down: a `Payload` or several, in the order of their times.
-        brake: 1 where the holding brakes of the record are applied, 0 where they are released: one for all, (brakes,),
-            or a Schedule with a column for every joint that has one; absent: released.
         lanes: how many, where only draws say so; or a range of lanes to run of all that batches and draws describe, each as it
             is among the others.
         seed: of noise, jitter, losses and draws.
-        document: the scenario file that it was read from, with all it named; a run keeps it, to be done again. None of what
-            was made in Python, and of a copy that `dataclasses.replace` has changed.
-        q0: (n,) [rad | m], default 0.   qd0: the same [rad/s | m/s].
-        start: a run, or the `LoopState` of a `Simulation`, that goes on: time, plant, commands on their way, sensors, random
-            numbers, and the controller if it is the same one. In place of q0 and qd0.
-        integrator: a name of `integrators.RULES`: "rk3", "rk4", "semi_implicit_euler"; "rk45", which chooses its own steps
-            within each tick; or "cvodes", slow and accurate, for some lanes.
-        rtol, atol: of "rk45" and "cvodes": what each entry of the state may be wrong by in a step; default `TOLERANCES`.
-        max_steps: of "rk45" in one tick; a lane that wants more is frozen and marked.
-        events: of "rk45", by name: functions (t, x) of time and state whose changes of sign are found, landed on and told,
-            as `events.joint_stops` makes them.
-        record_every: rows are recorded every so many steps; 0 records the first and the last state only.
-        record: "all", or "state" for q and qd alone, which many lanes over many rows may want, or "none" beside `reduce`.
-        reduce: names of `reducers.REDUCERS`, worked out for each joint in the loop: ("rms_error", "peak_voltage", …).
-        target: processor level to compile for, as in `compile`.
+        first_lane: number of the first lane, in a part of a larger run that `resolved` made.
+        document: the scenario file that it was read from, with all it named; a run keeps it, to be reproduced. None of a
+            scenario made in Python, and of a copy that `dataclasses.replace` has changed.
     Raises:
         ScenarioError: what cannot be run; one line that names the field, its value and what was expected.
     """
 
     arm: Model
     duration: float | None = None
-    step: float | None = None
-    schedule: Schedule | Batch | None = None
     command: Any = None
-    q0: Any = None
-    qd0: Any = None
+    loop: Loop | None = None
+    inputs: Inputs = field(default_factory=Inputs)
     start: Any = None
-    integrator: str = "rk3"
-    record_every: int = 1
-    record: str = "all"
-    target: str | None = None
-    controller: Any = None
-    reference: Any = None
-    sample_period: float | None = None
-    substeps: int = 1
-    sensors: Sensors | Sequence[Sensor] = field(default_factory=Sensors)
-    shaping: Shaping = field(default_factory=Shaping)
-    timing: Timing = field(default_factory=Timing)
-    initial_command: Any = None
+    solver: Solver = field(default_factory=Solver)
+    recording: Recording = field(default_factory=Recording)
     vary: Mapping[str, Any] = field(default_factory=dict)
     lanes: int | range | None = None
     seed: int = 0
-    rtol: float | None = None
-    atol: float | None = None
-    max_steps: int | None = None
-    events: Mapping[str, EventFunction] = field(default_factory=dict)
-    reduce: Sequence[str] = ()
-    wrench: Any = None
-    payload: Any = None
-    brake: Any = None
+    first_lane: int = field(default=0, repr=False)
     document: str | None = field(default=None, init=False, repr=False)
-    _is_resolved: bool = field(default=False, repr=False)
 
     def __post_init__(self) -> None:
-        check_scenario(self)
-        if self.resolved is not self:  # which was checked when it was made
+        if not isinstance(self.arm, Model):
+            raise ScenarioError(place="arm", value=self.arm, expected="an arm, as aw.load(name) gives")
+        if not isinstance(self.start, (Start, LoopState)) and not hasattr(self.start, "data_vars"):  # which a run has
+            object.__setattr__(self, "start", Start(self.start))
+        if self.command is None and self.loop is None:
+            object.__setattr__(self, "loop", Loop())
+        self._check_fields()
+        if self.resolved is self:  # else they were checked when that one was made
+            self._check_values()
+
+    def _check_fields(self) -> None:
+        """Refuses fields of another type, and parts that do not fit together."""
+        if self.command is not None and self.loop is not None:
+            raise ScenarioError(
+                "beside a command",
+                place="loop",
+                expected="one of them; sensors, filters and delays are those of a loop",
+            )
+        for name, kind in (("inputs", Inputs), ("solver", Solver), ("recording", Recording)):
+            check_part(name, getattr(self, name), kind)
+        if self.loop is not None:
+            check_part("loop", self.loop, Loop)
+            self.loop.command_filter.check(self.arm)
+            self.loop.joint_sensors.check(self.arm)
+            if self.recording.reference is not None:
+                raise ScenarioError("beside a loop", place="recording.reference", expected="loop.reference instead")
+        if not isinstance(self.vary, Mapping):
+            raise ScenarioError(
+                place="vary", value=self.vary, expected="numbers by name, such as {'link6.mass_kg': 0.1}"
+            )
+        if not is_whole(self.seed, 0) or self.seed >= 2**63:
+            raise ScenarioError(place="seed", value=self.seed, expected="a whole number, 0 or more, of 63 bits")
+        lanes = self.lanes
+        part = isinstance(lanes, range) and lanes.step == 1 and 0 <= lanes.start < lanes.stop
+        if lanes is not None and not part and not is_whole(lanes, 1):
+            expected = "a number of lanes, or a range such as range(77, 78)"
+            raise ScenarioError(place="lanes", value=lanes, expected=expected)
+        self._check_step()
+
+    def _check_step(self) -> None:
+        """Refuses steps that do not fit the period of the loop."""
+        step, substeps = self.solver.step, self.solver.substeps
+        if self.loop is None or self.loop.period is None:
+            if substeps != 1 and (self.loop is None or self.loop.controller is None):
+                expected = "a loop with a period, or a smaller step"
+                raise ScenarioError("divides a period", place="solver.substeps", value=substeps, expected=expected)
             return
-        _ = self.started, self.commands, self.inputs, self.ticks, self.lane_count, self.initial_state, self.adaptivity
+        part = float(self.loop.period) / substeps
+        if step is not None and abs(step - part) > 1e-9 * part:
+            expected = f"loop.period / solver.substeps = {part:g} s, or one of step and period"
+            raise ScenarioError(place="solver.step", value=step, expected=expected)
+
+    def _check_values(self) -> None:
+        """Refuses values that do not fit the arm or each other, by working all of them out."""
+        _ = self.started, self.commands, self.held_inputs, self.ticks, self.lane_count, self.initial_state
         _ = self.first_command, self.controller_fields
 
     @cached_property
@@ -142,16 +149,23 @@ class Scenario:
         Raises:
             ScenarioError: draws without a number of lanes, or a batch that does not have them all.
         """
-        parts = {name: getattr(self, name) for name in BATCHED}
-        drawn = any(has_draws(part) for part in parts.values())
-        if self._is_resolved or not (drawn or isinstance(self.lanes, range)):
+        parts = self._with_lanes()
+        if not isinstance(self.lanes, range) and not any(has_draws(part) for part in parts.values()):
             return self
         lanes = self.lanes if isinstance(self.lanes, range) else range(self._described)
         parts["vary"] = {name: self._of_record(name, value) for name, value in self.vary.items()}
         found = {name: resolved(part, name, self.seed, lanes) for name, part in parts.items()}
-        copy = replace(self, **found, lanes=lanes, _is_resolved=True)
-        object.__setattr__(copy, "document", self.document)
-        return copy
+        scenario = copy.copy(self)
+        kept = {each.name: getattr(self, each.name) for each in fields(self)}  # and nothing that was computed from them
+        object.__setattr__(scenario, "__dict__", kept | found | {"lanes": len(lanes), "first_lane": lanes.start})
+        scenario._check_fields()
+        scenario._check_values()
+        return scenario
+
+    def _with_lanes(self) -> dict[str, Any]:
+        """Fields that may hold batches and draws, by name."""
+        parts = {name: getattr(self, name) for name in WITH_LANES}
+        return parts if isinstance(self.start, Start) else {k: part for k, part in parts.items() if k != "start"}
 
     @property
     def _described(self) -> int:
@@ -161,7 +175,8 @@ class Scenario:
             counts["lanes"] = self.lanes
         lanes = check_counts(counts)
         if lanes is None:
-            raise ScenarioError("lanes: expected a number beside draws, which do not say how many lanes there are")
+            expected = "a number beside draws, which do not say how many lanes there are"
+            raise ScenarioError(place="lanes", value=None, expected=expected)
         return lanes
 
     def _of_record(self, name: str, value: Any) -> Any:
@@ -171,69 +186,52 @@ class Scenario:
         rows = Varied(self.arm, [name]).parameters
         without = [row.name for row in rows if row.std is None]
         if without:
-            raise ScenarioError(
-                f"vary[{name!r}]: the record gives {without[0]} no standard deviation; expected a Draw.normal(…)"
-            )
+            what = f"the record has no standard deviation of {without[0]}"
+            raise ScenarioError(what, place=f"vary[{name!r}]", value=value, expected="a Draw.normal(…)")
         single, (low, high) = rows[0].entry is None, rows[0].bounds
         mean, std = ([getattr(row, of) for row in rows] for of in ("value", "std"))
         return Draw.normal(mean[0] if single else mean, std[0] if single else std, low, high)
 
-    @cached_property
-    def commands(self) -> Told:
-        """Commands over time, for all lanes or a lane each; none where a controller commands, or someone from outside."""
-        if self.sampled:
-            return []
-        if self.schedule is not None:
-            return schedules_of("schedule", self.schedule, self.arm.names)
-        return held("command", self.command, self.arm.names)
+    @property
+    def sampled(self) -> bool:
+        """True where the arm is driven in a sampled loop, by a controller or from outside."""
+        return self.loop is not None
 
     @property
-    def adaptivity(self) -> Adaptivity | None:
-        """How the integrator chooses its steps; None for rules of fixed step."""
-        return Adaptivity.of(self.integrator, self.substeps, self.rtol, self.atol, self.max_steps, self.events)
+    def controller(self) -> Any:
+        """The controller of the loop; None without one."""
+        return None if self.loop is None else self.loop.controller
+
+    @property
+    def external(self) -> bool:
+        """True where nothing of the scenario drives the arm: `Simulation.step` takes the commands."""
+        return self.loop is not None and self.loop.controller is None
+
+    @property
+    def reference(self) -> Any:
+        """What the controller follows, or what `reduce` measures errors from; None: the initial position."""
+        return self.recording.reference if self.loop is None else self.loop.reference
 
     @cached_property
-    def inputs(self) -> dict[str, Held]:
+    def commands(self) -> Told:
+        """Commands over time, for all lanes or a lane each; none in a loop."""
+        return [] if self.sampled else held("command", self.command, self.arm.names)
+
+    @cached_property
+    def held_inputs(self) -> dict[str, Held]:
         """What acts on the plant beside commands, by name: for all lanes, or a lane each."""
         found: dict[str, Held] = {}
-        if self.wrench is not None:
-            found["wrench"] = wrench_of(self.arm, self.wrench)
-        if self.brake is not None:
-            found["brake"] = brake_of(self.arm, self.brake)
+        if self.inputs.wrench is not None:
+            found["wrench"] = wrench_of(self.arm, self.inputs.wrench)
+        if self.inputs.brake is not None:
+            found["brake"] = brake_of(self.arm, self.inputs.brake)
         if self._payload is not None:
             found["payload"] = self._payload[1]
         return found
 
     @cached_property
     def _payload(self) -> tuple[tuple[str, ...], Held] | None:
-        return None if self.payload is None else payload_of(self.arm, self.payload)
-
-    @property
-    def external(self) -> bool:
-        """Whether nothing of the scenario drives the arm: `Simulation.step` is given the commands."""
-        return self.controller is None and self.command is None and self.schedule is None
-
-    @property
-    def sampled(self) -> bool:
-        """Whether the loop has sensors and a controller, or someone in its place."""
-        return self.controller is not None or self.external
-
-    @cached_property
-    def sensor_list(self) -> tuple[Sensor, ...]:
-        """All sensors, those of the joints first."""
-        given = (self.sensors,) if isinstance(self.sensors, Sensors) else tuple(self.sensors)
-        joints = [each for each in given if isinstance(each, Sensors)] or [Sensors()]
-        return (joints[0], *(each for each in given if each is not joints[0]))
-
-    @property
-    def joint_sensors(self) -> Sensors:
-        """Sensors of the joints."""
-        return next(each for each in self.sensor_list if isinstance(each, Sensors))
-
-    @property
-    def command_layout(self) -> Layout:
-        """Layout of the commands u."""
-        return Layout((joint_signal(self.arm, "u"),))
+        return None if self.inputs.payload is None else payload_of(self.arm, self.inputs.payload)
 
     @property
     def payload_frames(self) -> tuple[str, ...]:
@@ -241,47 +239,56 @@ class Scenario:
         return () if self._payload is None else self._payload[0]
 
     @property
+    def command_layout(self) -> Layout:
+        """Layout of the commands u."""
+        return Layout((joint_signal(self.arm, "u"),))
+
+    @property
     def integration_step(self) -> float:
         """[s] of the integrator."""
-        if self.sample_period is not None:
-            return float(self.sample_period) / self.substeps
-        return STEP if self.step is None else float(self.step)
+        if self.loop is not None and self.loop.period is not None:
+            return float(self.loop.period) / self.solver.substeps
+        return STEP if self.solver.step is None else float(self.solver.step)
 
     @property
     def tick(self) -> float:
         """[s] of the loop: the integrator's step, or the controller's sample period."""
-        if not self.sampled:
+        if self.loop is None:
             return self.integration_step
-        return self.integration_step * self.substeps if self.sample_period is None else float(self.sample_period)
+        return self.integration_step * self.solver.substeps if self.loop.period is None else float(self.loop.period)
 
     @cached_property
     def ticks(self) -> int:
-        """Number of steps, or of sample periods where a controller commands; the duration must hold a whole number of them."""
-        duration, tick = self.duration, self.tick
-        if duration is None and self.external:
+        """Number of steps, or of periods in a loop; the duration must hold a whole number of them."""
+        if self.duration is not None:
+            return self.ticks_of(self.duration)
+        if self.external:
             return 1
-        if duration is None and self.controller is not None:
-            raise ScenarioError("duration: expected one, since a controller does not say when to stop")
-        if duration is None:
-            duration = max((float(each.times[-1]) for each in self.commands if isinstance(each, Schedule)), default=0.0)
-            if duration == 0:
-                raise ScenarioError(
-                    "duration: expected one, since the commands are constant and do not say when to stop"
-                )
-        if not (is_time(duration)):
-            raise ScenarioError(f"duration = {duration!r}: expected a time above 0 s")
-        what = "sample_period" if self.sampled else "step"
+        rows = self.commands if isinstance(self.commands, list) else []
+        duration = max((float(each.times[-1]) for each in rows), default=0.0)
+        if duration == 0.0:
+            driver = "constant commands do" if self.loop is None else "a controller does"
+            expected = f"a time above 0 [s], since {driver} not say when to stop"
+            raise ScenarioError(place="duration", value=None, expected=expected)
+        return self.ticks_of(duration)
+
+    def ticks_of(self, duration: float) -> int:
+        """Number of steps, or of periods in a loop, in a duration [s].
+
+        Raises:
+            ScenarioError: no whole number of them, too many to count, or rows that do not end with them.
+        """
+        check_time("duration", duration)
+        tick, name = self.tick, "loop.period" if self.sampled else "solver.step"
         ticks = round(duration / tick)
         if ticks < 1 or abs(ticks * tick - duration) > 1e-6 * tick:
-            raise ScenarioError(
-                f"duration = {duration:g} s is no whole number of {what}s of {tick:g} s; expected a multiple of the {what}"
-            )
+            raise ScenarioError(place="duration", value=duration, expected=f"a multiple of {name} = {tick:g} s")
         if ticks > MOST_STEPS:
-            raise ScenarioError(
-                f"duration = {duration:g} s is {ticks:.3g} {what}s of {tick:g} s, more than can be counted"
-            )
-        if self.record_every and ticks % self.record_every:
-            raise ScenarioError(f"record_every = {self.record_every} does not divide the {ticks} steps of the run")
+            expected = f"at most 2^53 times {name} = {tick:g} s"
+            raise ScenarioError(place="duration", value=duration, expected=expected)
+        if self.recording.every and ticks % self.recording.every:
+            expected = f"a divisor of the {ticks} steps of the run"
+            raise ScenarioError(place="recording.every", value=self.recording.every, expected=expected)
         return ticks
 
     @cached_property
@@ -290,20 +297,15 @@ class Scenario:
         if self.resolved is not self:
             return self.resolved.lane_count
         counts = self._counts()
-        if self.lanes is not None:
-            counts["lanes"] = self.lanes if isinstance(self.lanes, int) else len(self.lanes)
+        if isinstance(self.lanes, int):
+            counts["lanes"] = self.lanes
         return check_counts(counts)
-
-    @property
-    def first_lane(self) -> int:
-        """Number of the first lane to be run, of all that are described."""
-        return self.lanes.start if isinstance(self.lanes, range) else 0
 
     def _counts(self) -> dict[str, int]:
         """Number of lanes of every batch, by its path, and of a state to start from."""
         counts: dict[str, int] = {}
-        for name in BATCHED:
-            counts |= lane_counts(getattr(self, name), name)
+        for name, part in self._with_lanes().items():
+            counts |= lane_counts(part, name)
         if self.started is not None and not self.started.single:
             counts["start"] = self.started.lanes
         return counts
@@ -315,8 +317,16 @@ class Scenario:
 
     @cached_property
     def started(self) -> LoopState | None:
-        """The state that the scenario starts from; None: at q0 and qd0, at rest as `Plant.initial` says."""
-        return None if self.start is None else start_state(self)
+        """The state that the scenario goes on from; None: it begins with positions and speeds, as `Plant.initial` says."""
+        return None if isinstance(self.start, Start) else self.continued(self.start)
+
+    def continued(self, start: Any) -> LoopState:
+        """A state that the scenario can go on from, of a run or of a `Simulation`.
+
+        Raises:
+            ScenarioError: as `state_to_continue`.
+        """
+        return state_to_continue(start, self.arm, self.tick, brakes=self.inputs.brake is not None)
 
     @cached_property
     def varied(self) -> Varied | None:
@@ -336,16 +346,17 @@ class Scenario:
 
     def _column(self, name: str, value: Any) -> np.ndarray:
         """(lanes or 1, k) of a varied parameter that is k numbers."""
+        k = len(Varied(self.arm, [name]).parameters)
+        expected = "one number" if k == 1 else f"{k} numbers"
         try:
             rows = np.asarray(lane_values(value), dtype=float)
         except (TypeError, ValueError):
-            raise ScenarioError(f"vary: {name} = {value!r}: expected numbers") from None
-        k = len(Varied(self.arm, [name]).parameters)
-        if rows.shape[1:] != (() if k == 1 else (k,)):
-            expected = "one number" if k == 1 else f"{k} numbers"
-            lanes = not isinstance(value, Batch) and rows.shape[2:] == (() if k == 1 else (k,)) and rows.ndim > 1
+            raise ScenarioError(place=f"vary[{name!r}]", value=value, expected=expected) from None
+        shape = () if k == 1 else (k,)
+        if rows.shape[1:] != shape:
+            lanes = not isinstance(value, Batch) and rows.shape[2:] == shape and rows.ndim > 1
             more = "; values that differ by lane are a Batch" if lanes else ""
-            raise ScenarioError(f"vary: {name} has shape {rows.shape[1:]}; expected {expected}{more}")
+            raise ScenarioError(place=f"vary[{name!r}]", value=value, expected=f"{expected}{more}")
         return rows.reshape(len(rows), k)
 
     @cached_property
@@ -354,17 +365,16 @@ class Scenario:
         if self.started is not None:
             return self.started.blocks["x"][:, : 2 * self.arm.n]  # what every plant's state begins with
         rows = self.lane_count or 1
-        parts = [self._vectors(name, getattr(self, name)) for name in ("q0", "qd0")]
+        zero = np.zeros((1, self.arm.n))
+        parts = [
+            zero if value is None else numbers_of(f"start.{name}", value, self.arm.names)
+            for name, value in (("q", self.start.q), ("qd", self.start.qd))
+        ]
         return np.concatenate([np.broadcast_to(part, (rows, self.arm.n)) for part in parts], axis=1)
 
     @property
     def first_command(self) -> np.ndarray | None:
         """(lanes or 1, n) in force before the first tick; None: what holds the arm."""
-        if self.initial_command is not None:
-            return numbers_of("initial_command", self.initial_command, self.arm.names)
+        if self.loop is not None and self.loop.initial_command is not None:
+            return numbers_of("loop.initial_command", self.loop.initial_command, self.arm.names)
         return None if self.started is None else self.started.blocks.get("u")
-
-    def _vectors(self, name: str, value: Any) -> np.ndarray:
-        if value is None:
-            return np.zeros((1, self.arm.n))
-        return numbers_of(name, value, self.arm.names)

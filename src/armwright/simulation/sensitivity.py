@@ -24,12 +24,14 @@ from armwright.program.derivative import with_tangents
 from armwright.signals import Signal
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.scenario import Scenario
+from armwright.simulation.scenario_parts import Recording
 from armwright.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
     import xarray
 
-STARTS = ("q0", "qd0")
+STARTS = ("start.q", "start.qd")
+CONTROLLER = "loop.controller."
 STORED = {"x": "", "y": "_measured", "u": ""}  # block → what the names of its signals end in
 
 
@@ -38,8 +40,8 @@ def sensitivities(scenario: Scenario, by: Sequence[str]) -> xarray.Dataset:
 
     Args:
         scenario: of a fixed-step rule, with or without a compiled controller; lanes as ever.
-        by: numbers of the record ("link6.mass_kg"), fields of the controller ("controller.kp", "controller.kp[2]"), initial
-            positions and speeds ("q0[1]", "qd0[0]"); a name of several numbers stands for all of them.
+        by: numbers of the record ("link6.mass_kg"), fields of the controller ("loop.controller.kp", "loop.controller.kp[2]"),
+            initial positions and speeds ("start.q[1]", "start.qd[0]"); a name of several numbers stands for all of them.
     Returns:
         dataset: time, the signals, and for each its derivative d_<signal> with one more dimension, `parameter`.
     Raises:
@@ -50,9 +52,9 @@ def sensitivities(scenario: Scenario, by: Sequence[str]) -> xarray.Dataset:
     _check(simulation)
     count = len(names)
     stages, active = _augmented(simulation, seeds, count)
-    loop = Loop(stages, select_target(opened.target))
+    loop = Loop(stages, select_target(opened.solver.target))
     width, ticks = loop.target.width, opened.ticks
-    every = opened.record_every or ticks
+    every = opened.recording.every or ticks
     lanes = Lanes(simulation.count, width, 0, opened.first_lane)
     loop.extend(lanes)
     _begin(simulation, loop, lanes, seeds, active, count)
@@ -72,9 +74,9 @@ def sensitivities(scenario: Scenario, by: Sequence[str]) -> xarray.Dataset:
 def _opened(scenario: Scenario, by: Sequence[str]) -> tuple[Scenario, dict[str, np.ndarray], list[str]]:
     """The scenario with all that is asked for as inputs of its programs, the tangents of those inputs, and their names."""
     if isinstance(by, str) or not by or not all(isinstance(name, str) for name in by):
-        raise ScenarioError(f"by = {by!r}: expected a list of names, such as ['link6.mass_kg', 'q0[1]']")
+        raise ScenarioError(place="by", value=by, expected="a list of names, such as ['link6.mass_kg', 'start.q[1]']")
     starts = [name for name in by if name.split("[")[0] in STARTS]
-    gains = [name for name in by if name.startswith("controller.")]
+    gains = [name for name in by if name.startswith(CONTROLLER)]
     record = [name for name in by if name not in starts and name not in gains]
     vary: dict[str, Any] = dict(scenario.vary)
     for name in record:
@@ -86,13 +88,13 @@ def _opened(scenario: Scenario, by: Sequence[str]) -> tuple[Scenario, dict[str, 
         plain = not is_dataclass(controller) or isinstance(controller, type)
         known = [] if plain else [each.name for each in fields(controller)]
         if field not in known:
-            raise ScenarioError(
-                f"by: the controller has no field {field!r}; expected one of {', '.join(known) or 'a dataclass'}"
-            )
+            raise ScenarioError("the controller has no such field", place="by", value=field, choices=known)
         value = getattr(controller, field)
         if not isinstance(value, Batch):
             controller = replace(cast(Any, controller), **{field: Batch(np.asarray(value, dtype=float)[None])})
-    opened = replace(scenario, vary=vary, controller=controller, record="all", reduce=())
+    loop = scenario.loop and replace(scenario.loop, controller=controller)
+    recording = Recording(every=scenario.recording.every)
+    opened = replace(scenario, vary=vary, loop=loop, recording=recording)
     columns: list[tuple[str, str, int]] = []  # name, input, place
     for name in by:
         if name in starts:
@@ -115,64 +117,62 @@ def _opened(scenario: Scenario, by: Sequence[str]) -> tuple[Scenario, dict[str, 
 
 
 def _field(name: str) -> str:
-    return name.removeprefix("controller.").split("[")[0]
+    return name.removeprefix(CONTROLLER).split("[")[0]
 
 
 def _places(name: str, n: int) -> list[tuple[str, int]]:
-    """Names and places in the start (q, q̇) of `q0[1]`, or of all entries of `q0`."""
+    """Names and places in the start (q, q̇) of `start.q[1]`, or of all entries of `start.q`."""
     field, _, entry = name.partition("[")
     first = STARTS.index(field) * n
     if not entry:
         return [(f"{field}[{k}]", first + k) for k in range(n)]
     number = entry.removesuffix("]")
     if not number.isdigit() or int(number) >= n:
-        raise ScenarioError(f"by: no {name!r}; expected {field}[0] … {field}[{n - 1}]")
+        raise ScenarioError(place="by", value=name, expected=f"{field}[0] … {field}[{n - 1}]")
     return [(name, first + int(number))]
 
 
 def _gain_places(name: str, lanes: LaneFields) -> list[tuple[str, int]]:
-    """Names and places among a controller's varying values of `controller.kp[2]`, or of all entries of `controller.kp`."""
-    field, _, entry = name.removeprefix("controller.").partition("[")
+    """Names and places among a controller's varying values of `loop.controller.kp[2]`, or of all of `loop.controller.kp`."""
+    field, _, entry = name.removeprefix(CONTROLLER).partition("[")
     first = 0
     for each, shape in zip(lanes.names, lanes.shapes, strict=True):
         size = int(np.prod(shape))
         if each == field:
             if not shape:
-                return [(f"controller.{field}", first)]
+                return [(f"{CONTROLLER}{field}", first)]
             if not entry:
-                return [(f"controller.{field}[{k}]", first + k) for k in range(size)]
+                return [(f"{CONTROLLER}{field}[{k}]", first + k) for k in range(size)]
             number = entry.removesuffix("]")
             if number.isdigit() and int(number) < size:
                 return [(name, first + int(number))]
-            raise ScenarioError(f"by: no {name!r}; expected controller.{field}[0] … controller.{field}[{size - 1}]")
+            expected = f"{CONTROLLER}{field}[0] … {CONTROLLER}{field}[{size - 1}]"
+            raise ScenarioError(place="by", value=name, expected=expected)
         first += size
-    raise ScenarioError(f"by: {name!r} is no number of the controller")
+    raise ScenarioError("no number of the controller", place="by", value=name)
 
 
 def _check(simulation: Simulation) -> None:
     """Refuses what has no such derivatives."""
     scenario, sampling = simulation.scenario, simulation.config.sampling
-    if scenario.integrator not in INTEGRATORS:
-        raise ScenarioError(
-            f"sensitivities: integrator = {scenario.integrator!r}; expected one of {', '.join(INTEGRATORS)}"
-        )
+    name, loop = scenario.solver.integrator, scenario.loop
+    if name not in INTEGRATORS:
+        raise ScenarioError(place="solver.integrator", value=name, expected=f"one of {', '.join(INTEGRATORS)}")
     if simulation.untraced is not None:
-        raise ScenarioError(
-            f"sensitivities: the controller is not compiled ({simulation.untraced}); expected one that is"
-        )
+        what = f"is not compiled ({simulation.untraced}), and has no sensitivities"
+        raise ScenarioError(what, place="loop.controller", expected="one that is")
     if sum(simulation.plant.contacts):
-        raise ScenarioError(
-            "sensitivities: stops and gears with play make accelerations jump where they touch; expected an arm without, such as "
-            "a record without `stops` and `backlash_rad`"
-        )
-    if sampling is None:
+        what = "accelerations jump where stops and gears with play touch, and have no sensitivities there"
+        raise ScenarioError(what, place="arm", expected="one whose record has no `stops` and no `backlash_rad`")
+    if sampling is None or loop is None:
         return
     if sampling.delays.fractional or np.any(sampling.delays.earlier):
-        raise ScenarioError("sensitivities: delays of whole ticks only; expected no fraction, jitter, loss or drift")
-    if scenario.joint_sensors.counts is not None or scenario.shaping.resolution is not None:
-        raise ScenarioError(
-            "sensitivities: a quantiser has no derivative; expected sensors without counts, commands without steps"
-        )
+        expected = "delays of whole ticks, no jitter, loss or drift, beside sensitivities"
+        raise ScenarioError(place="loop.timing", value=loop.timing, expected=expected)
+    places = {"sensors.counts": loop.joint_sensors.counts, "command_filter.resolution": loop.command_filter.resolution}
+    for place, value in places.items():
+        if value is not None:
+            raise ScenarioError("has no derivative", place=f"loop.{place}", value=value, expected="none")
 
 
 def _augmented(simulation: Simulation, seeds: dict[str, np.ndarray], count: int) -> tuple[tuple[Stage, ...], set[str]]:
@@ -212,7 +212,7 @@ def _begin(
     if program is None:
         tangents["x"] = np.broadcast_to(seeds["start"], (lanes.count, *seeds["start"].shape))
     else:
-        kernel = Kernel(with_tangents(program, (), seeds, count), select_target(simulation.scenario.target))
+        kernel = Kernel(with_tangents(program, (), seeds, count), select_target(simulation.scenario.solver.target))
         results = kernel(*own.arguments(lanes, *simulation.acting(lanes)))
         results = results if isinstance(results, tuple) else (results,)
         for port, result in zip(program.outputs, results, strict=True):

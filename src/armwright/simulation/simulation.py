@@ -17,6 +17,7 @@ from armwright.kernels.loop import ENDLESS, Lanes
 from armwright.results.provenance import provenance
 from armwright.signals import Values
 from armwright.simulation.batch_runner import Progress, Work, handed_out, run_groups
+from armwright.simulation.checks import check_whole
 from armwright.simulation.dataset import Recorded, run_dataset
 from armwright.simulation.inputs.acting import numbers_of
 from armwright.simulation.integrate.stepping import Account
@@ -26,7 +27,6 @@ from armwright.simulation.loop.sensor_set import measurement_of
 from armwright.simulation.loop.state import LoopState
 from armwright.simulation.loop_runner import LoopRunner
 from armwright.simulation.scenario import Scenario
-from armwright.simulation.scenario_checks import check_threads, checked_state
 
 if TYPE_CHECKING:
     import xarray
@@ -86,27 +86,18 @@ class Simulation(LoopRunner):
             DivergenceError: a single run left the finite numbers.
             Interrupted: Ctrl-C, a KeyboardInterrupt whose `run` holds the lanes that were finished.
         """
-        whole = self.scenario
-        self.scenario = whole if duration is None else replace(whole, duration=duration)
-        try:
-            return self._run(progress, threads, real_time=real_time, keep_state=keep_state)
-        finally:
-            self.scenario = whole
-
-    def _run(
-        self, progress: Progress | None, threads: int | None, *, real_time: bool, keep_state: bool
-    ) -> xarray.Dataset:
-        """As `run`, for the duration of the scenario."""
-        check_threads(threads)
+        if threads is not None:
+            check_whole("threads", threads, 1)
         if self.scenario.external:
-            raise ScenarioError("nothing drives the arm: expected a schedule, constant commands or a controller")
+            raise ScenarioError("nothing drives the arm", expected="a command, a schedule or a loop with a controller")
         state = self._started if self._lanes is None else self.state
-        scenario, ticks, self.origin = self.scenario, self.scenario.ticks, self.tick
+        scenario, self.origin = self.scenario, self.tick
+        ticks = scenario.ticks if duration is None else scenario.ticks_of(duration)
         if self.reference is not None:
             self.reference = self.reference_of_ticks(ticks)
-        every, width = scenario.record_every or ticks, self.loop.loops[0].target.width
+        every, width = scenario.recording.every or ticks, self.loop.loops[0].target.width
         record = self._room(ticks, every, width) if self.config.recorded else None
-        account = Account.of(self.count, len(scenario.events))
+        account = Account.of(self.count, len(scenario.solver.events))
         reduced = np.zeros((self.count, 0 if self.reduction is None else self.reduction.size))
         origin, began = self.origin, clock.perf_counter()
         groups: dict[int, LoopState] = {}
@@ -141,18 +132,18 @@ class Simulation(LoopRunner):
         workers = 1 if in_python or real_time else threads or os.cpu_count() or 1
         whole = self._in_python is not None and self.controller.vectorised
         reached = run_groups(self.count, width, ticks, begin, progress, workers, whole=whole)
-        recorded, end = Recorded(record, every, reached, account, reduced, origin), None
+        recorded, end = Recorded(record, every, ticks, reached, account, reduced, origin), None
         if scenario.lane_count is None:
             account.check(self.arm.name, self.period, recorded.last_row(self))
         if keep_state and not reached.stopped:
             self._started = end = _joined(groups)
             self.tick, self._measured = origin + ticks, False
         run = run_dataset(self, recorded)
-        if end is not None and scenario.record == "all":
+        if end is not None and scenario.recording.what == "all":
             end.attach(run)
-        run.attrs |= {"seed": scenario.seed, "made_with": json.dumps(dict(provenance(scenario.target)))}
+        run.attrs |= {"seed": scenario.seed, "made_with": json.dumps(dict(provenance(scenario.solver.target)))}
         begun = 0 if scenario.started is None else scenario.started.tick
-        if scenario.document is not None and origin == begun:
+        if scenario.document is not None and duration is None and origin == begun:
             run.attrs["scenario"] = scenario.document
         return handed_out(run, reached, ticks, self.count)
 
@@ -165,7 +156,7 @@ class Simulation(LoopRunner):
         except (MemoryError, ValueError):
             raise ScenarioError(
                 f"the run would record {shape[0]} rows of {self.count} lanes, {8e-9 * np.prod(shape, dtype=float):.3g} GB, more "
-                f"than there is memory for; expected a shorter one, or record_every above {self.scenario.record_every}"
+                f"than there is memory for; expected a shorter one, or recording.every above {self.scenario.recording.every}"
             ) from None
 
     # Stepping.
@@ -198,7 +189,7 @@ class Simulation(LoopRunner):
         self.advance(lanes, self.tick, self.tick + 1, self.tick + 2, room, ENDLESS, measured=measured)
         self.tick, self._measured = self.tick + 1, False
         if self.scenario.lane_count is None and lanes.get("frozen")[0, 0] >= 0.0:
-            account = Account.of(1, len(self.scenario.events))
+            account = Account.of(1, len(self.scenario.solver.events))
             account.read(lanes)
             account.check(self.arm.name, self.period)
 
@@ -274,7 +265,7 @@ class Simulation(LoopRunner):
         Raises:
             ScenarioError: a state of another arm, of another number of lanes or another period.
         """
-        state = checked_state(self.scenario, state)
+        state = self.scenario.continued(state)
         if state.lanes not in (1, self.count):
             raise ScenarioError(f"restore: a state of {state.lanes} lanes; expected {self.count}")
         measured = self.measured_in(state)
@@ -320,8 +311,9 @@ def simulate(
         DivergenceError: a single run left the finite numbers.
         Interrupted: Ctrl-C, a KeyboardInterrupt whose `run` holds the lanes that were finished.
     """
-    check_threads(threads)
-    return Simulation(scenario, loop=loop).run(progress=progress, threads=threads, keep_state=scenario.record == "all")
+    return Simulation(scenario, loop=loop).run(
+        progress=progress, threads=threads, keep_state=scenario.recording.what == "all"
+    )
 
 
 def _slices(tick: int, end: int, period: float) -> list[tuple[int, int]]:

@@ -16,8 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.errors import DivergenceError, ScenarioError
+from armwright.simulation.checks import check_whole
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.scenario import Scenario
+from armwright.simulation.scenario_parts import Recording
 from armwright.simulation.simulation import simulate
 
 if TYPE_CHECKING:
@@ -97,21 +99,20 @@ def step_study(
         ScenarioError: an integrator that chooses its own steps, no steps, no such accuracy, too many lanes for CVODES.
         DivergenceError: CVODES cannot solve it.
     """
-    if scenario.integrator not in INTEGRATORS:
-        raise ScenarioError(
-            f"integrator = {scenario.integrator!r} chooses its own steps; expected one of {', '.join(INTEGRATORS)}"
-        )
-    if isinstance(steps, bool) or not isinstance(steps, int) or steps < 1:
-        raise ScenarioError(f"steps = {steps!r}: expected a whole number, 1 or more")
+    name = scenario.solver.integrator
+    if name not in INTEGRATORS:
+        expected = f"one of {', '.join(INTEGRATORS)}"
+        raise ScenarioError("chooses its own steps", place="solver.integrator", value=name, expected=expected)
+    check_whole("steps", steps, 1)
     wrong = [accuracy for accuracy in accuracies if not 0.0 < accuracy < np.inf]
     if wrong:
-        raise ScenarioError(f"accuracies: {wrong[0]!r}: expected numbers above 0")
+        raise ScenarioError(place="accuracies", value=wrong[0], expected="a number above 0")
     variants = _variants(scenario, steps)
-    rule, exact = INTEGRATORS[scenario.integrator], _solved(variants[0])
+    rule, exact = INTEGRATORS[name], _solved(variants[0])
     trials: list[Trial] = []
     runs: list[xarray.Dataset] = []
     for variant in variants:
-        step, substeps = variant.integration_step, variant.substeps
+        step, substeps = variant.integration_step, variant.solver.substeps
         cost = rule.stages / step
         try:
             runs.append(simulate(variant, threads=threads))
@@ -127,7 +128,7 @@ def step_study(
         floor = max(trials[-1].error - rest, 0.0)
     told = [trials[0], *(replace(trial, order=_order(last, trial, floor)) for last, trial in pairwise(trials))]
     chosen = {accuracy: _largest(told, accuracy) for accuracy in accuracies}
-    return StepStudy(scenario.arm.name, scenario.integrator, rule.order, tuple(told), floor, chosen)
+    return StepStudy(scenario.arm.name, name, rule.order, tuple(told), floor, chosen)
 
 
 def _order(last: Trial, trial: Trial, floor: float) -> float:
@@ -150,31 +151,29 @@ def _largest(trials: Sequence[Trial], accuracy: float) -> Trial | None:
 
 def _quantised(scenario: Scenario) -> list[str]:
     """Names of results that have steps, and are the same to the last bit where the same step is read."""
-    if scenario.controller is None:
+    loop = scenario.loop
+    if loop is None:
         return []
-    counts, resolution = scenario.joint_sensors.counts, scenario.shaping.resolution
+    counts, resolution = loop.joint_sensors.counts, loop.command_filter.resolution
     return ["q_measured"] * (counts is not None) + ["u_issued"] * (resolution is not None)
 
 
 def _variants(scenario: Scenario, steps: int) -> list[Scenario]:
     """The scenario with steps that halve, each recorded at the times of the first; all of them where quantisers decide."""
-    if scenario.controller is not None:
-        sampled = replace(scenario, substeps=1, step=None, sample_period=scenario.tick, record="state", reduce=())
-        if _quantised(scenario):
-            sampled = replace(sampled, record="all", record_every=1)
-        return [replace(sampled, substeps=2**k) for k in range(steps)]
+    solver, recording = scenario.solver, scenario.recording
+    if scenario.loop is not None:
+        kept = Recording() if _quantised(scenario) else replace(recording, what="state", reduce=())
+        sampled = replace(scenario, loop=replace(scenario.loop, period=scenario.tick), recording=kept)
+        return [replace(sampled, solver=replace(solver, step=None, substeps=2**k)) for k in range(steps)]
     duration, largest = scenario.ticks * scenario.tick, LARGEST
     while largest > 1 and scenario.ticks % largest:
         largest //= 2
     return [
         replace(
             scenario,
-            step=largest / 2**k * scenario.tick,
-            sample_period=None,
-            substeps=1,
             duration=duration,
-            record="state",
-            record_every=scenario.record_every and 2**k,
+            solver=replace(solver, step=largest / 2**k * scenario.tick, substeps=1),
+            recording=replace(recording, what="state", every=recording.every and 2**k),
         )
         for k in range(steps)
     ]
@@ -182,7 +181,7 @@ def _variants(scenario: Scenario, steps: int) -> list[Scenario]:
 
 def _solved(scenario: Scenario) -> xarray.Dataset:
     """By CVODES, with its own tolerances."""
-    return simulate(replace(scenario, integrator="cvodes", substeps=1))
+    return simulate(replace(scenario, solver=replace(scenario.solver, integrator="cvodes", substeps=1)))
 
 
 def _compared(run: xarray.Dataset, exact: xarray.Dataset, scenario: Scenario) -> tuple[float, float, float]:

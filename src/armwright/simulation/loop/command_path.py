@@ -8,25 +8,29 @@ from armwright import scalar
 from armwright.kernels.stages import NEVER, NEXT, Call, Delay, Stage
 from armwright.program import trace
 from armwright.scalar import Array
-from armwright.simulation.loop.shaping import Shaping
+from armwright.simulation.loop.command_filter import CommandFilter
 from armwright.simulation.loop.timing import Delays, lateness, planned
 
 
-def command_stages(n: int, period: float, shaping: Shaping, delays: Delays) -> list[Stage]:
+def command_stages(n: int, period: float, command_filter: CommandFilter, delays: Delays) -> list[Stage]:
     """From block "u_asked" (n,) to "u_issued", which is recorded, and "u", in force; between ticks by "u_plan" and "u_from".
 
     Args:
-        n: joints.   period: [s] of the loop.   shaping, delays: what becomes of commands, and when.
+        n: joints.   period: [s] of the loop.   command_filter, delays: what becomes of commands, and when.
     """
     late, fractional, waits = bool(np.any(delays.commanded)), delays.fractional, delays.pending
     issued = "u_issued" if late or fractional else "u"
 
     def shape(asked: Array, last: Array) -> tuple[Array, ...]:
-        u, kept = shaping.shaped(period, asked, last)
-        return (*([u] if issued == "u" else []), u, *([kept] if shaping.remembers else []))
+        u, kept = command_filter.filtered(period, asked, last)
+        return (*([u] if issued == "u" else []), u, *([kept] if command_filter.remembers else []))
 
-    outputs = (*(["u"] if issued == "u" else []), f"u_issued{NEXT}", *([f"u_kept{NEXT}"] if shaping.remembers else []))
-    last = "u_kept" if shaping.remembers else "u_issued"
+    outputs = (
+        *(["u"] if issued == "u" else []),
+        f"u_issued{NEXT}",
+        *([f"u_kept{NEXT}"] if command_filter.remembers else []),
+    )
+    last = "u_kept" if command_filter.remembers else "u_issued"
     stages: list[Stage] = [Call(trace("shape", shape, {"u_asked": (n,), last: (n,)}, outputs))]
     if late:
         stages.append(

@@ -13,10 +13,10 @@ from armwright.results.reducers import Reduction
 from armwright.scalar import Array
 from armwright.signals import Layout
 from armwright.simulation.integrate.stepping import Adaptivity
+from armwright.simulation.loop.command_filter import CommandFilter
 from armwright.simulation.loop.controller import ControllerAdapter
 from armwright.simulation.loop.references import LoopReference
 from armwright.simulation.loop.sensor_set import SensorSet
-from armwright.simulation.loop.shaping import Shaping
 from armwright.simulation.loop.timing import Delays
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
@@ -28,13 +28,14 @@ class Sampling:
 
     Attributes:
         controller: the adapter.   states: entries of its state.   sensors: all of them.
-        shaping, delays: of commands.   period: [s].   untraced: why the controller runs in Python, where that is known before.
+        command_filter, delays: of commands.   period: [s].
+        untraced: why the controller runs in Python, where that is known before.
     """
 
     controller: ControllerAdapter
     states: int
     sensors: SensorSet
-    shaping: Shaping
+    command_filter: CommandFilter
     delays: Delays
     period: float
     untraced: str | None = None

@@ -94,7 +94,6 @@ def configured(control: ControlLaw, arm: Model, period: float) -> LaneFields:
     Raises:
         ScenarioError: no controller, or one that takes other arguments; lanes of its gains that do not fit together.
     """
-    _check_law(control)
     if hasattr(control, "configure"):
         control = control.configure(arm, period)
     return LaneFields.of(control, "controller")
@@ -118,7 +117,7 @@ def wrong_shape(name: str, what: str, value: Any, expected: tuple[int, ...]) -> 
     return ScenarioError(f"controller {name!r}: returned {what} {told}, expected {expected}")
 
 
-def _check_law(control: Any) -> None:
+def check_controller(control: Any) -> None:
     """Refuses what is no controller, or takes other arguments.
 
     Raises:

@@ -15,8 +15,8 @@ from armwright.model.joint_signals import joint_signal
 from armwright.parameters import Batch
 from armwright.scalar import Array, Scalar
 from armwright.signals import Signal
+from armwright.simulation.checks import check_choice, check_numbers, one_each
 from armwright.simulation.plant.view import PlantView
-from armwright.simulation.settings import check_choice, check_numbers, one_each
 
 VELOCITIES = (
     "exact",  # as a tachometer without fault would tell
@@ -54,24 +54,19 @@ class Sensors:
     current_noise: Any = 0.0
 
     def __post_init__(self) -> None:
-        check_choice("sensors", "velocity", self.velocity, VELOCITIES)
-        check_choice("sensors", "side", self.side, SIDES)
+        check_choice("sensors.velocity", self.velocity, VELOCITIES)
+        check_choice("sensors.side", self.side, SIDES)
         if self.counts is not None:
-            check_numbers(
-                "sensors", "counts", self.counts, _positive, "counts above 0 in one turn", per_joint=True, batch=True
-            )
+            expected = "counts above 0 in one turn"
+            check_numbers("sensors.counts", self.counts, _positive, expected, per_joint=True, batch=True)
         filtered = self.velocity in ("filtered", "observer")
         if not filtered and self.cutoff_hz is not None:
-            raise ScenarioError(
-                f"sensors: cutoff_hz goes with velocity = 'filtered' or 'observer', not {self.velocity!r}"
-            )
+            what = f"goes with velocity = 'filtered' or 'observer', not {self.velocity!r}"
+            raise ScenarioError(what, place="sensors.cutoff_hz", value=self.cutoff_hz)
         if filtered:
-            check_numbers("sensors", "cutoff_hz", self.cutoff_hz, _positive, "a frequency above 0", batch=True)
+            check_numbers("sensors.cutoff_hz", self.cutoff_hz, _positive, "a frequency above 0", batch=True)
         for name in ("position_noise", "velocity_noise", "current_noise"):
-            check_numbers(
-                "sensors", name, getattr(self, name), lambda v: (v >= 0.0) & np.isfinite(v), "a number of 0 or more",
-                batch=True,
-            )  # fmt: skip
+            check_numbers(f"sensors.{name}", getattr(self, name), _not_negative, "a number of 0 or more", batch=True)
 
     def check(self, arm: Model) -> None:
         """Refuses counts that are not one for each joint of the arm.
@@ -80,7 +75,7 @@ class Sensors:
             ScenarioError: names the counts and the joints.
         """
         if self.counts is not None:
-            one_each("sensors", "counts", self.counts, arm)
+            one_each("sensors.counts", self.counts, arm)
 
     def exact(self) -> Sensors:
         """The same sensors without noise."""
@@ -148,7 +143,7 @@ class Sensors:
     def _quantised(self, arm: Model, q: Array) -> np.ndarray:
         if self.counts is None:
             return q
-        counts = one_each("sensors", "counts", self.counts, arm)
+        counts = one_each("sensors.counts", self.counts, arm)
         rows = []
         for i, body in enumerate(arm.coordinates):
             ratio = body.drive.gear_ratio if self.side == "motor" else 1.0
@@ -172,6 +167,10 @@ def _may_be_noisy(deviation: Any) -> bool:
     if isinstance(deviation, Batch):
         return bool(np.any(deviation.values > 0.0))
     return scalar.is_symbolic(deviation) or deviation > 0.0
+
+
+def _not_negative(values: np.ndarray) -> np.ndarray:
+    return (values >= 0.0) & np.isfinite(values)
 
 
 def _positive(values: np.ndarray) -> np.ndarray:

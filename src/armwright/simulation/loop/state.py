@@ -13,12 +13,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.errors import RunError, ScenarioError
+from armwright.model import Model
 from armwright.output import whole_file
 from armwright.results.aliases import LOOP_STATE
+from armwright.simulation.plant.plant import Plant
 
 if TYPE_CHECKING:
     import xarray
 
+BRAKE = "brake "  # how the names of a brake's states begin
 END = "time_s"  # attribute of that variable: the run's last time
 ENDING = ".npz"
 
@@ -159,6 +162,49 @@ class LoopState:
             return cls(**about, single=single, blocks=found["block"], rings=found["ring"], python=python)
         except (ValueError, KeyError, TypeError) as error:
             raise ScenarioError(f"start: the run's {LOOP_STATE} cannot be read: {error}") from None
+
+
+def state_to_continue(start: Any, arm: Model, period: float, *, brakes: bool) -> LoopState:
+    """The state of a run or a loop, for another loop to go on from; brakes on one side alone begin unbent, or are left out.
+
+    Args:
+        start: a run, or a state.   arm: of the other loop.   period: [s] of its ticks.   brakes: true where they take part.
+    Raises:
+        ScenarioError: no state, one of another plant or another period, or one of a lane that did not come to its end.
+    """
+    import xarray
+
+    state = start
+    if isinstance(start, xarray.Dataset):
+        joints = [str(name) for name in start["joint"].values] if "joint" in start.coords else arm.names
+        if list(joints) != list(arm.names):
+            raise ScenarioError(
+                f"a run of {', '.join(joints)}", place="start", expected=f"one of {', '.join(arm.names)}"
+            )
+        state = LoopState.of_run(start)
+        if state is None:
+            expected = "a run, as simulate returns with Recording(what='all')"
+            raise ScenarioError("a dataset without loop_state", place="start", expected=expected)
+    if not isinstance(state, LoopState):
+        raise ScenarioError(place="start", value=start, expected="a run, or the state of a Simulation")
+    expected = Plant.of(arm, brakes=brakes).layout.entry_names(arm.names)
+    strange = [name for name in set(state.entries) ^ set(expected) if not name.startswith(BRAKE)]
+    if strange:
+        what = f"a state {'without' if min(strange) in expected else 'with'} {min(strange)!r}"
+        raise ScenarioError(what, place="start", expected=f"the {len(expected)} numbers of {arm.name} with its drives")
+    if state.entries != expected:
+        columns = dict(zip(state.entries, state.blocks["x"].T, strict=True))
+        x = np.array([columns.get(name, np.zeros(state.lanes)) for name in expected]).T
+        state = replace(state, entries=expected, blocks={**state.blocks, "x": x})
+    if abs(state.period - period) > 1e-9 * period:
+        what = f"a state of ticks of {state.period:g} s"
+        raise ScenarioError(what, place="start", expected=f"those of the scenario, {period:g} s")
+    frozen = state.blocks["frozen"][:, 0] >= 0.0
+    if frozen.any():
+        lane = int(np.argmax(frozen))
+        what = f"lane {lane} stopped at t = {state.blocks['frozen'][lane, 0] * state.period:g} s"
+        raise ScenarioError(what, place="start", expected="lanes that came to their end")
+    return state
 
 
 def _read_only(values: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""One tick as stages of a compiled loop: measure, reference, control, shape, delay, drive. Design section 4.
+"""One tick as stages of a compiled loop: measure, reference, control, filter, delay, drive. Design section 4.
 
 Without a controller, commands come from a schedule, and of these stages the last one is left.
 
@@ -72,7 +72,7 @@ def make_tick(config: LoopConfig) -> Tick:
     if config.reference is not None:
         before.append(config.reference.stage())
     if sampling is not None:
-        after = command_stages(config.arm.n, sampling.period, sampling.shaping, sampling.delays)
+        after = command_stages(config.arm.n, sampling.period, sampling.command_filter, sampling.delays)
         untraced = sampling.untraced
         try:
             if untraced is None:

@@ -21,14 +21,14 @@ from armwright.errors import ScenarioError
 from armwright.kernels.stages import NEVER
 from armwright.parameters import lane_values
 from armwright.scalar import Array, Scalar
-from armwright.simulation.settings import check_choice, check_numbers
+from armwright.simulation.checks import check_choice, check_numbers
 
 PRESETS = (
     "ideal",  # a command acts when it is computed, at once
     "one-tick",  # computed during the period, applied at its end: most firmware
     "sync",  # CiA 402: latched at SYNC k, applied at SYNC k + 1, or the first SYNC behind its arrival
 )
-TIMES = {name: f"{name} ({name}_s in a file)" for name in ("measurement_delay", "command_delay", "jitter")}  # in errors
+TIMES = ("measurement_delay", "command_delay", "jitter")
 WHOLE = 1e-9  # of a tick: a delay this near a whole number is meant to be it
 MOST_TICKS, QUEUED = 1_000_000, "all commands and measurements of that time are held"
 MOST_JITTER, UNDER_WAY = 64, "so many commands may be under way at once, and each is compiled"
@@ -56,7 +56,7 @@ class Timing:
     clock_drift: Any = 0.0
 
     def __post_init__(self) -> None:
-        check_choice("timing", "preset", self.preset, PRESETS)
+        check_choice("timing.preset", self.preset, PRESETS)
         for name in TIMES:
             self._check(name, 0.0, np.inf, "a time of 0 s or more")
         for name in ("measurement_loss", "command_loss"):
@@ -67,7 +67,7 @@ class Timing:
         def fits(values: np.ndarray) -> np.ndarray:
             return (values >= low) & (values <= high) & np.isfinite(values)
 
-        check_numbers("timing", TIMES.get(name, name), getattr(self, name), fits, expected, batch=True)
+        check_numbers(f"timing.{name}", getattr(self, name), fits, expected, batch=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,10 +105,9 @@ class Delays:
             given = each(getattr(timing, name))
             found = given / period
             if found.max() > most:
-                raise ScenarioError(
-                    f"timing: {TIMES[name]} = {given.max():g} s is {found.max():.6g} periods of {period:g} s; expected at most "
-                    f"{most} periods, {most * period:g} s: {why}"
-                )
+                what = f"{found.max():.6g} periods of {period:g} s, and {why}"
+                expected = f"at most {most} periods, {most * period:g} s"
+                raise ScenarioError(what, place=f"timing.{name}", value=float(given.max()), expected=expected)
             return found
 
         measured, earlier = _split(ticks("measurement_delay", MOST_TICKS, QUEUED))

@@ -1,4 +1,4 @@
-"""What happens to a command before it leaves: rate limit, limit and resolution. Design section 4, step 4."""
+"""Command filter: rate limit, limit and resolution of what a controller commands. Design section 4, step 4."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.scalar import Array
-from armwright.simulation.settings import check_numbers, one_each
+from armwright.simulation.checks import check_numbers, one_each
 
 WHOLE = 1e-9  # of a step: a limit this near a whole number of them is meant to be it
 
 
 @dataclass(frozen=True)
-class Shaping:
+class CommandFilter:
     """The command's way through the controller's output stage; each number may be one for each joint.
 
     The rate is limited first, then the command; what comes of it is remembered for the next time as it is, unrounded, and
@@ -38,11 +38,11 @@ class Shaping:
     def __post_init__(self) -> None:
         for name in ("limit", "rate"):
             if getattr(self, name) is not None:
-                check_numbers(
-                    "shaping", name, getattr(self, name), lambda v: v > 0.0, "a number above 0", per_joint=True
-                )
+                place = f"command_filter.{name}"
+                check_numbers(place, getattr(self, name), lambda v: v > 0.0, "a number above 0", per_joint=True)
         if self.resolution is not None:
-            check_numbers("shaping", "resolution", self.resolution, _finite, "a finite number above 0", per_joint=True)
+            place, expected = "command_filter.resolution", "a finite number above 0"
+            check_numbers(place, self.resolution, _finite, expected, per_joint=True)
 
     @property
     def remembers(self) -> bool:
@@ -55,17 +55,15 @@ class Shaping:
         Raises:
             ScenarioError: names the field, its value and what was expected.
         """
-        given = {name: getattr(self, name) for name in ("limit", "rate", "resolution")}
-        each = {name: one_each("shaping", name, value, arm) for name, value in given.items() if value is not None}
+        values = {name: getattr(self, name) for name in ("limit", "rate", "resolution")}
+        each = {name: one_each(f"command_filter.{name}", v, arm) for name, v in values.items() if v is not None}
         if "limit" in each and "resolution" in each:
             for joint, limit, step in zip(arm.names, each["limit"], each["resolution"], strict=True):
                 if not _steps(limit, step) >= 1.0:
-                    raise ScenarioError(
-                        f"shaping: resolution = {step:g} of joint {joint!r} leaves no command but 0 within "
-                        f"limit = {limit:g}; expected at most that"
-                    )
+                    what, expected = f"leaves no command but 0 to {joint}", f"at most limit = {limit:g}"
+                    raise ScenarioError(what, place="command_filter.resolution", value=float(step), expected=expected)
 
-    def shaped(self, period: float, u: Array, last: Array) -> tuple[np.ndarray, np.ndarray]:
+    def filtered(self, period: float, u: Array, last: Array) -> tuple[np.ndarray, np.ndarray]:
         """The command that leaves, and what is remembered.
 
         Args:

@@ -1,0 +1,95 @@
+"""Checks of the values that users set on a scenario and its parts: one number, one for each joint, one for each lane, a word."""
+
+from __future__ import annotations
+
+import numbers
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.errors import ScenarioError
+from armwright.model import Model
+from armwright.parameters import Batch, Draw, lane_values
+
+Fits = Callable[[np.ndarray], np.ndarray]
+
+
+def check_numbers(
+    place: str, value: Any, fits: Fits, expected: str, *, per_joint: bool = False, batch: bool = False
+) -> None:
+    """Refuses what is not a number that fits, or several of such.
+
+    Args:
+        place: of the value, for errors.   value: what stands there.
+        fits: (k,) floats → (k,) bools, true where a number may be.   expected: what is expected, in words.
+        per_joint: one number for each joint is allowed.   batch: a `Batch` or `Draw` is allowed.
+    Raises:
+        ScenarioError: names the place, the first wrong number and what was expected.
+    """
+    if batch and isinstance(value, Draw):
+        return  # checked when it is drawn
+    expected += ", or one for each joint" * per_joint + ", or a Batch of such" * batch
+    by_lane = batch and isinstance(value, Batch)
+    try:
+        plain = None if isinstance(value, (Batch, Draw)) else value
+        values = np.asarray(lane_values(value) if by_lane else np.asarray(plain)[None])
+    except ValueError:  # rows of unequal length
+        values = np.asarray(None)
+    if values.dtype.kind not in "iuf" or values.ndim > 1 + per_joint:
+        raise ScenarioError(place=place, value=value, expected=expected)
+    wrong = np.argwhere(~np.asarray(fits(values.astype(float))))
+    if len(wrong):
+        first = tuple(int(k) for k in wrong[0])
+        place += (f"[{first[1]}]" if len(first) > 1 else "") + (f" of lane {first[0]}" if by_lane else "")
+        raise ScenarioError(place=place, value=float(values[first]), expected=expected)
+
+
+def check_choice(place: str, value: Any, choices: tuple[str, ...]) -> None:
+    """Refuses a word that is none of the choices.
+
+    Raises:
+        ScenarioError: names it and the nearest ones.
+    """
+    if not isinstance(value, str) or value not in choices:
+        raise ScenarioError("unknown", place=place, value=value, choices=choices)
+
+
+def is_whole(value: Any, least: int) -> bool:
+    """True for a whole number that is at least so large."""
+    return isinstance(value, numbers.Integral) and not isinstance(value, bool) and int(value) >= least
+
+
+def check_whole(place: str, value: Any, least: int) -> None:
+    """Refuses what is no whole number, or one below the least.
+
+    Raises:
+        ScenarioError: shows it.
+    """
+    if not is_whole(value, least):
+        raise ScenarioError(place=place, value=value, expected=f"a whole number, {least} or more")
+
+
+def check_time(place: str, value: Any) -> None:
+    """Refuses what is no finite time above 0.
+
+    Raises:
+        ScenarioError: shows it.
+    """
+    if not isinstance(value, numbers.Real) or isinstance(value, bool) or not 0.0 < float(value) < np.inf:
+        raise ScenarioError(place=place, value=value, expected="a time above 0 [s]")
+
+
+def one_each(place: str, value: Any, arm: Model) -> np.ndarray:
+    """(n,) a setting that is one for all joints, or one for each; of a batch, that of the first lane.
+
+    Raises:
+        ScenarioError: of another length; names the joints.
+    """
+    if isinstance(value, Draw):
+        return np.ones(arm.n)
+    values = scalar.array(lane_values(value)[0] if isinstance(value, Batch) else value)
+    if values.ndim and len(values) != arm.n:
+        raise ScenarioError(place=place, value=value, expected=f"one number, or {arm.n}: {', '.join(arm.names)}")
+    return np.broadcast_to(values, arm.n)

@@ -1,0 +1,205 @@
+"""Parts of a scenario: the sampled loop, what acts beside commands, the start, the solver, and what is kept of the run.
+
+Each part checks what it can know alone when it is made; `Scenario` checks what needs the arm or several parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from armwright.errors import ScenarioError
+from armwright.interfaces import Sensor
+from armwright.results.reducers import reducer
+from armwright.simulation.checks import check_choice, check_time, check_whole
+from armwright.simulation.integrate.events import EventFunction
+from armwright.simulation.integrate.integrators import RULES
+from armwright.simulation.integrate.stepping import Adaptivity
+from armwright.simulation.loop.command_filter import CommandFilter
+from armwright.simulation.loop.controller import check_controller
+from armwright.simulation.loop.sensors import Sensors
+from armwright.simulation.loop.timing import Timing
+
+MOST_SUBSTEPS = 10**6  # of a period, in which nothing can be interrupted
+KEPT = ("all", "state", "none")
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A sampled loop: what is measured, who commands, and what becomes of commands on their way to the drives.
+
+    Args:
+        controller: a plain function (t, r, y) → u, or a `Controller` with memory; None: `Simulation.step` takes the commands.
+        reference: where the controller is to bring the arm: a pose, rows, a Schedule of poses or a `Trajectory`, a function of
+            time; default: the initial position.
+        period: [s] from sample to sample; default: the solver's step times its substeps.
+        sensors: an `aw.Sensors`, or several sensors; default: joint positions, velocities and currents, exactly.
+        command_filter: rate limit, limit and resolution of the controller's output; default: none.
+        timing: delays, jitter and losses; default: none.
+        initial_command: (n,) in force before the first tick; default: what holds the arm, within its drives' limits.
+    Raises:
+        ScenarioError: names the field, its value and what was expected.
+    """
+
+    controller: Any = None
+    reference: Any = None
+    period: float | None = None
+    sensors: Sensors | Sequence[Sensor] = field(default_factory=Sensors)
+    command_filter: CommandFilter = field(default_factory=CommandFilter)
+    timing: Timing = field(default_factory=Timing)
+    initial_command: Any = None
+
+    def __post_init__(self) -> None:
+        if self.controller is not None:
+            check_controller(self.controller)
+        if self.period is not None:
+            check_time("loop.period", self.period)
+        for name, kind in (("command_filter", CommandFilter), ("timing", Timing)):
+            check_part(f"loop.{name}", getattr(self, name), kind)
+        self._check_sensors()
+
+    def _check_sensors(self) -> None:
+        several = isinstance(self.sensors, (list, tuple))
+        if not (several or isinstance(self.sensors, Sensors)) or not all(
+            isinstance(each, Sensors) or (hasattr(each, "signals") and hasattr(each, "measure"))
+            for each in self.sensor_list
+        ):
+            expected = "an aw.Sensors(…), or a list of sensors with the methods signals and measure"
+            raise ScenarioError(place="loop.sensors", value=self.sensors, expected=expected)
+        if sum(isinstance(each, Sensors) for each in self.sensor_list) > 1:
+            raise ScenarioError("two aw.Sensors", place="loop.sensors", expected="one, and other sensors beside it")
+
+    @property
+    def sensor_list(self) -> tuple[Sensor, ...]:
+        """All sensors, those of the joints first."""
+        sensors = tuple(self.sensors) if isinstance(self.sensors, (list, tuple)) else (self.sensors,)
+        joints = [each for each in sensors if isinstance(each, Sensors)] or [Sensors()]
+        return (joints[0], *(each for each in sensors if each is not joints[0]))  # type: ignore[return-value]
+
+    @property
+    def joint_sensors(self) -> Sensors:
+        """Sensors of the joints."""
+        return next(each for each in self.sensor_list if isinstance(each, Sensors))
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What acts on the arm beside its commands.
+
+    Args:
+        wrench: of the environment on the tip, in base axes: (6,) [N, N m], or a Schedule with the columns
+            `inputs.WRENCH`, held from row to row.
+        brake: 1 where the holding brakes of the record are applied, 0 where they are released: one for all, (brakes,),
+            or a Schedule with a column for every joint that has one; absent: released.
+        payload: what the end effector takes up and puts down: a `Payload` or several, in the order of their times.
+    """
+
+    wrench: Any = None
+    brake: Any = None
+    payload: Any = None
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Initial positions and speeds.
+
+    Args:
+        q: (n,) [rad | m], default 0.   qd: (n,) [rad/s | m/s], default 0.
+    """
+
+    q: Any = None
+    qd: Any = None
+
+
+@dataclass(frozen=True, eq=False)
+class Solver:
+    """How the motion is integrated.
+
+    Args:
+        integrator: a name of `integrators.RULES`: "rk3", "rk4", "semi_implicit_euler"; "rk45", which chooses its own steps
+            within each tick; or "cvodes", slow and accurate, for some lanes.
+        step: [s], default 1 ms; in a loop with a period it is that over `substeps`.
+        substeps: steps in each period of a loop.
+        rtol, atol: of "rk45" and "cvodes": what each entry of the state may be wrong by in a step; default `TOLERANCES`.
+        max_steps: of "rk45" in one tick; a lane that needs more is frozen and marked.
+        events: of "rk45", by name: functions (t, x) of time and state; their changes of sign are found and reported,
+            as `events.joint_stops` makes them.
+        target: processor level to compile for, as in `compile`.
+    Raises:
+        ScenarioError: names the field, its value and what was expected.
+    """
+
+    integrator: str = "rk3"
+    step: float | None = None
+    substeps: int = 1
+    rtol: float | None = None
+    atol: float | None = None
+    max_steps: int | None = None
+    events: Mapping[str, EventFunction] = field(default_factory=dict)
+    target: str | None = None
+
+    def __post_init__(self) -> None:
+        check_choice("solver.integrator", self.integrator, tuple(RULES))
+        if self.step is not None:
+            check_time("solver.step", self.step)
+        check_whole("solver.substeps", self.substeps, 1)
+        if self.substeps > MOST_SUBSTEPS:
+            expected = f"at most {MOST_SUBSTEPS}, or a shorter loop.period"
+            raise ScenarioError(place="solver.substeps", value=self.substeps, expected=expected)
+        try:
+            _ = self.adaptivity
+        except ScenarioError as error:
+            raise error.within("solver") from None
+
+    @property
+    def adaptivity(self) -> Adaptivity | None:
+        """How the integrator chooses its steps; None for rules of fixed step."""
+        return Adaptivity.of(self.integrator, self.substeps, self.rtol, self.atol, self.max_steps, self.events)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What is kept of a run.
+
+    Args:
+        every: rows are kept every so many steps, or periods of a loop; 0 keeps the first and the last state only.
+        what: "all", or "state" for q and qd alone, which many lanes over many rows may want, or "none" beside `reduce`.
+        reduce: names of `reducers.REDUCERS`, computed for each joint while the loop runs: ("rms_error", "peak_voltage", …).
+        reference: what `reduce` measures errors from where commands are given over time; a loop has its own.
+    Raises:
+        ScenarioError: names the field, its value and what was expected.
+    """
+
+    every: int = 1
+    what: str = "all"
+    reduce: Sequence[str] = ()
+    reference: Any = None
+
+    def __post_init__(self) -> None:
+        check_whole("recording.every", self.every, 0)
+        check_choice("recording.what", self.what, KEPT)
+        if isinstance(self.reduce, str) or not isinstance(self.reduce, Sequence):
+            expected = "a list of names, such as ['rms_error']"
+            raise ScenarioError(place="recording.reduce", value=self.reduce, expected=expected)
+        for name in self.reduce:
+            reducer(name)
+        if self.what == "none" and not self.reduce:
+            raise ScenarioError(
+                "keeps nothing", place="recording.what", value="none", expected="reduce = ['rms_error', …] beside it"
+            )
+        if self.reference is not None and not self.reduce:
+            raise ScenarioError(
+                "goes with recording.reduce; where an arm is to go is the reference of a loop, and commands over time a schedule",
+                place="recording.reference",
+            )
+
+
+def check_part(place: str, value: Any, kind: type) -> None:
+    """Refuses what is not of the kind that stands at a place.
+
+    Raises:
+        ScenarioError: shows it.
+    """
+    if not isinstance(value, kind):
+        raise ScenarioError(place=place, value=value, expected=f"an aw.{kind.__name__}(…)")
