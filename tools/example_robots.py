@@ -19,12 +19,12 @@ SHOWN = 3  # names; more are counted
 
 # What a warning becomes: a pattern of its text, and the words of the table. `{n}` counts the links or joints it names.
 FAULTS = (
-    (r"has an impossible inertia.*eigenvalue (\S+),", None),
+    (r"an impossible inertia.*eigenvalue (\S+),", None),
     (r"no inertia is stated", "{n} without inertia, massless"),
     (r"radius of gyration (\S+) m, .* are (\S+) m apart", "radius of gyration {0} m in a size of {1} m: {names}"),
     (r"these are (.*?):", "{0}: {names}"),
     (r"Coulomb friction (\S+) (N m|N) is left out", "dry friction {0} {1}, no smoothing speed: {n}"),
-    (r"effort limits .* are those of (.*?):", "effort limits of {0}"),
+    (r"the effort limits of (.*?):", "effort limits of {0}"),
     (r"position limits leave no room", "no range of motion given: {n}"),
     (r"(velocity|effort) limit 0", "{0} limit 0: {n}"),
     (r"gear ratio (\S+) of its transmission", "reduction {0} without a motor: {n}"),
@@ -54,9 +54,8 @@ def fault(warning: str) -> str | None:
             continue
         if words is None:
             return None
-        who = warning[: found.start()].split(":")[0]
-        kind, _, listed = who.partition(" ")
-        names = [name for name in listed.split(", ") if name]
+        who = warning[: found.start()]
+        kind, names = who.partition(" ")[0], re.findall(r"'(.*?)'", who)
         shown = ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
         counted = f"{len(names)} {kind.removesuffix('s')}{'s' if len(names) != 1 else ''}"
         return words.format(*found.groups(), n=counted, names=shown)

@@ -12,7 +12,7 @@ import typer.main
 import armwright as aw
 from armwright.cli.app import app
 from armwright.cli.tables import number
-from armwright.description.brushless import DC_EQUIVALENT
+from armwright.description.drive import DC_EQUIVALENT
 from armwright.description.paths import quantities
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.kinematics.reach import reach

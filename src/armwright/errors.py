@@ -47,6 +47,26 @@ class Problem:
         return replace(self, place=f"{place}{separator}{self.place}", file=self.file or str(file))
 
 
+class Findings:
+    """Problems of several links, joints or others; equal ones are reported once, with all names."""
+
+    def __init__(self) -> None:
+        self._names: dict[tuple[str, Problem], list[str]] = {}
+
+    def add(self, kind: str, name: str, problem: Problem) -> None:
+        """Notes a problem; its place is seen from the link or joint of that name."""
+        self._names.setdefault((kind, problem), []).append(name)
+
+    def problems(self) -> list[Problem]:
+        """Each problem with the names in its place: `link 'arm' mass_kg`, `joints 'a', 'b' axis`."""
+        return [
+            replace(
+                problem, place=f"{kind}{'s' * (len(names) > 1)} {', '.join(map(repr, names))} {problem.place}".strip()
+            )
+            for (kind, problem), names in self._names.items()
+        ]
+
+
 class ArmwrightError(Exception):
     """Root of all exceptions that Armwright raises for its users' sake.
 

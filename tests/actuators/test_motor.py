@@ -9,7 +9,7 @@ import pytest
 
 from actuators.drives import one_joint
 from armwright.actuators import drive_torque, motor_current, motor_torque, motor_voltage
-from armwright.description.brushless import DC_EQUIVALENT
+from armwright.description.drive import DC_EQUIVALENT
 from armwright.errors import ModelError
 from physics.arms import arm, random_state
 

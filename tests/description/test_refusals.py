@@ -363,7 +363,7 @@ def test_impossible_inertia():
     """The link and the margin are named; a reason in the file or the caller's word lets it pass, with a warning."""
     data = changed(builtin("puma560"), ("links", 2, "accept_impossible"), GONE)
     message = refused(data)
-    assert "link 'link3' has an impossible inertia" in message
+    assert "link 'link3': an impossible inertia" in message
     assert "eigenvalue -0.003749" in message  # ½ (0.066 - 0.086 + 0.0125) less the offset of the centre of mass
     assert 'accept_impossible = "reason"' in message
     assert 'on_impossible="warn"' in message

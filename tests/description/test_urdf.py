@@ -313,6 +313,6 @@ def test_files_that_are_none(tmp_path):
 def test_an_impossible_inertia(tmp_path):
     """Refused with the link and by how much; the caller may load it."""
     path = written(tmp_path, one_joint(moved=INERTIAL.replace('ixx="0.01"', 'ixx="0.1"')))
-    with pytest.raises(DescriptionError, match=r"link 'upper' has an impossible inertia: .* of the largest below 0"):
+    with pytest.raises(DescriptionError, match=r"link 'upper': an impossible inertia: .* of the largest below 0"):
         aw.load(path)
     assert any("impossible inertia" in told for told in aw.load(path, on_impossible="warn").warnings)

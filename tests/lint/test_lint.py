@@ -12,8 +12,9 @@ import pytest
 import armwright as aw
 from armwright.description import builtin_names
 from armwright.description.database import parse
-from armwright.lint.hulls import hull_doubts
-from armwright.lint.units import unit_doubts
+from armwright.errors import Problem
+from armwright.lint.hulls import implausible_shapes
+from armwright.lint.plausibility import implausible_units
 from armwright.model import build_model
 from armwright.spatial import parallel_axes
 from description.urdf_files import AXIS, joint, link, one_joint, robot, written
@@ -62,7 +63,7 @@ def test_good_arms_raise_no_alarm(tmp_path):
     ],
 )
 def test_known_mistakes_are_named(tmp_path, mass, com, tensor, named):
-    told = [t for t in warnings(tmp_path, inertial(mass, com, tensor)) if t.startswith("link upper")]
+    told = [t for t in warnings(tmp_path, inertial(mass, com, tensor)) if t.startswith("link 'upper'")]
     assert len(told) == 1
     assert re.search(named, told[0])
 
@@ -89,37 +90,39 @@ def test_point_masses_of_our_own_files_are_meant():
 def test_units_of_joints():
     """Degrees and millimetres are named; four turns, rails and what stands for no limit are not."""
     row = {"alpha_rad": 0.0, "r_m": 0.0, "a_m": 0.3, "offset_rad": 0.0}
-    for changed, told in (
-        ({"dh": {**row, "alpha_rad": 90.0}}, "alpha_rad = 90, more than two turns: degrees for radians"),
-        ({"dh": {**row, "offset_rad": -90.0}}, "offset_rad = -90"),
-        ({"dh": {**row, "a_m": 300.0}}, "a_m = 300, 300 m away: millimetres for metres"),
-        ({"limits": {"position_rad": [-131, 131]}}, r"position_rad = \[-131, 131\]: degrees for radians"),
-        ({"limits": {"position_rad": [-18.85, 18.85]}}, None),
-        ({"limits": {"position_rad": [-1e4, 1e4]}}, None),
-        ({"dh": {**row, "alpha_rad": -2 * np.pi}}, None),
+    for changed, place, value, what in (
+        ({"dh": {**row, "alpha_rad": 90.0}}, "dh.alpha_rad", 90.0, "more than two turns: degrees for radians?"),
+        ({"dh": {**row, "offset_rad": -90.0}}, "dh.offset_rad", -90.0, "more than two turns: degrees for radians?"),
+        ({"dh": {**row, "a_m": 300.0}}, "dh.a_m", 300.0, "300 m away: millimetres for metres?"),
+        ({"limits": {"position_rad": [-131, 131]}}, "limits.position_rad", (-131.0, 131.0), "degrees for radians?"),
     ):
-        found = unit_doubts(parse(two_link(**changed), "arm.toml"))
-        assert len(found) == (told is not None), changed
-        assert told is None or re.search(told, found[0])
+        (found,) = implausible_units(parse(two_link(**changed), "arm.toml"))
+        assert found == Problem(what, f"joint 'shoulder' {place}", value)
+    for changed in (
+        {"limits": {"position_rad": [-18.85, 18.85]}},
+        {"limits": {"position_rad": [-1e4, 1e4]}},
+        {"dh": {**row, "alpha_rad": -2 * np.pi}},
+    ):
+        assert not implausible_units(parse(two_link(**changed), "arm.toml")), changed
 
 
 def test_a_joint_far_from_a_base_without_mass(tmp_path):
     path = written(tmp_path, one_joint().replace('xyz="0.2 0 0"', 'xyz="0 0 400"'))
     (told,) = aw.load(path).warnings
-    assert told == "joint j1: xyz_m = [0, 0, 400], 400 m away: millimetres for metres?"
+    assert told == "joint 'j1' frame.xyz_m = [0.0, 0.0, 400.0]: 400 m away: millimetres for metres?"
 
 
 def test_improv_l5_breaks_the_triangle_inequality(tmp_path):
     """Robot-facts 2.2: zz = 7.43e-4 > 2 · 3.28e-4."""
     told = warnings(tmp_path, inertial(0.17, (0, 0, 0.042), (3.28e-4, 3.28e-4, 7.43e-4)))
-    assert "link 'upper' has an impossible inertia" in told[0]
+    assert "link 'upper': an impossible inertia" in told[0]
 
 
 def test_improv_l1_is_about_the_frame_origin(tmp_path):
     """Robot-facts 2.2: Iyz is just -m c_y c_z."""
     tensor = [[0.074338, 1e-6, -6e-6], [1e-6, 0.017132, 0.003742], [-6e-6, 0.003742, 0.074338]]
     (told,) = warnings(tmp_path, inertial(1.62, (0, -0.175, 0.0132), tensor))
-    assert "Iyz = 0.003742" in told
+    assert "inertia_kg_m2.yz = 0.003742" in told
     assert "a tensor about the frame's origin" in told
     moved = np.array(tensor) - parallel_axes(1.62, np.array([0, -0.175, 0.0132]))
     assert warnings(tmp_path, inertial(1.62, (0, -0.175, 0.0132), moved)) == ()
@@ -139,9 +142,9 @@ def test_improv_ball_is_about_the_frame_origin(tmp_path):
     shifted = given - parallel_axes(3.9, com)
     for tensor, alarms in ((given, 1), (shifted, 0)):
         path = written(tmp_path, one_joint(moved=inertial(3.9, com, tensor) + ball))
-        told = hull_doubts(aw.load(path).description)
+        told = implausible_shapes(aw.load(path).description)
         assert len(told) == alarms
-        assert all("a tensor about the frame's origin" in sentence for sentence in told)
+        assert all("a tensor about the frame's origin" in problem.what for problem in told)
 
 
 def test_copied_efforts(tmp_path):
@@ -159,7 +162,7 @@ def test_copied_efforts(tmp_path):
         return aw.load(written(tmp_path, robot(*parts, *joints)))
 
     (told,) = arm(efforts).warnings
-    assert "j0, j1, j2, j3, j4, j5" in told
+    assert "'j0', 'j1', 'j2', 'j3', 'j4', 'j5' limits = [370.0, " in told
     assert "the older Schunk LWA" in told
     assert arm((370, 370, 176, 176, 41.6, 20.2)).warnings == ()
 
@@ -180,7 +183,7 @@ def test_fits_are_not_doubted(tmp_path):
         (1.5, (1.6e-3, 1.6e-3, 1.6e-3), None),
         (1500.0, (1.6, 1.6, 1.6), "grams for kilograms"),
         (0.001001, (1.1e-6, 1.1e-6, 1.1e-6), "kg/m³"),
-        (1.5, (1.6e-2, 1.6e-2, 1.6e-2), "times that of its shape"),
+        (1.5, (1.6e-2, 1.6e-2, 1.6e-2), "times the tensor of its shape"),
         (1.5, (1.6e-9, 1.6e-9, 1.6e-9), "millimetres for metres"),
         (1.5, (0.0, 0.0, 0.0), "it looks like a body"),
     ],
@@ -189,9 +192,9 @@ def test_against_the_hull(tmp_path, mass, tensor, named):
     """A ball of 0.05 m and 1.5 kg has 0.0015 kg m²."""
     ball = '<visual><geometry><sphere radius="0.05"/></geometry></visual>'
     path = written(tmp_path, one_joint(moved=inertial(mass, (0, 0, 0), tensor) + ball))
-    told = hull_doubts(aw.load(path, on_impossible="warn").description)
+    told = implausible_shapes(aw.load(path, on_impossible="warn").description)
     assert bool(told) == (named is not None)
-    assert named is None or any(named in sentence for sentence in told)
+    assert named is None or any(named in problem.what for problem in told)
 
 
 @pytest.mark.parametrize(
@@ -211,17 +214,19 @@ def test_every_solid_has_a_hull(solid):
     one = data["links"][0]
     place = {"xyz_m": [0.0, 0.0, 0.0], "rpy_rad": [0.0, 0.0, 0.0]}
     one.update(mass_kg=100.0, visuals=[{"solid": solid, **place}])
-    assert any(f"link {one['name']}: 100 kg in a hull of" in told for told in hull_doubts(parse(data, "x")))
+    found = (f"link {one['name']!r} mass_kg", 100.0)
+    assert found in [(problem.place, problem.value) for problem in implausible_shapes(parse(data, "x"))]
     one["visuals"][0]["hole"] = True
-    assert not any("in a hull of" in told for told in hull_doubts(parse(data, "x")))
+    assert not any("in a hull of" in problem.what for problem in implausible_shapes(parse(data, "x")))
 
 
 def test_a_mesh_that_cannot_be_opened_is_told(tmp_path):
     (tmp_path / "a.stl").write_text("no mesh")
     seen = '<visual><geometry><mesh filename="a.stl"/></geometry></visual>'
     path = written(tmp_path, one_joint(moved=inertial(1.5, (0, 0, 0), ROD) + seen))
-    (told,) = hull_doubts(aw.load(path).description)
-    assert "the visuals of upper are not looked at" in told
+    (told,) = implausible_shapes(aw.load(path).description)
+    assert told.place == "links 'upper'"
+    assert told.what.startswith("the visuals are not looked at: ")
 
 
 def test_a_joint_that_moves_nothing(tmp_path):

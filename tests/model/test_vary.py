@@ -230,7 +230,7 @@ def test_a_flat_body_may_be_in_a_lane_what_it_may_be_in_a_record(zz, fits):
         return
     with pytest.raises(ModelError, match="in lane 5 link 'rod' has an impossible inertia"):
         varied.check(rows)
-    with pytest.raises(DescriptionError, match="link 'rod' has an impossible inertia"):
+    with pytest.raises(DescriptionError, match="link 'rod': an impossible inertia"):
         build_model(disc(zz))
 
 

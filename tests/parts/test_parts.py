@@ -364,8 +364,8 @@ def test_units_that_look_like_others(tmp_path):
         return built(part(section(**changes)), folder=tmp_path).warnings
 
     (light,) = told(density_kg_per_m3=2.7)
-    assert (light.place, light.expected) == ("link 'arm' part '10-01' section 'block'", "2700")
-    assert "g/cm³ for kg/m³" in light.what
+    assert (light.place, light.value) == ("link 'arm' part '10-01' section 'block' density_kg_per_m3", 2.7)
+    assert (light.what, light.expected) == ("g/cm³ for kg/m³?", "2700")
     assert "g/m³ for kg/m³" in told(density_kg_per_m3=2.7e6)[0].what
     assert "a mesh of 120 m: millimetres" in told(solid={"shape": "mesh", "file": "hand.stl", "scale": 1})[0].what
     assert told(density_kg_per_m3=25.0) == told(density_kg_per_m3=19300.0) == ()

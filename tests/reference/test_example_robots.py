@@ -71,7 +71,7 @@ def test_the_old_ur5_wrists_are_named(verdicts):
         assert arm is not None
         told = [warning for warning in arm.warnings if "old UR5" in warning]
         assert len(told) == 2
-        assert "wrist_1_link, wrist_2_link" in told[0]
+        assert "'wrist_1_link', 'wrist_2_link'" in told[0]
         assert "256 times too large" in told[1]
     for file in ("ur3_robot", "ur10_robot"):
         arm = verdicts[f"ur_description/urdf/{file}.urdf"].arm

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.description.inertia_point import about_com, impossible
 from armwright.errors import DescriptionError
+from armwright.lint.feasibility import about_com, impossible
 from armwright.model import build_model
 from armwright.modules.assemble import assemble
 from armwright.modules.assembly import Assembly, read_modules

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from math import sqrt
 from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field, model_validator
@@ -22,6 +24,31 @@ COMMAND_NEEDS = {  # keys of [motor] without which a drive cannot follow its com
     "torque": (),
 }
 Basis = Literal["dc", "phase_peak", "phase_rms", "line_peak", "line_rms"]
+
+
+@dataclass(frozen=True)
+class DcEquivalent:
+    """Factors from the constants of a brushless motor to those of the DC motor that takes the same power. [Krishnan2010]
+
+    Power in equals torque times speed plus heat. The equivalent's current is the peak of the phase current, so that
+    v i = 3/2 v̂ î  asks for a voltage of 3/2 the phase peak: impedances and back-EMF constants of one phase count 3/2, line to
+    line values are taken to one phase first.
+    """
+
+    torque_constant: float
+    back_emf_constant: float
+    impedance: float  # resistance and inductance
+    voltage: float
+    current: float
+
+
+DC_EQUIVALENT = {
+    "dc": DcEquivalent(1.0, 1.0, 1.0, 1.0, 1.0),
+    "phase_peak": DcEquivalent(1.0, 1.5, 1.5, 1.5, 1.0),
+    "phase_rms": DcEquivalent(1 / sqrt(2), 1.5 * sqrt(2), 1.5, 1.5 * sqrt(2), sqrt(2)),
+    "line_peak": DcEquivalent(1.0, 1.5 / sqrt(3), 0.75, 1.5 / sqrt(3), 1.0),
+    "line_rms": DcEquivalent(1 / sqrt(2), 1.5 * sqrt(2) / sqrt(3), 0.75, 1.5 * sqrt(2) / sqrt(3), sqrt(2)),
+}
 
 
 class Motor(Record):

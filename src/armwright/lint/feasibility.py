@@ -1,20 +1,22 @@
-"""Whether a description's numbers can be those of a real arm. [Wensing2018]"""
+"""Mass properties and drives that no real arm can have. [Wensing2018]"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from armwright.description.brushless import DC_EQUIVALENT
+from armwright.description.drive import DC_EQUIVALENT
 from armwright.description.robot import FixedJoint, Link, RobotDescription
-from armwright.errors import DescriptionError
-from armwright.spatial import pseudo_inertia
+from armwright.errors import DescriptionError, Problem
+from armwright.spatial import parallel_axes, pseudo_inertia
 
 IMPOSSIBLE = 1e-9  # an eigenvalue of the pseudo-inertia below minus this share of the largest is no rounding
 SELF_LOCKING = 0.5  # a gear below this efficiency cannot be driven back
+SIGNIFICANT = 0.01  # a product m c c above this share of the tensor's largest entry would show in it
+SAME = 1e-3  # relative: a product that was printed with three digits or more is no coincidence
 
 
-def check_bodies(robot: RobotDescription, on_impossible: str) -> list[str]:
-    """Refuses links that no real body can be; what was accepted comes back as warnings.
+def check_bodies(robot: RobotDescription, on_impossible: str) -> list[Problem]:
+    """Warnings about links that no real body can be, where they are accepted.
 
     Raises:
         DescriptionError: names the link and by how much its pseudo-inertia fails to be positive semidefinite.
@@ -23,18 +25,17 @@ def check_bodies(robot: RobotDescription, on_impossible: str) -> list[str]:
     for link in impossible_links(robot):
         eigenvalues = np.linalg.eigvalsh(_body(link))
         fault = (
-            f"link {link.name!r} has an impossible inertia: its pseudo-inertia has the eigenvalue {eigenvalues[0]:.4g}, "
+            f"an impossible inertia: its pseudo-inertia has the eigenvalue {eigenvalues[0]:.4g}, "
             f"{-eigenvalues[0] / max(abs(eigenvalues[-1]), 1e-300):.2g} of the largest below 0"
         )
+        place = f"link {link.name!r}"
         if link.accept_impossible is not None:
-            warnings.append(f"{fault}; accepted: {link.accept_impossible}")
+            warnings.append(Problem(f"{fault}; accepted: {link.accept_impossible}", place))
         elif on_impossible == "warn":
-            warnings.append(fault)
+            warnings.append(Problem(fault, place))
         else:
-            raise DescriptionError(
-                f"{robot.name}: {fault}; expected a real body, "
-                'or accept_impossible = "reason" in the link, or on_impossible="warn"'
-            )
+            expected = 'a real body, or accept_impossible = "reason" in the link, or on_impossible="warn"'
+            raise DescriptionError(fault, place=place, expected=expected, file=robot.name)
     return warnings
 
 
@@ -55,25 +56,86 @@ def is_possible(body: np.ndarray) -> np.ndarray:
     return (least >= -IMPOSSIBLE * np.maximum(most, 0.0)) & (most >= 0)
 
 
-def check_drives(robot: RobotDescription) -> list[str]:
+def about_com(mass: float, com: np.ndarray, tensor: np.ndarray, about: str) -> np.ndarray:
+    """The tensor about the centre of mass (3, 3) [kg m²]:  I_com = I - m ( |c|² 1 - c cᵀ )  where `about` is "frame".
+
+    Args:
+        mass: [kg].   com: (3,) [m] in the body's frame.   tensor: (3, 3) [kg m²].   about: "com" or "frame".
+    """
+    return tensor if about == "com" else tensor - parallel_axes(mass, com)
+
+
+def impossible(mass: float, com: np.ndarray, tensor: np.ndarray, about: str) -> str | None:
+    """The reason why no real body has this tensor about that point, or None: principal moments obey a triangle inequality.
+
+    Args:
+        mass: [kg].   com: (3,) [m] in the body's frame.   tensor: (3, 3) [kg m²].   about: "com" or "frame".
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        moved = about_com(mass, com, tensor, about)
+        if not np.isfinite(pseudo_inertia(mass, com, moved).astype(float)).all():
+            return "its numbers are too large to compute with"
+    if _possible(mass, com, moved):
+        return None
+    a, b, c = np.linalg.eigvalsh(moved)
+    fault = f"its principal moments about the centre of mass, {a:.4g}, {b:.4g} and {c:.4g} kg m², break the triangle inequality"
+    if about == "com":
+        return fault
+    if _possible(mass, com, tensor):
+        return f'{fault}; about the centre of mass it would be possible: did you mean inertia_about = "com"?'
+    return f"{fault}, and so they would about any other point"
+
+
+def frame_origin_sign(mass: float, com: np.ndarray, tensor: np.ndarray) -> str | None:
+    """The sign that a tensor given about the centre of mass is about the frame's origin: its products are  -m c_i c_j.
+
+    That is what the parallel axes alone give to a body which is symmetric about its own centre. The sign is reported only
+    where all products that m and c would make visible are there, to three digits, and the body without them is possible.
+
+    Args:
+        mass: [kg].   com: (3,) [m] in the body's frame.   tensor: (3, 3) [kg m²], said to be about the centre of mass.
+    Returns:
+        sign: a sentence, or None.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        shift = parallel_axes(mass, com)
+    if not np.isfinite(shift).all():
+        return None
+    visible = [
+        (i, j) for i, j in ((0, 1), (0, 2), (1, 2)) if abs(shift[i, j]) > SIGNIFICANT * float(np.abs(tensor).max())
+    ]
+    if not visible or any(abs(tensor[i, j] - shift[i, j]) > SAME * abs(shift[i, j]) for i, j in visible):
+        return None
+    if not _possible(mass, com, tensor - shift):
+        return None
+    i, j = visible[0]
+    x, y = "xyz"[i], "xyz"[j]
+    return f"{x}{y} = {tensor[i, j]:.4g} is -m c_{x} c_{y} = {shift[i, j]:.4g}: it looks like a tensor about the frame's origin"
+
+
+def _possible(mass: float, com: np.ndarray, inertia_com: np.ndarray) -> bool:
+    return bool(is_possible(pseudo_inertia(mass, com, inertia_com).astype(float)))
+
+
+def check_drives(robot: RobotDescription) -> list[Problem]:
     """Warnings about gears that lock themselves and motor constants that contradict each other."""
     warnings = []
     for joint in robot.joints:
         if isinstance(joint, FixedJoint) or joint.motor is None:
             continue
-        motor = joint.motor
+        motor, place = joint.motor, f"joint {joint.name!r} motor"
         if motor.gear_efficiency is not None and float(motor.gear_efficiency) < SELF_LOCKING:
-            warnings.append(
-                f"joint {joint.name!r}: gear efficiency {float(motor.gear_efficiency):g} is below {SELF_LOCKING}, self-locking"
-            )
-        factor = DC_EQUIVALENT[motor.basis]
+            efficiency, what = float(motor.gear_efficiency), f"below {SELF_LOCKING}, self-locking"
+            warnings.append(Problem(what, f"{place}.gear_efficiency", efficiency))
         if motor.torque_constant_n_m_per_a is None or motor.back_emf_constant_v_s_per_rad is None:
             continue
+        factor = DC_EQUIVALENT[motor.basis]
         kt = factor.torque_constant * float(motor.torque_constant_n_m_per_a)
         ke = factor.back_emf_constant * float(motor.back_emf_constant_v_s_per_rad)
         if not 0.9 < kt / ke < 1.1:
-            warnings.append(
-                f"joint {joint.name!r}: torque constant {kt:.4g} N m/A and back-EMF constant {ke:.4g} V s/rad differ as "
-                f"DC-equivalents, where they should be equal; check basis = {motor.basis!r}"
+            what = (
+                f"torque constant {kt:.4g} N m/A and back-EMF constant {ke:.4g} V s/rad differ as DC-equivalents, "
+                "where they should be equal; check the basis"
             )
+            warnings.append(Problem(what, f"{place}.basis", motor.basis))
     return warnings

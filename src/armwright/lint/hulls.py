@@ -7,13 +7,14 @@ a large one.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armwright.description.robot import Link, RobotDescription
-from armwright.errors import DescriptionError
-from armwright.lint.mass_properties import about_origin, is_fit
+from armwright.errors import DescriptionError, Problem
+from armwright.lint.plausibility import ABOUT_ORIGIN, about_origin, is_fit
 from armwright.solids.surface import surface
 from armwright.spatial import parallel_axes
 
@@ -26,63 +27,56 @@ ORIGIN_WORSE, ORIGIN_BETTER = 1.7, 1.35  # how far from U's trace as it is, how 
 LIGHTEST = 1e-3  # [kg]
 
 
-def hull_doubts(robot: RobotDescription) -> list[str]:
-    """Sentences about links whose density or tensor does not go with their visuals; none for links without.
+def implausible_shapes(robot: RobotDescription) -> list[Problem]:
+    """Links whose density or tensor does not go with their visuals; nothing about links without visuals.
 
     Args:
         robot: the description.
     Returns:
-        doubts: among them meshes that cannot be opened.
+        findings: among them meshes that cannot be opened.
     """
-    found: list[str] = []
-    closed: dict[str, list[str]] = {}
+    found: list[Problem] = []
+    unread: dict[str, list[str]] = {}
     for link in robot.links:
         if float(link.mass_kg) <= LIGHTEST or not link.visuals:
             continue
         try:
             hull = _hull(link)
         except DescriptionError as error:
-            closed.setdefault(str(error), []).append(link.name)
+            unread.setdefault(str(error), []).append(link.name)
             continue
         if hull is not None:
-            found += [f"link {link.name}: {told}" for told in _of_link(link, hull, is_fit=is_fit(robot, link))]
-    if closed:
-        names = [name for names in closed.values() for name in names]
-        found.append(f"the visuals of {', '.join(names)} are not looked at: {next(iter(closed))}")
+            problems = _of_link(link, hull, is_fit=is_fit(robot, link))
+            found += [problem.within(f"link {link.name!r}") for problem in problems]
+    if unread:
+        names = ", ".join(repr(name) for names in unread.values() for name in names)
+        found.append(Problem(f"the visuals are not looked at: {next(iter(unread))}", f"links {names}"))
     return found
 
 
-def _of_link(link: Link, hull: trimesh.Trimesh, *, is_fit: bool) -> list[str]:
+def _of_link(link: Link, hull: trimesh.Trimesh, *, is_fit: bool) -> Iterator[Problem]:
     mass, volume = float(link.mass_kg), float(hull.volume)
-    told = []
     density = mass / volume
     if not THIN <= density <= DENSE:
-        why = (
-            "meshes in mm, or grams for kilograms?"
-            if density > DENSE or density < THIN / 100
-            else "a hull, not a body?"
-        )
-        told.append(f"{mass:.4g} kg in a hull of {volume:.3g} m³ are {density:.3g} kg/m³: {why}")
+        in_wrong_unit = density > DENSE or density < THIN / 100
+        why = "meshes in mm, or grams for kilograms?" if in_wrong_unit else "a hull, not a body?"
+        yield Problem(f"in a hull of {volume:.3g} m³ these are {density:.3g} kg/m³: {why}", "mass_kg", mass)
     if is_fit:
-        return told
+        return
     com = np.array(link.com_m)
     spread = np.asarray(hull.moment_inertia) * density + parallel_axes(mass, com - np.asarray(hull.center_mass))
     tensor = link.inertia_kg_m2.matrix()
     size = float(np.trace(spread))  # the trace, 2 ∫ r² dm, does not mind how hull and body are turned
     ratio = float(np.trace(tensor)) / size
     moved = about_origin(mass, com, tensor)
-    if moved is not None and ratio > ORIGIN_WORSE and 1 / ORIGIN_BETTER < float(np.trace(moved)) / size < ORIGIN_BETTER:
-        told.append(
-            f"its tensor is {ratio:.3g} times that of its shape, and fits it as one about the frame's origin: "
-            "a tensor about the frame's origin, not about the centre of mass?"
-        )
-    elif ratio > LARGER:
-        told.append(f"its tensor is {ratio:.3g} times that of its shape: {_units(ratio)}")
+    fits_origin = moved is not None and 1 / ORIGIN_BETTER < float(np.trace(moved)) / size < ORIGIN_BETTER
+    if ratio > ORIGIN_WORSE and fits_origin:
+        why = f"and fits it as one about the frame's origin: {ABOUT_ORIGIN}"
+        yield Problem(f"{ratio:.3g} times the tensor of its shape, {why}", "inertia_kg_m2")
     elif ratio == 0:
-        told.append("its tensor is 0, that of a point, and it looks like a body: one that was forgotten?")
-    elif ratio < SMALLER:
-        told.append(f"its tensor is {ratio:.3g} times that of its shape: {_units(1 / ratio)}")
-    return told
+        yield Problem("that of a point, and it looks like a body: one that was forgotten?", "inertia_kg_m2", 0.0)
+    elif ratio > LARGER or ratio < SMALLER:
+        yield Problem(f"{ratio:.3g} times the tensor of its shape: {_units(max(ratio, 1 / ratio))}", "inertia_kg_m2")
 
 
 def _units(factor: float) -> str:

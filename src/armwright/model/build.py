@@ -16,7 +16,7 @@ from armwright import scalar
 from armwright.description.robot import FixedJoint, Link, MovingJoint, PrismaticJoint, RevoluteJoint, RobotDescription
 from armwright.errors import DescriptionError
 from armwright.lint.feasibility import check_bodies, check_drives
-from armwright.lint.mass_properties import doubts
+from armwright.lint.plausibility import implausible_values
 from armwright.model.joint_side import brake_of, drive_of, elasticity_of, friction_of, limits_of, stops_of, supply_of
 from armwright.model.mimics import Mimics
 from armwright.model.model import BASE, Body, Frame, Model
@@ -41,10 +41,10 @@ def build_model(robot: RobotDescription, *, on_impossible: str = "error") -> Mod
     """
     if on_impossible not in ("error", "warn"):
         raise DescriptionError(f'on_impossible = {on_impossible!r}: expected "error" or "warn"')
-    warnings = [*robot.remarks, *check_bodies(robot, on_impossible), *check_drives(robot)]
+    findings = [*check_bodies(robot, on_impossible), *check_drives(robot)]
     model = assembled(robot)
-    warnings += [*doubts(robot, places_of_joints(robot, model)), *massless(model)]
-    return replace(model, warnings=tuple(warnings))
+    findings += implausible_values(robot, places_of_joints(robot, model))
+    return replace(model, warnings=(*robot.remarks, *map(str, findings), *massless(model)))
 
 
 def places_of_joints(robot: RobotDescription, model: Model) -> dict[str, list[Any]]:

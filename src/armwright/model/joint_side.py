@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.description.brushless import DC_EQUIVALENT
-from armwright.description.drive import LinearFriction, RotaryFriction
+from armwright.description.drive import DC_EQUIVALENT, LinearFriction, RotaryFriction
 from armwright.description.friction import LAWS, Dimension, key_of
 from armwright.description.robot import MovingJoint, RevoluteJoint
 from armwright.model.model import Brake, Cogging, Drive, Elasticity, Friction, Limits, Stops, Supply, Thermal

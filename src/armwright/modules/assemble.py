@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pydantic
 
-from armwright.description.inertia_point import frame_origin_sign
 from armwright.description.paths import quantities
 from armwright.description.robot import FixedJoint, NamedFrame, PrismaticJoint, RevoluteJoint, RobotDescription
 from armwright.errors import DescriptionError, Problem
+from armwright.lint.feasibility import frame_origin_sign
 from armwright.modules.assembly import Assembly, origin, read_assembly
 from armwright.modules.instances import Instance, ground_first, instances_of
 from armwright.modules.library import Connector, Crossing, ModuleLibrary

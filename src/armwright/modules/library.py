@@ -9,7 +9,6 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from armwright.description.drive import Command
-from armwright.description.inertia_point import impossible
 from armwright.description.robot import (
     FixedJoint,
     Inertia,
@@ -20,6 +19,7 @@ from armwright.description.robot import (
     check_sources,
 )
 from armwright.errors import DescriptionError, Problem, nearest
+from armwright.lint.feasibility import impossible
 from armwright.quantity import NotNegative, Record, Source, Vector3
 from armwright.solids.visual import Visual, placement_of
 from armwright.spatial import Placement, rotation_x

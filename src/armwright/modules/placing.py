@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from armwright.description.inertia_point import about_com
 from armwright.description.robot import Inertia, JointFrame, Link
+from armwright.lint.feasibility import about_com
 from armwright.modules.library import ModuleBody
 from armwright.quantity import Quantity
 from armwright.spatial import Placement, rpy_angles

@@ -15,7 +15,7 @@ from armwright.description.paths import quantities
 from armwright.description.robot import Link, RobotDescription
 from armwright.description.toml_file import read_record
 from armwright.errors import DescriptionError, Problem
-from armwright.lint.densities import doubtful_sections
+from armwright.lint.plausibility import implausible_sections
 from armwright.parts.mass_properties import ENTRIES, WeighedLink, WeighedSection, weigh
 from armwright.parts.materials import common_materials
 from armwright.parts.overlap import overlaps
@@ -74,7 +74,7 @@ def arm_of_parts(database: PartsDatabase, origin: BuiltFrom) -> PartsBuild:
         DescriptionError: a part that cannot be weighed, or an arm that does not hang together.
     """
     links = weigh(database)
-    warnings = tuple(warning for link in links for warning in (*doubtful_sections(link), *overlaps(link)))
+    warnings = tuple(warning for link in links for warning in (*implausible_sections(link), *overlaps(link)))
     sources = dict(database.sources)
     records = []
     for link in links:

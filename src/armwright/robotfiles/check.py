@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from armwright.description import RobotDescription, read_description
 from armwright.lint.feasibility import check_bodies, check_drives, impossible_links
-from armwright.lint.hulls import hull_doubts
-from armwright.lint.mass_properties import doubts
+from armwright.lint.hulls import implausible_shapes
+from armwright.lint.plausibility import implausible_values
 from armwright.model import build_model
 from armwright.model.build import massless, places_of_joints
 from armwright.model.load import outdated
@@ -83,16 +84,16 @@ def check(name_or_path: str | os.PathLike[str] | RobotDescription, **reading: An
     refused = {link.name for link in impossible_links(robot) if link.accept_impossible is None}
     bodies = zip(impossible_links(robot), check_bodies(robot, "warn"), strict=True)
     findings = [
-        *(Finding("error" if link.name in refused else "warning", "mass properties", told) for link, told in bodies),
+        *(Finding("error" if link.name in refused else "warning", "mass properties", str(p)) for link, p in bodies),
         *_warnings("reading", robot.remarks),
         *_warnings("drives", check_drives(robot)),
-        *_warnings("plausibility", [*doubts(robot, places_of_joints(robot, model)), *massless(model)]),
-        *_warnings("shapes", hull_doubts(robot)),
+        *_warnings("plausibility", [*implausible_values(robot, places_of_joints(robot, model)), *massless(model)]),
+        *_warnings("shapes", implausible_shapes(robot)),
         *_warnings("age", aged),
     ]
     ordered = sorted(findings, key=lambda finding: finding.level != "error")
     return Report(robot.name, len(robot.links), model.n, tuple(ordered))
 
 
-def _warnings(name: str, told: Any) -> list[Finding]:
-    return [Finding("warning", name, text) for text in told]
+def _warnings(name: str, found: Iterable[Any]) -> list[Finding]:
+    return [Finding("warning", name, str(each)) for each in found]

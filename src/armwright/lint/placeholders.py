@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ class InertialFiller:
     """A mass and tensor that a file has where the real ones are not known."""
 
     name: str
-    told: str
+    why: str  # how it is known not to be the real one
     moments_kg_m2: tuple[float, ...]  # principal moments, ascending
     masses_kg: tuple[float, ...] = ()  # any of them; empty: any mass up to `heaviest_kg`
     heaviest_kg: float = np.inf
@@ -37,7 +38,7 @@ class EffortFiller:
     """Effort limits [N m | N] of consecutive joints that belong to another robot."""
 
     name: str
-    told: str
+    why: str  # how it is known not to be the real one
     efforts: tuple[float, ...]
 
     def found_in(self, efforts: Sequence[float]) -> int | None:
@@ -50,14 +51,11 @@ class EffortFiller:
 @cache
 def known_placeholders() -> tuple[tuple[InertialFiller, ...], tuple[EffortFiller, ...]]:
     """The list that comes with the package."""
-    data = tomllib.loads((resources.files("armwright.description") / "placeholders.toml").read_text(encoding="utf-8"))
-    inertials = (
-        {
-            **entry,
-            "moments_kg_m2": tuple(sorted(entry["moments_kg_m2"])),
-            "masses_kg": tuple(entry.get("masses_kg", ())),
-        }
-        for entry in data["inertial"]
+    data = tomllib.loads((resources.files("armwright.lint") / "placeholders.toml").read_text(encoding="utf-8"))
+    return tuple(InertialFiller(**_frozen(f)) for f in data["inertial"]), tuple(
+        EffortFiller(**_frozen(f)) for f in data["efforts"]
     )
-    efforts = ({**entry, "efforts": tuple(entry["efforts"])} for entry in data["efforts"])
-    return tuple(InertialFiller(**entry) for entry in inertials), tuple(EffortFiller(**entry) for entry in efforts)
+
+
+def _frozen(entry: dict[str, Any]) -> dict[str, Any]:
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in entry.items()}
