@@ -15,7 +15,7 @@ from armwright_tables import table
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from armwright.description import built_from, compliance, drive, mimic, motor_effects, robot, supply
+from armwright.description import built_from, drive, drive_effects, robot
 from armwright.lazy_schema import Later
 from armwright.modules import assembly, library, task
 from armwright.parts import materials
@@ -39,17 +39,17 @@ TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
         (robot.RevoluteDH, robot.PrismaticDH, robot.FixedDH),
     ),
     ("frame", "", (robot.JointFrame,)),
-    ("mimic", "", (mimic.RotaryMimic, mimic.LinearMimic)),
+    ("mimic", "", (robot.RotaryMimic, robot.LinearMimic)),
     ("[joints.motor]", "", (drive.Motor,)),
-    ("motor: coupling", "A list of them.", (motor_effects.Coupling,)),
-    ("motor: thermal", "", (motor_effects.Thermal,)),
-    ("motor: cogging", "", (motor_effects.Cogging,)),
+    ("motor: coupling", "A list of them.", (drive_effects.Coupling,)),
+    ("motor: thermal", "", (drive_effects.Thermal,)),
+    ("motor: cogging", "", (drive_effects.Cogging,)),
     ("[joints.friction]", "", (drive.RotaryFriction, drive.LinearFriction)),
     ("[joints.limits]", "", (drive.RotaryLimits, drive.LinearLimits)),
-    ("elasticity", "", (compliance.RotaryElasticity, compliance.LinearElasticity)),
-    ("stops", "", (compliance.RotaryStops, compliance.LinearStops)),
-    ("brake", "", (compliance.RotaryBrake, compliance.LinearBrake)),
-    ("[supply]", "", (supply.Supply,)),
+    ("elasticity", "", (drive_effects.RotaryElasticity, drive_effects.LinearElasticity)),
+    ("stops", "", (drive_effects.RotaryStops, drive_effects.LinearStops)),
+    ("brake", "", (drive_effects.RotaryBrake, drive_effects.LinearBrake)),
+    ("[supply]", "", (drive_effects.Supply,)),
     ("[[links]]", "", (robot.Link,)),
     ("inertia_kg_m2", "", (robot.Inertia,)),
     ("[[links.visuals]]", "Solids are those of the [parts file](parts-file.md).", (visual.Visual,)),

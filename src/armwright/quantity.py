@@ -50,6 +50,18 @@ class Record(BaseModel):
         return validated(type(self), fields)
 
 
+def check_together(record: Record, *keys: str) -> None:
+    """Refuses a record that has some of these keys and not all.
+
+    Raises:
+        Invalid: names one that is there and those that are missing.
+    """
+    missing = [key for key in keys if getattr(record, key) is None]
+    if missing and len(missing) < len(keys):
+        first = next(key for key in keys if key not in missing)
+        raise Invalid(f"needs {' and '.join(missing)} beside it", place=first)
+
+
 def _written_date(value: Any) -> Any:
     """A day, a month or a year as ISO 8601 writes them; TOML's dates need no quotes."""
     if isinstance(value, (datetime.date, datetime.datetime)):

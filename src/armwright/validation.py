@@ -51,6 +51,13 @@ class Invalid(ValueError):
         self.problem = Problem(what, place, value, expected, tuple(choices))
         super().__init__(str(self.problem))
 
+    @classmethod
+    def of(cls, problem: Problem) -> Invalid:
+        """One that reports this problem."""
+        return cls(
+            problem.what, place=problem.place, value=problem.value, expected=problem.expected, choices=problem.choices
+        )
+
 
 def validated(
     record: type[AnyRecord],

@@ -9,6 +9,7 @@ import armwright as aw
 from armwright.description.drive_file import DriveFile, JointDrive
 from armwright.description.robot import PrismaticJoint, RevoluteJoint, RobotDescription
 from armwright.errors import DescriptionError
+from description.reports import check_report
 from description.urdf_files import AXIS, LIMIT, one_joint, written
 
 REDUCTION = (
@@ -74,32 +75,32 @@ def test_gear_ratio_of_the_transmission(tmp_path, reduction, own, ratio):
 
 def test_a_reduction_without_a_motor_is_told(tmp_path):
     (told,) = aw.load(written(tmp_path, one_joint(more=REDUCTION.format("50")))).warnings
-    assert told.startswith("joint j1: gear ratio 50 of its transmission is not used")
+    assert told.startswith("joint 'j1': gear ratio 50 of its transmission is not used")
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
+    ("old", "new", "place", "words"),
     [
-        ("[joints.j1]", "[joints.j7]", r"joints\.j7 does not move or is not there; did you mean j1\?"),
-        ("gear_ratio = 100,", "gear_ratio = 60,", r"gear_ratio = 60, the transmission says 50: expected the same"),
-        ("gear_ratio = 100,", "gear = 100,", r"joints\.j1\.motor\.gear = 100: unknown key; did you mean gear_ratio"),
-        ("voltage_v = 24", "voltage_v = -24", r"joints\.j1\.limits\.voltage_v = -24: expected a number above 0"),
-        (", smoothing_rad_per_s = 0.01", "", r"joints\.j1\.friction: .*needs smoothing_rad_per_s"),
-        ('source = "sheet"', "", r"has no source"),
-        ('source = "sheet"', 'source = "sheat"', "is no key of"),
-        ("command =", "comand =", "unknown key; did you mean command"),
-        ("source =", "source", "not TOML"),
-        ('tip = "upper"', 'tip = "uper"', "is no frame; did you mean upper"),
+        ("[joints.j1]", "[joints.j7]", "joints.j7", "j1"),
+        ("gear_ratio = 100,", "gear_ratio = 60,", "joints.j1.motor.gear_ratio", "50, as in the transmission"),
+        ("gear_ratio = 100,", "gear = 100,", "joints.j1.motor.gear", "gear_ratio"),
+        ("voltage_v = 24", "voltage_v = -24", "joints.j1.limits.voltage_v", "a number above 0"),
+        (", smoothing_rad_per_s = 0.01", "", "joints.j1.friction.smoothing_rad_per_s", "missing"),
+        ('source = "sheet"', "", "joints.j1.motor", "has no source"),
+        ('source = "sheet"', 'source = "sheat"', "gravity_m_s2 source", "sheet"),
+        ("command =", "comand =", "comand", "command"),
+        ("source =", "source", "", "not TOML"),
+        ('tip = "upper"', 'tip = "uper"', "tip", "upper"),
     ],
 )
-def test_refusals(tmp_path, old, new, message):
-    ratio = "50" if "50" in message else "100"
+def test_refusals(tmp_path, old, new, place, words):
+    ratio = "50" if "50" in words else "100"
     path = written(tmp_path, one_joint(more=REDUCTION.format(ratio)))
     assert old in DRIVE
     written(tmp_path, DRIVE.replace(old, new, 1), "arm.drive.toml")
-    with pytest.raises(DescriptionError, match=message) as refused:
+    with pytest.raises(DescriptionError) as refused:
         aw.load(path)
-    assert "\n" not in str(refused.value)
+    check_report(refused.value, place, words)
 
 
 def test_a_slide(tmp_path):

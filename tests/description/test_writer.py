@@ -94,6 +94,6 @@ def test_meshes_follow_the_file(tmp_path):
     assert Path(up.path) == home / "meshes" / "a.stl"
     other = tmp_path / "other"
     other.mkdir()
-    with pytest.raises(OutputError, match=r"a\.stl' is not below"):
+    with pytest.raises(OutputError, match="not below the file's folder"):
         write_toml(robot, other / "arm.toml")
     assert not list(other.iterdir())

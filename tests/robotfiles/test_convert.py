@@ -106,6 +106,6 @@ def test_refused(tmp_path):
         aw.convert("panda", tmp_path / "panda.stl")
     with pytest.raises(DescriptionError, match="did you mean panda"):
         aw.convert("pand", tmp_path / "panda.toml")
-    with pytest.raises(DescriptionError, match="no option of reading it"):
+    with pytest.raises(DescriptionError, match="unknown option"):
         aw.convert("panda", tmp_path / "panda.toml", smoothing=0.1)
     assert not list(tmp_path.iterdir())

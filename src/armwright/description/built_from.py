@@ -56,7 +56,9 @@ def built_from(path: Path, meshes: Iterable[str] = (), folder: Path | None = Non
         if found is None:
             at = path.parent / mesh
             why = "a folder" if at.is_dir() else "cannot be read" if at.exists() else "no such file"
-            raise DescriptionError(f"mesh {mesh!r}: {why}; expected a mesh file below {path.parent.as_posix()!r}")
+            raise DescriptionError(
+                why, place="mesh", value=mesh, expected=f"a mesh file below {path.parent.as_posix()!r}"
+            )
         hashes[mesh] = found
     name = path.name if folder is None else _relative(path, folder)
     return BuiltFrom(file=name, sha256=_hash(path) or "", meshes=hashes)

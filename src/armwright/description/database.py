@@ -10,12 +10,13 @@ from typing import Any
 
 from armwright.description.robot import RobotDescription
 from armwright.description.toml_file import read_document
-from armwright.errors import DescriptionError, nearest
+from armwright.errors import DescriptionError
 from armwright.validation import validated
 
 XML_ENDINGS = (".urdf", ".xml", ".mjcf", ".xacro")
 
 LONGEST = 2000  # letters of a path
+NAME_OR_PATH = "the name of a built-in arm, or the path of a TOML, URDF or MJCF file"
 
 
 def builtin_names() -> list[str]:
@@ -42,12 +43,10 @@ def read_description(name_or_path: str | os.PathLike[str], **reading: Any) -> Ro
     """
     text = os.fspath(name_or_path) if isinstance(name_or_path, (str, os.PathLike)) else None
     if not isinstance(text, str):
-        raise DescriptionError(f"{name_or_path!r}: expected the name of a built-in arm, or the path of a TOML file")
+        raise DescriptionError(value=name_or_path, expected=NAME_OR_PATH)
     path, names = Path(text), builtin_names()
     if len(text) > LONGEST:
-        raise DescriptionError(
-            f"{text[:40]!r}…: {len(text)} letters; expected the name of an arm, or the path of its file"
-        )
+        raise DescriptionError(f"{len(text)} letters", value=text, expected=NAME_OR_PATH)
     if text in names and (isinstance(name_or_path, str) or not path.exists()):
         _check_options(text, reading, ())
         with resources.as_file(resources.files("armwright.robots") / f"{text}.toml") as builtin:
@@ -57,7 +56,7 @@ def read_description(name_or_path: str | os.PathLike[str], **reading: Any) -> Ro
     if text and (path.suffix == ".toml" or path.exists()):
         _check_options(text, reading, ())
         return read_toml(path)
-    raise DescriptionError(f"no robot {text!r}: not a built-in arm and not a file; {nearest(text, names)}")
+    raise DescriptionError("not a built-in arm and not a file", place="robot", value=text, choices=names)
 
 
 def _read_xml_robot(path: Path, reading: dict[str, Any]) -> RobotDescription:
@@ -70,15 +69,15 @@ def _read_xml_robot(path: Path, reading: dict[str, Any]) -> RobotDescription:
     elif root.tag == "robot":
         from armwright.description.urdf import read_urdf as read
     else:
-        raise root.error(f"<{root.tag}>: expected a URDF (<robot>) or an MJCF (<mujoco>)")
+        raise root.error(expected="a URDF (<robot>) or an MJCF (<mujoco>)")
     _check_options(str(path), reading, tuple(inspect.signature(read).parameters)[1:])
     return read(path, **reading)
 
 
-def _check_options(place: str, given: dict[str, Any], known: tuple[str, ...]) -> None:
+def _check_options(file: str, given: dict[str, Any], known: tuple[str, ...]) -> None:
     for option in given:
         if option not in known:
-            raise DescriptionError(f"{place}: {option} = … is no option of reading it; {nearest(option, known)}")
+            raise DescriptionError("unknown option", place=option, choices=known, file=file)
 
 
 def read_toml(path: Path) -> RobotDescription:

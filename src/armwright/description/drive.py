@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import sqrt
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, model_validator
 
 from armwright.description.friction import LawName, check_friction
 from armwright.lazy_schema import imported_later
 from armwright.quantity import NotNegative, NotZero, Number, Positive, Range, Record, Share
+from armwright.validation import Invalid
 
 if TYPE_CHECKING:
-    from armwright.description.motor_effects import Cogging, Coupling, Thermal
+    from armwright.description.drive_effects import Cogging, Coupling, Thermal
 else:
-    Cogging, Coupling, Thermal = imported_later("armwright.description.motor_effects", "Cogging", "Coupling", "Thermal")
+    Cogging, Coupling, Thermal = imported_later("armwright.description.drive_effects", "Cogging", "Coupling", "Thermal")
 
 Command = Literal["voltage", "current", "torque"]
 COMMAND_NEEDS = {  # keys of [motor] without which a drive cannot follow its command
@@ -91,17 +92,16 @@ class Motor(Record):
         electrical = ("resistance_ohm", "inductance_h", "back_emf_constant_v_s_per_rad")
         given = [key for key in electrical if getattr(self, key) is not None]
         if given and self.torque_constant_n_m_per_a is None:
-            raise ValueError(f"a motor with {given[0]} needs torque_constant_n_m_per_a")
+            raise Invalid("needs torque_constant_n_m_per_a beside it", place=given[0])
         if self.thermal is not None and self.resistance_ohm is None:
-            raise ValueError("thermal needs resistance_ohm, whose heat warms the winding")
+            raise Invalid("needs resistance_ohm, whose heat warms the winding", place="thermal")
         if self.inductance_h is not None and self.resistance_ohm is None:
-            raise ValueError("inductance_h needs resistance_ohm beside it")
+            raise Invalid("needs resistance_ohm beside it", place="inductance_h")
         if self.current_loop_hz is not None and self.inductance_h is None:
-            raise ValueError("current_loop_hz needs inductance_h: without, the current follows at once")
+            raise Invalid("needs inductance_h: without, the current follows at once", place="current_loop_hz")
         if self.pwm == "coast" and self.inductance_h is not None:
-            raise ValueError(
-                'pwm = "coast" goes without inductance_h: its law is of a current that dies away in every period'
-            )
+            what = "goes without inductance_h: its law is of a current that dies away in every period"
+            raise Invalid(what, place="pwm", value="coast")
         return self
 
 
@@ -240,8 +240,8 @@ class LinearLimits(Record):
         return _ordered_range(self, "position_m")
 
 
-def _ordered_range(limits, key: str):
+def _ordered_range(limits: Any, key: str) -> Any:
     position = getattr(limits, key)
     if position is not None and not position.value[0] < position.value[1]:
-        raise ValueError(f"{key} = {list(position.value)}: expected the lowest before the highest")
+        raise Invalid(place=key, value=position.value, expected="the lowest before the highest")
     return limits

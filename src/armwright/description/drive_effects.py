@@ -1,77 +1,183 @@
-"""Which effects of a joint's drive go together: what one record cannot see of another is checked for the whole robot."""
+"""Effects of a drive beyond equation (11): heat, cogging, coupled joints, elastic gears, stops, brakes, and the supply.
+
+Rotary and linear, by their units. Few robots have them: `description.robot` imports this file when it meets one.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
-from armwright.errors import nearest
+from pydantic import Field, model_validator
+
+from armwright.quantity import NotNegative, NotPositive, NotZero, Number, Positive, Record, check_together
+from armwright.validation import Invalid
+
+STIFFENING = "κ of a harmonic drive that stiffens under load; absent: the spring is linear. Goes without play."
+PLAY = "Width of the gap between the flanks in which nothing is transmitted; absent: none."
+ERROR = "A, kinematic error of a harmonic drive, twice in a turn of the motor; absent: none. [TuttleSeering1996]"
+SIDE = "Whose numbers these are: the joint's, or the motor's in motor radians, referred by n², |n| and 1/|n|."
 
 
-def check_drive_effects(robot: Any) -> None:
-    """Refuses effects that lack what they rest on.
+class Coupling(Record):
+    """A share of another joint in the motor's angle, as in wrists:  θ_motor = gear_ratio · q + Σ ratio · q_joint."""
 
-    Args:
-        robot: a RobotDescription.
-    Raises:
-        ValueError: names the joint, the key and what it needs.
+    source: str | None = None
+    joint: str = Field(min_length=1, description="The other joint.")
+    ratio: NotZero = Field(description="Motor radians per radian (or metre) of that joint; the sign counts.")
+
+
+class Thermal(Record):
+    """Temperatures of a motor of one body (its winding) or of two (winding and housing). [HendershotMiller2010]
+
+    One body:    C_w Ṫ_w = heat - (T_w - ambient) / winding_resistance
+    Two bodies:  C_w Ṫ_w = heat - (T_w - T_h) / winding_resistance,
+                 C_h Ṫ_h = (T_w - T_h) / winding_resistance - (T_h - ambient) / housing_resistance
+    heat = R i²,  R = resistance_ohm · (1 + resistance_temperature_coefficient (T_w - reference)),
+    Kt and Ke = their constants · (1 + magnet_temperature_coefficient (T - reference)),
+    T of the housing where there is one, else T_w.
     """
-    moving = [joint for joint in robot.joints if joint.type != "fixed"]
-    free = [joint.name for joint in moving if joint.mimic is None]
-    for joint in moving:
-        try:
-            _check_joint(robot, joint)
-            _check_coupling(joint, free)
-        except ValueError as error:
-            raise ValueError(f"joint {joint.name!r}: {error}") from None
+
+    source: str | None = None
+    ambient_c: Number = Field(description="Temperature of the surroundings, and of the motor at the beginning.")
+    reference_c: Number = Field(description="Temperature at which resistance and torque constant were measured.")
+    winding_capacity_j_per_k: Positive = Field(description="Heat that warms the winding by one kelvin.")
+    winding_resistance_k_per_w: Positive = Field(description="From the winding to the housing, or to the ambient.")
+    housing_capacity_j_per_k: Positive | None = Field(default=None, description="Absent: one body.")
+    housing_resistance_k_per_w: Positive | None = Field(default=None, description="From the housing to the ambient.")
+    resistance_temperature_coefficient_per_k: NotNegative | None = Field(
+        default=None, description="Relative change of R per kelvin, 0.0039 for copper; absent: R is constant."
+    )
+    magnet_temperature_coefficient_per_k: NotPositive | None = Field(
+        default=None,
+        description="Relative change of Kt and Ke per kelvin of the magnets, -0.0011 for NdFeB; absent: none.",
+    )
+
+    @model_validator(mode="after")
+    def _bodies(self) -> Thermal:
+        check_together(self, "housing_capacity_j_per_k", "housing_resistance_k_per_w")
+        return self
 
 
-def _check_joint(robot: Any, joint: Any) -> None:
-    motor, friction, command = joint.motor, joint.friction, joint.command or robot.command
-    limit = "position_rad" if joint.type == "revolute" else "position_m"
-    if joint.stops is not None and getattr(joint.limits, limit) is None:
-        raise ValueError(f"stops need limits.{limit}, where they stand")
-    if joint.elasticity is not None and (motor is None or float(motor.rotor_inertia_kg_m2) == 0):
-        raise ValueError("elasticity needs motor.rotor_inertia_kg_m2 above 0: the mass before the spring")
-    if joint.brake is not None and joint.brake.side == "motor" and motor is None:
-        raise ValueError('brake.side = "motor" needs a [joints.motor] with its gear_ratio')
-    if joint.type == "prismatic" and joint.brake is not None:
-        _check_side(joint.brake)
-    if friction is not None and friction.viscous_fall_k is not None and (motor is None or motor.thermal is None):
-        raise ValueError("friction.viscous_fall_k needs motor.thermal, which knows the temperature")
-    if motor is None:
-        return
-    if robot.supply is not None and motor.basis != "dc":
-        raise ValueError(
-            f"[supply] goes with motor constants of basis = 'dc', not {motor.basis!r}: the bus clips DC-equivalent volts"
-        )
-    if motor.current_loop_hz is not None and command == "voltage":
-        raise ValueError(
-            'motor.current_loop_hz goes with command = "current" or "torque": a voltage needs no current loop'
-        )
-    if motor.pwm == "coast":
-        if command != "voltage":
-            raise ValueError(f'motor.pwm = "coast" goes with command = "voltage", not {command!r}')
-        if robot.supply is None and joint.limits.voltage_v is None:
-            raise ValueError('motor.pwm = "coast" needs limits.voltage_v or [supply], the voltage that is switched')
+class Cogging(Record):
+    """Torque of the magnets on the slots:  amplitude · sin(periods θ_motor + phase), added to Kt i. [HendershotMiller2010]"""
+
+    source: str | None = None
+    amplitude_n_m: Positive = Field(description="At the motor.")
+    periods: Positive = Field(
+        description="Of one turn of the motor: the least common multiple of slots and poles, or a multiple."
+    )
+    phase_rad: Number = Field(description="Of the sine at θ_motor = 0.")
 
 
-def _check_side(brake: Any) -> None:
-    from armwright.description.compliance import RotaryBrake
+class RotaryElasticity(Record):
+    """A gear that gives way between motor and joint: both positions are states of the simulator. [Spong1987]
 
-    if isinstance(brake, RotaryBrake) and brake.side != "motor":
-        raise ValueError('a brake of a prismatic joint in N m is its motor\'s: expected side = "motor", or keys in N')
+    δ = θ_motor / n + A sin(2 θ_motor + phase) - q,  torque = k δ' + κ δ'³ + d δ̇,
+    δ' = δ less the play: 0 within ± backlash/2, where nothing is transmitted; flanks never pull. [NordinGutman2002]
+    """
+
+    source: str | None = None
+    stiffness_n_m_per_rad: Positive = Field(description="k, at the joint.")
+    damping_n_m_s_per_rad: NotNegative = Field(description="d, at the joint.")
+    cubic_n_m_per_rad3: Positive | None = Field(default=None, description=STIFFENING)
+    backlash_rad: Positive | None = Field(default=None, description=PLAY)
+    error_rad: Positive | None = Field(default=None, description=ERROR)
+    error_phase_rad: Number | None = Field(default=None, description="Phase of that error at θ_motor = 0.")
+
+    @model_validator(mode="after")
+    def _complete(self) -> RotaryElasticity:
+        return _checked_elasticity(self, "rad", "n_m")
 
 
-def _check_coupling(joint: Any, names: list[str]) -> None:
-    if joint.motor is None:
-        return
-    others = [coupling.joint for coupling in joint.motor.coupling]
-    for other in others:
-        if other not in names:
-            raise ValueError(
-                f"motor.coupling joint = {other!r} does not move by itself or is not there; {nearest(other, names)}"
-            )
-        if other == joint.name:
-            raise ValueError("motor.coupling names the joint itself, whose share is gear_ratio")
-        if others.count(other) > 1:
-            raise ValueError(f"motor.coupling names {other!r} twice")
+class LinearElasticity(Record):
+    """`RotaryElasticity` of a prismatic joint, in N and metres."""
+
+    source: str | None = None
+    stiffness_n_per_m: Positive = Field(description="k, at the joint.")
+    damping_n_s_per_m: NotNegative = Field(description="d, at the joint.")
+    cubic_n_per_m3: Positive | None = Field(default=None, description=STIFFENING)
+    backlash_m: Positive | None = Field(default=None, description=PLAY)
+    error_m: Positive | None = Field(default=None, description=ERROR)
+    error_phase_rad: Number | None = Field(default=None, description="Phase of that error at θ_motor = 0.")
+
+    @model_validator(mode="after")
+    def _complete(self) -> LinearElasticity:
+        return _checked_elasticity(self, "m", "n")
+
+
+def _checked_elasticity(given: Any, length: str, force: str) -> Any:
+    cubic, gap = getattr(given, f"cubic_{force}_per_{length}3"), getattr(given, f"backlash_{length}")
+    if cubic is not None and gap is not None:
+        expected = f"cubic_{force}_per_{length}3 or backlash_{length}, not both: a stiffening gear has no play"
+        raise Invalid(expected=expected)
+    check_together(given, f"error_{length}", "error_phase_rad")
+    return given
+
+
+class RotaryStops(Record):
+    """End stops at limits.position_rad, springs with dampers that only push:  torque = max(0, k p + d ṗ), p > 0 how far in."""
+
+    source: str | None = None
+    stiffness_n_m_per_rad: Positive = Field(description="k.")
+    damping_n_m_s_per_rad: NotNegative = Field(description="d.")
+
+
+class LinearStops(Record):
+    """End stops at limits.position_m, springs with dampers that only push:  force = max(0, k p + d ṗ), p > 0 how far in."""
+
+    source: str | None = None
+    stiffness_n_per_m: Positive = Field(description="k.")
+    damping_n_s_per_m: NotNegative = Field(description="d.")
+
+
+class RotaryBrake(Record):
+    """A holding brake, which the simulator applies and releases: it gives way like a spring until it slips. [Dahl1968]
+
+    torque = k z + d ż,  ż = q̇ - k |q̇| / holding_torque z while applied, ż = -z / release_time while released.
+    """
+
+    source: str | None = None
+    side: Literal["joint", "motor"] = Field(default="joint", description=SIDE)
+    holding_torque_n_m: Positive = Field(description="Beyond which it slips.")
+    stiffness_n_m_per_rad: Positive = Field(description="k, of its hub and lining.")
+    damping_n_m_s_per_rad: NotNegative = Field(description="d.")
+    release_time_s: Positive = Field(description="Over which its torque dies away when it is released.")
+
+
+class LinearBrake(Record):
+    """`RotaryBrake` on a slide itself, in N and metres; one on its motor has N m and side = "motor"."""
+
+    source: str | None = None
+    side: Literal["joint"] = Field(default="joint", description="The slide itself.")
+    holding_force_n: Positive = Field(description="Beyond which it slips.")
+    stiffness_n_per_m: Positive = Field(description="k, of its lining.")
+    damping_n_s_per_m: NotNegative = Field(description="d.")
+    release_time_s: Positive = Field(description="Over which its force dies away when it is released.")
+
+
+SlideBrake = LinearBrake | RotaryBrake  # of a prismatic joint: on the slide, or on its motor
+
+
+class Supply(Record):
+    """A rectifier behind a source resistance, the capacitor of the bus, and a brake chopper. The bus voltage V is a state.
+
+    C V̇ = max(0, voltage - V) / source_resistance - Σ P / V - chopper_share · V / chopper_resistance,
+    P the electrical power of each drive; the rectifier takes nothing back.
+    chopper_share = 0 below chopper_voltage, 1 above chopper_voltage + chopper_band, linear between.
+    """
+
+    source: str | None = None
+    voltage_v: Positive = Field(description="Without load; the bus begins with it.")
+    source_resistance_ohm: Positive = Field(description="Of mains, transformer and rectifier together.")
+    capacitance_f: Positive = Field(description="C of the bus.")
+    chopper_voltage_v: Positive | None = Field(default=None, description="At which braking begins; absent: no chopper.")
+    chopper_band_v: Positive | None = Field(default=None, description="Over which the chopper goes from 0 to all.")
+    chopper_resistance_ohm: Positive | None = Field(default=None, description="Of the braking resistor.")
+
+    @model_validator(mode="after")
+    def _complete(self) -> Supply:
+        check_together(self, "chopper_voltage_v", "chopper_band_v", "chopper_resistance_ohm")
+        if self.chopper_voltage_v is not None and float(self.chopper_voltage_v) <= float(self.voltage_v):
+            expected = "more than voltage_v, or the source feeds the braking resistor"
+            raise Invalid(place="chopper_voltage_v", value=self.chopper_voltage_v.value, expected=expected)
+        return self

@@ -25,7 +25,7 @@ from pydantic import Field
 
 from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
 from armwright.description.toml_file import read_document
-from armwright.errors import DescriptionError, nearest
+from armwright.errors import DescriptionError
 from armwright.quantity import Positive, Record, Source, Vector3
 from armwright.validation import validated
 
@@ -91,7 +91,7 @@ def add_drives(path: Path, drives: DriveFile, robot: dict[str, Any], reductions:
     moving = {joint["name"]: joint for joint in robot["joints"] if joint["type"] != "fixed"}
     for name, given in drives.joints.items():
         if name not in moving:
-            raise DescriptionError(f"{path}: joints.{name} does not move or is not there; {nearest(name, moving)}")
+            raise DescriptionError("does not move or is not there", place=f"joints.{name}", choices=moving, file=path)
         joint, source = moving[name], given.source or drives.source
         slides = joint["type"] == "prismatic"
         if given.command is not None:
@@ -120,7 +120,7 @@ def add_drives(path: Path, drives: DriveFile, robot: dict[str, Any], reductions:
             robot[key] = getattr(drives, key)
     if drives.gravity_m_s2 is not None:
         if (drives.gravity_m_s2.source or drives.source) is None:
-            raise DescriptionError(f"{path}: gravity_m_s2 has no source: expected source = ... for the whole file")
+            raise _no_source(path, "gravity_m_s2")
         robot["gravity_m_s2"] = _sourced({"g": drives.gravity_m_s2}, drives.source)["g"]
 
 
@@ -132,12 +132,11 @@ def _with_reduction(
         return motor
     if "gear_ratio" not in motor:
         return {**motor, "gear_ratio": {"value": reduction, "source": source}}
-    own = motor["gear_ratio"]
-    own = own.get("value") if isinstance(own, dict) else own
-    if own != reduction:
-        raise DescriptionError(
-            f"{path}: joints.{name}.motor.gear_ratio = {own}, the transmission says {reduction:g}: expected the same"
-        )
+    ratio = motor["gear_ratio"]
+    ratio = ratio.get("value") if isinstance(ratio, dict) else ratio
+    if ratio != reduction:
+        place, expected = f"joints.{name}.motor.gear_ratio", f"{reduction:g}, as in the transmission"
+        raise DescriptionError(place=place, value=ratio, expected=expected, file=path)
     return motor
 
 
@@ -146,7 +145,7 @@ def _part(path: Path, place: str, kind: type[Record], data: dict[str, Any], sour
     record = validated(kind, data, place=place, file=path)
     if getattr(record, "source", None) is None:
         if source is None:
-            raise DescriptionError(f"{path}: {place} has no source: expected source = ... in it or for the whole file")
+            raise _no_source(path, place)
         return record.replace(source=source)
     return record
 
@@ -154,20 +153,22 @@ def _part(path: Path, place: str, kind: type[Record], data: dict[str, Any], sour
 def _table(path: Path, place: str, table: dict[str, Any], source: str | None) -> dict[str, Any]:
     """A table that bears its source; its keys are checked with the robot's."""
     if table.get("source", source) is None:
-        raise DescriptionError(f"{path}: {place} has no source: expected source = ... in it or for the whole file")
+        raise _no_source(path, place)
     return {"source": source, **table}
+
+
+def _no_source(path: Path, place: str) -> DescriptionError:
+    return DescriptionError(
+        "has no source", place=place, expected="source = ... in it or for the whole file", file=path
+    )
 
 
 def _sourced(limits: Any, source: str | None) -> dict[str, Any]:
     """The quantities of a record, each with its own source: they go into a table of another one."""
-    own = getattr(limits, "source", None) or source
-    fields = (
-        limits.items()
-        if isinstance(limits, dict)
-        else ((name, getattr(limits, name)) for name in limits.model_fields_set)
-    )
+    fields = limits if isinstance(limits, dict) else {name: getattr(limits, name) for name in limits.model_fields_set}
+    source = fields.get("source") or source
     return {
-        name: quantity if quantity.source is not None else quantity.replace(source=own)
-        for name, quantity in fields
+        name: quantity if quantity.source is not None else quantity.replace(source=source)
+        for name, quantity in fields.items()
         if name != "source" and quantity is not None
     }

@@ -8,6 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from armwright.quantity import check_together
+from armwright.validation import Invalid
+
 LawName = Literal["coulomb", "sigmoid", "lugre"]
 Dimension = Literal["torque", "speed", "slope", "stiffness", "damping"]
 ENDINGS: dict[Dimension, tuple[str, str]] = {  # of keys, in a record in N m and rad and in one in N and m
@@ -58,36 +61,36 @@ def check_friction(friction: Any, linear: bool) -> None:
     """Refuses a record of friction whose keys do not go together; `linear`: it is in N and metres.
 
     Raises:
-        ValueError: names the key and what it needs.
+        Invalid: names the key and what it needs.
     """
-    given = {key for key in type(friction).model_fields if getattr(friction, key) is not None}
+    present = {key for key in type(friction).model_fields if getattr(friction, key) is not None}
     coulomb = [key_of(f"coulomb_{side}", "torque", linear) for side in ("positive", "negative")]
     stribeck = [key_of("stribeck_torque", "torque", linear), key_of("stribeck_speed", "speed", linear)]
-    for pair in (coulomb, stribeck):
-        missing = [key for key in pair if key not in given]
-        if len(missing) == 1:
-            raise ValueError(f"{next(key for key in pair if key in given)} needs {missing[0]} beside it")
+    check_together(friction, *coulomb)
+    check_together(friction, *stribeck)
     law = LAWS[friction.law]
     needed = [*(key_of(*key, linear) for key in law.own), *(coulomb if law.dry == "needed" else [])]
-    missing = [key for key in needed if key not in given]
+    missing = [key for key in needed if key not in present]
     if missing:
-        raise ValueError(f'law = "{friction.law}" needs {" and ".join(missing)}')
+        raise Invalid(f"needs {' and '.join(missing)}", place="law", value=friction.law)
     for key in coulomb:
         if law.dry == "needed" and getattr(friction, key).value == 0:
-            raise ValueError(f'{key}: law = "{friction.law}" expects a level above 0, at which the bristles slip')
+            raise Invalid(
+                place=key, value=0.0, expected=f'a level above 0 with law = "{friction.law}", at which it slips'
+            )
     for name, other in LAWS.items():
-        foreign = [key for key in (key_of(*key, linear) for key in other.own) if key in given and key not in needed]
+        foreign = [key for key in (key_of(*key, linear) for key in other.own) if key in present and key not in needed]
         if foreign:
-            raise ValueError(f'{foreign[0]} needs law = "{name}"')
-    if "load_coefficient" in given and coulomb[0] not in given:
-        raise ValueError(f"load_coefficient needs {coulomb[0]} and {coulomb[1]} beside it, which rise with the load")
-    if "viscous_fall_k" in given and key_of("viscous", "damping", linear) not in given:
-        raise ValueError("viscous_fall_k needs viscous friction, which falls")
-    dry = [key for key in (*coulomb, *stribeck) if key in given]
+            raise Invalid(f'needs law = "{name}"', place=foreign[0])
+    if "load_coefficient" in present and coulomb[0] not in present:
+        raise Invalid(f"needs {coulomb[0]} and {coulomb[1]}, which rise with the load", place="load_coefficient")
+    if "viscous_fall_k" in present and key_of("viscous", "damping", linear) not in present:
+        raise Invalid("needs viscous friction, which falls", place="viscous_fall_k")
+    dry = [key for key in (*coulomb, *stribeck) if key in present]
     if dry and law.dry == "none":
-        raise ValueError(f'law = "{friction.law}" knows no {dry[0]}')
+        raise Invalid(f'does not go with law = "{friction.law}"', place=dry[0])
     smoothing = key_of("smoothing", "speed", linear)
-    if dry and smoothing not in given:
-        raise ValueError(f"Coulomb friction needs {smoothing}, the speed over which it is smoothed")
-    if stribeck[0] in given and coulomb[0] not in given:
-        raise ValueError(f"{stribeck[0]} needs {coulomb[0]} and {coulomb[1]} beside it")
+    if dry and smoothing not in present:
+        raise Invalid("missing", place=smoothing, expected="the speed over which Coulomb friction is smoothed")
+    if stribeck[0] in present and coulomb[0] not in present:
+        raise Invalid(f"needs {coulomb[0]} and {coulomb[1]} beside it", place=stribeck[0])

@@ -24,7 +24,7 @@ def package_folders(file: Path, given: Iterable[str | os.PathLike[str]] = ()) ->
     folders = []
     for folder in given:
         if not Path(folder).is_dir():
-            raise DescriptionError(f"packages = [{os.fspath(folder)!r}]: no such folder")
+            raise DescriptionError("no such folder", place="packages", value=os.fspath(folder))
         folders.append(Path(folder).resolve())
     named = [Path(folder) for folder in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if folder]
     return (*folders, *(folder.resolve() for folder in named if folder.is_dir()), *file.resolve().parents)
@@ -40,7 +40,7 @@ def find_mesh(element: Element, name: str, file: Path, folders: tuple[Path, ...]
         DescriptionError: a path that leads out, by `..`, links or from the root; another scheme.
     """
     if "\0" in name:
-        raise element.error(f"{name!r}: expected the path of a file")
+        raise element.error(value=name, expected="the path of a file")
     for scheme in SCHEMES:
         if name.startswith(scheme):
             package, _, rest = (
@@ -50,12 +50,11 @@ def find_mesh(element: Element, name: str, file: Path, folders: tuple[Path, ...]
     if name.startswith("file://"):
         name = unquote(name.removeprefix("file://"))
     elif "://" in name:
-        raise element.error(f"{name!r}: expected package://, file:// or a path; nothing is fetched")
+        raise element.error("nothing is fetched", value=name, expected="package://, file:// or a path")
     path = _resolved(file.resolve().parent / name)
     if not any(path.is_relative_to(root) for root in (_package_of(file), *folders[: _given(file, folders)])):
-        raise element.error(
-            f"{name!r} leads out of {str(_package_of(file))!r}; expected a path below it, or packages = [FOLDER]"
-        )
+        what = f"leads out of {str(_package_of(file))!r}"
+        raise element.error(what, value=name, expected="a path below it, or packages = [FOLDER]")
     return path if path.is_file() else None
 
 
@@ -80,11 +79,11 @@ def _is_everybodys(folder: Path) -> bool:
 
 def _in_package(element: Element, name: str, package: str, rest: str, roots: list[Path]) -> Path | None:
     if not package or package in (".", "..") or not rest:
-        raise element.error(f"{name!r}: expected package://NAME/path")
+        raise element.error(value=name, expected="package://NAME/path")
     for root in roots:
         path = _resolved(root / rest)
         if not path.is_relative_to(_resolved(root)):
-            raise element.error(f"{name!r} leads out of the package {package!r}: expected a path below it")
+            raise element.error(f"leads out of the package {package!r}", value=name, expected="a path below it")
         if path.is_file():
             return path
     return None

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from armwright.description.consistency import check_robot
 from armwright.description.drive import (
-    COMMAND_NEEDS,
     Command,
     LinearFriction,
     LinearLimits,
@@ -16,45 +16,35 @@ from armwright.description.drive import (
     RotaryFriction,
     RotaryLimits,
 )
-from armwright.description.drive_effects import check_drive_effects
-from armwright.description.mimic import LinearMimic, RotaryMimic, check_mimics
 from armwright.description.paths import quantities
-from armwright.errors import DescriptionError, nearest
+from armwright.errors import DescriptionError
 from armwright.lazy_schema import imported_later
-from armwright.quantity import (
-    Direction,
-    NotNegative,
-    Number,
-    Positive,
-    Record,
-    Source,
-    SourceKind,
-    Vector3,
-)
+from armwright.quantity import Direction, NotNegative, NotZero, Number, Positive, Record, Source, Vector3
+from armwright.validation import Invalid
 
 if TYPE_CHECKING:
     from armwright.description.built_from import BuiltFrom
-    from armwright.description.compliance import (
+    from armwright.description.drive_effects import (
         LinearElasticity,
         LinearStops,
         RotaryBrake,
         RotaryElasticity,
         RotaryStops,
         SlideBrake,
+        Supply,
     )
-    from armwright.description.supply import Supply
     from armwright.solids.visual import Visual
 else:
-    LinearElasticity, LinearStops, RotaryBrake, RotaryElasticity, RotaryStops, SlideBrake = imported_later(
-        "armwright.description.compliance",
-        *("LinearElasticity", "LinearStops", "RotaryBrake", "RotaryElasticity", "RotaryStops", "SlideBrake"),
+    LinearElasticity, LinearStops, RotaryBrake, RotaryElasticity, RotaryStops, SlideBrake, Supply = imported_later(
+        "armwright.description.drive_effects",
+        *("LinearElasticity", "LinearStops", "RotaryBrake", "RotaryElasticity", "RotaryStops", "SlideBrake", "Supply"),
     )
     (BuiltFrom,) = imported_later("armwright.description.built_from", "BuiltFrom")
     (Visual,) = imported_later("armwright.solids.visual", "Visual")
-    (Supply,) = imported_later("armwright.description.supply", "Supply")
 
 Name = Annotated[str, Field(min_length=1, pattern=r"^[^\s.\[\]]+$")]
-KINDS: tuple[str, ...] = SourceKind.__args__  # type: ignore[attr-defined]
+MASTER = "The joint that it follows; that may follow another in turn."
+MULTIPLIER = "How far it moves by the master's 1 rad or m, in its own unit."
 
 
 class RevoluteDH(Record):
@@ -95,6 +85,34 @@ class JointFrame(Record):
     rpy_rad: Vector3 = Field(description="Angles about fixed x, then y, then z.")
 
 
+class RotaryMimic(Record):
+    """A revolute joint without a drive of its own:  q = multiplier · q_master + offset; torques go to the master, by power."""
+
+    source: str | None = None
+    joint: str = Field(min_length=1, description=MASTER)
+    multiplier: NotZero = Field(description=MULTIPLIER)
+    offset_rad: Number = Field(description="Where it stands while its master is at 0.")
+
+    @property
+    def offset(self) -> Any:
+        """[rad]."""
+        return self.offset_rad.number
+
+
+class LinearMimic(Record):
+    """`RotaryMimic` of a prismatic joint."""
+
+    source: str | None = None
+    joint: str = Field(min_length=1, description=MASTER)
+    multiplier: NotZero = Field(description=MULTIPLIER)
+    offset_m: Number = Field(description="Where it stands while its master is at 0.")
+
+    @property
+    def offset(self) -> Any:
+        """[m]."""
+        return self.offset_m.number
+
+
 class _Joint(Record):
     source: str | None = None
     name: Name = Field(description="What q, schedules and results call it; not t, which is the time.")
@@ -106,17 +124,17 @@ class _Joint(Record):
     def _one_placement(self) -> Any:
         ways = [way for way in ("dh", "modified_dh", "frame") if getattr(self, way) is not None]
         if len(ways) != 1:
-            raise ValueError(f"expected exactly one of dh, modified_dh, frame, not {' and '.join(ways) or 'none'}")
+            raise Invalid(expected=f"exactly one of dh, modified_dh, frame, not {' and '.join(ways) or 'none'}")
         axis = getattr(self, "axis", None)
         if axis is not None and ways != ["frame"]:
-            raise ValueError("axis goes with frame (the axis of a DH joint is z)")
+            raise Invalid("goes with frame (the axis of a DH joint is z)", place="axis", value=axis.value)
         if axis is None and ways == ["frame"] and "axis" in type(self).model_fields:
-            raise ValueError("expected axis = [x, y, z] beside frame, the joint's direction in it")
+            raise Invalid("missing", place="axis", expected="[x, y, z] beside frame, the joint's direction in it")
         return self
 
 
 def _friction_kind(value: Any) -> str:
-    """Whose friction a slide's record tells: its motor's in N m and radians, or its own in N and metres."""
+    """The type of a slide's friction: its motor's in N m and radians, or its own in N and metres."""
     if isinstance(value, dict):
         rotary = value.get("side") == "motor" or any(
             "_n_m" in key or key.endswith("per_rad") for key in map(str, value)
@@ -177,9 +195,8 @@ class PrismaticJoint(_Joint):
     @model_validator(mode="after")
     def _friction_side(self) -> PrismaticJoint:
         if isinstance(self.friction, RotaryFriction) and self.friction.side != "motor":
-            raise ValueError(
-                'friction of a prismatic joint in N m is its motor\'s: expected side = "motor", or keys in N'
-            )
+            expected = 'side = "motor", or keys in N'
+            raise Invalid("in N m on a prismatic joint, it is its motor's", place="friction", expected=expected)
         return self
 
 
@@ -266,12 +283,7 @@ class RobotDescription(Record):
 
     @model_validator(mode="after")
     def _consistent(self) -> RobotDescription:
-        _check_names(self)
-        _check_tree(self)
-        _check_commands(self)
-        check_mimics(self)
-        check_drive_effects(self)
-        check_sources(self)
+        check_robot(self)
         return self
 
     def link(self, name: str) -> Link:
@@ -279,7 +291,8 @@ class RobotDescription(Record):
         for link in self.links:
             if link.name == name:
                 return link
-        raise DescriptionError(f"{self.name}: no link {name!r}; {nearest(name, [link.name for link in self.links])}")
+        names = [link.name for link in self.links]
+        raise DescriptionError("no link", place="link", value=name, choices=names, file=self.name)
 
     @property
     def total_mass(self) -> float:
@@ -294,7 +307,7 @@ class RobotDescription(Record):
         """
         known = {where: source for where, _, source in quantities(self)}
         if path not in known:
-            raise DescriptionError(f"{self.name}: no number at {path!r}; {nearest(str(path), known)}")
+            raise DescriptionError("no number has this path", value=path, choices=known, file=self.name)
         return self.source_of(known[path] or "")
 
     def source_of(self, key: str) -> Source:
@@ -302,96 +315,3 @@ class RobotDescription(Record):
         if key in self.sources:
             return self.sources[key]
         return Source(kind=key, text=key)  # type: ignore[arg-type]
-
-
-def _unique(what: str, names: list[str]) -> None:
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise ValueError(f"two {what} are called {twice[0]!r}: expected every name once")
-
-
-def _check_names(robot: RobotDescription) -> None:
-    if not robot.joints:
-        raise ValueError("expected at least one joint")
-    _unique("joints", [joint.name for joint in robot.joints])
-    if any(joint.name == "t" for joint in robot.joints):
-        raise ValueError("a joint is called 't': expected another name, t is the time in schedules")
-    links = [link.name for link in robot.links]
-    _unique("links", links)
-    _unique("frames or links", [*links, *(frame.name for frame in robot.frames), robot.base])
-    for joint in robot.joints:
-        for side in ("parent", "child"):
-            name = getattr(joint, side)
-            if name not in links and not (side == "parent" and name == robot.base):
-                known = [*links, robot.base] if side == "parent" else links
-                raise ValueError(f"joint {joint.name!r}: {side} = {name!r} is no link; {nearest(name, known)}")
-    known = [*links, robot.base]
-    for frame in robot.frames:
-        if frame.link not in known:
-            raise ValueError(f"frame {frame.name!r}: link = {frame.link!r} is no link; {nearest(frame.link, known)}")
-    ends = [*known, *(frame.name for frame in robot.frames)]
-    if robot.tip is not None and robot.tip not in ends:
-        raise ValueError(f"tip = {robot.tip!r} is no frame; {nearest(robot.tip, ends)}")
-
-
-def _check_tree(robot: RobotDescription) -> None:
-    parent = {}
-    for joint in robot.joints:
-        if joint.child in parent:
-            raise ValueError(f"link {joint.child!r} is moved by two joints: closed chains are not offered")
-        parent[joint.child] = joint.parent
-    for link in robot.links:
-        if link.name not in parent:
-            raise ValueError(f"link {link.name!r} hangs on no joint: expected every link to be the child of one")
-    for link in robot.links:
-        seen, at = {link.name}, parent[link.name]
-        while at != robot.base:
-            if at in seen:
-                raise ValueError(f"link {at!r} carries itself: expected a tree that starts at {robot.base!r}")
-            seen.add(at)
-            at = parent[at]
-
-
-def _check_commands(robot: RobotDescription) -> None:
-    for joint in robot.joints:
-        if isinstance(joint, FixedJoint):
-            continue
-        command = joint.command or robot.command if joint.mimic is None else "torque"
-        if command is None:
-            raise ValueError(f"joint {joint.name!r} has no command: expected voltage, current or torque")
-        for key in COMMAND_NEEDS[command]:
-            if joint.motor is None or getattr(joint.motor, key) is None:
-                raise ValueError(f"joint {joint.name!r}: command = {command!r} needs motor.{key}")
-        on_motor_side = joint.friction is not None and joint.friction.side == "motor"
-        if on_motor_side and joint.motor is None:
-            raise ValueError(
-                f"joint {joint.name!r}: friction on the motor side needs a [joints.motor] with its gear_ratio"
-            )
-        if (
-            joint.motor is not None
-            and joint.motor.gear_efficiency is not None
-            and float(joint.motor.gear_efficiency) < 1
-        ):
-            linear = isinstance(joint, PrismaticJoint) and not isinstance(joint.friction, RotaryFriction)
-            key = "smoothing_m_per_s" if linear else "smoothing_rad_per_s"
-            if getattr(joint.friction, key, None) is None:
-                raise ValueError(
-                    f"joint {joint.name!r}: motor.gear_efficiency needs friction.{key}, the speed its loss is smoothed over"
-                )
-
-
-def check_sources(robot: Any) -> None:
-    """Refuses numbers of a file that have no source; `robot` is a record with its [sources].
-
-    Raises:
-        ValueError: names the number.
-    """
-    for path, _, source in quantities(robot):
-        if source is None:
-            raise ValueError(
-                f"{path} has no source: expected source = ... beside it, in its table or for the whole file"
-            )
-        if source not in robot.sources and source not in KINDS:
-            raise ValueError(
-                f"{path}: source = {source!r} is no key of [sources]; {nearest(source, [*robot.sources, *KINDS])}"
-            )

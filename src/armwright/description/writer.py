@@ -124,7 +124,8 @@ def _relative(mesh: Mesh, place: Path | None) -> str:
         return mesh.file
     path = mesh.path.resolve()
     if not path.is_relative_to(place):
-        raise OutputError(f"mesh {os.fspath(mesh.path)!r} is not below {os.fspath(place)!r}, where the file would be")
+        expected = f"a path below {os.fspath(place)!r}, where the file would be"
+        raise OutputError("not below the file's folder", place="mesh", value=os.fspath(mesh.path), expected=expected)
     return path.relative_to(place).as_posix()
 
 

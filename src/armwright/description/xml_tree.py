@@ -8,10 +8,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
+from typing import Any
 from xml.sax import SAXException, SAXParseException
 from xml.sax.handler import ContentHandler
 
-from armwright.errors import DescriptionError, nearest
+from armwright.errors import ABSENT, UNKNOWN_KEY, DescriptionError
 
 LARGEST = 64 * 2**20  # [bytes]; the largest robot files known are below 1 MiB
 MOST = 1_000_000  # elements
@@ -32,9 +33,16 @@ class Element:
     children: list[Element] = field(default_factory=list)
     text: str = ""
 
-    def error(self, told: str) -> DescriptionError:
-        """What is wrong here, with file and line; for the caller to raise."""
-        return DescriptionError(f"{self.file}:{self.line}: {told}")
+    def error(
+        self, what: str = "", *, place: str = "", value: Any = ABSENT, expected: str = "", choices: Iterable[str] = ()
+    ) -> DescriptionError:
+        """An error with file and line for the caller to raise; `place` is this element by default."""
+        file, place = f"{self.file}:{self.line}", place or f"<{self.tag}>"
+        return DescriptionError(what, place=place, value=value, expected=expected, choices=choices, file=file)
+
+    def wrong(self, name: str, expected: str) -> DescriptionError:
+        """The error of an attribute whose value is not what was expected."""
+        return self.error(place=f"<{self.tag} {name}>", value=self.attributes[name], expected=expected)
 
     def all(self, tag: str) -> list[Element]:
         """The children of that tag."""
@@ -48,7 +56,7 @@ class Element:
         """
         found = self.all(tag)
         if len(found) > 1:
-            raise found[1].error(f"a second <{tag}> in one <{self.tag}>: expected one at most")
+            raise found[1].error(f"a second one in one <{self.tag}>", expected="one at most")
         return found[0] if found else None
 
     def needed(self, tag: str, what: str = "") -> Element:
@@ -59,7 +67,7 @@ class Element:
         """
         found = self.one(tag)
         if found is None:
-            raise self.error(f"{what or f'<{self.tag}>'} has no <{tag}>; expected one")
+            raise self.error("missing", place=f"{what or f'<{self.tag}>'} <{tag}>")
         return found
 
     def word(self, name: str, what: str = "") -> str:
@@ -70,7 +78,7 @@ class Element:
         """
         value = self.attributes.get(name, "").strip()
         if not value:
-            raise self.error(f'{what or f"<{self.tag}>"} has no {name}; expected {name}="…"')
+            raise self.error("missing", place=f"{what or f'<{self.tag}>'} {name}", expected=f'{name}="…"')
         return value
 
     def numbers(self, name: str, count: int, default: Iterable[float] | None = None) -> list[float]:
@@ -85,9 +93,7 @@ class Element:
         words = text.split()
         values = [float(word) if NUMBER.fullmatch(word) else float("nan") for word in words]
         if len(words) != count or not all(isfinite(value) for value in values):
-            shown = text if len(text) <= 60 else f"{text[:60]}…"
-            wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-            raise self.error(f"<{self.tag} {name}={shown!r}>: expected {wanted}")
+            raise self.wrong(name, "a finite number" if count == 1 else f"{count} finite numbers")
         return values
 
     def number(self, name: str, default: float | None = None) -> float:
@@ -102,7 +108,8 @@ class Element:
         """
         for name in self.attributes:
             if name not in known:
-                raise self.error(f"<{self.tag} {name}={self.attributes[name]!r}>: unknown; {nearest(name, known)}")
+                value = self.attributes[name]
+                raise self.error(UNKNOWN_KEY, place=f"<{self.tag}> {name}", value=value, choices=known)
 
 
 class _Builder(ContentHandler):
@@ -119,7 +126,7 @@ class _Builder(ContentHandler):
         self.count += 1
         if self.count > MOST or len(self.open) >= DEEPEST:
             limit = f"{MOST} elements" if self.count > MOST else f"{DEEPEST} elements within each other"
-            raise element.error(f"more than {limit}: no robot is described so")
+            raise element.error(f"more than {limit}", expected="the description of a robot")
         if self.open:
             self.open[-1].children.append(element)
         else:
@@ -144,7 +151,7 @@ def parse_xml(data: bytes, file: str) -> Element:
     from defusedxml.expatreader import create_parser
 
     if len(data) > LARGEST:
-        raise DescriptionError(f"{file}: {len(data)} bytes: expected a robot's XML, {LARGEST} bytes at most")
+        raise DescriptionError("too large", value=len(data), expected=f"{LARGEST} bytes at most", file=file)
     parser = create_parser(forbid_dtd=True)
     builder = _Builder(file, parser.getLineNumber)
     parser.setContentHandler(builder)
@@ -152,15 +159,15 @@ def parse_xml(data: bytes, file: str) -> Element:
         parser.feed(data)
         parser.close()
     except DefusedXmlException:
-        place = f"{file}:{parser.getLineNumber()}"
-        raise DescriptionError(f"{place}: declares a document type or entities: expected plain XML") from None
+        line = f"{file}:{parser.getLineNumber()}"
+        raise DescriptionError("declares a document type or entities", expected="plain XML", file=line) from None
     except SAXParseException as error:
-        place = f"{file}:{error.getLineNumber()}" if error.getLineNumber() else file
-        raise DescriptionError(f"{place}: not XML: {error.getMessage()}") from None
+        line = f"{file}:{error.getLineNumber()}" if error.getLineNumber() else file
+        raise DescriptionError(f"not XML: {error.getMessage()}", file=line) from None
     except (SAXException, LookupError, ValueError) as error:  # an encoding nobody knows, or of several bytes a letter
-        raise DescriptionError(f"{file}: not XML that can be read: {' '.join(str(error).split())}") from None
+        raise DescriptionError(f"not XML that can be read: {' '.join(str(error).split())}", file=file) from None
     if builder.root is None:
-        raise DescriptionError(f"{file}: not XML: no element found")
+        raise DescriptionError("not XML: no element found", file=file)
     return builder.root
 
 
@@ -174,9 +181,9 @@ def read_xml(path: str | os.PathLike[str]) -> Element:
         with open(path, "rb") as file:
             data = file.read(LARGEST + 1)
     except FileNotFoundError:
-        raise DescriptionError(f"{Path(path)}: no such file") from None
+        raise DescriptionError("no such file", file=Path(path)) from None
     except IsADirectoryError:
-        raise DescriptionError(f"{Path(path)}: a folder, expected an XML file") from None
+        raise DescriptionError("a folder", expected="an XML file", file=Path(path)) from None
     except OSError as error:
-        raise DescriptionError(f"{Path(path)}: cannot be read: {error.strerror}") from None
+        raise DescriptionError(f"cannot be read: {error.strerror}", file=Path(path)) from None
     return parse_xml(data, os.fspath(path))

@@ -10,8 +10,9 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 
 from armwright.description.built_from import BuiltFrom, assembled_from
+from armwright.description.consistency import check_sources
 from armwright.description.drive import Command
-from armwright.description.robot import Name, check_sources
+from armwright.description.robot import Name
 from armwright.description.toml_file import Read, read_record
 from armwright.errors import DescriptionError
 from armwright.modules.library import ModuleLibrary

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field, model_validator
 
+from armwright.description.consistency import check_sources
 from armwright.description.drive import Command
 from armwright.description.robot import (
     FixedJoint,
@@ -16,7 +17,6 @@ from armwright.description.robot import (
     Name,
     PrismaticJoint,
     RevoluteJoint,
-    check_sources,
 )
 from armwright.errors import DescriptionError, Problem, nearest
 from armwright.lint.feasibility import impossible

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field, model_validator
 
-from armwright.description.robot import Name, check_sources
+from armwright.description.consistency import check_sources
+from armwright.description.robot import Name
 from armwright.description.toml_file import read_record
 from armwright.quantity import NotNegative, Positive, Record, Source, Vector3
 from armwright.spatial import rotation_rpy

@@ -11,8 +11,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from armwright.description.consistency import KINDS, check_sources
 from armwright.description.drive import Command
-from armwright.description.robot import KINDS, Inertia, Joint, JointFrame, Name, NamedFrame, check_sources
+from armwright.description.robot import Inertia, Joint, JointFrame, Name, NamedFrame
 from armwright.errors import nearest
 from armwright.parts.materials import Material, common_materials
 from armwright.quantity import Direction, NotZero, Positive, Record, Source, Vector3

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import os
 import re
-from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import inf
@@ -14,12 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from armwright.description.mjcf.actuators import Actuation, actuations
-from armwright.description.mjcf.equalities import check_equalities, followed, mimic_record
-from armwright.description.mjcf.refused import check_offered, check_sizes
-from armwright.description.mjcf.safety import check_file
+from armwright.description.mjcf.checks import check_file, check_model
+from armwright.description.mjcf.drives import Actuation, actuations, masters, mimic_record
 from armwright.description.robot import RobotDescription
-from armwright.errors import DescriptionError
+from armwright.errors import DescriptionError, Findings, Problem
 from armwright.spatial import Placement, roll_pitch_yaw, rotation_to_axis, rotation_z
 from armwright.validation import validated
 
@@ -48,32 +45,30 @@ def read_mjcf(path: str | os.PathLike[str], *, smoothing: float | None = None) -
     """
     file = Path(path)
     if smoothing is not None and not (isinstance(smoothing, (int, float)) and 0 < smoothing < inf):
-        raise DescriptionError(f"smoothing = {smoothing!r}: expected a speed above 0 [rad/s | m/s]")
+        raise DescriptionError(place="smoothing", value=smoothing, expected="a speed above 0 [rad/s | m/s]")
     check_file(file)
     try:
         mujoco: Any = importlib.import_module("mujoco")
     except ImportError:
-        told = "MJCF is read through MuJoCo, which is not installed: pip install armwright[bench]"
-        raise DescriptionError(f"{file}: {told}") from None
-    with _heard(mujoco) as warnings:
+        what = "MJCF is read through MuJoCo, which is not installed: pip install armwright[bench]"
+        raise DescriptionError(what, file=file) from None
+    with _warnings_of(mujoco) as warnings:
         try:
             model = mujoco.MjModel.from_xml_path(str(file))
         except (ValueError, mujoco.FatalError, mujoco.UnexpectedError) as error:
-            raise DescriptionError(f"{file}: MuJoCo refuses it: {' '.join(str(error).split())}") from None
-    check_offered(str(file), mujoco, model)
-    check_equalities(str(file), mujoco, model)
-    check_sizes(str(file), model)
+            raise DescriptionError(f"MuJoCo refuses it: {' '.join(str(error).split())}", file=file) from None
+    check_model(file, mujoco, model)
     return _Reader(file, mujoco, model, smoothing, warnings).description()
 
 
 @contextmanager
-def _heard(mujoco: Any) -> Iterator[list[str]]:
+def _warnings_of(mujoco: Any) -> Iterator[list[str]]:
     """MuJoCo's warnings as a list; it would write them to the terminal and to a log file in the working directory."""
-    heard: list[str] = []
+    warnings: list[str] = []
     before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda text: heard.append(" ".join(str(text).split())))
+    mujoco.set_mju_user_warning(lambda text: warnings.append(" ".join(str(text).split())))
     try:
-        yield heard
+        yield warnings
     finally:
         mujoco.set_mju_user_warning(before)
 
@@ -84,8 +79,8 @@ class _Reader:
     def __init__(self, file: Path, mujoco: Any, model: Any, smoothing: float | None, warnings: list[str]):
         self.warnings = warnings
         self.file, self.mujoco, self.model, self.smoothing = file, mujoco, model, smoothing
-        self.driven, self.following = actuations(mujoco, model), followed(mujoco, model)
-        self.remarks: dict[str, list[str]] = defaultdict(list)
+        self.driven, self.following = actuations(mujoco, model), masters(mujoco, model)
+        self.remarks = Findings()
         self.taken: set[str] = set()
         self.joints: list[dict[str, Any]] = []
         self.links: list[dict[str, Any]] = []
@@ -112,8 +107,8 @@ class _Reader:
                 **({} if self.smoothing is None else {SMOOTHING: {"kind": "estimate", "text": CHOSEN}}),
             },
             "remarks": (
-                *(f"MuJoCo warns: {told}" for told in self.warnings),
-                *(f"joint{'s' * (len(names) > 1)} {', '.join(names)}: {told}" for told, names in self.remarks.items()),
+                *(f"MuJoCo warns: {warning}" for warning in self.warnings),
+                *map(str, self.remarks.problems()),
             ),
             "joints": self.joints,
             "links": self.links,
@@ -178,8 +173,8 @@ class _Reader:
         name = self._name(self.mujoco.mjtObj.mjOBJ_JOINT, k, "joint")
         unit, force, viscous, length = ("rad", "n_m", "n_m_s_per_rad", "rad") if hinge else ("m", "n", "n_s_per_m", "m")
         actuation = self.driven.get(k, Actuation())
-        for told in actuation.remarks:
-            self.remarks[told].append(name)
+        for remark in actuation.remarks:
+            self.remarks.add("joint", name, Problem(remark))
         limits: dict[str, Any] = {}
         if model.jnt_limited[k]:
             limits[f"position_{unit}"] = model.jnt_range[k].tolist()
@@ -197,10 +192,9 @@ class _Reader:
             friction |= {f"coulomb_{side}_{force}": loss for side in ("positive", "negative")}
             friction[f"smoothing_{length}_per_s"] = {"value": self.smoothing, "source": SMOOTHING}
         elif loss:
-            told = (
-                f"frictionloss {loss:g} {'N m' if hinge else 'N'} is left out, as no speed smooths it: give smoothing"
-            )
-            self.remarks[told].append(name)
+            lost = f"frictionloss {loss:g} {'N m' if hinge else 'N'}"
+            what = f"{lost} is left out, as no speed smooths it: give smoothing"
+            self.remarks.add("joint", name, Problem(what))
         record: dict[str, Any] = {"name": name, "type": "revolute" if hinge else "prismatic", "limits": limits}
         armature, gear = float(model.dof_armature[dof]), actuation.gear
         if armature or gear != 1.0:
@@ -209,7 +203,7 @@ class _Reader:
             other = int(model.eq_obj2id[self.following[k]])
             master = self._name(self.mujoco.mjtObj.mjOBJ_JOINT, other, "joint")
             record["mimic"] = mimic_record(model, self.following[k], master, hinge=hinge)
-            self.remarks["follows another exactly, where MuJoCo's constraint gives way"].append(name)
+            self.remarks.add("joint", name, Problem("follows another exactly, where MuJoCo's constraint gives way"))
         return record | ({"friction": friction} if friction else {})
 
     def _frame(self, i: int) -> dict[str, Any]:

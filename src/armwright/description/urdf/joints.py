@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from armwright.description.urdf.reading import UrdfReading
-from armwright.description.urdf.tags import DYNAMICS_ELSEWHERE, LIMITS_ELSEWHERE
+from armwright.description.urdf.reading import DYNAMICS_ELSEWHERE, LIMITS_ELSEWHERE, UrdfReading
 from armwright.description.xml_tree import Element
-from armwright.errors import nearest
 from armwright.spatial import Placement, roll_pitch_yaw, rotation_rpy, rotation_to_axis, rotation_z
 
 TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
 LARGEST = 1e9  # SI; no length, mass or tensor of a robot is beyond, and the arithmetic stays far from overflow
+OR_OTHERWISE = 'or mimic = "independent" or "fixed"'
 NONE = ("inf", "+inf", "-inf", "infinity", "-infinity")  # how some files say that there is no limit
 
 
@@ -30,14 +29,15 @@ def joint_record(reading: UrdfReading, joint: Element) -> dict[str, Any]:
     reading.check_children(joint)
     kind = joint.word("type", what)
     if kind in ("floating", "planar"):
-        raise joint.error(f"{what}: type {kind!r} is not offered: an arm's base is fixed, and its joints turn or slide")
+        why = "not offered: an arm's base is fixed, and its joints turn or slide"
+        raise joint.error(why, place=f"{what} type", value=kind)
     if kind not in TYPES:
-        raise joint.error(f"{what}: type = {kind!r}; {nearest(kind, TYPES)}")
+        raise joint.error(place=f"{what} type", value=kind, choices=TYPES)
     ends = {}
     for side in ("parent", "child"):
         end = joint.needed(side, what)
         end.only_attributes("link")
-        ends[side] = end.word("link", f"{what}: <{side}>")
+        ends[side] = end.word("link", f"{what} <{side}>")
     record = {"name": name, "type": TYPES[kind], **ends, "frame": pose(joint.one("origin"))}
     if kind == "fixed":
         for tag in ("axis", "limit", "dynamics", "mimic"):
@@ -67,21 +67,21 @@ def bounded(element: Element, values: list[float]) -> list[float]:
     """
     for value in values:
         if abs(value) > LARGEST:
-            raise element.error(f"<{element.tag}>: {value:g}: expected a number of a robot, in SI units")
+            raise element.error(value=value, expected="a number of a robot, in SI units")
     return values
 
 
 def _axis(reading: UrdfReading, joint: Element, what: str) -> list[float]:
     axis = joint.one("axis")
     if axis is None:
-        raise joint.error(f'{what} moves and has no <axis>; expected one, such as <axis xyz="0 0 1"/>')
+        raise joint.error("missing", place=f"{what} <axis>", expected='one, such as <axis xyz="0 0 1"/>')
     axis.only_attributes("xyz")
     direction = axis.numbers("xyz", 3)
     length = float(np.linalg.norm(bounded(axis, direction)))
     if not length > 0:
-        raise axis.error(f"{what}: <axis xyz> is zero: expected a direction")
+        raise axis.error(place=f"{what} <axis xyz>", value=direction, expected="a direction")
     if abs(length - 1) > 1e-2:
-        reading.remark("its axis is not of length 1; read as a direction", "joint", joint.word("name"))
+        reading.remark("joint", joint.word("name"), "its axis is not of length 1; read as a direction")
     return direction
 
 
@@ -91,7 +91,7 @@ def _limits(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]:
     unit, effort = ("m", "force_n") if kind == "prismatic" else ("rad", "torque_n_m")
     if limit is None:
         if kind != "continuous":
-            reading.remark("no <limit>, which the format asks for: no limit is known", "joint", name)
+            reading.remark("joint", name, "no <limit>, which the format asks for: no limit is known")
         return {}
     for attribute in limit.attributes:
         if attribute in LIMITS_ELSEWHERE:
@@ -103,19 +103,20 @@ def _limits(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]:
         if lower is not None and upper is not None and lower < upper:
             found[f"position_{unit}"] = [lower, upper]
         elif lower is not None and upper is not None and lower > upper:
-            raise limit.error(f"joint {name!r}: lower = {lower:g} is above upper = {upper:g}: expected lower < upper")
+            raise limit.error(place=f"joint {name!r} lower", value=lower, expected=f"a number below upper = {upper:g}")
         else:
-            reading.remark(
-                "its position limits leave no room (lower = upper) or are infinite: read as unknown", "joint", name
-            )
+            what = "its position limits leave no room (lower = upper) or are infinite: read as unknown"
+            reading.remark("joint", name, what)
     for attribute, key in (("velocity", f"velocity_{unit}_per_s"), ("effort", effort)):
         value = _limit(limit, attribute)
         if value is not None and value < 0:
-            raise limit.error(f"joint {name!r}: <limit {attribute}={value:g}>: expected a number of 0 or more")
+            raise limit.error(
+                place=f"joint {name!r} <limit {attribute}>", value=value, expected="a number of 0 or more"
+            )
         if value:
             found[key] = value
         elif attribute in limit.attributes and reading.drive_of(name) is None:
-            reading.remark(f"{attribute} limit 0 or infinite: read as unknown", "joint", name)
+            reading.remark("joint", name, f"{attribute} limit 0 or infinite: read as unknown")
     return found
 
 
@@ -133,12 +134,11 @@ def _friction(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]
     dynamics.only_attributes("damping", "friction", *DYNAMICS_ELSEWHERE)
     for attribute in DYNAMICS_ELSEWHERE:
         if dynamics.number(attribute, 0.0) != 0:
-            reading.remark(f"<dynamics {attribute}> is another simulator's and not used", "joint", name)
+            reading.remark("joint", name, f"<dynamics {attribute}> is another simulator's and not used")
     damping, coulomb = (bounded(dynamics, [dynamics.number(key, 0.0)])[0] for key in ("damping", "friction"))
-    if damping < 0 or coulomb < 0:
-        raise dynamics.error(
-            f"joint {name!r}: damping = {damping:g}, friction = {coulomb:g}: expected numbers of 0 or more"
-        )
+    for key, value in (("damping", damping), ("friction", coulomb)):
+        if value < 0:
+            raise dynamics.error(place=f"joint {name!r} {key}", value=value, expected="a number of 0 or more")
     force, viscous, length = ("n", "n_s_per_m", "m") if kind == "prismatic" else ("n_m", "n_m_s_per_rad", "rad")
     record: dict[str, Any] = {f"viscous_{viscous}": damping} if damping else {}
     if coulomb and reading.smoothing is not None:
@@ -147,12 +147,8 @@ def _friction(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]
         record |= {**both, f"smoothing_{length}_per_s": smoothing}
     elif coulomb and getattr(reading.drive_of(name), "friction", None) is None:
         unit = "N" if kind == "prismatic" else "N m"
-        reading.remark(
-            f"Coulomb friction {coulomb:g} {unit} is left out, as a URDF has no speed to smooth it over: "
-            "give smoothing, or friction in the drive file",
-            "joint",
-            name,
-        )
+        why = "as a URDF has no speed to smooth it over: give smoothing, or friction in the drive file"
+        reading.remark("joint", name, f"Coulomb friction {coulomb:g} {unit} is left out, {why}")
     return record
 
 
@@ -169,11 +165,11 @@ def with_mimic(reading: UrdfReading, joint: Element, record: dict[str, Any]) -> 
     master, name = mimic.word("joint"), record["name"]
     multiplier, offset = mimic.number("multiplier", 1.0), bounded(mimic, [mimic.number("offset", 0.0)])[0]
     if reading.mimic == "independent":
-        reading.remark("mimics another joint in the file, and is read as a joint of its own", "joint", name)
+        reading.remark("joint", name, "mimics another joint in the file, and is read as an independent joint")
         return record
     if reading.mimic == "fixed":
         reading.remark(
-            "mimics another joint in the file, and is held where it stands while that is at 0", "joint", name
+            "joint", name, "mimics another joint in the file, and is fixed where it stands while that is at 0"
         )
         frame = record["frame"]
         at = Placement(rotation_rpy(*frame["rpy_rad"]), np.array(frame["xyz_m"])) @ _moved(record, offset)
@@ -184,8 +180,7 @@ def with_mimic(reading: UrdfReading, joint: Element, record: dict[str, Any]) -> 
         }
     if multiplier == 0.0:
         raise mimic.error(
-            f"joint {name!r} follows {master!r} by a multiplier of 0: expected another number, "
-            'or mimic = "independent" (a joint of its own) or "fixed" (held)'
+            place=f"joint {name!r} <mimic multiplier>", value=0.0, expected=f"another number, {OR_OTHERWISE}"
         )
     unit = "m" if record["type"] == "prismatic" else "rad"
     return {**record, "mimic": {"joint": master, "multiplier": multiplier, f"offset_{unit}": offset}}
@@ -202,10 +197,9 @@ def check_masters(joints: Sequence[Element], records: Sequence[dict[str, Any]]) 
         mimic = joint.one("mimic")
         if mimic is not None and "mimic" in record and record["mimic"]["joint"] not in moving:
             master, others = record["mimic"]["joint"], [name for name in moving if name != record["name"]]
-            raise mimic.error(
-                f"joint {record['name']!r} mimics {master!r}, which does not move or is not there; {nearest(master, others)}; "
-                'or mimic = "independent" (a joint of its own) or "fixed" (held)'
-            )
+            what, place = "does not move or is not there", f"joint {record['name']!r} <mimic joint>"
+            expected = f"a joint that moves, {OR_OTHERWISE}"
+            raise mimic.error(what, place=place, value=master, expected=expected, choices=others)
 
 
 def _moved(record: dict[str, Any], q: float) -> Placement:

@@ -12,14 +12,12 @@ from typing import Any
 from armwright.description.drive_file import PLACEHOLDER, add_drives, find_drive_file, read_drive_file
 from armwright.description.mesh_path import package_folders
 from armwright.description.robot import RobotDescription
-from armwright.description.urdf.inertials import link_record
 from armwright.description.urdf.joints import check_masters, joint_record, with_mimic
-from armwright.description.urdf.reading import UrdfReading
-from armwright.description.urdf.tags import GAZEBO_ELEMENTS, GAZEBO_PHYSICS, READ
+from armwright.description.urdf.links import colours, link_record, visuals
+from armwright.description.urdf.reading import GAZEBO_ELEMENTS, GAZEBO_PHYSICS, READ, UrdfReading
 from armwright.description.urdf.transmissions import reductions
-from armwright.description.urdf.visuals import colours, visuals
 from armwright.description.xml_tree import Element, read_xml
-from armwright.errors import DescriptionError, nearest
+from armwright.errors import DescriptionError
 from armwright.validation import validated
 
 MIMIC = ("coupled", "independent", "fixed")
@@ -53,15 +51,15 @@ def read_urdf(
         DescriptionError: a file that cannot be believed; one line with file, line, element and reason.
     """
     if mimic not in MIMIC:
-        raise DescriptionError(f"mimic = {mimic!r}; {nearest(str(mimic), MIMIC)}")
+        raise DescriptionError(place="mimic", value=mimic, choices=MIMIC)
     if smoothing is not None and not (isinstance(smoothing, (int, float)) and 0 < smoothing < inf):
-        raise DescriptionError(f"smoothing = {smoothing!r}: expected a speed above 0 [rad/s | m/s]")
+        raise DescriptionError(place="smoothing", value=smoothing, expected="a speed above 0 [rad/s | m/s]")
     file = Path(path)
     robot = read_xml(file)
     beside = find_drive_file(file, drive)
     drives = None if beside is None else read_drive_file(beside)
     if isinstance(ignore, str):
-        raise DescriptionError(f"ignore = {ignore!r}: expected a list of tags, [{ignore!r}]")
+        raise DescriptionError(place="ignore", value=ignore, expected=f"a list of tags, [{ignore!r}]")
     reading = UrdfReading(file, package_folders(file, packages), smoothing, mimic, frozenset(ignore), drives)
     record = _record(reading, robot)
     ratios = reductions(reading, robot)
@@ -71,26 +69,23 @@ def read_urdf(
     for joint in record["joints"]:
         ratio = ratios.get(joint["name"], PLACEHOLDER)
         if abs(ratio) != PLACEHOLDER and joint["type"] != "fixed" and "motor" not in joint:
-            reading.remark(
-                f"gear ratio {ratio:g} of its transmission is not used, as no motor is known: give one in the drive file",
-                "joint",
-                joint["name"],
-            )
+            why = "as no motor is known: give one in the drive file"
+            reading.remark("joint", joint["name"], f"gear ratio {ratio:g} of its transmission is not used, {why}")
     return _validated(reading, record)
 
 
 def _record(reading: UrdfReading, robot: Element) -> dict[str, Any]:
     """The robot as a table, as a robot file would have it."""
     if robot.tag != "robot":
-        raise robot.error(f"<{robot.tag}>: expected a URDF, whose first element is <robot>")
+        raise robot.error(expected="a URDF, whose first element is <robot>")
     reading.check_children(robot)
     _check_expanded(reading, robot)
     _check_gazebo(reading, robot)
     name = robot.word("name")
     if not robot.all("link"):
-        raise robot.error(f"robot {name!r} has no <link>: expected at least one")
+        raise robot.error("missing", place=f"robot {name!r} <link>", expected="at least one")
     if max(len(robot.all("link")), len(robot.all("joint"))) > MOST_LINKS:
-        raise robot.error(f"robot {name!r}: more than {MOST_LINKS} links or joints: no robot is described so")
+        raise robot.error(f"more than {MOST_LINKS} links or joints", place=f"robot {name!r}", expected="one robot")
     root = _root(robot)
     named = colours(robot)
     joints = [with_mimic(reading, joint, joint_record(reading, joint)) for joint in robot.all("joint")]
@@ -146,24 +141,22 @@ def _root(robot: Element) -> str:
         _add(joints, joint, name)
         for side in ("parent", "child"):
             end = joint.needed(side, f"joint {name!r}")
-            linked = end.word("link", f"joint {name!r}: <{side}>")
+            linked = end.word("link", f"joint {name!r} <{side}>")
             if linked not in links:
-                raise end.error(f"joint {name!r}: {side} {linked!r} is no link; {nearest(linked, links)}")
+                raise end.error("no link", place=f"joint {name!r} {side}", value=linked, choices=links)
         child = joint.needed("child").word("link")
         if child in movers:
-            raise joint.error(
-                f"link {child!r} is the child of two joints, {movers[child]!r} and {name!r}: closed chains are not offered"
-            )
+            what = f"the child of two joints, {movers[child]!r} and {name!r}: closed chains are not offered"
+            raise joint.error(what, place=f"link {child!r}")
         movers[child], parents[child] = name, joint.needed("parent").word("link")
     _check_plain(links)
     _check_plain(joints)
     roots = [name for name in links if name not in movers]
     if not roots:
-        raise robot.error("every link is a joint's child: expected a tree with one link that stands")
+        raise robot.error("every link is a joint's child", expected="a tree with one link that stands")
     if len(roots) > 1:
-        raise links[roots[1]].error(
-            f"{len(roots)} links are no joint's child, {', '.join(roots[:4])}{'…' if len(roots) > 4 else ''}: expected one base"
-        )
+        names = ", ".join(roots[:4]) + "…" * (len(roots) > 4)
+        raise links[roots[1]].error(f"{len(roots)} links are no joint's child, {names}", expected="one base")
     _check_reached(links, parents, roots[0])
     return roots[0]
 
@@ -174,7 +167,9 @@ def _check_reached(links: dict[str, Element], parents: dict[str, str], root: str
         path, at = [], name
         while at not in reached:
             if at in path:
-                raise links[at].error(f"link {at!r} carries itself: expected a tree that starts at {root!r}")
+                raise links[at].error(
+                    "carries itself", place=f"link {at!r}", expected=f"a tree that starts at {root!r}"
+                )
             path.append(at)
             at = parents[at]
         reached.update(path)
@@ -184,10 +179,8 @@ def _check_expanded(reading: UrdfReading, element: Element) -> None:
     """Refuses expressions that xacro was to replace, in all that is read."""
     for name, value in element.attributes.items():
         if "${" in value or "$(" in value:
-            raise element.error(
-                f"<{element.tag} {name}={value[:60]!r}>: an expression of xacro, a program that writes URDF; "
-                f"run it first: xacro {reading.path.name} > robot.urdf"
-            )
+            what = f"an expression of xacro, a program that writes URDF: run it first, xacro {reading.path.name} > robot.urdf"
+            raise element.error(what, place=f"<{element.tag} {name}>", value=value)
     for child in element.children:
         if child.tag in READ.get(element.tag, (child.tag,)) and child.tag != "gazebo":
             _check_expanded(reading, child)
@@ -199,16 +192,16 @@ def _check_plain(elements: dict[str, Element]) -> None:
     for name, element in elements.items():
         plain = UNNAMEABLE.sub("_", name)
         if plain in first:
-            raise element.error(
-                f"{element.tag} {name!r} and {first[plain]!r} (line {elements[first[plain]].line}) would both be called "
-                f"{plain!r}, as names hold no spaces, dots and brackets: expected names that stay different"
-            )
+            twin = f"{first[plain]!r} (line {elements[first[plain]].line})"
+            what = f"this and {twin} would both be called {plain!r}, as names hold no spaces, dots and brackets"
+            raise element.error(what, place=f"{element.tag} {name!r}", expected="names that stay different")
         first[plain] = name
 
 
 def _add(known: dict[str, Element], element: Element, name: str) -> None:
     if name in known:
-        raise element.error(f"a second {element.tag} {name!r}, the first is in line {known[name].line}: expected one")
+        what = f"a second one, the first is in line {known[name].line}"
+        raise element.error(what, place=f"{element.tag} {name!r}", expected="one")
     known[name] = element
 
 
@@ -220,13 +213,13 @@ def _check_gazebo(reading: UrdfReading, robot: Element) -> None:
             value = child.text.strip().lower()
             if child.tag in GAZEBO_ELEMENTS or value not in GAZEBO_PHYSICS.get(child.tag, (value,)):
                 about = gazebo.attributes.get("reference", "robot")
-                reading.remark(f"<gazebo> <{child.tag}> is Gazebo's own and not used", "element", about)
+                reading.remark("element", about, f"<gazebo> <{child.tag}> is Gazebo's own and not used")
 
 
 def _validated(reading: UrdfReading, record: dict[str, Any]) -> RobotDescription:
     """The record with names that a robot file may use, checked as any robot is."""
     _rename(reading, record)
-    record |= {"notes": reading.notes(), "remarks": reading.told()}
+    record |= {"notes": reading.notes(), "remarks": tuple(map(str, reading.remarks.problems()))}
     file = reading.path if reading.drives is None else f"{reading.path} with its drive file"
     return validated(RobotDescription, record, file=file)
 

@@ -1,15 +1,64 @@
-"""One reading of a URDF: what the caller wants, and the account of all that was not used."""
+"""One reading of a URDF: the options of the caller, the tags that are read or ignored, and all that was not used."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from armwright.description.drive_file import DriveFile, JointDrive
-from armwright.description.urdf.tags import HARMLESS, READ
 from armwright.description.xml_tree import Element
-from armwright.errors import DescriptionError, nearest
+from armwright.errors import DescriptionError, Findings, Problem
+
+READ: dict[str, tuple[str, ...]] = {
+    "robot": ("link", "joint", "transmission", "material", "gazebo"),
+    "link": ("inertial", "visual", "gravity", "kinematic", "origin"),
+    "inertial": ("origin", "mass", "inertia"),
+    "joint": ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"),
+    "visual": ("origin", "geometry", "material"),
+}
+
+HARMLESS: dict[str, tuple[str, ...]] = {
+    "robot": (
+        *("sensor", "ros2_control", "plugin", "controller", "rviz", "verbose"),
+        *("group", "group_state", "end_effector", "virtual_joint", "passive_joint", "disable_collisions"),  # SRDF
+        *("collision_filter", "self_collide", "drake:collision_filter_group"),
+    ),
+    "link": (
+        *("collision", "collision_checking", "self_filter", "verbose", "sensor"),
+        *("contact", "surface", "selfCollide", "self_collide"),  # the touch of an environment, which is not here
+    ),
+    "joint": ("safety_controller", "calibration", "hardwareInterface", "verbose"),  # of controllers
+    "visual": ("verbose", "texture", "name"),
+}
+
+TRANSMISSION_HARMLESS = (
+    *("type", "hardwareInterface", "hardware_interface", "robotNamespace", "role", "plugin", "param", "verbose"),
+    *("command_interface", "state_interface", "simulated_actuated_joint", "pulsesPerRevolution", "offset"),
+    "ignoreTransmissionAbsoluteEncoder",  # which encoder a controller reads
+)
+
+TRANSMISSION_PHYSICS = (  # of other programs; where it counts, the drive file says it
+    *("motorInertia", "motor_inertia", "rotorInertia", "rotor_inertia", "motorScale", "motor_scale"),
+    *("motorTorqueConstant", "motor_torque_constant", "torque_constant", "efficiency", "damping", "friction"),
+    *("saturationLower", "saturationUpper", "deadBandLower", "deadBandUpper"),  # of PAL's virtual joints
+    *("leftActuator", "rightActuator", "rollJoint", "flexJoint", "gap_joint", "passive_joint", "screw_joint"),  # PR2's
+    *("compensator", "use_simulated_gripper_joint", "thread_pitch"),
+)
+
+GAZEBO_ELEMENTS = ("inertial", "joint", "link", "model")  # bodies and joints that only Gazebo has
+
+GAZEBO_PHYSICS = {  # what would change the dynamics in Gazebo, and the values that do not
+    "turnGravityOff": ("0", "false", ""),
+    "gravity": ("1", "true", ""),
+    "springStiffness": ("0", "0.0", ""),
+    "springReference": ("0", "0.0", ""),
+    "dampingFactor": ("0", "0.0", ""),
+}
+
+DYNAMICS_ELSEWHERE = ("D", "K", "mu_coulomb", "mu_viscous")  # vendors' own simulation; contradict damping and friction
+LIMITS_ELSEWHERE = ("acceleration", "deceleration", "jerk", "current", "command_effort", "gear_velocity")
 
 
 @dataclass
@@ -23,7 +72,7 @@ class UrdfReading:
     ignore: frozenset[str] = frozenset()
     drives: DriveFile | None = None
     ignored: Counter[str] = field(default_factory=Counter)
-    remarks: dict[tuple[str, str], list[str]] = field(default_factory=dict)
+    remarks: Findings = field(default_factory=Findings)
     renamed: dict[str, str] = field(default_factory=dict)
     dropped: set[str] = field(default_factory=set)  # of `ignore`, what was found
 
@@ -41,9 +90,9 @@ class UrdfReading:
         taken = {} if self.drives is None else self.drives.sources
         return next(name for name in (key, *(f"{key}_{k}" for k in range(2, len(taken) + 3))) if name not in taken)
 
-    def remark(self, told: str, kind: str, name: str) -> None:
-        """A sentence for the user, about one more link or joint; equal sentences are told once, with all names."""
-        self.remarks.setdefault((kind, told), []).append(name)
+    def remark(self, kind: str, name: str, what: str) -> None:
+        """A remark for the user about a link or joint."""
+        self.remarks.add(kind, name, Problem(what))
 
     def drive_of(self, joint: str) -> JointDrive | None:
         """What the drive file says of a joint."""
@@ -57,24 +106,18 @@ class UrdfReading:
         """
         read = READ.get(element.tag, ())
         if element.text.strip():
-            told = f"text between its elements is not read: {element.text.strip()[:40]!r}"
-            self.remark(told, element.tag, element.attributes.get("name", ""))
+            what = f"text between its elements is not read: {element.text.strip()[:40]!r}"
+            self.remark(element.tag, element.attributes.get("name", ""), what)
         for child in element.children:
             if child.tag in read:
                 continue
             if child.tag in HARMLESS.get(element.tag, ()) or child.tag in self.ignore:
                 self.leave_out(child.tag, child.tag if element.tag == "robot" else f"{element.tag}/{child.tag}")
             elif child.tag.startswith("xacro:"):
-                raise child.error(
-                    f"<{child.tag}>: this is a xacro file, a program that writes URDF; "
-                    f"run it first: xacro {self.path.name} > robot.urdf"
-                )
+                what = f"a tag of xacro, a program that writes URDF: run it first, xacro {self.path.name} > robot.urdf"
+                raise child.error(what)
             else:
-                known = nearest(child.tag, [*read, *HARMLESS.get(element.tag, ())])
-                raise child.error(
-                    f"<{child.tag}> in <{element.tag}> is unknown, and could carry physics; {known} "
-                    f"(ignore = [{child.tag!r}] leaves it out)"
-                )
+                raise unknown_tag(child, f"<{element.tag}>", (*read, *HARMLESS.get(element.tag, ())))
 
     def leave_out(self, tag: str, place: str) -> None:
         """Counts a tag as ignored."""
@@ -90,18 +133,10 @@ class UrdfReading:
         for tag in sorted(self.ignore - self.dropped):
             read = any(tag in tags for tags in READ.values())
             why = "it is read, and cannot be left out" if read else "there is no such tag that would be refused"
-            raise DescriptionError(f"{self.path}: ignore = [{tag!r}]: {why}")
-
-    def told(self) -> tuple[str, ...]:
-        """All remarks, one sentence each."""
-        plural = {kind: f"{kind}s" for kind, _ in self.remarks}
-        return tuple(
-            f"{plural[kind] if len(names) > 1 else kind} {', '.join(names)}: {told}"
-            for (kind, told), names in self.remarks.items()
-        )
+            raise DescriptionError(why, place="ignore", value=tag, file=self.path)
 
     def notes(self) -> str:
-        """What was ignored and renamed, in a few words."""
+        """A sentence each about what was ignored and renamed."""
         parts = [f"Read from {self.path.name}, its base fixed."]
         if self.ignored:
             counted = (f"{tag} ({count})" for tag, count in sorted(self.ignored.items()))
@@ -110,3 +145,9 @@ class UrdfReading:
             names = (f"{old} → {new}" for old, new in self.renamed.items())
             parts.append(f"Renamed, as names hold no spaces, dots and brackets: {', '.join(names)}.")
         return " ".join(parts)
+
+
+def unknown_tag(element: Element, parent: str, known: Sequence[str]) -> DescriptionError:
+    """The error of a tag that nobody would read, for the caller to raise."""
+    expected = f"a tag that is read, or ignore = [{element.tag!r}]"
+    return element.error(f"unknown in {parent}, and could carry physics", expected=expected, choices=known)

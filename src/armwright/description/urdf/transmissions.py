@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from armwright.description.urdf.reading import UrdfReading
-from armwright.description.urdf.tags import TRANSMISSION_HARMLESS, TRANSMISSION_PHYSICS
+from armwright.description.urdf.reading import TRANSMISSION_HARMLESS, TRANSMISSION_PHYSICS, UrdfReading, unknown_tag
 from armwright.description.xml_tree import NUMBER, Element
-from armwright.errors import nearest
 
 TAGS = ("mechanicalReduction", "mechanical_reduction")
 
@@ -34,17 +32,17 @@ def reductions(reading: UrdfReading, robot: Element) -> dict[str, float]:
         ratios = [ratio for place in places for ratio in _ratios(place)]
         strangers = [joint for joint in joints if joint not in known]
         if strangers:
-            reading.remark(f"its joint {strangers[0]!r} does not exist, and it is not used", "transmission", name)
+            reading.remark("transmission", name, f"its joint {strangers[0]!r} does not exist, and it is not used")
             continue
         if len(joints) != 1 or len(transmission.all("actuator")) > 1:
             if any(abs(ratio) != 1.0 for ratio in ratios):
-                reading.remark("couples several joints or motors, and is not used", "transmission", name)
+                reading.remark("transmission", name, "couples several joints or motors, and is not used")
             reading.ignored["transmission of several joints"] += 1
             continue
         ratio = ratios[0] if ratios else 1.0
         if found.get(joints[0], ratio) != ratio:
-            told = f"joint {joints[0]!r} has the reductions {found[joints[0]]:g} and {ratio:g}: expected one"
-            raise transmission.error(told)
+            expected = f"{found[joints[0]]:g}, as in the transmission before"
+            raise transmission.error(place=f"joint {joints[0]!r} mechanicalReduction", value=ratio, expected=expected)
         found[joints[0]] = ratio
     return found
 
@@ -55,15 +53,12 @@ def _check(reading: UrdfReading, element: Element, name: str, read: tuple[str, .
         if child.tag in (*read, *TAGS, *TRANSMISSION_HARMLESS):
             continue
         if child.tag in TRANSMISSION_PHYSICS:
-            reading.remark(f"<{child.tag}> is not used: give what it says in the drive file", "transmission", name)
+            reading.remark("transmission", name, f"<{child.tag}> is not used: give what it says in the drive file")
         elif child.tag in reading.ignore:
             reading.leave_out(child.tag, f"transmission/{child.tag}")
         else:
-            nearby = nearest(child.tag, [*read, *TAGS, *TRANSMISSION_HARMLESS, *TRANSMISSION_PHYSICS])
-            raise child.error(
-                f"<{child.tag}> in <{element.tag}> of transmission {name!r} is unknown, and could carry physics; {nearby} "
-                f"(ignore = [{child.tag!r}] leaves it out)"
-            )
+            known = (*read, *TAGS, *TRANSMISSION_HARMLESS, *TRANSMISSION_PHYSICS)
+            raise unknown_tag(child, f"<{element.tag}> of transmission {name!r}", known)
 
 
 def _ratios(element: Element) -> list[float]:
@@ -72,6 +67,6 @@ def _ratios(element: Element) -> list[float]:
         if tag.tag in TAGS:
             text = tag.text.strip()
             if not NUMBER.fullmatch(text) or not 0 < abs(float(text)) < 1e9:
-                raise tag.error(f"<{tag.tag}>{text[:60]}</{tag.tag}>: expected a number other than 0")
+                raise tag.error(value=text, expected="a number other than 0")
             ratios.append(float(text))
     return ratios

@@ -1,4 +1,4 @@
-"""Actuators of an MJCF: gear, limits of torque; servo gains are a controller's and no part of the arm."""
+"""Drives of an MJCF: gears and limits of actuators (servo gains are a controller's), and joints that follow others."""
 
 from __future__ import annotations
 
@@ -47,3 +47,20 @@ def actuations(mujoco: Any, model: Any) -> dict[int, Actuation]:
             limit = min(abs(low), abs(high)) * abs(actuation.gear)
             actuation.torque = min(actuation.torque, limit or inf)
     return found
+
+
+def masters(mujoco: Any, model: Any) -> dict[int, int]:
+    """By joint that follows another: the number of the equality constraint that says so."""
+    line = int(mujoco.mjtEq.mjEQ_JOINT)
+    return {int(model.eq_obj1id[k]): k for k in range(model.neq) if int(model.eq_type[k]) == line}
+
+
+def mimic_record(model: Any, k: int, master: str, *, hinge: bool) -> dict[str, Any]:
+    """`mimic` of the joint that constraint k moves: our q are MuJoCo's, whose line goes through the reference positions."""
+    at = [float(model.qpos0[model.jnt_qposadr[int(joint)]]) for joint in (model.eq_obj1id[k], model.eq_obj2id[k])]
+    constant, slope = map(float, model.eq_data[k][:2])
+    return {
+        "joint": master,
+        "multiplier": slope,
+        f"offset_{'rad' if hinge else 'm'}": at[0] + constant - slope * at[1],
+    }

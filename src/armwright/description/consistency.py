@@ -1,0 +1,201 @@
+"""Checks of a whole robot: one joint, link or table cannot see what another one needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from armwright.description.drive import COMMAND_NEEDS
+from armwright.description.paths import quantities
+from armwright.quantity import SourceKind
+from armwright.validation import Invalid
+
+KINDS: tuple[str, ...] = SourceKind.__args__  # type: ignore[attr-defined]
+OF_A_DRIVE = (
+    "command",
+    "bus_period_s",
+    "elasticity",
+    "stops",
+    "brake",
+)  # a joint that mimics another has none of these
+OF_A_ROTOR = ("gear_ratio", "rotor_inertia_kg_m2", "source", "basis")  # all that the motor of such a joint may have
+SIMULATED = ("load_coefficient", "viscous_fall_k")  # friction that needs a drive's states
+
+
+def check_robot(robot: Any) -> None:
+    """Refuses what does not go together.
+
+    Args:
+        robot: a RobotDescription.
+    Raises:
+        Invalid: names the joint, link or frame, the key and what it needs.
+    """
+    _check_names(robot)
+    _check_tree(robot)
+    moving = [joint for joint in robot.joints if joint.type != "fixed"]
+    independent = [joint.name for joint in moving if joint.mimic is None]
+    for joint in moving:
+        try:
+            _check_command(robot, joint)
+            if joint.mimic is not None:
+                _check_mimic(joint, {other.name: other for other in moving})
+            _check_effects(robot, joint)
+            _check_coupling(joint, independent)
+        except Invalid as error:
+            raise Invalid.of(error.problem.within(f"joint {joint.name!r}")) from None
+    check_sources(robot)
+
+
+def check_sources(robot: Any) -> None:
+    """Refuses numbers of a file that have no source; `robot` is a record with its [sources].
+
+    Raises:
+        Invalid: names the number.
+    """
+    for path, _, source in quantities(robot):
+        if source is None:
+            raise Invalid(
+                "has no source", place=path, expected="source = ... beside it, in its table or for the whole file"
+            )
+        if source not in robot.sources and source not in KINDS:
+            raise Invalid("no key of [sources]", place=f"{path} source", value=source, choices=(*robot.sources, *KINDS))
+
+
+def _check_names(robot: Any) -> None:
+    if not robot.joints:
+        raise Invalid(place="joints", expected="at least one joint")
+    _check_unique("joints", [joint.name for joint in robot.joints])
+    if any(joint.name == "t" for joint in robot.joints):
+        raise Invalid("the time in schedules", place="joint 't' name", value="t", expected="another name")
+    links = [link.name for link in robot.links]
+    _check_unique("links", links)
+    _check_unique("frames or links", [*links, *(frame.name for frame in robot.frames), robot.base])
+    with_base = [*links, robot.base]
+    for joint in robot.joints:
+        _check_known(f"joint {joint.name!r} parent", joint.parent, with_base)
+        _check_known(f"joint {joint.name!r} child", joint.child, links)
+    for frame in robot.frames:
+        _check_known(f"frame {frame.name!r} link", frame.link, with_base)
+    if robot.tip is not None:
+        _check_known("tip", robot.tip, [*with_base, *(frame.name for frame in robot.frames)], "no frame or link")
+
+
+def _check_unique(kind: str, names: list[str]) -> None:
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise Invalid(f"two {kind} have this name", place="name", value=twice[0], expected="every name once")
+
+
+def _check_known(place: str, name: str, known: Iterable[str], what: str = "no link") -> None:
+    if name not in known:
+        raise Invalid(what, place=place, value=name, choices=known)
+
+
+def _check_tree(robot: Any) -> None:
+    parent = {}
+    for joint in robot.joints:
+        if joint.child in parent:
+            raise Invalid("moved by two joints: closed chains are not offered", place=f"link {joint.child!r}")
+        parent[joint.child] = joint.parent
+    for link in robot.links:
+        if link.name not in parent:
+            raise Invalid(
+                "hangs on no joint", place=f"link {link.name!r}", expected="every link to be the child of one"
+            )
+    for link in robot.links:
+        seen, at = {link.name}, parent[link.name]
+        while at != robot.base:
+            if at in seen:
+                raise Invalid("carries itself", place=f"link {at!r}", expected=f"a tree that starts at {robot.base!r}")
+            seen.add(at)
+            at = parent[at]
+
+
+def _check_command(robot: Any, joint: Any) -> None:
+    """The numbers of the motor that a command and a lossy gear need."""
+    motor, friction = joint.motor, joint.friction
+    command = joint.command or robot.command if joint.mimic is None else "torque"
+    if command is None:
+        raise Invalid("missing", place="command", expected="voltage, current or torque")
+    for key in COMMAND_NEEDS.get(command, ()):
+        if motor is None or getattr(motor, key) is None:
+            raise Invalid(f"needs motor.{key}", place="command", value=command)
+    if motor is None and friction is not None and friction.side == "motor":
+        raise Invalid("needs a [joints.motor] with its gear_ratio", place="friction.side", value="motor")
+    if motor is not None and motor.gear_efficiency is not None and float(motor.gear_efficiency) < 1:
+        is_linear = joint.type == "prismatic" and not hasattr(friction, "smoothing_rad_per_s")
+        key = "smoothing_m_per_s" if is_linear else "smoothing_rad_per_s"
+        if getattr(friction, key, None) is None:
+            raise Invalid(f"needs friction.{key}, the speed its loss is smoothed over", place="motor.gear_efficiency")
+
+
+def _check_mimic(joint: Any, moving: dict[str, Any]) -> None:
+    """A joint follows one that moves, not itself, and has no drive: only friction and a rotor that is carried along."""
+    others = [name for name in moving if name != joint.name]
+    if joint.mimic.joint not in moving:
+        raise Invalid("does not move or is not there", place="mimic.joint", value=joint.mimic.joint, choices=others)
+    seen, master = {joint.name}, moving[joint.mimic.joint]
+    while master.mimic is not None and master.mimic.joint in moving:
+        if master.name in seen:
+            raise Invalid("the joint follows itself", place="mimic", expected="a chain that ends at a driven joint")
+        seen.add(master.name)
+        master = moving[master.mimic.joint]
+    wrong = [key for key in OF_A_DRIVE if getattr(joint, key) is not None]
+    motor, friction = joint.motor, joint.friction
+    if motor is not None:
+        defaults = {
+            key: field.get_default(call_default_factory=True) for key, field in type(motor).model_fields.items()
+        }
+        drive = (key for key in defaults if key not in OF_A_ROTOR)
+        wrong += [f"motor.{key}" for key in drive if getattr(motor, key) != defaults[key]]
+    if friction is not None:
+        wrong += [f"friction.{key}" for key in SIMULATED if getattr(friction, key) is not None]
+        wrong += ["friction.law"] if friction.law == "lugre" else []
+    if wrong:
+        what = f"the joint mimics {joint.mimic.joint!r} and has no drive"
+        raise Invalid(what, place=wrong[0], expected="only friction and a motor's gear_ratio and rotor_inertia_kg_m2")
+
+
+def _check_effects(robot: Any, joint: Any) -> None:
+    """Effects of a drive need what they rest on."""
+    motor, friction, command = joint.motor, joint.friction, joint.command or robot.command
+    limit = "position_rad" if joint.type == "revolute" else "position_m"
+    if joint.stops is not None and getattr(joint.limits, limit) is None:
+        raise Invalid(f"needs limits.{limit}, where they stand", place="stops")
+    if joint.elasticity is not None and (motor is None or float(motor.rotor_inertia_kg_m2) == 0):
+        raise Invalid("needs motor.rotor_inertia_kg_m2 above 0: the mass before the spring", place="elasticity")
+    if joint.brake is not None and joint.brake.side == "motor" and motor is None:
+        raise Invalid("needs a [joints.motor] with its gear_ratio", place="brake.side", value="motor")
+    on_slide = joint.brake is not None and joint.type == "prismatic" and joint.brake.side == "joint"
+    if on_slide and hasattr(joint.brake, "holding_torque_n_m"):
+        expected = 'side = "motor", or keys in N'
+        raise Invalid("in N m on a prismatic joint, it is its motor's", place="brake", expected=expected)
+    if friction is not None and friction.viscous_fall_k is not None and (motor is None or motor.thermal is None):
+        raise Invalid("needs motor.thermal, which knows the temperature", place="friction.viscous_fall_k")
+    if motor is None:
+        return
+    if robot.supply is not None and motor.basis != "dc":
+        what = "[supply] goes with basis = 'dc': the bus clips DC-equivalent volts"
+        raise Invalid(what, place="motor.basis", value=motor.basis)
+    if motor.current_loop_hz is not None and command == "voltage":
+        expected = 'command = "current" or "torque": a voltage needs no current loop'
+        raise Invalid(place="motor.current_loop_hz", expected=expected)
+    if motor.pwm == "coast":
+        if command != "voltage":
+            raise Invalid(place="motor.pwm", value="coast", expected=f'command = "voltage", not {command!r}')
+        if robot.supply is None and joint.limits.voltage_v is None:
+            what = "needs limits.voltage_v or [supply], the voltage that is switched"
+            raise Invalid(what, place="motor.pwm", value="coast")
+
+
+def _check_coupling(joint: Any, names: list[str]) -> None:
+    """Motors are coupled to other joints that move by themselves, each once."""
+    others = [] if joint.motor is None else [coupling.joint for coupling in joint.motor.coupling]
+    for k, other in enumerate(others):
+        place = f"motor.coupling[{k}].joint"
+        if other not in names:
+            raise Invalid("does not move by itself or is not there", place=place, value=other, choices=names)
+        if other == joint.name:
+            raise Invalid("the joint itself, whose share is gear_ratio", place=place, value=other)
+        if others.count(other) > 1:
+            raise Invalid("named twice", place=place, value=other)
