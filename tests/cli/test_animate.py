@@ -48,8 +48,8 @@ def test_a_lane_as_a_page(folder):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("run.nc", "--robot", "panda", "-o", "x.glb"), "the run of two-link has joints shoulder, elbow; expected"),
-        (("batch.nc", "--robot", "two-link", "-o", "x.glb"), "the run has 3 lanes; expected lane = one of 0, 1, 2"),
+        (("run.nc", "--robot", "panda", "-o", "x.glb"), "the run is of two-link; expected those of panda"),
+        (("batch.nc", "--robot", "two-link", "-o", "x.glb"), "lane: the run has 3 lanes; expected one of 0, 1, 2"),
         (
             ("run.nc", "--robot", "two-link", "-o", "x.gif"),
             "x.gif: the ending '.gif' is not offered; expected .glb or .html",

@@ -67,7 +67,7 @@ def test_an_arm_older_than_its_modules_says_so(folder: Path) -> None:
         (folder / name).write_text(f"{text}\n# changed\n")
         (told,) = set(aw.load(arm).warnings) - set(before)
         assert f"older than ../{name}" in told or f"older than {name}" in told
-        (told,) = (finding.text for finding in aw.check(arm).warnings if finding.check == "age")
+        (told,) = (str(finding.problem) for finding in aw.check(arm).warnings if finding.check == "age")
         (folder / name).write_text(text)
         assert aw.load(arm).warnings == before
         (folder / name).rename(folder / "away")

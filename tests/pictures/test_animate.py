@@ -8,7 +8,7 @@ from armwright.errors import OutputError, RunError
 from pictures.gltf_rules import Gltf
 from pictures.playing import pose_of
 from pictures.reading import Page
-from pictures.test_animated import TO_Z_UP
+from pictures.test_arm_glb import TO_Z_UP
 from simulation.runs import MIXED, invented, mixed_arm
 
 
@@ -50,14 +50,17 @@ def test_a_lane_of_many(arm, tmp_path):
     aw.animate(run, arm, tmp_path / "lane.glb", lane=3)
     expected = aw.forward_kinematics(arm, run["q"].values[3, -1])
     assert np.abs(hand(tmp_path / "lane.glb") - expected).max() < 1e-5
-    with pytest.raises(RunError, match="the run has 5 lanes; expected lane = one of 0 … 4"):
-        aw.animate(run, arm, tmp_path / "x.glb")
-    with pytest.raises(RunError, match="lane = 7: no such lane; expected one of 0 … 4"):
-        aw.animate(run, arm, tmp_path / "x.glb", lane=7)
-    with pytest.raises(RunError, match="q of 'turn' is nan from t = 0 s on"):
-        aw.animate(run, arm, tmp_path / "x.glb", lane=2)
-    with pytest.raises(RunError, match="lane = 0: this run has no lanes"):
+    for lane, words in (
+        (None, "lane: the run has 5 lanes; expected one of 0 … 4"),
+        (7, "lane = 7: no such lane; expected one of 0 … 4"),
+        (2, "q of joint 'turn' = nan: from t = 0 s on the simulation diverges"),
+    ):
+        with pytest.raises(RunError) as caught:
+            aw.animate(run, arm, tmp_path / "x.glb", lane=lane)
+        assert words in str(caught.value)
+    with pytest.raises(RunError) as caught:
         aw.animate(invented(arm), arm, tmp_path / "x.glb", lane=0)
+    assert (caught.value.place, caught.value.value, caught.value.expected) == ("lane", 0, "none")
     assert [entry.name for entry in tmp_path.iterdir()] == ["lane.glb"]
 
 
@@ -79,23 +82,22 @@ def test_paths_that_cannot_be_written(arm, tmp_path, path, words):
 def test_runs_that_are_none_of_this_arm(arm, tmp_path):
     run = invented(arm)
     other = aw.load("two-link")
-    for bad, words in (
-        (invented(other), "expected those of lathe: turn, slide, hinge"),
-        (run.isel(joint=[0, 1]), "has joints turn, slide; expected those of lathe"),
-        (
-            run.assign_coords(kind=("joint", ["revolute"] * 3)),
-            "joint 'slide' is revolute in the run; expected prismatic",
-        ),
-        (run.drop_vars("q"), "no joint positions q"),
-        (run.isel(time=slice(0, 0)), "no rows"),
-        (run.isel(time=[3, 2]), "time goes from 0.15 s to 0.1 s; expected increasing times"),
-        (run.where(run["time"] < 1), "q of 'turn' is nan from t = 1 s on: the simulation left the finite numbers"),
-        (run.to_dataframe(), "a DataFrame is no run"),
+    kinds = run.assign_coords(kind=("joint", ["revolute"] * 3))
+    for bad, place, expected in (
+        (invented(other), "joint", "those of lathe: turn, slide, hinge"),
+        (run.isel(joint=[0, 1]), "joint", "those of lathe: turn, slide, hinge"),
+        (kinds, "kind of joint 'slide'", "prismatic, as it is in lathe"),
+        (run.drop_vars("q"), "q", "all variables that simulate returns"),
+        (run.isel(time=slice(0, 0)), "", "at least one"),
+        (run.isel(time=[3, 2]), "time", "increasing times"),
+        (run.where(run["time"] < 1), "q of joint 'turn'", "a run, or the part of it before"),
     ):
-        with pytest.raises(RunError) as told:
+        with pytest.raises(RunError) as caught:
             aw.animate(bad, arm, tmp_path / "run.glb")
-        assert words in str(told.value)
-        assert "\n" not in str(told.value)
+        assert (caught.value.place, caught.value.expected) == (place, expected)
+        assert "\n" not in str(caught.value)
+    with pytest.raises(RunError, match="DataFrame"):
+        aw.animate(run.to_dataframe(), arm, tmp_path / "run.glb")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -111,8 +113,9 @@ def test_a_mesh_that_has_gone(tmp_path):
     arm = aw.load(tmp_path / "lathe.toml")
     with pytest.raises(RunError) as told:
         aw.animate(invented(arm), arm, tmp_path / "run.glb")
-    assert str(told.value).startswith("lathe: link 'hand', visual 'cover': ")
-    assert "gone.stl: cannot be read" in str(told.value)
+    assert (told.value.file, told.value.place) == ("lathe", "link 'hand' visual 'cover' mesh")
+    assert told.value.value == "gone.stl"
+    assert "cannot be read" in told.value.what
     assert [entry.name for entry in tmp_path.iterdir()] == ["lathe.toml"]
 
 

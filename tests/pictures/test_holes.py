@@ -9,8 +9,8 @@ import trimesh
 import armwright as aw
 from armwright.description.database import parse
 from armwright.model import build_model
-from armwright.pictures.scene import body_shapes
-from armwright.pictures.still import still
+from armwright.pictures.body_shapes import body_shapes
+from armwright.pictures.posed_arm import posed_arm
 from armwright.solids.shapes import SHAPES
 from armwright.solids.surface import surface
 from armwright.spatial import rotation_rpy
@@ -178,7 +178,8 @@ def test_meshes_are_cut_if_they_are_closed(tmp_path):
     data = workshop()
     data["links"][0]["visuals"] = [visual({**mesh, "file": "open.stl"}, name="ring"), slot]
     arm = build_model(parse(data, "x", folder=tmp_path))
-    (note,) = still(arm).notes
-    assert "visual 'ring': not a closed surface" in note
-    assert note.endswith("drawn without its holes")
+    (note,) = posed_arm(arm).notes
+    assert note.place.endswith("visual 'ring'")
+    assert "expected a closed surface" in note.what
+    assert note.what.endswith("drawn without its holes")
     assert aw.show(arm, tmp_path / "arm.glb").notes == (note,)

@@ -15,10 +15,10 @@ from armwright.description.database import parse
 from armwright.errors import ModelError, OutputError, ShapeError
 from armwright.kinematics import body_placements
 from armwright.model import build_model
+from armwright.pictures.body_shapes import body_shapes
 from armwright.pictures.png import spacing, write_png
-from armwright.pictures.scene import body_shapes
-from armwright.pictures.scene_file import Y_UP
-from armwright.pictures.still import still
+from armwright.pictures.posed_arm import posed_arm
+from armwright.pictures.scene import Y_UP
 from physics.arms import NAMES, arm, random_state, workshop
 
 
@@ -30,7 +30,7 @@ def pixels(path) -> np.ndarray:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_png_shows_the_arm(name, tmp_path):
-    write_png(still(arm(name)), tmp_path / "arm.png", longer=240)
+    write_png(posed_arm(arm(name)), tmp_path / "arm.png", longer=240)
     image = pixels(tmp_path / "arm.png")
     assert max(image.shape) == 240
     assert 0.02 < (image.min(axis=-1) < 0.6).mean() < 0.9  # something stands on the paper, and does not hide it
@@ -47,7 +47,7 @@ def test_a_scene_has_a_node_for_each_link_where_it_stands(name, tmp_path):
     for k, placed in body_placements(model, q).items():
         link = model.bodies[k].link if k >= 0 else "base"
         np.testing.assert_allclose(scene.graph[link][0], Y_UP @ placed.matrix(), atol=1e-6)
-    box = still(model, q).surfaces().corners.reshape(-1, 3) @ Y_UP[:3, :3].T
+    box = posed_arm(model, q).surfaces().corners.reshape(-1, 3) @ Y_UP[:3, :3].T
     np.testing.assert_allclose(scene.bounds, [box.min(axis=0), box.max(axis=0)], atol=1e-5)
 
 
@@ -79,7 +79,7 @@ def test_holes_are_seen_through(tmp_path):
     bore = {"shape": "cylinder", "radius_m": 0.3, "length_m": 0.1}
     place = {"xyz_m": [0.0, 0.0, 0.0], "rpy_rad": [0.0, 0.0, 0.0]}
     data["links"][0]["visuals"] = [{"solid": plate, **place}, {"solid": bore, "hole": True, **place}]
-    solid = still(build_model(parse(data, "x"))).surfaces()
+    solid = posed_arm(build_model(parse(data, "x"))).surfaces()
     bored = solid.corners.reshape(-1, 3)
     middle = np.unique(bored.round(9), axis=0)
     away = np.linalg.norm(middle - 0.5 * (middle.min(axis=0) + middle.max(axis=0)), axis=1)
@@ -87,7 +87,7 @@ def test_holes_are_seen_through(tmp_path):
 
 
 def test_a_bushing_in_the_bore_of_another_part_stays():
-    from armwright.pictures.holes import holes_of
+    from armwright.pictures.body_shapes import holes_of
 
     data = workshop()
     place = {"xyz_m": [0.0, 0.0, 0.0], "rpy_rad": [0.0, 0.0, 0.0]}
@@ -107,10 +107,10 @@ def test_without_a_mesh_that_can_be_read_it_is_a_figure(tmp_path):
     mesh = {"shape": "mesh", "file": "gone.stl", "scale": 1.0}
     data["links"][0]["visuals"] = [{"solid": mesh, "xyz_m": [0, 0, 0], "rpy_rad": [0, 0, 0]}]
     shown = aw.show(build_model(parse(data, "x", folder=tmp_path)), tmp_path / "arm.glb")
-    assert "gone.stl" in shown.notes[0]
-    assert "figure of its joints" in shown.notes[0]
+    assert shown.notes[0].value == "gone.stl"
+    assert "figure of its joints" in shown.notes[0].what
     bare = dataclasses.replace(arm("workshop"), description=None)
-    assert len(still(bare).shapes) == len(still(arm("workshop")).shapes)
+    assert len(posed_arm(bare).shapes) == len(posed_arm(arm("workshop")).shapes)
 
 
 @pytest.mark.parametrize("size", [120, 301])
@@ -135,14 +135,17 @@ def test_refused(tmp_path):
     with pytest.raises(OutputError, match=r"expected \.png, \.html or \.glb"):
         aw.show(arm("panda"), tmp_path / "arm.bmp")
     for wrong in ([0.0], np.full(7, np.nan)):
-        with pytest.raises(ShapeError, match="expected 7 finite numbers"):
+        with pytest.raises(ShapeError, match="expected 7 finite numbers") as refused:
             aw.show(arm("panda"), tmp_path / "arm.png", wrong)
+        assert refused.value.place == "q"
     with pytest.raises(ModelError, match="expected an arm"):
         aw.show("panda", tmp_path / "arm.png")  # type: ignore[arg-type]
     for size in (10, 10**6, 300.0, True):
-        with pytest.raises(OutputError, match="expected 120 to 4000 pixels"):
+        with pytest.raises(OutputError) as caught:
             aw.show(arm("panda"), tmp_path / "arm.png", size=size)  # type: ignore[arg-type]
-    with pytest.raises(OutputError, match=r"only a \.png has a size"):
+        assert (caught.value.place, caught.value.value) == ("size", size)
+        assert caught.value.expected.startswith("120 to 4000 pixels")
+    with pytest.raises(OutputError, match=r"size = 300: only a \.png has a size"):
         aw.show(arm("panda"), tmp_path / "arm.glb", size=300)
     assert not list(tmp_path.iterdir())
 
@@ -151,7 +154,7 @@ def test_a_sliding_joint_stands_on_a_rail_from_its_zero():
     model = aw.load(Path(__file__).parents[2] / "examples" / "scara.toml")
     quill, out = model.names.index("quill"), 0.33
     zero, moved = (body_placements(model, [0, 0, q, 0]) for q in (0.0, out))
-    shapes = still(model, [0, 0, out, 0])
+    shapes = posed_arm(model, [0, 0, out, 0])
     parent = model.bodies[quill].parent
     points = np.vstack([shape.positions for shape in shapes.shapes[parent]]) @ moved[parent].rotation.T
     points += moved[parent].position

@@ -15,10 +15,10 @@ from physics.arms import arm
 def test_an_arm_does_not_differ_from_itself(name):
     found = aw.diff(name, arm(name))
     assert not found
-    assert found.consequence is not None
-    assert found.consequence.poses.shape == (33, arm(name).n)
-    assert not found.consequence.gravity_change.any()
-    assert not np.nan_to_num(found.consequence.inertia_change).any()
+    assert found.effect is not None
+    assert found.effect.poses.shape == (33, arm(name).n)
+    assert not found.effect.gravity_change.any()
+    assert not np.nan_to_num(found.effect.inertia_change).any()
 
 
 def test_changed_numbers_are_listed_with_their_sources():
@@ -59,7 +59,7 @@ def test_the_consequence_is_that_of_the_dynamics():
     """A point mass at the tip: gravity changes by Jᵀ m g, the mass matrix by m Jᵀ J."""
     mass = 3.0
     bare = arm("puma560")
-    told = aw.diff(bare, bare.with_payload(mass, [0, 0, 0], np.zeros(3))).consequence
+    told = aw.diff(bare, bare.with_payload(mass, [0, 0, 0], np.zeros(3))).effect
     assert told is not None
     assert told.mass[1] - told.mass[0] == pytest.approx(mass)
     for k, q in enumerate(told.poses):
@@ -73,7 +73,7 @@ def test_the_consequence_is_that_of_the_dynamics():
 
 
 def test_sample_poses_stay_within_limits():
-    found = aw.diff("panda", "panda").consequence
+    found = aw.diff("panda", "panda").effect
     assert found is not None
     for body, positions in zip(arm("panda").bodies, found.poses[1:].T, strict=True):
         low, high = body.limits.position
@@ -83,7 +83,7 @@ def test_sample_poses_stay_within_limits():
 
 def test_arms_without_a_common_joint():
     found = aw.diff("puma560", "panda")
-    assert found.consequence is None
+    assert found.effect is None
     assert found.changes
 
 

@@ -40,7 +40,7 @@ def check(
     for level, style in (("error", "red"), ("warning", "yellow")):
         for finding in report.findings:
             if finding.level == level:
-                console.print(f"\n{level}: {finding.text}", style=style, soft_wrap=True)
+                console.print(f"\n{level}: {finding.problem}", style=style, soft_wrap=True)
     errors, warnings = len(report.errors), len(report.warnings)
     console.print(f"\n{_plural(errors, 'error')}, {_plural(warnings, 'warning')}")
     if errors or (strict and warnings):

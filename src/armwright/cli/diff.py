@@ -11,7 +11,7 @@ from armwright.cli.tables import console_for_tables, number, table
 if TYPE_CHECKING:
     from armwright.quantity import Source
     from armwright.robotfiles import Change
-    from armwright.robotfiles.dynamic_effect import Consequence
+    from armwright.robotfiles.dynamic_effect import DynamicEffect
 
 
 def _arm(which: str) -> Any:
@@ -43,12 +43,12 @@ def diff(a: Annotated[str, _arm("first")], b: Annotated[str, _arm("second")]) ->
     for part in (
         table("Parameters", ("parameter", "A", "B", "change", "source"), rows, left=("A", "B", "source")),
         _sources([change for change in found.changes if change.is_source_only]),
-        None if found.consequence is None else _consequence(found.consequence),
+        None if found.effect is None else _effect(found.effect),
     ):
         if part is not None:
             console.print()
             console.print(part)
-    if found.consequence is None:
+    if found.effect is None:
         console.print("\nno joint is in both: gravity torques and inertias are not compared")
 
 
@@ -112,7 +112,7 @@ def _told(change: Change, which: str) -> str:
     return spread + ("" if source is None else _source(source))
 
 
-def _consequence(found: Consequence) -> Any:
+def _effect(found: DynamicEffect) -> Any:
     heads = ("joint", "gravity A [N m | N]", "gravity B", "change", "inertia A [kg m² | kg]", "inertia B", "change ")
     least = 1e-12 * max(float(abs(found.gravity).max()), 1.0)
     rows = []

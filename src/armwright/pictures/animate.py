@@ -17,7 +17,7 @@ import numpy as np
 from armwright.errors import RunError
 from armwright.model import Model
 from armwright.output import check_destination, whole_file
-from armwright.pictures.animated import animated_arm
+from armwright.pictures.arm_glb import animated_arm
 from armwright.results.aliases import PARTIAL
 from armwright.results.plot_curves import describe
 from armwright.results.plot_page import PAGES as PLOT_PAGES
@@ -75,13 +75,13 @@ def check_animation(path: str | os.PathLike[str]) -> Path:
 def _one_lane(run: xr.Dataset, lane: int | None) -> xr.Dataset:
     if "lane" not in run.dims:
         if lane is not None:
-            raise RunError(f"lane = {lane!r}: this run has no lanes; expected none to be chosen")
+            raise RunError("this run has no lanes", place="lane", value=lane, expected="none")
         return run
     lanes = [int(k) for k in run["lane"].values] if "lane" in run.coords else list(range(run.sizes["lane"]))
     if lane is None and len(lanes) != 1:
-        raise RunError(f"the run has {len(lanes)} lanes; expected lane = one of {_span(lanes)}")
+        raise RunError(f"the run has {len(lanes)} lanes", place="lane", expected=f"one of {_span(lanes)}")
     if lane is not None and (isinstance(lane, bool) or lane not in lanes):
-        raise RunError(f"lane = {lane!r}: no such lane; expected one of {_span(lanes)}")
+        raise RunError("no such lane", place="lane", value=lane, expected=f"one of {_span(lanes)}")
     return run.isel(lane=0 if lane is None else lanes.index(lane))
 
 
@@ -95,23 +95,22 @@ def _motions(run: xr.Dataset, arm: Model) -> tuple[np.ndarray, dict[str, np.ndar
     """Times (k,) and the joints' positions (k, n) of the run, and of its reference where it has one."""
     joints = [str(joint) for joint in run["joint"].values]
     if joints != arm.names:
-        raise RunError(
-            f"the run of {run.attrs.get('robot', 'an arm')} has joints {', '.join(joints)}; "
-            f"expected those of {arm.name}: {', '.join(arm.names)}"
-        )
-    kinds = [str(kind) for kind in run["kind"].values]
-    for body, kind in zip(arm.coordinates, kinds, strict=True):
+        what = f"the run is of {run.attrs.get('robot', 'another arm')}"
+        expected = f"those of {arm.name}: {', '.join(arm.names)}"
+        raise RunError(what, place="joint", value=joints, expected=expected)
+    for body, kind in zip(arm.coordinates, run["kind"].values, strict=True):
         if kind != body.kind:
-            raise RunError(f"joint {body.joint!r} is {kind} in the run; expected {body.kind}, as it is in {arm.name}")
+            expected = f"{body.kind}, as it is in {arm.name}"
+            raise RunError(place=f"kind of joint {body.joint!r}", value=str(kind), expected=expected)
     if "q" not in run:
-        raise RunError("the run has no joint positions q; expected all of what simulate returns")
+        raise RunError("missing", place="q", expected="all variables that simulate returns")
     t, q = np.asarray(run["time"].values, dtype=float), np.asarray(run["q"].values, dtype=float)
     if not len(t):
-        raise RunError("the run has no rows; expected at least one")
+        raise RunError("the run has no rows", expected="at least one")
     _check_finite(t, q, joints)
     if not (np.diff(t) > 0).all():
         k = int(np.argmin(np.diff(t) > 0))
-        raise RunError(f"time goes from {t[k]:g} s to {t[k + 1]:g} s; expected increasing times")
+        raise RunError(f"goes from {t[k]:g} s to {t[k + 1]:g} s", place="time", expected="increasing times")
     motions = {"run": q}
     if "q_reference" in run and np.isfinite(run["q_reference"].values).all():
         motions["reference"] = np.asarray(run["q_reference"].values, dtype=float)
@@ -120,15 +119,13 @@ def _motions(run: xr.Dataset, arm: Model) -> tuple[np.ndarray, dict[str, np.ndar
 
 def _check_finite(t: np.ndarray, q: np.ndarray, joints: list[str]) -> None:
     if not np.isfinite(t).all():
-        raise RunError(
-            f"time is {t[~np.isfinite(t)][0]} in row {int(np.argmin(np.isfinite(t)))}; expected finite times"
-        )
+        row = int(np.argmin(np.isfinite(t)))
+        raise RunError(place=f"time[{row}]", value=float(t[row]), expected="finite times")
     if not np.isfinite(q).all():
         row, joint = np.argwhere(~np.isfinite(q))[0]
-        raise RunError(
-            f"q of {joints[joint]!r} is {q[row, joint]} from t = {t[row]:g} s on: the simulation left the finite numbers; "
-            f"expected a run, or the part of it before"
-        )
+        what = f"from t = {t[row]:g} s on the simulation diverges"
+        place = f"q of joint {joints[joint]!r}"
+        raise RunError(what, place=place, value=float(q[row, joint]), expected="a run, or the part of it before")
 
 
 def _player(run: xr.Dataset, arm: Model, t: np.ndarray, glb: bytes, lane: int | None) -> str:

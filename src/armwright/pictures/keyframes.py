@@ -1,4 +1,4 @@
-"""As few keyframes as a joint's motion needs, at times that single precision can hold."""
+"""Keyframes of a joint's motion, as few as a tolerance allows, at times that single precision represents."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def keyframes(t: np.ndarray, q: np.ndarray, tolerance: float, turn: bool) -> tup
 
     Args:
         t: (k,) [s] increasing, from 0.   q: (k,) [rad | m].   tolerance: [rad | m].
-        turn: whether q is an angle, which moves by at most `LARGEST_TURN` at a time.
+        turn: True for an angle, which moves by at most `LARGEST_TURN` from one keyframe to the next.
     Returns:
         times: (m,) float32, strictly increasing.   positions: (m,) [rad | m].
     """
@@ -40,7 +40,7 @@ def keyframes(t: np.ndarray, q: np.ndarray, tolerance: float, turn: bool) -> tup
 
 
 def _refined(times: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """The times, with as many in between as large turns need."""
+    """Times with as many more in between as large turns need."""
     parts = np.maximum(np.ceil(np.abs(np.diff(q)) / LARGEST_TURN).astype(int), 1)
     step = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)  # 0, 1, … within each segment
     between = np.repeat(times[:-1], parts) + np.repeat(np.diff(times) / parts, parts) * step

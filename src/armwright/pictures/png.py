@@ -1,4 +1,4 @@
-"""A still as a PNG: the shaded picture, base axes, a scale."""
+"""PNG of an arm in one pose: the shaded picture, base axes, a scale."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from armwright.pictures.posed_arm import PosedArm
 from armwright.pictures.render import Camera, camera, render
-from armwright.pictures.still import Still
 
 AZIMUTH, ELEVATION = -0.95, 0.33  # [rad] where the camera stands
 SHORTER = 560 / 900  # of the longer side, at least
@@ -17,12 +17,12 @@ AXES = (("x", "#c23b3b"), ("y", "#3b8f3b"), ("z", "#3b5bc2"))
 INK = "#555555"
 
 
-def write_png(still: Still, path: Path, longer: int) -> None:
-    """Draws the arm on the ground, its longer side of so many pixels."""
+def write_png(posed: PosedArm, path: Path, longer: int) -> None:
+    """Writes a picture of the arm on the ground, whose longer side has so many pixels."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    surfaces = still.surfaces()
+    surfaces = posed.surfaces()
     points = surfaces.corners.reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     floor = min(float(low[2]), 0.0)
@@ -40,14 +40,14 @@ def write_png(still: Still, path: Path, longer: int) -> None:
 
 
 def spacing(size: float) -> float:
-    """The spacing of the grid [m]: 1, 2 or 5 times a power of ten, about an eighth of the size."""
+    """Spacing of the grid [m]: 1, 2 or 5 times a power of ten, about an eighth of the size."""
     aim = max(size / 8, 1e-6)
     power = 10.0 ** np.floor(np.log10(aim))
     return float(power * max(step for step in (1, 2, 5) if step * power <= aim * 1.0000001))
 
 
 def _view(points: np.ndarray, longer: int) -> Camera:
-    """A picture as wide and as high as the arm, within bounds."""
+    """Camera whose picture is about as wide and as high as the arm."""
     shorter = round(longer * SHORTER)
     square = camera(points, AZIMUTH, ELEVATION, longer, longer)
     width, height = np.ptp(square.project(points)[:, :2], axis=0)

@@ -1,8 +1,8 @@
-"""Which triangle is seen at every pixel, and where on it: a depth buffer in NumPy, all triangles at once.
+"""Rasterisation of triangles: the visible triangle at every pixel, and the point on it, by a depth buffer in NumPy.
 
 Every triangle is cut into rows of pixels, every row into pixels, and the nearest of all points at a pixel is kept. No library
-does it here: trimesh's pictures and pyrender need OpenGL and a display, VTK is a hundred megabytes, and matplotlib sorts whole
-triangles by depth, so that long ones hide what is before them.
+serves here: trimesh's pictures and pyrender need OpenGL and a display, VTK is a hundred megabytes, and matplotlib sorts whole
+triangles by depth, so that long ones hide those before them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ AT_ONCE = 4_000_000  # points drawn at a time, at most
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What a camera sees.
+    """Visible triangle of every pixel.
 
     Attributes:
         triangle: (height, width) index, NOTHING for none.   nearness: (height, width), larger is nearer; -inf for nothing.
@@ -61,7 +61,7 @@ def raster(corners: np.ndarray, width: int, height: int) -> Seen:
 
 
 def _centres(low: np.ndarray, high: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """The pixels, first and one behind the last, whose centres lie between two numbers."""
+    """First pixel, and the one after the last, whose centres lie between two numbers."""
     first, last = (np.ceil(np.clip(edge, 0, count) - 0.5).astype(int) for edge in (low, high))
     return first, np.minimum(last, count)
 
@@ -74,8 +74,9 @@ def _counted(names: np.ndarray, first: np.ndarray, last: np.ndarray) -> tuple[np
 
 
 def _row(corners: np.ndarray, doubled: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, ...]:
-    """From where to where triangles reach at a height, which is where all three weights, linear in x, are positive; and
-    their nearness at x = 0 with its slope.
+    """Left and right end of triangles at a height, and their nearness at x = 0 with its slope.
+
+    A point is inside where all three weights, which are linear in x, are positive.
     """
     at_zero = _weights(corners, doubled, np.zeros_like(y), y)
     p, q = np.roll(corners, -1, axis=1)[..., 1], np.roll(corners, -2, axis=1)[..., 1]

@@ -14,10 +14,10 @@ from armwright.pictures.raster import NOTHING, Seen, raster
 FINE = 2  # points a pixel's side
 SHADOW = 1100  # points of the shadow map's side
 SOFT = 2  # neighbours of a point of the shadow map that soften its edge
-LIGHT = np.array([0.45, -0.55, 0.95])  # where it comes from, as the camera turns about z
+LIGHT = np.array([0.45, -0.55, 0.95])  # left, back and up: direction to the light, which turns with the camera about z
 SKY, GROUND, PAPER = np.array([0.95, 0.97, 1.0]), np.array([0.93, 0.92, 0.9]), np.array([1.0, 1.0, 1.0])
 AMBIENT, DIRECT, SHINE, GLOSS = 0.56, 0.62, 0.14, 36.0
-LINE, DARK = 0.16, 0.30  # how much darker the grid's lines and shadows on the ground are
+LINE, DARK = 0.16, 0.30  # share by which the grid's lines and shadows on the ground are darker
 EDGE = 0.62  # brightness where a body ends
 RIM = 0.1  # of the picture's width: within that of its border ground and shadow fade to paper
 
@@ -28,7 +28,7 @@ class Camera:
 
     Attributes:
         rotation: (3, 3), rows right, down and forward on the screen.   eye: (3,) [m].
-        focal: [pixel].   width, height: [pixel].   lift: how far above the middle the view's axis is [pixel].
+        focal: [pixel].   width, height: [pixel].   lift: height of the view's axis above the middle [pixel].
     """
 
     rotation: np.ndarray
@@ -40,7 +40,7 @@ class Camera:
 
     @property
     def centre(self) -> np.ndarray:
-        """(2,) [pixel]: where the view's axis is on the screen."""
+        """(2,) [pixel]: the view's axis on the screen."""
         return np.array([0.5 * self.width, 0.5 * self.height - self.lift])
 
     def project(self, points: np.ndarray) -> np.ndarray:
@@ -62,7 +62,7 @@ class Camera:
 def camera(
     points: np.ndarray, azimuth: float, elevation: float, width: int, height: int, field: float = 0.42
 ) -> Camera:
-    """The camera that just sees all points (k, 3) [m] from a direction [rad]; `field` is the angle of view [rad]."""
+    """Camera that just sees all points (k, 3) [m] from a direction [rad]; `field` is the angle of view [rad]."""
     ca, sa, ce, se = np.cos(azimuth), np.sin(azimuth), np.cos(elevation), np.sin(elevation)
     forward = -np.array([ca * ce, sa * ce, se])
     right = np.array([-sa, ca, 0.0])
@@ -70,13 +70,10 @@ def camera(
     focal = 0.5 * min(width, height) / np.tan(0.5 * field)
     low, high = points.min(axis=0), points.max(axis=0)
     seen = (points - 0.5 * (low + high)) @ rotation.T
-    eye = np.zeros(3)
-    for _ in range(12):  # towards where the points fill the screen; depth changes with every step
-        far = seen - eye
-        screen = focal * far[:, :2] / np.maximum(far[:, 2:], 1e-6) if eye[2] else None
-        if screen is None:
-            eye[2] = -4 * float(np.linalg.norm(high - low)) - 1e-3
-            continue
+    eye = np.array([0.0, 0.0, -4 * float(np.linalg.norm(high - low)) - 1e-3])
+    for _ in range(11):  # towards where the points fill the screen; depth changes with every step
+        depth = seen - eye
+        screen = focal * depth[:, :2] / np.maximum(depth[:, 2:], 1e-6)
         bottom, top = screen.min(axis=0), screen.max(axis=0)
         eye[:2] += 0.5 * (bottom + top) / focal * -eye[2]
         eye[2] *= max(float(np.max((top - bottom) / (width, height))), 1e-3)
@@ -89,7 +86,7 @@ class Surfaces:
 
     Attributes:
         corners: (t, 3, 3) [m].   normals: (t, 3, 3).   colours: (t, 3), from 0 to 1.
-        bodies: (t,) whose they are: an edge is drawn between two.
+        bodies: (t,) to which they belong: an edge is drawn between two.
     """
 
     corners: np.ndarray
@@ -102,7 +99,7 @@ def render(surfaces: Surfaces, view: Camera, floor: float, grid: float) -> np.nd
     """The picture (height, width, 3), from 0 to 1.
 
     Args:
-        surfaces: what is drawn.   view: the camera.   floor: z of the ground [m].   grid: spacing of its lines [m].
+        surfaces: the triangles.   view: the camera.   floor: z of the ground [m].   grid: spacing of its lines [m].
     """
     sizes = (FINE * size for size in (view.focal, view.width, view.height, view.lift))
     fine = Camera(view.rotation, view.eye, *sizes)  # type: ignore[arg-type]
@@ -127,7 +124,7 @@ def _light(view: Camera) -> np.ndarray:
 
 
 class _Shadow:
-    """What the light sees; a point behind that is in the dark."""
+    """Shadow map: the points nearest to the light; a point behind them is in the dark."""
 
     def __init__(self, corners: np.ndarray, light: np.ndarray):
         side = np.cross(light, (0.0, 0.0, 1.0))
@@ -140,7 +137,7 @@ class _Shadow:
         self.bias = 3.5 * self.size / SHADOW
 
     def foot(self, floor: float) -> np.ndarray:
-        """(2,) [m]: the middle of what throws shadows, along the light down to the ground."""
+        """(2,) [m]: the middle of the bodies, moved along the light down to the ground."""
         middle = (self.low + 0.5 * self.size) @ self.rotation[:2]
         return (middle + self.rotation[2] * (floor - middle[2]) / self.rotation[2, 2])[:2]
 
@@ -150,7 +147,7 @@ class _Shadow:
         return turned
 
     def share(self, points: np.ndarray) -> np.ndarray:
-        """How much of the light reaches points (k, 3) [m], from 0 to 1."""
+        """Share of the light that reaches points (k, 3) [m], from 0 to 1."""
         placed = self._placed(points)
         column, row = (np.floor(placed[:, k]).astype(int) for k in (0, 1))
         near = np.flatnonzero((np.minimum(column, row) >= SOFT) & (np.maximum(column, row) < SHADOW - SOFT))
@@ -196,7 +193,7 @@ def _bodies(
 
 
 def _ground(view: Camera, rays: np.ndarray, seen: Seen, shadow: _Shadow, floor: float, grid: float) -> np.ndarray:
-    """Paper that fades into a grid around the arm, with the arm's shadow."""
+    """Background: paper that fades into a grid around the arm, with the arm's shadow."""
     image = np.broadcast_to(PAPER, rays.shape).copy()
     centre = shadow.foot(floor)
     below = np.flatnonzero((rays[..., 2].ravel() < -1e-4) & (seen.triangle.ravel() == NOTHING))
@@ -219,18 +216,13 @@ def _ground(view: Camera, rays: np.ndarray, seen: Seen, shadow: _Shadow, floor: 
 
 
 def _edges(surfaces: Surfaces, seen: Seen) -> np.ndarray:
-    """Where a body ends, or one stands well before itself."""
-    body = np.where(seen.triangle == NOTHING, -1, surfaces.bodies[seen.triangle])
-    near = np.where(np.isfinite(seen.nearness), seen.nearness, 0.0)
-    edge = np.zeros(body.shape, dtype=bool)
-    for axis in (0, 1):
-        one, two = (np.take(a, range(a.shape[axis] - 1), axis) for a in (body, near))
-        other, behind = (np.take(a, range(1, a.shape[axis]), axis) for a in (body, near))
-        jump = (one != other) | (np.abs(two - behind) > 0.02 * np.maximum(two, behind))
-        first, second = (slice(None, -1), slice(1, None))
-        at = [slice(None), slice(None)]
-        at[axis] = first
-        edge[tuple(at)] |= jump
-        at[axis] = second
-        edge[tuple(at)] |= jump
-    return edge
+    """True at pixels where a body ends, or one part of it is well before another."""
+    bodies = np.where(seen.triangle == NOTHING, -1, surfaces.bodies[seen.triangle])
+    nearness = np.where(np.isfinite(seen.nearness), seen.nearness, 0.0)
+    edges = np.zeros(bodies.shape, dtype=bool)
+    for body, near, edge in ((bodies, nearness, edges), (bodies.T, nearness.T, edges.T)):  # rows, then columns
+        step = np.abs(near[1:] - near[:-1]) > 0.02 * np.maximum(near[1:], near[:-1])
+        jump = (body[1:] != body[:-1]) | step
+        edge[1:] |= jump
+        edge[:-1] |= jump
+    return edges

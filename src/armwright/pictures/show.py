@@ -1,4 +1,4 @@
-"""A picture of an arm, drawn without a GPU and without a display."""
+"""Picture of an arm, drawn without a GPU and without a display."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from armwright.errors import OutputError
+from armwright.errors import OutputError, Problem
 from armwright.model import Model
 from armwright.output import check_destination, whole_file
-from armwright.pictures.still import still
+from armwright.pictures.posed_arm import posed_arm
 
 ENDINGS = (".png", ".html", ".glb")
 SIZE, LEAST, MOST = 900, 120, 4000  # pixels of a PNG's longer side: by default, at least, at most
@@ -18,14 +18,14 @@ SIZE, LEAST, MOST = 900, 120, 4000  # pixels of a PNG's longer side: by default,
 
 @dataclass(frozen=True)
 class Shown:
-    """What `show` did.
+    """Result of `show`.
 
     Attributes:
-        path: the picture.   notes: what could not be drawn as the record has it.
+        path: the picture.   notes: visuals that are drawn in another way than the record has them.
     """
 
     path: Path
-    notes: tuple[str, ...]
+    notes: tuple[Problem, ...]
 
 
 def show(arm: Model, path: str | os.PathLike[str], q: Any = None, *, size: int | None = None) -> Shown:
@@ -43,23 +43,22 @@ def show(arm: Model, path: str | os.PathLike[str], q: Any = None, *, size: int |
     """
     path = check_destination(path, ENDINGS)
     _check_size(path, size)
-    pose = still(arm, q)
+    posed = posed_arm(arm, q)
     with whole_file(path, ENDINGS) as temporary:
         if path.suffix.lower() == ".png":
             from armwright.pictures.png import write_png
 
-            write_png(pose, temporary, SIZE if size is None else size)
+            write_png(posed, temporary, SIZE if size is None else size)
         else:
-            from armwright.pictures.scene_file import write_glb, write_html
+            from armwright.pictures.scene import write_glb, write_html
 
-            (write_glb if path.suffix.lower() == ".glb" else write_html)(pose, temporary)
-    return Shown(path, pose.notes)
+            (write_glb if path.suffix.lower() == ".glb" else write_html)(posed, temporary)
+    return Shown(path, posed.notes)
 
 
 def _check_size(path: Path, size: int | None) -> None:
-    if size is None:
-        return
-    if path.suffix.lower() != ".png":
-        raise OutputError(f"{path}: size = {size!r} pixels: only a .png has a size; expected none")
-    if isinstance(size, bool) or not isinstance(size, int) or not LEAST <= size <= MOST:
-        raise OutputError(f"{path}: size = {size!r}: expected {LEAST} to {MOST} pixels for the longer side")
+    if size is not None and path.suffix.lower() != ".png":
+        raise OutputError("only a .png has a size", place="size", value=size, file=path)
+    if size is not None and (isinstance(size, bool) or not isinstance(size, int) or not LEAST <= size <= MOST):
+        expected = f"{LEAST} to {MOST} pixels for the longer side"
+        raise OutputError(place="size", value=size, expected=expected, file=path)

@@ -1,4 +1,4 @@
-"""Runs in the terminal: a strip of braille dots for each joint, with where it begins, how far it goes and where it ends."""
+"""Runs in the terminal: a strip of braille dots for each joint, with its first, least, greatest and last value."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EMPTY = 0x2800  # the braille character without dots
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # of a character, from the top
 ROWS = 2  # characters that a strip is high
 WIDEST, NARROWEST = 100, 16  # characters that a strip may be wide
-HUGE = 1e300  # a diverging run's values beyond it have no place in a picture
+HUGE = 1e300  # larger values, of a diverging run, are not drawn
 NUMBERS = 46  # characters that four numbers need
 
 
@@ -32,7 +32,7 @@ def show_runs(
 ) -> None:
     """Prints a table for each panel of the plot, with a row for each joint and run.
 
-    A few lanes fill the breadth they have, many the band that holds nine out of ten of them.
+    A strip of a few lanes covers all of them, a strip of many the band with nine out of ten.
 
     Args:
         runs, joints, quantities: as `plot` takes them.   console: where to.
@@ -49,11 +49,11 @@ def show_runs(
     for k, panel in enumerate(plot.panels):
         rows = _rows(panel.curves)
         scales = _scales(rows)
-        told_apart = len({curve.series for curve in rows}) > 1
-        wide = max(len(curve.joint) for curve in rows) + told_apart * (2 + max(len(curve.series) for curve in rows))
+        several_runs = len({curve.series for curve in rows}) > 1
+        wide = max(len(curve.joint) for curve in rows) + several_runs * (2 + max(len(curve.series) for curve in rows))
         width = int(np.clip(console.width - NUMBERS - 2 - wide, NARROWEST, WIDEST))
         table = Table(box=None, header_style="dim", pad_edge=False, padding=(0, 2, 0, 0))
-        for head in ("joint", *(["run"] if told_apart else []), f"{whole[0]:g} … {whole[1]:g} s"):
+        for head in ("joint", *(["run"] if several_runs else []), f"{whole[0]:g} … {whole[1]:g} s"):
             table.add_column(head, no_wrap=True)
         for head in ("first", "least", "greatest", "last"):
             table.add_column(head, justify="right", vertical="middle", no_wrap=True)
@@ -63,7 +63,7 @@ def show_runs(
             known = curve.values[np.isfinite(curve.values)]
             low, high = _extent(curve)
             ends = (known[0], np.nanmin(low), np.nanmax(high), known[-1])
-            names = [Text(curve.joint), *([Text(curve.series)] if told_apart else [])]
+            names = [Text(curve.joint), *([Text(curve.series)] if several_runs else [])]
             table.add_row(*names, Text("\n".join(lines), style=colour), *map(_number, ends))
         if k:
             console.print()
@@ -80,21 +80,21 @@ def _rows(curves: Sequence[Curve]) -> list[Curve]:
     rows: dict[tuple[str, str], list[Curve]] = {}
     for curve in curves:
         rows.setdefault((curve.joint, curve.series), []).append(curve)
-    found = []
-    for own in rows.values():
-        lanes = np.array([curve.values for curve in own])
-        if len(own) > 1:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", RuntimeWarning)  # a time at which no lane is finite stays NaN
-                low, middle, high = np.nanmin(lanes, axis=0), np.nanmedian(lanes, axis=0), np.nanmax(lanes, axis=0)
-            found.append(replace(own[0], values=middle, bands=((low, high),)))
-        else:
-            found.append(own[0])
-    return found
+    joined = []
+    for lanes in rows.values():
+        if len(lanes) == 1:
+            joined.append(lanes[0])
+            continue
+        values = np.array([curve.values for curve in lanes])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # a time at which no lane is finite stays NaN
+            low, middle, high = np.nanmin(values, axis=0), np.nanmedian(values, axis=0), np.nanmax(values, axis=0)
+        joined.append(replace(lanes[0], values=middle, bands=((low, high),)))
+    return joined
 
 
 def _extent(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper edge of what is drawn of a curve, (k,) each."""
+    """Lower and upper edge of the drawn curve or band, (k,) each."""
     return curve.bands[0] if curve.bands else (curve.values, curve.values)
 
 

@@ -110,10 +110,12 @@ def page(
     """HTML page with its scripts, styles and data inside.
 
     Args:
-        template, scripts, styles: files, in order.   words: texts that readers see, escaped here.
+        template: file of the page after pages/head.html, which all pages share.   scripts, styles: files, in order.
+        words: texts that readers see, escaped here.
         data: results of `packed`, `embedded` or `Numbers.text`.
     """
     joined = {"script": scripts, "style": styles}
     inside = {name: "\n".join(file.read_text(encoding="utf-8") for file in own) for name, own in joined.items()}
     texts = {key: escape(word) for key, word in words.items()}
-    return Template(template.read_text(encoding="utf-8")).substitute(inside | data | texts)
+    whole = "".join(file.read_text(encoding="utf-8") for file in (PAGES / "head.html", template))
+    return Template(whole).substitute(inside | data | texts)

@@ -1,4 +1,4 @@
-"""What people do with records of robots: compare two, check one, take one to another format."""
+"""Robot files: compare two, check one, convert one to another format."""
 
 from armwright.robotfiles.check import Finding, Report, check
 from armwright.robotfiles.convert import Conversion, convert

@@ -1,4 +1,4 @@
-"""Everything physical that can be doubted about a record, as a list."""
+"""All physical checks of a robot file, with their findings as a list."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from armwright.description import RobotDescription, read_description
+from armwright.errors import Problem
 from armwright.lint.feasibility import check_bodies, check_drives, impossible_links
 from armwright.lint.hulls import implausible_shapes
 from armwright.lint.plausibility import implausible_values
@@ -16,36 +17,36 @@ from armwright.model import build_model
 from armwright.model.build import massless, places_of_joints
 from armwright.model.load import outdated
 
-CHECKS = {  # what each looks at
+CHECKS = {  # name of a check → its subject
     "reading": "what was left out or guessed when another format was read",
     "mass properties": "every link's pseudo-inertia is one that a real body can have",
     "drives": "gears that lock themselves, motor constants that contradict each other",
     "plausibility": "tensors about the wrong point or in wrong units, placeholders, joints that move no mass",
     "shapes": "densities and tensors against what the links look like",
-    "age": "whether the parts or modules behind the file have changed since it was built",
+    "age": "parts or modules that have changed since the file was built from them",
 }
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One sentence of a check.
+    """One result of a check.
 
     Attributes:
-        level: "error" for what no real arm can be, "warning" for what looks like a mistake.
-        check: which one found it.   text: what, and where.
+        level: "error" for an arm that cannot exist, "warning" for a probable mistake.
+        check: name of the check.   problem: what is wrong, and where.
     """
 
     level: Literal["error", "warning"]
     check: str
-    text: str
+    problem: Problem
 
 
 @dataclass(frozen=True)
 class Report:
-    """What `check` found.
+    """Result of `check`.
 
     Attributes:
-        name: of the arm.   links, joints: how many were looked at; joints those that move.
+        name: of the arm.   links, joints: numbers of links, and of joints that move.
         findings: errors first.
     """
 
@@ -56,12 +57,12 @@ class Report:
 
     @property
     def errors(self) -> tuple[Finding, ...]:
-        """What no real arm can be."""
+        """Findings that no real arm has."""
         return tuple(finding for finding in self.findings if finding.level == "error")
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """What looks like a mistake, or was accepted with a reason."""
+        """Findings that look like a mistake, or were accepted with a reason."""
         return tuple(finding for finding in self.findings if finding.level == "warning")
 
 
@@ -83,17 +84,21 @@ def check(name_or_path: str | os.PathLike[str] | RobotDescription, **reading: An
     model = build_model(robot, on_impossible="warn")
     refused = {link.name for link in impossible_links(robot) if link.accept_impossible is None}
     bodies = zip(impossible_links(robot), check_bodies(robot, "warn"), strict=True)
+    others = {
+        "reading": robot.remarks,
+        "drives": check_drives(robot),
+        "plausibility": [*implausible_values(robot, places_of_joints(robot, model)), *massless(model)],
+        "shapes": implausible_shapes(robot),
+        "age": aged,
+    }
     findings = [
-        *(Finding("error" if link.name in refused else "warning", "mass properties", str(p)) for link, p in bodies),
-        *_warnings("reading", robot.remarks),
-        *_warnings("drives", check_drives(robot)),
-        *_warnings("plausibility", [*implausible_values(robot, places_of_joints(robot, model)), *massless(model)]),
-        *_warnings("shapes", implausible_shapes(robot)),
-        *_warnings("age", aged),
+        *(_finding("mass properties", note, "error" if link.name in refused else "warning") for link, note in bodies),
+        *(_finding(name, note) for name, notes in others.items() for note in notes),
     ]
     ordered = sorted(findings, key=lambda finding: finding.level != "error")
     return Report(robot.name, len(robot.links), model.n, tuple(ordered))
 
 
-def _warnings(name: str, found: Iterable[Any]) -> list[Finding]:
-    return [Finding("warning", name, str(each)) for each in found]
+def _finding(check: str, note: Problem | str, level: Literal["error", "warning"] = "warning") -> Finding:
+    """A finding; remarks of a file are text."""
+    return Finding(level, check, note if isinstance(note, Problem) else Problem(note))

@@ -1,4 +1,4 @@
-"""A robot file in another format, or in the canonical form of its own."""
+"""Conversion of a robot file to another format, or to the canonical form of its own."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
 
 @dataclass(frozen=True)
 class Conversion:
-    """What `convert` did.
+    """Result of `convert`.
 
     Attributes:
         written: the files.   lost: what the format cannot hold, one sentence each; none from TOML to TOML.
@@ -49,15 +49,15 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], **re
     path = check_destination(target, ENDINGS)
     _check_other_file(Path(source), path)
     robot = read_description(source, **reading)
-    told = () if Path(source).suffix == ".toml" else robot.remarks
+    notes = () if Path(source).suffix == ".toml" else robot.remarks
     ending = path.suffix.lower()
     if ending == ".toml":
-        robot, left = _settled(robot, Path(source), path)
-        return Conversion((write_toml(robot, path),), tuple(left), told)
+        robot, lost = _without_origin(robot, Path(source), path)
+        return Conversion((write_toml(robot, path),), tuple(lost), notes)
     if ending == ".urdf":
         lost = write_urdf(robot, path)
-        return Conversion((path, path.with_name(path.stem + ENDING)), tuple(lost), told)
-    return Conversion((path,), tuple(write_mjcf(robot, path)), told)
+        return Conversion((path, path.with_name(path.stem + ENDING)), tuple(lost), notes)
+    return Conversion((path,), tuple(write_mjcf(robot, path)), notes)
 
 
 def _check_other_file(source: Path, target: Path) -> None:
@@ -66,14 +66,14 @@ def _check_other_file(source: Path, target: Path) -> None:
     if ending == ".toml" or not source.is_file():
         return
     if source.resolve() == target.resolve():
-        raise OutputError(f"{target}: is the robot file that is read; expected another file to write")
-    own, new = (path.with_name(path.stem + ENDING) for path in (source, target))
-    if ending == ".urdf" and source.suffix.lower() != ".toml" and own.is_file() and own.resolve() == new.resolve():
-        raise OutputError(f"{new}: is the drive file that is read; expected another name than {target.name}")
+        raise OutputError("this is the robot file that is read", file=target, expected="another file to write")
+    old, new = (path.with_name(path.stem + ENDING) for path in (source, target))
+    if ending == ".urdf" and source.suffix.lower() != ".toml" and old.is_file() and old.resolve() == new.resolve():
+        raise OutputError("this is the drive file that is read", file=new, expected=f"another name than {target.name}")
 
 
-def _settled(robot: RobotDescription, source: Path, target: Path) -> tuple[RobotDescription, list[str]]:
-    """The description as it goes into another folder, from where the file that it was built from is not found by its path."""
+def _without_origin(robot: RobotDescription, source: Path, target: Path) -> tuple[RobotDescription, list[str]]:
+    """The description for another folder, from where the file that it was built from is not found, and what it loses."""
     origin = robot.built_from
     if origin is None or (source.is_file() and source.resolve().parent == target.resolve().parent):
         return robot, []

@@ -1,25 +1,29 @@
-"""What two records of an arm differ in, number by number, and what that does to the arm."""
+"""Difference of two robot files, number by number, and its effect on the dynamics."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from armwright.description import RobotDescription
+from armwright.description.paths import below
 from armwright.errors import ModelError
 from armwright.model import Model, build_model
 from armwright.model.load import load
-from armwright.quantity import Source
-from armwright.robotfiles.dynamic_effect import Consequence, consequence
-from armwright.robotfiles.flatten import Leaf, leaves
+from armwright.model.variants.edits import tip_of
+from armwright.quantity import Quantity, Record, Source
+from armwright.robotfiles.dynamic_effect import DynamicEffect, dynamic_effect
 
 Arm = str | os.PathLike[str] | Model | RobotDescription
+WHOLE = ("joints", "links", "frames")  # whose items come and go as a whole
+NOT_PHYSICAL = ("sources", "built_from", "remarks", "notes", "title", "name", "source")  # of the description itself
 
 
 @dataclass(frozen=True)
 class Change:
-    """One parameter that is not the same; None stands for one that is not there.
+    """One parameter that differs; None stands for an absent one.
 
     Attributes:
         path: such as `link3.mass_kg`; the name alone for a joint, link or frame that is in only one of the two.
@@ -37,35 +41,35 @@ class Change:
 
     @property
     def is_source_only(self) -> bool:
-        """Whether the value stayed, and only where it comes from or how sure it is did not."""
+        """True if the value is the same and only its source or standard deviation differs."""
         return self.before == self.after
 
 
 @dataclass(frozen=True, eq=False)
 class Difference:
-    """What `diff` found.
+    """Result of `diff`.
 
     Attributes:
-        a, b: what the two are called.   changes: in the order of the first, then what only the second has.
-        consequence: what the two arms do differently; None where they have no joint in common.
+        a, b: names of the two.   changes: in the order of the first, then those that only the second has.
+        effect: on the dynamics; None where they have no joint in common.
     """
 
     a: str
     b: str
     changes: tuple[Change, ...]
-    consequence: Consequence | None
+    effect: DynamicEffect | None
 
     def __bool__(self) -> bool:
         return bool(self.changes)
 
 
 def diff(a: Arm, b: Arm) -> Difference:
-    """Compares two records parameter by parameter, with sources, and says what the difference does to the arm.
+    """Compares two robots parameter by parameter, with sources, and computes the effect on the dynamics.
 
     Args:
         a: the first: a name, a path, an arm or a description.   b: the second.
     Returns:
-        difference: its `changes`, and as `consequence` total mass, and gravity torques and inertias over sample poses.
+        difference: its `changes`, and as `effect` total mass, and gravity torques and inertias over sample poses.
     Raises:
         DescriptionError: a file that cannot be believed.   ModelError: an arm without a description.
     """
@@ -73,7 +77,7 @@ def diff(a: Arm, b: Arm) -> Difference:
     first, second = one.description, other.description
     assert first is not None
     assert second is not None
-    before, after = leaves(first), leaves(second)
+    before, after = flattened(first), flattened(second)
     order = ("order of the joints", Leaf(_order(one, other)), Leaf(_order(other, one)))
     rows = [order] + [(path, before.get(path), after.get(path)) for path in dict.fromkeys((*before, *after))]
     lone = {path for path, old, new in rows if "." not in path and (old is None or new is None)}
@@ -82,7 +86,7 @@ def diff(a: Arm, b: Arm) -> Difference:
         for path, old, new in rows
         if (path in lone or path.split(".", 1)[0] not in lone) and not _same(old, new, first, second)
     )
-    return Difference(_called(a), _called(b), changes, consequence(one, other))
+    return Difference(_name(a), _name(b), changes, dynamic_effect(one, other))
 
 
 def _model(arm: Arm) -> Model:
@@ -90,11 +94,11 @@ def _model(arm: Arm) -> Model:
         return build_model(arm, on_impossible="warn")
     model = arm if isinstance(arm, Model) else load(arm, on_impossible="warn")
     if model.description is None:
-        raise ModelError(f"{model.name}: this model was not made from a description, and has no record to compare")
+        raise ModelError("this model has no description to compare", value=model.name)
     return model
 
 
-def _called(arm: Arm) -> str:
+def _name(arm: Arm) -> str:
     return arm.name if isinstance(arm, (Model, RobotDescription)) else os.fspath(arm)
 
 
@@ -116,13 +120,63 @@ def _source(robot: RobotDescription, leaf: Leaf | None) -> Source | None:
 
 
 def _change(path: str, old: Leaf | None, new: Leaf | None, first: RobotDescription, second: RobotDescription) -> Change:
-    pictures = path.endswith(".visuals")
-    return Change(
-        path,
-        None if old is None else old.value,
-        None if new is None else new.value,
-        None if old is None or pictures else old.std,
-        None if new is None or pictures else new.std,
-        _source(first, old),
-        _source(second, new),
-    )
+    before, after = old or Leaf(None), new or Leaf(None)
+    pictures = path.endswith(".visuals")  # of which the deviation holds the solids
+    std_before, std_after = (None if pictures else leaf.std for leaf in (before, after))
+    return Change(path, before.value, after.value, std_before, std_after, _source(first, old), _source(second, new))
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """Value at a path: a number with standard deviation and source, or a word."""
+
+    value: Any
+    std: Any = None
+    source: str | None = None
+    is_whole: bool = False  # a joint, link or frame: its fields have leaves of their own
+
+
+def flattened(robot: RobotDescription) -> dict[str, Leaf]:
+    """Every number and word of a description by its dotted path, in its order.
+
+    A joint, link or frame also has a leaf under its name alone, for one that the other description has not; pictures are one
+    leaf a link. Titles, notes and the list of sources are left out.
+    """
+    flat: dict[str, Leaf] = {}
+    for name in type(robot).model_fields:
+        if name in WHOLE:
+            for item in getattr(robot, name):
+                flat[item.name] = Leaf(_summary(item, name), is_whole=True)
+                flat.update(_of_item(item, robot.source))
+        elif name == "tip":
+            flat[name] = Leaf(tip_of(robot))
+        elif name not in NOT_PHYSICAL:
+            flat.update(_walk(getattr(robot, name), name, robot.source))
+    return flat
+
+
+def _of_item(item: Any, source: str | None) -> Iterator[tuple[str, Leaf]]:
+    for path, value in below(item, item.name):
+        key = path.rsplit(".", 1)[-1]
+        if key == "visuals":
+            yield path, Leaf(f"{len(value)} solids" if value else None, value)
+        elif key not in ("name", "source"):
+            yield from _walk(value, path, item.source or source)
+
+
+def _walk(value: Any, path: str, source: str | None) -> Iterator[tuple[str, Leaf]]:
+    if isinstance(value, Quantity):
+        yield path, Leaf(value.value, value.std, value.source or source)
+    elif isinstance(value, (Record, tuple)):
+        source = getattr(value, "source", None) or source
+        for inner, item in below(value, path):
+            if not inner.endswith(".source"):
+                yield from _walk(item, inner, source)
+    elif value is not None:
+        yield path, Leaf(value)
+
+
+def _summary(item: Any, kind: str) -> str:
+    if kind == "links":
+        return f"link of {float(item.mass_kg):g} kg"
+    return f"{item.type} joint" if kind == "joints" else f"frame on {item.link}"

@@ -1,4 +1,4 @@
-"""What a difference between two records does: mass, gravity torques and inertias of the joints that both have."""
+"""Effect of a difference between two arms: mass, gravity torques and inertias of the joints that both have."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ POSES = 32  # beside q = 0
 
 
 @dataclass(frozen=True, eq=False)
-class Consequence:
-    """What two arms do differently; arrays have one entry for each joint that both have.
+class DynamicEffect:
+    """Mass, gravity torques and inertias of two arms; arrays have one entry for each joint that both have.
 
     Attributes:
         mass: of all links [kg], of each arm.   joints: the names of the joints.   poses: (k, joints) [rad | m].
@@ -40,7 +40,7 @@ class Consequence:
         return _largest(np.divide(other, one, out=np.full_like(one, np.nan), where=one > 0) - 1)
 
 
-def consequence(a: Model, b: Model) -> Consequence | None:
+def dynamic_effect(a: Model, b: Model) -> DynamicEffect | None:
     """Gravity torques and inertias of two arms at q = 0 and at 32 poses within the limits of the first.
 
     Joints go by their names; one that only one arm has stays at 0. None without a joint in common.
@@ -57,7 +57,7 @@ def consequence(a: Model, b: Model) -> Consequence | None:
             q[places] = pose
             g[:] = gravity_torques(arm, q)[places]
             i[:] = np.diag(mass_matrix(arm, q))[places]
-    return Consequence((_mass(a), _mass(b)), names, poses, gravity, inertia)
+    return DynamicEffect((_mass(a), _mass(b)), names, poses, gravity, inertia)
 
 
 def sample_poses(arm: Model, names: tuple[str, ...]) -> np.ndarray:

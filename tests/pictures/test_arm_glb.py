@@ -9,7 +9,7 @@ import trimesh
 import armwright as aw
 from armwright.description.database import read_toml
 from armwright.model import build_model
-from armwright.pictures.animated import animated_arm
+from armwright.pictures.arm_glb import animated_arm
 from physics.arms import OWN
 from physics.arms import arm as arm_of
 from pictures.gltf_rules import Gltf

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.pictures.animated import animated_arm
-from armwright.pictures.glb import Arrays, container
+from armwright.pictures.arm_glb import animated_arm
+from armwright.pictures.glb_container import Arrays, container
 from pictures.gltf_rules import Gltf
 
 
@@ -62,7 +62,9 @@ def test_the_largest_short_is_no_index():
 
 def test_the_rules_let_a_whole_file_pass(file):
     document, binary = parts(file)
-    Gltf(joined(document, binary))
+    gltf = Gltf(joined(document, binary))
+    assert gltf.json == document
+    assert [len(array) for array in gltf.arrays] == [accessor["count"] for accessor in document["accessors"]]
 
 
 def _times(document):

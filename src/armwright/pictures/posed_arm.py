@@ -1,34 +1,35 @@
-"""An arm in one pose, as triangles in base axes: what a picture and a scene file are made of."""
+"""Arm in one pose: the shapes and placements of its bodies, from which a picture or a scene file is made."""
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from armwright.errors import RunError, ShapeError
+from armwright.errors import Problem, RunError, ShapeError
 from armwright.kinematics import body_placements
-from armwright.model import BASE, Model, check_arm
+from armwright.model import Model, check_arm
+from armwright.pictures.body_shapes import Shape, body_shapes
 from armwright.pictures.render import Surfaces
-from armwright.pictures.scene import Shape, body_shapes
 from armwright.spatial import Placement
 
 
 @dataclass(frozen=True, eq=False)
-class Still:
+class PosedArm:
     """An arm in one pose.
 
     Attributes:
-        arm: the arm.   shapes: of each body (BASE: what stands still), in its own frame.
-        placements: of each body in the base.   notes: what could not be drawn as the record has it.
+        arm: the arm.   q: (bodies,) [rad | m] of every body, mimicking ones included.
+        shapes: of each body (BASE: what does not move), in its own frame.
+        placements: of each body in the base.   notes: visuals that are drawn in another way than the record has them.
     """
 
     arm: Model
+    q: np.ndarray
     shapes: dict[int, list[Shape]]
     placements: dict[int, Placement]
-    notes: tuple[str, ...]
+    notes: tuple[Problem, ...]
 
     def surfaces(self) -> Surfaces:
         """All triangles in base axes."""
@@ -43,7 +44,7 @@ class Still:
         return Surfaces(*(np.concatenate(parts) for parts in (corners, normals, colours, bodies)))
 
 
-def still(arm: Model, q: Any = None) -> Still:
+def posed_arm(arm: Model, q: Any = None) -> PosedArm:
     """The arm at q (n,) [rad | m], by default 0; as a figure of its joints where a mesh of it cannot be read.
 
     Raises:
@@ -53,19 +54,13 @@ def still(arm: Model, q: Any = None) -> Still:
     pose = np.zeros(arm.n) if q is None else np.asarray(q, dtype=float)
     if pose.shape != (arm.n,) or not np.isfinite(pose).all():
         expected = f"{arm.n} finite numbers, one for each joint of {arm.name}"
-        raise ShapeError(f"show: q has shape {pose.shape} or is not finite; expected {expected}")
+        raise ShapeError(place="q", value=pose, expected=expected)
     moved = pose if arm.mimics is None else arm.mimics.positions(pose)
     travel = {k: (float(position), float(position)) for k, position in enumerate(moved)}
     try:
         shapes, notes = body_shapes(arm, travel)
     except RunError as error:  # a mesh that is missing, or of a format that needs more than is installed
-        shapes, _ = body_shapes(dataclasses.replace(arm, description=None), travel)
-        notes = (f"{error}; drawn as a figure of its joints instead",)
-    return Still(arm, shapes, body_placements(arm, pose), notes)
-
-
-def node_name(arm: Model, body: int) -> str:
-    """What a body's node is called in a scene file: as its link."""
-    if body != BASE:
-        return arm.bodies[body].link
-    return "base" if arm.description is None else arm.description.base
+        shapes, _ = body_shapes(replace(arm, description=None), travel)
+        first = error.problems[0]
+        notes = (replace(first, what=f"{first.what}; drawn as a figure of its joints instead"),)
+    return PosedArm(arm, moved, shapes, body_placements(arm, pose), notes)

@@ -1,4 +1,4 @@
-"""The container of glTF 2.0: arrays in one binary chunk, and the JSON chunk that says what they are.  [Khronos2021]"""
+"""Container of glTF 2.0: arrays in one binary chunk, and the JSON chunk that says what they are.  [Khronos2021]"""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ALIGNMENT = 4  # [byte] of every array and chunk
 
 
 class Arrays:
-    """The binary chunk as it grows, with a view and an accessor for each array."""
+    """Binary chunk, with a view and an accessor for each array."""
 
     def __init__(self) -> None:
         self.data = bytearray()
@@ -25,17 +25,17 @@ class Arrays:
         self.accessors: list[dict[str, Any]] = []
 
     def vertices(self, values: np.ndarray, bounds: bool = False) -> int:
-        """(v, 3) floats of a mesh: the index of their accessor. Positions must tell their `bounds`."""
+        """Index of the accessor of (v, 3) floats of a mesh. Positions need `bounds`."""
         return self._add(np.asarray(values, dtype="<f4"), FLOAT, VERTICES, bounds)
 
     def triangles(self, values: np.ndarray) -> int:
-        """(f, 3) indices of vertices; the largest 16-bit number is no index."""
+        """Index of the accessor of (f, 3) vertex indices; the largest 16-bit number is no index."""
         small = values.max(initial=0) < 0xFFFF
         flat = values.reshape(-1).astype("<u2" if small else "<u4")
         return self._add(flat, UNSIGNED_SHORT if small else UNSIGNED_INT, INDICES, False)
 
     def samples(self, values: np.ndarray, bounds: bool = False) -> int:
-        """(k,) or (k, m) floats of an animation. Times must tell their `bounds`."""
+        """Index of the accessor of (k,) or (k, m) floats of an animation. Times need `bounds`."""
         return self._add(np.asarray(values, dtype="<f4"), FLOAT, None, bounds)
 
     def _add(self, values: np.ndarray, component: int, target: int | None, bounds: bool) -> int:
@@ -44,12 +44,8 @@ class Arrays:
         self.views.append(view if target is None else {**view, "target": target})
         self.data += values.tobytes()
         columns = values.reshape(len(values), -1)
-        accessor = {
-            "bufferView": len(self.views) - 1,
-            "componentType": component,
-            "count": len(values),
-            "type": TYPES[columns.shape[1]],
-        }
+        accessor: dict[str, Any] = {"bufferView": len(self.views) - 1, "componentType": component}
+        accessor |= {"count": len(values), "type": TYPES[columns.shape[1]]}
         if bounds:
             accessor |= {"min": columns.min(axis=0).tolist(), "max": columns.max(axis=0).tolist()}
         self.accessors.append(accessor)
@@ -62,13 +58,8 @@ def container(document: dict[str, Any], arrays: Arrays) -> bytes:
     Args:
         document: everything but buffers, views and accessors, which `arrays` knows.
     """
-    told = {
-        **document,
-        "buffers": [{"byteLength": len(arrays.data)}],
-        "bufferViews": arrays.views,
-        "accessors": arrays.accessors,
-    }
-    text = json.dumps(told, separators=(",", ":"), allow_nan=False).encode("utf-8")
+    lists = {"buffers": [{"byteLength": len(arrays.data)}], "bufferViews": arrays.views, "accessors": arrays.accessors}
+    text = json.dumps({**document, **lists}, separators=(",", ":"), allow_nan=False).encode("utf-8")
     text += b" " * (-len(text) % ALIGNMENT)
     data = bytes(arrays.data) + b"\0" * (-len(arrays.data) % ALIGNMENT)
     chunks = b"".join(

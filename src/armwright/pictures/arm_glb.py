@@ -1,4 +1,6 @@
-"""An arm that moves, as glTF: a node a body, a channel a joint, time in seconds.  [Khronos2021]
+"""Arm as glTF, moving or in one pose: a node for each body, a channel for each joint, time in seconds.  [Khronos2021]
+
+trimesh reads such files and writes scenes, but no animations, so this writer is our own.
 
     scene ─ NAME (turned so that z is up) ─ base ─┬─ meshes that do not move
                                                   └─ joint1 ─┬─ its body's mesh
@@ -10,55 +12,74 @@ R Rz(q + offset), translation p + R z q, with R and p of the body's placement in
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from armwright.model import BASE, Body, Model
-from armwright.pictures.glb import Arrays, container
+from armwright.pictures.body_shapes import Shape, body_shapes
+from armwright.pictures.glb_container import Arrays, container
 from armwright.pictures.keyframes import keyframes
-from armwright.pictures.scene import Shape, body_shapes
 from armwright.spatial import rotation_quaternion
 
-TOLERANCE = 5e-6  # [m] at the tip, of what interpolation may add to the motion between keyframes
+TOLERANCE = 5e-6  # [m] at the tip, of the error of interpolation between keyframes
 Z_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]  # glTF's y is up, the arm's z
 
 
 def animated_arm(
     arm: Model, t: np.ndarray, motions: Mapping[str, np.ndarray], about: Mapping[str, Any] | None = None
 ) -> bytes:
-    """A binary glTF file in which the arm moves as `motions` say; it stands as the first of them begins.
+    """Binary glTF file in which the arm moves as in `motions`; its pose without animation is the start of the first one.
 
     Args:
         arm: the arm.   t: (k,) [s] strictly increasing; the animation's time starts at 0.
-        motions: name of an animation → (k, n) [rad | m] joint positions.   about: what the file says of itself, as `extras`.
+        motions: name of an animation → (k, n) [rad | m] joint positions.   about: facts about the file, stored as `extras`.
     Returns:
         glb: the file's bytes.
     Raises:
         RunError: a visual's mesh that is missing or cannot be read.
     """
-    arrays = Arrays()
-    materials: list[dict[str, Any]] = []
-    meshes: list[dict[str, Any]] = []
     if arm.mimics is not None:
         motions = {name: arm.mimics.positions(q.T).T for name, q in motions.items()}
-    begin = next(iter(motions.values()))[0]
-    nodes: list[dict[str, Any]] = [
-        {"name": arm.name, "rotation": Z_UP, "children": [1]},
-        {"name": "base", "children": []},
-    ]
-    for body, q in zip(arm.bodies, begin, strict=True):
-        turn, slide = _rotation(body, np.array([q]))[0], _translation(body, np.array([q]))[0]
-        nodes.append({"name": body.joint, "rotation": turn.tolist(), "translation": slide.tolist()})
-    for k, body in enumerate(arm.bodies):
-        nodes[_node(body.parent)].setdefault("children", []).append(_node(k))
     everywhere = np.vstack(list(motions.values()))
     travel = {k: (float(q.min()), float(q.max())) for k, q in enumerate(everywhere.T)}
-    for body, shapes in body_shapes(arm, travel)[0].items():
+    names = ["base", *(body.joint for body in arm.bodies)]
+    return arm_glb(arm, everywhere[0], body_shapes(arm, travel)[0], names, t - t[0], motions, about)
+
+
+def arm_glb(
+    arm: Model,
+    q: np.ndarray,
+    shapes: Mapping[int, list[Shape]],
+    names: Sequence[str],
+    t: np.ndarray | None = None,
+    motions: Mapping[str, np.ndarray] | None = None,
+    about: Mapping[str, Any] | None = None,
+) -> bytes:
+    """Binary glTF file of an arm in the pose q, moving or not.
+
+    Args:
+        arm: the arm.   q: (bodies,) [rad | m].   shapes: of the bodies.   names: of the nodes: the base's, then the bodies'.
+        t: (k,) [s] from 0.   motions: name of an animation → (k, bodies) [rad | m].   about: stored as `extras`.
+    """
+    arrays = Arrays()
+    materials: list[dict[str, Any]] = []
+    root = arm.name + "_" * (arm.name in names)  # names of nodes differ
+    nodes: list[dict[str, Any]] = [
+        {"name": root, "rotation": Z_UP, "children": [1]},
+        {"name": names[0], "children": []},
+    ]
+    for name, body, position in zip(names[1:], arm.bodies, q, strict=True):
+        turn, slide = _rotation(body, np.array([position]))[0], _translation(body, np.array([position]))[0]
+        nodes.append({"name": name, "rotation": turn.tolist(), "translation": slide.tolist()})
+    for k, body in enumerate(arm.bodies):
+        nodes[_node(body.parent)].setdefault("children", []).append(_node(k))
+    meshes: list[dict[str, Any]] = []
+    for body, parts in shapes.items():
         nodes[_node(body)]["mesh"] = len(meshes)
         name = "base" if body == BASE else arm.bodies[body].link
-        meshes.append({"name": name, "primitives": [_primitive(shape, arrays, materials) for shape in shapes]})
+        meshes.append({"name": name, "primitives": [_primitive(shape, arrays, materials) for shape in parts]})
     _add_tip(arm, nodes)
     if not nodes[1]["children"]:
         del nodes[1]["children"]
@@ -69,13 +90,14 @@ def animated_arm(
         "nodes": nodes,
         "meshes": meshes,
         "materials": materials,
-        "animations": [_animation(arm, name, t - t[0], q, arrays) for name, q in motions.items()],
     }
+    if t is not None and motions is not None:
+        document["animations"] = [_animation(arm, name, t, q, arrays) for name, q in motions.items()]
     return container(document, arrays)
 
 
 def _node(body: int) -> int:
-    """Where a body's node stands in the list: the base is 1, joints follow in the order of q."""
+    """Index of a body's node: the base is 1, joints follow in the order of q."""
     return body + 2 if body != BASE else 1
 
 
@@ -83,37 +105,35 @@ def _add_tip(arm: Model, nodes: list[dict[str, Any]]) -> None:
     if arm.tip is None:
         return
     tip = arm.frame()
-    turn, position = _xyzw(rotation_quaternion(tip.placement.rotation)), np.asarray(tip.placement.position, dtype=float)
+    turn = np.roll(rotation_quaternion(tip.placement.rotation), -1)  # w x y z → x y z w
+    position = np.asarray(tip.placement.position, dtype=float)
     nodes[_node(tip.body)].setdefault("children", []).append(len(nodes))
     nodes.append({"name": f"tip {arm.tip}", "rotation": turn.tolist(), "translation": position.tolist()})
 
 
 def _primitive(shape: Shape, arrays: Arrays, materials: list[dict[str, Any]]) -> dict[str, Any]:
-    colour = [*(linear(v) for v in shape.colour), 1.0]
+    colour = [*(_linear(v) for v in shape.colour), 1.0]
     surface = {"baseColorFactor": colour, "metallicFactor": 0.1, "roughnessFactor": 0.55}
     material = {"pbrMetallicRoughness": surface, "doubleSided": True}
     if material not in materials:
         materials.append(material)
+    vertices = {"POSITION": arrays.vertices(shape.positions, bounds=True), "NORMAL": arrays.vertices(shape.normals)}
     return {
-        "attributes": {
-            "POSITION": arrays.vertices(shape.positions, bounds=True),
-            "NORMAL": arrays.vertices(shape.normals),
-        },
+        "attributes": vertices,
         "indices": arrays.triangles(shape.triangles),
         "material": materials.index(material),
     }
 
 
-def linear(value: float) -> float:
-    """A colour's share as light: the sRGB curve undone, which is what glTF wants.  [IEC1999]"""
+def _linear(value: float) -> float:
+    """Linear light of a colour's sRGB value, as glTF has it.  [IEC1999]"""
     return round(value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4, 6)
 
 
 def _animation(arm: Model, name: str, t: np.ndarray, q: np.ndarray, arrays: Arrays) -> dict[str, Any]:
     channels, samplers = [], []
-    reach = max(
-        sum(float(np.linalg.norm(np.asarray(body.placement.position, dtype=float))) for body in arm.bodies), 0.1
-    )
+    lengths = [body.placement.position for body in arm.bodies]
+    reach = max(sum(float(np.linalg.norm(np.asarray(length, dtype=float))) for length in lengths), 0.1)
     if arm.tip is not None:
         reach += float(np.linalg.norm(np.asarray(arm.frame().placement.position, dtype=float)))
     reach += sum(float(np.ptp(q[:, k])) for k, body in enumerate(arm.bodies) if body.kind == "prismatic")
@@ -121,14 +141,11 @@ def _animation(arm: Model, name: str, t: np.ndarray, q: np.ndarray, arrays: Arra
         turns = body.kind == "revolute"
         times, positions = keyframes(t, q[:, k], TOLERANCE / (len(arm.bodies) * (reach if turns else 1.0)), turns)
         values = _rotation(body, positions) if turns else _translation(body, positions)
-        sampler = {
-            "input": arrays.samples(times, bounds=True),
-            "output": arrays.samples(values),
-            "interpolation": "LINEAR",  # of rotations: along the great circle
-        }
         path = "rotation" if turns else "translation"
         channels.append({"sampler": len(samplers), "target": {"node": _node(k), "path": path}})
-        samplers.append(sampler)
+        # LINEAR is along the great circle for rotations
+        keys = {"input": arrays.samples(times, bounds=True), "output": arrays.samples(values)}
+        samplers.append({**keys, "interpolation": "LINEAR"})
     return {"name": name, "channels": channels, "samplers": samplers}
 
 
@@ -144,7 +161,3 @@ def _translation(body: Body, q: np.ndarray) -> np.ndarray:
     """(k, 3) [m] origins of the body's frame in its parent's."""
     slide = np.asarray(body.placement.rotation, dtype=float)[:, 2] if body.kind == "prismatic" else np.zeros(3)
     return np.asarray(body.placement.position, dtype=float) + slide * q[:, None]
-
-
-def _xyzw(quaternion: np.ndarray) -> np.ndarray:
-    return np.roll(quaternion, -1)
