@@ -84,6 +84,9 @@ def driven(arm: aw.Model, tables: dict[str, list[Any]]) -> aw.Model:
     return build_model(parse(record, arm.name))
 
 
+QUICK_EFFECTS = 4  # a smoke run takes every fourth
+
+
 def size(quick: bool) -> tuple[int, float, int]:
     """Lanes, duration [s], and how many of the lanes MuJoCo runs: its time a step does not depend on them."""
     return (64, 0.1, 2) if quick else (1000, 1.0, 10)
@@ -169,7 +172,7 @@ def control_records(quick: bool, repetitions: int) -> list[Record]:
     peers = {integrator: peer(integrator) for integrator in EXPECTED}
     effects = EFFECTS | {name: {"arm": driven(arm, tables)} for name, tables in drives(arm).items()}
     entries = []
-    for effect in effects:
+    for effect in [*effects][:: QUICK_EFFECTS if quick else 1]:
         wanted = EXPECTED if effect == "PID" and not quick else {}
         labels = {"arm": ROBOT, "joints": arm.n, "work": effect, "form": "this processor", "lanes": lanes}
         entries.append(Entry(labels, {"ours": ours(effect), **peers}, dict.fromkeys(peers, "ours"), wanted))

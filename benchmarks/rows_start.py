@@ -44,16 +44,13 @@ def tasks(quick: bool) -> list[Task]:
     ]
     if sys.platform != "win32":  # which has no pseudo-terminals of this kind
         starts.append(Task("start", "start armwright sim", lambda _: prompt_records(times)))
-    compiles = [
-        Task(
-            "compile",
-            f"compile {name} chain-{n}",
-            partial(compile_records, name, n, 3 if n <= LONG and not quick else 1),
-        )
-        for n in (QUICK_JOINTS if quick else JOINTS)
-        for name in KERNELS
-    ]
-    return starts + compiles
+    if quick:
+        return [*starts, *(_compile_task(KERNELS[0], joints, 1) for joints in QUICK_JOINTS)]
+    return [*starts, *(_compile_task(name, n, 3 if n <= LONG else 1) for n in JOINTS for name in KERNELS)]
+
+
+def _compile_task(name: str, joints: int, times: int) -> Task:
+    return Task("compile", f"compile {name} chain-{joints}", partial(compile_records, name, joints, times))
 
 
 def import_records(times: int) -> list[Record]:

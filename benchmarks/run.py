@@ -25,7 +25,7 @@ from rich.progress import Progress
 MODULES = ("rows_kernels", "rows_variants", "rows_simulation", "rows_control", "rows_scaling", "rows_start")
 PEERS = {"pinocchio": "pin", "mujoco": "mujoco"}  # whose results ours are checked against
 RESULTS = Path(__file__).with_name("results")
-REPETITIONS, QUICK_REPETITIONS = 11, 3
+REPETITIONS, QUICK_REPETITIONS = 11, 1
 
 
 def main(arguments: list[str] | None = None) -> int:

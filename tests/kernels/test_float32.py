@@ -82,7 +82,7 @@ def test_bits_do_not_depend_on_how_a_state_is_computed(kernel):
     model = aw.load("puma560")
     inputs = singles(model, kernel, 4611)
     reference = None
-    for target in targets():
+    for target in targets(kernel):
         dyn = aw.compile(model, target=target, dtype="float32")
         assert dyn.target.width == 2 * aw.compile(model, target=target).target.width
         dyn.threads = 1
