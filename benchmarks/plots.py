@@ -50,7 +50,7 @@ def draw(saved: Saved, folder: Path) -> list[Path]:
     from matplotlib import pyplot
 
     folder.mkdir(parents=True, exist_ok=True)
-    made = []
+    paths = []
     for name, drawn in (("joints", joints), ("batch", batch_sizes), ("threads", threads)):
         figure = drawn(saved, pyplot)
         for axes in figure.axes:
@@ -60,8 +60,8 @@ def draw(saved: Saved, folder: Path) -> list[Path]:
         path = folder / f"bench-{name}.png"
         figure.savefig(path, dpi=110)
         pyplot.close(figure)
-        made.append(path)
-    return made
+        paths.append(path)
+    return paths
 
 
 def joints(saved: Saved, pyplot: Any) -> Any:

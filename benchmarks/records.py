@@ -28,36 +28,36 @@ class Task:
 def record(row: Row) -> Record:
     """A row. Where the machine's limit was in the race, under "peak", also how much of it ours reached."""
     entry = row.entry
-    made: Record = {
+    result: Record = {
         "labels": dict(entry.labels),
         "timings": {column: timing_record(timing) for column, timing in row.timings.items()},
         "ratios": {column: _ratio(row, column) for column in entry.beside if row.ratios(column)},
         "facts": dict(entry.facts),
     }
-    made["checked"] = all(timing["passed"] for timing in made["timings"].values())
+    result["checked"] = all(timing["passed"] for timing in result["timings"].values())
     peak = row.timings.get("peak")
-    if peak is not None and made["checked"] and "slots" in entry.facts:
+    if peak is not None and result["checked"] and "slots" in entry.facts:
         limit = entry.facts["slots"] * peak.best  # [ns] what the machine can do, whatever else it did meanwhile
         share = limit / row.timings["batch"].median
         flops = entry.facts["flops"] / (2 * entry.facts["slots"])  # an operation of the peak is two
-        made["facts"] |= {"limit": limit, "of_slots": share, "of_flops": share * flops}
-    return made
+        result["facts"] |= {"limit": limit, "of_slots": share, "of_flops": share * flops}
+    return result
 
 
 def timing_record(timing: Timing) -> Record:
     """A contestant's times; none where its check failed."""
-    made: Record = {"name": timing.name, "error": timing.check.error, "tolerance": timing.check.tolerance}
-    made["passed"] = timing.check.passed
+    result: Record = {"name": timing.name, "error": timing.check.error, "tolerance": timing.check.tolerance}
+    result["passed"] = timing.check.passed
     if timing.check.passed:
-        made["median"], made["best"] = timing.median, timing.best
-        made["samples"] = [float(f"{sample:.4g}") for sample in timing.samples]
-    return made
+        result["median"], result["best"] = timing.median, timing.best
+        result["samples"] = [float(f"{sample:.4g}") for sample in timing.samples]
+    return result
 
 
 def _ratio(row: Row, column: str) -> Record:
     ratios = row.ratios(column)
-    made = {"beside": row.entry.beside[column], "median": statistics.median(ratios)}
-    made |= {"lowest": min(ratios), "highest": max(ratios)}
+    result = {"beside": row.entry.beside[column], "median": statistics.median(ratios)}
+    result |= {"lowest": min(ratios), "highest": max(ratios)}
     if column in row.entry.expected:
-        made["expected"] = row.entry.expected[column]
-    return made
+        result["expected"] = row.entry.expected[column]
+    return result

@@ -107,7 +107,7 @@ def crowd_records(quick: bool, repetitions: int) -> list[Record]:
     entries = []
     for lanes in (1000, 10_000) if quick else (100_000, 1_000_000):
         q0 = np.random.default_rng(4).uniform(-0.5, 0.5, (lanes, arm.n))
-        made = aw.Simulation(
+        simulation = aw.Simulation(
             aw.Scenario(
                 arm,
                 duration=ticks * STEP,
@@ -121,7 +121,7 @@ def crowd_records(quick: bool, repetitions: int) -> list[Record]:
             errors = run["rms_error"].values
             return Check(0.0 if errors.shape == (lanes, arm.n) and np.isfinite(errors).all() else float("nan"), EXACT)
 
-        run = partial(made.run, threads=1, keep_state=False)
+        run = partial(simulation.run, threads=1, keep_state=False)
         labels = {
             "arm": CROWD,
             "joints": arm.n,
@@ -146,15 +146,15 @@ def control_records(quick: bool, repetitions: int) -> list[Record]:
     def scenario(effect: dict[str, Any], record: str, **more: Any) -> aw.Scenario:
         return scenario_of(**({"arm": arm, "controller": control, "what": record} | common | effect | more))
 
-    told = aw.simulate(scenario({}, "all", every=1))
-    commands = np.ascontiguousarray(told["u"].values[:count, :-1])
-    ends = np.concatenate([told["q"].values[:count, -1], told["qd"].values[:count, -1]], axis=-1)
+    reference_run = aw.simulate(scenario({}, "all", record_every=1))
+    commands = np.ascontiguousarray(reference_run["u"].values[:count, :-1])
+    ends = np.concatenate([reference_run["q"].values[:count, -1], reference_run["qd"].values[:count, -1]], axis=-1)
 
     def check(states: np.ndarray, tolerance: float) -> Check:
         return Check(relative_error(states, ends, 1) if np.isfinite(states).all() else float("nan"), tolerance)
 
     def ours(effect: str) -> Contestant:
-        made = aw.Simulation(scenario(effects[effect], "state", every=0))
+        simulation = aw.Simulation(scenario(effects[effect], "state", record_every=0))
 
         def checked(run: Any) -> Check:
             states = np.concatenate([run["q"].values[:count, -1], run["qd"].values[:count, -1]], axis=-1)
@@ -162,7 +162,7 @@ def control_records(quick: bool, repetitions: int) -> list[Record]:
                 return check(states, EXACT)
             return Check(0.0 if np.isfinite(states).all() else float("nan"), EXACT)  # another motion: finite is all
 
-        return Contestant(effect, partial(made.run, threads=1, keep_state=False), lanes * steps, checked)
+        return Contestant(effect, partial(simulation.run, threads=1, keep_state=False), lanes * steps, checked)
 
     def peer(integrator: str) -> Contestant:
         engine, tolerance = MuJoCoArm(arm, integrator, STEP), FIRST_ORDER if integrator == "Euler" else EXACT

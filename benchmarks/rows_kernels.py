@@ -199,7 +199,7 @@ def mujoco_arm(arm: str) -> MuJoCoLoop | None:
 
 def notes(quick: bool) -> dict[str, list[str]]:
     """What a reader of a chapter should know; compiles the peers' loops first, where it may."""
-    found = [
+    lines = [
         f"a batch: {QUICK_BATCH if quick else BATCH} states, one thread, into arrays that are used again; rotor inertia on, "
         "friction and gear loss off on both sides",
         f"error: of all states (of arms longer than {LONG} joints the first {FEW}, the rest finite), relative to a state's "
@@ -209,8 +209,8 @@ def notes(quick: bool) -> dict[str, list[str]]:
         try:
             loop(build=not quick)
         except NoLoop as why:
-            found.append(f"no loop of {peer} here: {why}")
-    found += [
+            lines.append(f"no loop of {peer} here: {why}")
+    lines += [
         f"Pinocchio C++: {PinocchioLoop.name}, its own loop over the states; from Python: one state a call, beside ours bound",
         f"MuJoCo: {MuJoCoLoop.name} that an arm without contacts needs (kinematics, comPos, crb, factorM, comVel, rne, solveM)",
         "forward dynamics, ours: by composite bodies in a chain of up to 9 joints, by articulated ones beyond; Pinocchio's: "
@@ -220,4 +220,4 @@ def notes(quick: bool) -> dict[str, list[str]]:
         "is a loop of nothing but fused products in the same race, at its best, against ours at the median; as flops: a fused "
         "product is two. Loads, stores, transposes, divisions, roots, comparisons and selections are in neither",
     ]
-    return {"kernels": found}
+    return {"kernels": lines}

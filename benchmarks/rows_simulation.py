@@ -101,10 +101,10 @@ def _forms(ours: Callable[[str, str | None], Contestant]) -> Iterator[tuple[str,
 
 def notes(quick: bool) -> dict[str, list[str]]:
     lanes, duration, count = size(quick)
-    told = [
+    lines = [
         f"{ROBOT}: {lanes:,} lanes of {duration:g} s at {1e3 * STEP:g} ms, motors, back EMF and viscous friction on both "
         f"sides; ours is the whole of aw.simulate, threads=1; MuJoCo runs {count} of the lanes, one thread, from C++ loops: "
         "mj_step(model, data, nstep) for final states (5 % faster than rollout), rollout for trajectories",
         f"error: against {MuJoCoArm.name} RK4 at {1e3 * STEP / FINE:g} ms for the lanes that MuJoCo runs; all lanes finite",
     ]
-    return {"simulation": told}
+    return {"simulation": lines}

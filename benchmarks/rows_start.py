@@ -55,9 +55,9 @@ def _compile_task(name: str, joints: int, times: int) -> Task:
 
 def import_records(times: int) -> list[Record]:
     """`import armwright` alone."""
-    found = repeated(times, "import")
-    right = all(each["silent"] and each["is"] == aw.__version__ for each in found)
-    return [_record({"work": "import armwright"}, 0.0 if right else np.nan, {"all": [f["seconds"] for f in found]})]
+    results = repeated(times, "import")
+    right = all(each["silent"] and each["is"] == aw.__version__ for each in results)
+    return [_record({"work": "import armwright"}, 0.0 if right else np.nan, {"all": [f["seconds"] for f in results]})]
 
 
 def first_records(times: int) -> list[Record]:
@@ -65,28 +65,28 @@ def first_records(times: int) -> list[Record]:
     arm = aw.load("puma560")
     ramp = np.linspace(-1.0, 1.0, arm.n)
     truth = np.array(aw.inverse_dynamics(arm, ramp, ramp, ramp), dtype=float)
-    found: dict[str, list[dict[str, Any]]] = {"cold": [], "warm": []}
+    results: dict[str, list[dict[str, Any]]] = {"cold": [], "warm": []}
     fresh("first", code="")  # leaves Python's bytecode
     for _ in range(times):
         with tempfile.TemporaryDirectory() as code:
-            for which in found:
-                found[which].append(fresh("first", code=code))
-    made = []
-    for which, runs in found.items():
+            for which in results:
+                results[which].append(fresh("first", code=code))
+    records = []
+    for which, runs in results.items():
         error = max(relative_error(np.array(run["tau"]), truth) for run in runs)
         names = [library.split(".")[0] for library in LIBRARIES]
         parts = {name: [run[name] for run in runs] for name in ("load", "kernel")}
         parts |= {f"import {name}": [r[name] for r in runs] for name in names}
         parts["all"] = [sum(run[name] for name in ("load", "kernel", *names)) for run in runs]
-        made.append(_record({"work": f"first kernel of puma560, {which} cache"}, error, parts))
-    return made
+        records.append(_record({"work": f"first kernel of puma560, {which} cache"}, error, parts))
+    return records
 
 
 def prompt_records(times: int) -> list[Record]:
     """`armwright sim` until it asks, at a pseudo-terminal, Python's own start in it; once before, to fill the caches."""
-    found = [prompted() for _ in range(times + 1)][1:]
-    error = 0.0 if all(answered for _, answered in found) else np.nan
-    return [_record({"work": "armwright sim to its prompt"}, error, {"all": [seconds for seconds, _ in found]})]
+    results = [prompted() for _ in range(times + 1)][1:]
+    error = 0.0 if all(answered for _, answered in results) else np.nan
+    return [_record({"work": "armwright sim to its prompt"}, error, {"all": [seconds for seconds, _ in results]})]
 
 
 def compile_records(name: str, joints: int, times: int, _: int) -> list[Record]:
@@ -94,10 +94,10 @@ def compile_records(name: str, joints: int, times: int, _: int) -> list[Record]:
     arm = f"chain-{joints}"
     states, work = random_states(timed_arm(arm), 1), WORKS[name]
     truth = getattr(pinocchio(arm), name)(*(states[key] for key in work.inputs))[0]
-    found = repeated(times, "compile", name, arm, code="")
-    error = max(relative_error(np.array(run["result"]), truth) for run in found)
-    labels = {"arm": arm, "joints": joints, "work": name, "operations": found[0]["operations"]}
-    return [_record(labels, error, {"all": [run["seconds"] for run in found]})]
+    results = repeated(times, "compile", name, arm, code="")
+    error = max(relative_error(np.array(run["result"]), truth) for run in results)
+    labels = {"arm": arm, "joints": joints, "work": name, "operations": results[0]["operations"]}
+    return [_record(labels, error, {"all": [run["seconds"] for run in results]})]
 
 
 def repeated(times: int, *arguments: str, code: str | None = None) -> list[dict[str, Any]]:

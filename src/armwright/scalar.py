@@ -93,7 +93,7 @@ class Symbol:
         return Symbol(casadi.fabs(self.sx))
 
     def __float__(self):
-        raise _misuse("a float array or math.* was given", "armwright.scalar functions and object arrays")
+        raise _misuse("a float array or math.* cannot hold", "armwright.scalar functions and object arrays")
 
     def __bool__(self):
         raise _misuse("a branch on", "scalar.where(condition, a, b)")
@@ -117,7 +117,7 @@ def _misuse(use: str, instead: str) -> SymbolError:
     return SymbolError(f"{use} a traced symbol, whose value is not known yet", file=file, expected=instead)
 
 
-for _name, _function in {  # what NumPy's own functions call on the elements of an object array
+for _name, _function in {  # methods that NumPy's functions call on the elements of an object array
     **{name: getattr(casadi, name) for name in ("sin", "cos", "tan", "sqrt", "exp", "log", "tanh", "floor", "ceil")},
     "arctan2": casadi.atan2,
     "hypot": casadi.hypot,
@@ -131,7 +131,7 @@ def _lift(function: Callable[..., Any], *values: Scalar) -> Symbol:
 
 
 def is_symbolic(*values: Array) -> bool:
-    """Whether any of the values is a Symbol or an array that holds one."""
+    """True if any of the values is a Symbol or an array that holds one."""
     return any(
         isinstance(v, Symbol)
         or (isinstance(v, np.ndarray) and v.dtype == object and any(isinstance(entry, Symbol) for entry in v.flat))

@@ -457,7 +457,7 @@ def test_refusals(tmp_path, functions, message):
 def test_it_is_written_whole_or_not_at_all(tmp_path):
     (tmp_path / "file").write_text("")
     for folder in (tmp_path / "file" / "sub", tmp_path / "file"):
-        with pytest.raises(OutputError, match="cannot be made or is no folder") as error:
+        with pytest.raises(OutputError, match="cannot be created, or is no folder") as error:
             write_c(arm("two-link"), ["jacobian"], folder)
         assert error.value.file == str(folder)
     (tmp_path / "out" / "two_link.c").mkdir(parents=True)  # a folder where the C file should go

@@ -68,7 +68,7 @@ def test_linkers_agree_and_share_no_entry(folder, monkeypatch, target):
 
 
 def test_function_keeps_its_engine():
-    function = engine.Engine(select_target(), batch_module, program(), "float64").function("wave.whole", *TYPES)
+    function = engine.Engine(select_target(), batch_module, program(), "float64").function("wave.separate", *TYPES)
     gc.collect()
     others = [kernel(factor)(X) for factor in (3.0, 4.0)]  # which would take its place
     y = np.empty_like(X)

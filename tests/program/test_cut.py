@@ -30,14 +30,14 @@ def test_pieces_put_together_are_the_program(instructions, longest):
     slots: dict[int, int] = {}
     sequence = []
     for piece in parts.pieces:
-        for value, slot in piece.taken.items():
+        for value, slot in piece.loads.items():
             assert slots[slot] == value  # nobody has written over it
         made = {value for i in piece.instructions for value in i.results}
-        known = made | set(piece.taken)
+        known = made | set(piece.loads)
         assert all(value in known for i in piece.instructions for value in i.arguments)
         sequence += [i for i in piece.instructions if i.operation != "CONST" or i not in sequence]
-        slots.update({slot: value for value, slot in piece.left.items()})
-        assert all(slot < parts.slots for slot in piece.left.values())
+        slots.update({slot: value for value, slot in piece.stores.items()})
+        assert all(slot < parts.slots for slot in piece.stores.values())
     assert np.array_equal(evaluate(sequence, *inputs)[0], expected)
 
 

@@ -16,6 +16,7 @@ from armwright.kernels.target import select_target
 from armwright.program import evaluate, interpret, trace
 from armwright.program.passes import (
     PASSES,
+    after_each,
     fused_products,
     in_ready_order,
     in_recursion_order,
@@ -50,6 +51,16 @@ def test_a_product_used_once_is_fused():
 def counts_inputs(function) -> list:
     """The input instructions of a function."""
     return [i for i in small(function) if i.operation == "INPUT"]
+
+
+def test_the_program_is_printed_after_each_pass():
+    program = trace("small", lambda x: scalar.array([x[0] * x[1] + x[2] / x[1], x[0] / x[1]]), {"x": (3,)})
+    texts = {name: program.listing(instructions) for name, instructions in after_each(program.instructions)}
+    assert list(texts) == [each.__name__ for each in PASSES]
+    assert "inv" in texts["shared_reciprocals"]
+    assert "fma" not in texts["shared_reciprocals"]
+    assert "fma" in texts["fused_products"]
+    assert sorted(texts["in_need_order"].split("\n")) == sorted(texts["fused_products"].split("\n"))
 
 
 def test_a_product_used_twice_is_not():

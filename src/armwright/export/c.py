@@ -31,7 +31,7 @@ def write_c(arm: Model, functions: Sequence[str], folder: str | Path, real: str 
         arm: the model.
         functions: kernels by name, with optional inputs as in "inverse_dynamics+wrench" and options as in
             "forward_kinematics:frame=tool"; in C `NAME_inverse_dynamics_wrench`, `NAME_forward_kinematics_tool`.
-        folder: where to; it is made where there is none.   real: "double" or "float".
+        folder: created if it does not exist.   real: "double" or "float".
     Returns:
         paths: the header, the C file, the self-test.
     Raises:
@@ -72,15 +72,15 @@ def c_library(arm: Model, functions: Sequence[str], real: str = "double") -> dic
 
 @contextmanager
 def _folder(folder: Path) -> Iterator[Path]:
-    """A folder to write in; where the block fails, one that was made for it is taken away again."""
-    made = not folder.exists()
+    """A folder to write in; if the block fails, a folder created for it is removed."""
+    created = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"cannot be made or is no folder: {error.strerror}", file=folder) from error
+        raise OutputError(f"cannot be created, or is no folder: {error.strerror}", file=folder) from error
     try:
         yield folder
     except BaseException:
-        if made:
+        if created:
             shutil.rmtree(folder, ignore_errors=True)
         raise

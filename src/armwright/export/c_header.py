@@ -142,46 +142,13 @@ def _size(name: str, size: int | str, number: int) -> str:
 
 
 #: Words for signs that ASCII has not, and for what would end or begin a comment or a trigraph.
-_WORDS = {
-    "τ": "tau",
-    "θ": "theta",
-    "ω": "omega",
-    "η": "eta",
-    "λ": "lambda",
-    "Λ": "Lambda",
-    "Γ": "Gamma",
-    "π": "pi",
-    "Σ": "sum",
-    "∂": "d",
-    "Δ": "delta",
-    "δ": "delta ",
-    "Ṁ": "Mdot",
-    "ẋ": "xdot",
-    "v̇": "vdot",
-    "ω̇": "omegadot",
-    "q̇": "qd",
-    "q̈": "qdd",
-    "J̇": "Jdot",
-    "·": "*",
-    "×": "x",
-    "−": "-",
-    "–": "-",
-    "≤": "<=",
-    "≥": ">=",
-    "≈": "~",
-    "→": "->",
-    "…": "...",
-    "√": "sqrt",
-    "⁻": "^-",
-    "¹": "1",
-    "ᵀ": "^T",
-    "²": "^2",
-    "³": "^3",
-    "½": "1/2",
-    "*/": "* /",
-    "/*": "/ *",
-    "??": "? ?",
-}
+_WORDS = (
+    {"τ": "tau", "θ": "theta", "ω": "omega", "η": "eta", "λ": "lambda", "Λ": "Lambda", "Γ": "Gamma", "π": "pi"}
+    | {"Σ": "sum", "∂": "d", "Δ": "delta", "δ": "delta ", "Ṁ": "Mdot", "ẋ": "xdot", "v̇": "vdot", "ω̇": "omegadot"}
+    | {"q̇": "qd", "q̈": "qdd", "J̇": "Jdot", "·": "*", "×": "x", "−": "-", "–": "-", "≤": "<=", "≥": ">="}
+    | {"≈": "~", "→": "->", "…": "...", "√": "sqrt", "⁻": "^-", "¹": "1", "ᵀ": "^T", "²": "^2", "³": "^3"}
+    | {"½": "1/2", "*/": "* /", "/*": "/ *", "??": "? ?"}
+)
 
 
 def comment(lines: Iterable[str]) -> str:

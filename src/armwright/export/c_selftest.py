@@ -124,8 +124,8 @@ def _test(arm: Model, function: CFunction, real: str) -> str:
         f"    for (k = 0; k < {STATES}; k++) {{",
     ]
     lines.append(f"        {real} error;")
-    given = [f"{name}[k]" if k < split else name for k, name in enumerate(names)]
-    lines.append(f"        {function.name}({', '.join(given)});")
+    arrays = [f"{name}[k]" if k < split else name for k, name in enumerate(names)]
+    lines.append(f"        {function.name}({', '.join(arrays)});")
     for k in range(split, len(ports)):
         wanted = f"{names[k]}, {names[k]}_expected[k], {ports[k].size}, tolerance[k][{k - split}]"
         lines += [f"        error = error_of({wanted});", "        worst = error > worst ? error : worst;"]

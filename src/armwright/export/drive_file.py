@@ -21,13 +21,12 @@ def drive_file(robot: RobotDescription) -> str:
         if isinstance(joint, FixedJoint):
             continue
         source = joint.source or robot.source
-        given = {name: getattr(joint, name) for name in CARRIED}
-        table = {
+        values = {name: getattr(joint, name) for name in CARRIED}
+        joints[joint.name] = {
             name: _plain(value, source)
-            for name, value in given.items()
+            for name, value in values.items()
             if value is not None and not (isinstance(value, Record) and not value.model_fields_set)
         }
-        joints[joint.name] = table
     tip = moved_tip(robot, joint_frames(robot)) or tip_of(robot)
     document = {
         **({} if robot.source is None else {"source": robot.source}),
@@ -45,13 +44,13 @@ def _plain(value: Any, source: str | None) -> Any:
     """Records as tables that bear their source, numbers as numbers where they have nothing of their own to say."""
     if isinstance(value, Quantity):
         number = list(value.value) if isinstance(value.value, tuple) else value.value
-        own = {key: getattr(value, key) for key in ("std", "source", "date") if getattr(value, key) is not None}
-        if isinstance(own.get("std"), tuple):
-            own["std"] = list(own["std"])
-        return {"value": number, **own} if own else number
+        about = {key: getattr(value, key) for key in ("std", "source", "date") if getattr(value, key) is not None}
+        if isinstance(about.get("std"), tuple):
+            about["std"] = list(about["std"])
+        return {"value": number, **about} if about else number
     if isinstance(value, Record):
-        given = {key: getattr(value, key) for key in type(value).model_fields if key in value.model_fields_set}
-        table = {key: _plain(inner, None) for key, inner in given.items() if inner is not None}
+        fields = {key: getattr(value, key) for key in type(value).model_fields if key in value.model_fields_set}
+        table = {key: _plain(inner, None) for key, inner in fields.items() if inner is not None}
         return table if "source" in table or source is None else {"source": source, **table}
     if isinstance(value, dict):
         return {key: _plain(inner, None) for key, inner in value.items()}

@@ -37,7 +37,7 @@ def joint_frames(robot: RobotDescription) -> list[JointFrame]:
     """All joints, parents first."""
     shifts = {robot.base: Placement.identity()}
     links = {link.name: link for link in robot.links}
-    waiting, found = list(robot.joints), []
+    waiting, frames = list(robot.joints), []
     while waiting:
         joint = next(joint for joint in waiting if joint.parent in shifts)
         waiting.remove(joint)
@@ -45,7 +45,7 @@ def joint_frames(robot: RobotDescription) -> list[JointFrame]:
         axis = Z
         if isinstance(joint, FixedJoint):
             before, after = before @ after, Placement.identity()
-        elif joint.frame is not None:  # the axis as it was given, not the frame that was turned onto it
+        elif joint.frame is not None:  # the axis as the file has it, not the frame that was turned onto it
             before, after, axis = before @ after, Placement.identity(), _unit(np.array(joint.axis))
         link = links[joint.child]
         frame = shifts[joint.parent] @ before
@@ -58,8 +58,8 @@ def joint_frames(robot: RobotDescription) -> list[JointFrame]:
         if not is_identity(after):
             com = after.point(com)
             tensor = after.rotation @ tensor @ after.rotation.T
-        found.append(JointFrame(joint, link, frame, angles, axis, after, com, 0.5 * (tensor + tensor.T)))
-    return found
+        frames.append(JointFrame(joint, link, frame, angles, axis, after, com, 0.5 * (tensor + tensor.T)))
+    return frames
 
 
 def moved_tip(robot: RobotDescription, frames: list[JointFrame]) -> str | None:
@@ -68,9 +68,9 @@ def moved_tip(robot: RobotDescription, frames: list[JointFrame]) -> str | None:
     shifts = {entry.link.name: entry.shift for entry in frames}
     if tip not in shifts or is_identity(shifts[tip]):
         return None
-    taken = {*shifts, robot.base, *(frame.name for frame in robot.frames)}
+    names = {*shifts, robot.base, *(frame.name for frame in robot.frames)}
     name = f"{tip}_tip"
-    while name in taken:
+    while name in names:
         name += "_"
     return name
 
@@ -80,8 +80,8 @@ def place_of(robot: RobotDescription, frames: list[JointFrame], name: str) -> tu
     shifts = {entry.link.name: entry.shift for entry in frames} | {robot.base: Placement.identity()}
     for frame in robot.frames:
         if frame.name == name:
-            own = Placement(rotation_rpy(*np.array(frame.rpy_rad)), np.array(frame.xyz_m))
-            return frame.link, shifts[frame.link] @ own
+            place = Placement(rotation_rpy(*np.array(frame.rpy_rad)), np.array(frame.xyz_m))
+            return frame.link, shifts[frame.link] @ place
     return name, shifts[name]
 
 

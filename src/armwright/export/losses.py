@@ -1,4 +1,4 @@
-"""What a description says and another format cannot hold, in one sentence each."""
+"""Losses: properties of a description that another format cannot hold, one sentence each."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ class Losses:
     """Losses found on the way, gathered by kind."""
 
     def __init__(self) -> None:
-        self.found: dict[tuple[str, str], list[str]] = defaultdict(list)
+        self._names: dict[tuple[str, str], list[str]] = defaultdict(list)
 
     def add(self, what: str, name: str, word: str = "joint") -> None:
         """One more joint (or link) that loses this."""
-        self.found[what, word].append(name)
+        self._names[what, word].append(name)
 
     def sentences(self) -> list[str]:
         """One for each kind."""
-        return [told(what, names, word) for (what, word), names in self.found.items()]
+        return [loss_of(what, names, word) for (what, word), names in self._names.items()]
 
 
 EFFECTS = ("current_loop_hz", "pwm", "thermal", "cogging", "coupling")
 
 
 def of_all_formats(robot: RobotDescription) -> list[str]:
-    """What neither URDF nor MJCF has a place for."""
+    """Properties for which neither URDF nor MJCF has a place."""
     moving = [joint for joint in robot.joints if not isinstance(joint, FixedJoint)]
     motors = [(joint.name, joint.motor) for joint in moving if joint.motor is not None]
     electric = [name for name, motor in motors if motor.torque_constant_n_m_per_a is not None]
@@ -46,16 +46,16 @@ def of_all_formats(robot: RobotDescription) -> list[str]:
     parts = {part: [joint.name for joint in moving if getattr(joint, part) is not None] for part in PARTS}
     within = {key: [name for name, motor in motors if getattr(motor, key) not in (None, ())] for key in EFFECTS}
     sentences = [
-        told("electrical constants", electric),
-        told("gear efficiency", lossy),
-        told("voltage and current limits", supply),
-        told("acceleration limits", planned),
-        *(told(part, names) for part, names in parts.items()),
-        *(told(f"{key} of the motor", names) for key, names in within.items()),
+        loss_of("electrical constants", electric),
+        loss_of("gear efficiency", lossy),
+        loss_of("voltage and current limits", supply),
+        loss_of("acceleration limits", planned),
+        *(loss_of(part, names) for part, names in parts.items()),
+        *(loss_of(f"{key} of the motor", names) for key, names in within.items()),
         "supply" if robot.supply is not None else "",
-        told("commands other than torque", driven),
-        told("Denavit-Hartenberg rows (frames are written instead)", dh),
-        told("the reasons why impossible inertias are accepted", accepted, "link"),
+        loss_of("commands other than torque", driven),
+        loss_of("Denavit-Hartenberg rows (frames are written instead)", dh),
+        loss_of("the reasons why impossible inertias are accepted", accepted, "link"),
         f"the sources of {len(numbers)} numbers",
         f"{spread} standard deviations" if spread else "",
         "title and notes" if robot.title or robot.notes else "",
@@ -68,7 +68,7 @@ def _acceleration(limits: RotaryLimits | LinearLimits) -> Quantity | None:
 
 
 def of_friction(robot: RobotDescription) -> list[str]:
-    """What damping and one magnitude of dry friction leave out of the friction records."""
+    """Properties of the friction records beyond damping and one magnitude of dry friction."""
     lost: dict[str, list[str]] = {}
     for joint in robot.joints:
         friction = None if isinstance(joint, FixedJoint) else joint.friction
@@ -76,7 +76,7 @@ def of_friction(robot: RobotDescription) -> list[str]:
             continue
         for what in _beyond_coulomb(friction):
             lost.setdefault(what, []).append(joint.name)
-    return [told(what, names) for what, names in lost.items()]
+    return [loss_of(what, names) for what, names in lost.items()]
 
 
 def _beyond_coulomb(friction: RotaryFriction | LinearFriction) -> list[str]:
@@ -106,7 +106,7 @@ def _beyond_coulomb(friction: RotaryFriction | LinearFriction) -> list[str]:
     return lost
 
 
-def told(what: str, names: Iterable[str], word: str = "joint") -> str:
-    """One loss and whose it is; nothing where it is nobody's."""
+def loss_of(what: str, names: Iterable[str], word: str = "joint") -> str:
+    """One loss with the names of the joints or links that have it; empty where there are none."""
     names = list(dict.fromkeys(names))
     return f"{what}: {word}{'s' if len(names) > 1 else ''} {', '.join(names)}" if names else ""

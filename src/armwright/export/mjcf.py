@@ -28,7 +28,7 @@ def write_mjcf(description: RobotDescription, path: str | os.PathLike[str]) -> l
     Args:
         description: what to write.   path: of the file, ending in .xml.
     Returns:
-        losses: what an MJCF cannot hold, one sentence each.
+        losses: properties that an MJCF cannot hold, one sentence each.
     Raises:
         OutputError: the file cannot be written.
     """
@@ -40,7 +40,7 @@ def write_mjcf(description: RobotDescription, path: str | os.PathLike[str]) -> l
 
 
 def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
-    """The MJCF, and what it cannot hold."""
+    """The MJCF and its losses."""
     losses = Losses()
     root = ElementTree.Element("mujoco", model=description.name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="false", balanceinertia="false")
@@ -56,7 +56,7 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
         bodies[entry.link.name] = body
         if not isinstance(entry.joint, FixedJoint):
             _joint(body, actuator, entry.joint, entry, losses)
-            if not _carried(description, entry.link.name):
+            if not _has_mass(description, entry.link.name):
                 losses.add("MuJoCo will not read the file, as nothing moved has mass", entry.joint.name)
         _inertial(body, entry, losses)
         for visual in entry.link.visuals:
@@ -70,9 +70,9 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
         ElementTree.SubElement(bodies[link], "site", {"name": "tip", **_pose(at)})
     for joint in description.joints:
         if not isinstance(joint, FixedJoint) and joint.mimic is not None:
-            told = {"joint1": joint.name, "joint2": joint.mimic.joint}
+            pair = {"joint1": joint.name, "joint2": joint.mimic.joint}
             line = _text((joint.mimic.offset, joint.mimic.multiplier, 0.0, 0.0, 0.0))
-            ElementTree.SubElement(equality, "joint", {**told, "polycoef": line})
+            ElementTree.SubElement(equality, "joint", {**pair, "polycoef": line})
             losses.add("that it follows exactly (MuJoCo's equality constraints give way)", joint.name)
     if not len(equality):
         root.remove(equality)
@@ -87,9 +87,9 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
 def _joint(body: Any, actuator: Any, joint: MovingJoint, entry: JointFrame, losses: Losses) -> None:
     slides, motor = isinstance(joint, PrismaticJoint), joint.motor
     position, velocity, effort = plain_limits(joint)
-    told = {"name": joint.name, "type": "slide" if slides else "hinge", "axis": _text(entry.axis)}
+    values = {"name": joint.name, "type": "slide" if slides else "hinge", "axis": _text(entry.axis)}
     if position is not None:
-        told |= {"limited": "true", "range": _text(np.array(position))}
+        values |= {"limited": "true", "range": _text(np.array(position))}
     if velocity is not None:
         losses.add("velocity limits", joint.name)
     gear = 1.0 if motor is None else float(motor.gear_ratio)
@@ -97,8 +97,8 @@ def _joint(body: Any, actuator: Any, joint: MovingJoint, entry: JointFrame, loss
     viscous, dry = plain_friction(joint.friction)
     for name, value in (("armature", gear * gear * rotor), ("damping", viscous), ("frictionloss", dry)):
         if value:
-            told[name] = repr(value)
-    ElementTree.SubElement(body, "joint", told)
+            values[name] = repr(value)
+    ElementTree.SubElement(body, "joint", values)
     if joint.mimic is not None:
         return
     drive = {"name": f"{joint.name}_motor", "joint": joint.name, "gear": repr(gear)}
@@ -120,12 +120,12 @@ def _inertial(body: Any, entry: JointFrame, losses: Losses) -> None:
     ElementTree.SubElement(body, "inertial", pos=_text(entry.com), mass=repr(mass), fullinertia=_text(entries))
 
 
-def _carried(description: RobotDescription, link: str) -> bool:
-    """Whether a link has mass or inertia, or one that is fixed to it."""
+def _has_mass(description: RobotDescription, link: str) -> bool:
+    """True if a link has mass or inertia, or one that is fixed to it has."""
     record = description.link(link)
     fixed = [j.child for j in description.joints if isinstance(j, FixedJoint) and j.parent == link]
-    own = bool(float(record.mass_kg)) or bool(record.inertia_kg_m2.matrix().any())
-    return own or any(_carried(description, child) for child in fixed)
+    has_mass = bool(float(record.mass_kg)) or bool(record.inertia_kg_m2.matrix().any())
+    return has_mass or any(_has_mass(description, child) for child in fixed)
 
 
 def _geom(body: Any, entry: JointFrame, visual: Any, losses: Losses) -> None:

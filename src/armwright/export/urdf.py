@@ -13,7 +13,7 @@ from armwright.description.drive_file import ENDING
 from armwright.description.robot import FixedJoint, PrismaticJoint, RobotDescription
 from armwright.export.drive_file import drive_file
 from armwright.export.joints import JointFrame, joint_frames, moved_tip, place_of, plain_friction, plain_limits, tip_of
-from armwright.export.losses import Losses, of_all_formats, of_friction, told
+from armwright.export.losses import Losses, loss_of, of_all_formats, of_friction
 from armwright.output import whole_file
 from armwright.solids.mesh import Mesh
 from armwright.solids.shapes import Box, Cylinder, Sphere
@@ -46,7 +46,7 @@ def write_urdf(description: RobotDescription, path: str | os.PathLike[str], *, d
                 other.write_text(drive_file(description), encoding="utf-8", newline="\n")
     kept = f" (kept in {beside.name})" if drive else ""
     gears = [joint.name for joint in description.joints if getattr(joint, "motor", None) is not None]
-    motors = [f"{told('motors with their rotor inertia', gears)}{kept}"] if gears else []
+    motors = [f"{loss_of('motors with their rotor inertia', gears)}{kept}"] if gears else []
     gravity = [f"gravity{kept}"] if description.gravity_m_s2 is not None else []
     friction = [f"{sentence}{kept}" for sentence in of_friction(description)]
     return [*motors, *gravity, *friction, *of_all_formats(description), *losses.sentences()]

@@ -60,12 +60,15 @@ class Kernel:
         self.program, self.target = program, target.doubled() if _waits(program) else target
         self._expected = [(port.name, port.shape) for port in program.inputs]
         self._shapes = [port.shape for port in program.outputs]
-        self._slots = POINTER * len(program.inputs), POINTER * len(program.outputs)
         self._plans: dict[tuple[tuple[int, ...], ...], tuple[int, list[tuple[int, ...]]]] = {}
         engine = Engine(self.target, batch_module, program, format.name)
-        self._run = engine.function(f"{program.name}.batch", ctypes.c_int64, POINTER, POINTER, POINTER)
-        pointers = [POINTER] * (len(program.inputs) + len(program.outputs))
-        self._run_apart = engine.function(f"{program.name}.apart", ctypes.c_int64, *pointers, result=ctypes.c_int32)
+        ins, outs = len(program.inputs), len(program.outputs)
+        steps = [POINTER, ctypes.c_int64] * ins
+        self._run = engine.function(f"{program.name}.batch", ctypes.c_int64, *steps, *[POINTER] * outs)
+        pointers = [POINTER] * (ins + outs)
+        self._run_separate = engine.function(
+            f"{program.name}.separate", ctypes.c_int64, *pointers, result=ctypes.c_int32
+        )
         self.bound_entry = engine.function(f"{program.name}.bound", POINTER)  # (table of the count and every pointer)
 
     def __call__(self, *arrays: Any, out: Any = None, threads: int = 1) -> Any:
@@ -100,7 +103,7 @@ class Kernel:
             return self._any(arrays, out, threads)
         if threads > 1 and count >= 2 * self._least:
             return self._any(arrays, out, threads)
-        if not self._run_apart(count, *addresses):  # an output lies over an input
+        if not self._run_separate(count, *addresses):  # an output lies over an input
             return self._any(arrays, out, threads)
         return results[0] if len(results) == 1 else tuple(results)
 
@@ -114,21 +117,17 @@ class Kernel:
         ports = self.program.inputs
         if len(arrays) != len(ports):
             raise wrong_count(self.program.name, arrays, ports)
-        given = [as_numbers(a, self.program.name, p.name, self.dtype) for a, p in zip(arrays, ports, strict=True)]
-        lead = common_lead(self.program.name, given, self._expected)
+        numbers = [as_numbers(a, self.program.name, p.name, self.dtype) for a, p in zip(arrays, ports, strict=True)]
+        lead = common_lead(self.program.name, numbers, self._expected)
         count = math.prod(lead)
-        blocks, strides = [], []
-        for array, (_, shape) in zip(given, self._expected, strict=True):
-            block, stride = self._block(array, shape, lead, count)
-            blocks.append(block)
-            strides.append(stride)
-        results, wanted = self._outputs(lead, out, blocks)
-        moves = (ctypes.c_int64 * len(strides))(*strides)
-        self._launch(count, [_address(block) for block in blocks], moves, results, threads)
-        if count and all(a.shape == lead + shape for a, (_, shape) in zip(given, self._expected, strict=True)):
+        shapes = [shape for _, shape in self._expected]
+        blocks = [self._block(array, shape, lead, count) for array, shape in zip(numbers, shapes, strict=True)]
+        results, wanted = self._outputs(lead, out, [block for block, _ in blocks])
+        self._launch(count, [(_address(block), step) for block, step in blocks], results, threads)
+        if count and all(a.shape == lead + shape for a, (_, shape) in zip(numbers, self._expected, strict=True)):
             if len(self._plans) >= PLANS:
                 self._plans.clear()
-            self._plans[tuple([array.shape for array in given])] = count, [lead + shape for shape in self._shapes]
+            self._plans[tuple([array.shape for array in numbers])] = count, [lead + shape for shape in self._shapes]
         if out is not None:
             for result, target in zip(results, wanted, strict=True):
                 if result is not target:
@@ -164,24 +163,25 @@ class Kernel:
         usable = [a.flags.carray and not any(np.may_share_memory(a, block) for block in inputs) for a in wanted]
         return [a if fits else np.empty(a.shape, self.dtype) for a, fits in zip(wanted, usable, strict=True)], wanted
 
-    def _launch(self, count: int, inputs: list[int], moves: Any, results: list[np.ndarray], threads: int) -> None:
-        """Runs the native batch function over all states, in parts of whole tiles where several threads share them."""
-        w = self.target.width
-        sources, sinks = self._slots
-        outputs = [_address(result) for result in results]
-        parts = min(threads, count // self._least)
-        if parts <= 1:
-            self._run(count, sources(*inputs), moves, sinks(*outputs))
-            return
-        bytes_ = self.format.bytes
+    def _launch(self, count: int, inputs: list[tuple[int, int]], results: list[np.ndarray], threads: int) -> None:
+        """Runs the native batch function over all states, in parts of whole tiles where several threads share them.
+
+        Args:
+            count: states.   inputs: address of each, and the numbers it moves a tile.   results: where to.   threads: at most.
+        """
+        w, bytes_ = self.target.width, self.format.bytes
         sizes = [bytes_ * port.size for port in self.program.outputs]
+        outputs = [_address(result) for result in results]
 
         def run(first: int, last: int) -> None:
-            tile = first // w
-            ins = sources(*(a + bytes_ * tile * s for a, s in zip(inputs, moves, strict=True)))
-            outs = sinks(*(a + first * size for a, size in zip(outputs, sizes, strict=True)))
-            self._run(last - first, ins, moves, outs)
+            sources = ((address + bytes_ * step * (first // w), step) for address, step in inputs)
+            sinks = (address + first * size for address, size in zip(outputs, sizes, strict=True))
+            self._run(last - first, *itertools.chain.from_iterable(sources), *sinks)
 
+        parts = min(threads, count // self._least)
+        if parts <= 1:
+            run(0, count)
+            return
         bounds = [count // w * part // parts * w for part in range(parts)] + [count]
         others = [_pool(parts - 1).submit(run, *part) for part in itertools.pairwise(bounds[:-1])]
         run(bounds[-2], count)  # the last part in this thread, which would only wait
@@ -208,7 +208,7 @@ def batch_module(width: int, program: Program, dtype: str) -> Module:
 
 
 def _waits(program: Program) -> bool:
-    """Whether the program is a short chain of divisions that wait for each other, such as the pivots of a symmetric solve."""
+    """True if the program is a short chain of divisions that wait for each other, such as the pivots of a symmetric solve."""
     counts = program.operation_counts()
     return counts["DIV"] + counts["INV"] >= CHAIN and counts.total() <= ROOM
 

@@ -22,20 +22,20 @@ class Bound:
 
     __slots__ = ("_call", "_kept", "_table", "inputs", "outputs", "result")
 
-    def __init__(self, kernel: Kernel, lead: tuple[int, ...], given: dict[str, np.ndarray]):
+    def __init__(self, kernel: Kernel, lead: tuple[int, ...], arrays: dict[str, np.ndarray]):
         program = kernel.program
         known = [port.name for port in (*program.inputs, *program.outputs)]
-        for name in given:
+        for name in arrays:
             if name not in known:
                 raise ShapeError(place=f"{program.name}: array", value=name, choices=known)
         self.inputs, self.outputs = (
             {
-                port.name: _buffer(program.name, port.name, lead + port.shape, given.get(port.name), kernel.dtype)
+                port.name: _buffer(program.name, port.name, lead + port.shape, arrays.get(port.name), kernel.dtype)
                 for port in ports
             }
             for ports in (program.inputs, program.outputs)
         )
-        arrays = [*self.inputs.values(), *self.outputs.values()]
+        every = [*self.inputs.values(), *self.outputs.values()]
         refuse_shared(program, list(self.outputs.values()))
         for name, output in self.outputs.items():
             for other, source in self.inputs.items():
@@ -46,7 +46,7 @@ class Bound:
                     raise ShapeError("lie partly over each other", place=place, expected="separate arrays")
         count = int(np.prod(lead, dtype=np.int64))
         self._table = ctypes.addressof(
-            table := (ctypes.c_int64 * (1 + len(arrays)))(count, *(a.ctypes.data for a in arrays))
+            table := (ctypes.c_int64 * (1 + len(every)))(count, *(a.ctypes.data for a in every))
         )
         self._kept = table, kernel
         self._call = kernel.bound_entry
@@ -59,10 +59,10 @@ class Bound:
         return self.result
 
 
-def _buffer(place: str, name: str, shape: tuple[int, ...], given: np.ndarray | None, dtype: np.dtype) -> np.ndarray:
-    if given is None:
+def _buffer(place: str, name: str, shape: tuple[int, ...], array: np.ndarray | None, dtype: np.dtype) -> np.ndarray:
+    if array is None:
         return np.zeros(shape, dtype)
-    fits = isinstance(given, np.ndarray) and given.shape == shape and given.dtype == dtype
-    if not fits or not given.flags.carray:
-        raise wrong_array(f"{place}: {name}", given, f"writeable contiguous {dtype} {shape}")
-    return given
+    fits = isinstance(array, np.ndarray) and array.shape == shape and array.dtype == dtype
+    if not fits or not array.flags.carray:
+        raise wrong_array(f"{place}: {name}", array, f"writeable contiguous {dtype} {shape}")
+    return array

@@ -109,7 +109,7 @@ class Unit:
         return CMachine(self.dialect, self.prefix, self.functions)
 
     def uses(self, name: str) -> bool:
-        """Whether a function of the unit calls the one that is so named after the prefix."""
+        """True if a function of the unit calls the one of that name, after the prefix."""
         return any(f"{self.prefix}{name}(" in text for text in self.functions.values())
 
     def lower(self, m: Machine, operation: str, *values: Value) -> Value:
@@ -182,7 +182,7 @@ class Unit:
         """
         ports = port_names(program)
         inputs, outputs = ports[: len(program.inputs)], ports[len(program.inputs) :]
-        values = {value: f"{work}[{slot}]" for value, slot in piece.taken.items()}
+        values = {value: f"{work}[{slot}]" for value, slot in piece.loads.items()}
         m, waiting, stores = self.machine(), set(values.values()), []
 
         def store(place: str, value: Value) -> None:
@@ -197,7 +197,7 @@ class Unit:
             self._caller(m),
             self.lower,
         )
-        for value, slot in piece.left.items():
+        for value, slot in piece.stores.items():
             store(f"{work}[{slot}]", values[value])
         body = m.text(stores)
         used = [array for array in (*ports, work) if _mentions(body, array)]
@@ -241,7 +241,7 @@ def _mentions(body: str, array: str) -> bool:
 
 def _waiting(program: Program, parts: Cut) -> int:
     """Numbers on the stack of a program in pieces: the inputs' copies, the slots, and those of the largest piece."""
-    inside = max(most_alive(piece.instructions, piece.left) for piece in parts.pieces)
+    inside = max(most_alive(piece.instructions, piece.stores) for piece in parts.pieces)
     return sum(port.size for port in program.inputs) + parts.slots + inside
 
 

@@ -85,7 +85,7 @@ class CMachine(Machine):
         return self._marked(self._real(f"{name}({', '.join(arguments)})"))
 
     def is_fused(self, value: Value) -> bool:
-        """Whether a compiler might see a fused multiply-add behind that value."""
+        """True if a compiler might see a fused multiply-add behind that value."""
         return value in self._fused
 
     def _marked(self, value: Value) -> Value:

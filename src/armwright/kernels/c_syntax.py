@@ -1,4 +1,4 @@
-"""How C writes things: its dialects, names that are identifiers, numbers that read back to the bit, parameter lists."""
+"""Syntax of C: its dialects, names that are identifiers, numbers that read back to the bit, parameter lists."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ KEYWORDS = frozenset(
 
 @dataclass(frozen=True)
 class Dialect:
-    """Where C99 and CUDA C, double and float differ.
+    """Differences between C99 and CUDA C, double and float.
 
     Attributes:
         format: of the reals.   integer: the unsigned type of as many bits.   literal: how a constant of it is written.

@@ -154,14 +154,14 @@ def _read(path: Path) -> bytes:
 
 
 def _ours_alone(about: os.stat_result) -> bool:
-    """Whether this user owns it and nobody else can write it. On Windows the user's profile sees to that."""
+    """True if this user owns it and nobody else can write it. On Windows the user's profile is private."""
     if sys.platform == "win32":
         return True
     return about.st_uid == os.geteuid() and not about.st_mode & OTHERS_WRITE
 
 
 def cache_folder() -> Path | None:
-    """Where entries are, made where it is missing; None where none can be kept."""
+    """Folder of the entries, created if it is missing; None if none can be stored."""
     named = os.environ.get(VARIABLE)
     if named == "":
         return None

@@ -60,7 +60,7 @@ class CompiledArm:
 
     @property
     def threads(self) -> int:
-        """How many threads share a large batch, 1 or more; results do not depend on it."""
+        """Number of threads that share a large batch, 1 or more; results do not depend on it."""
         return self._threads
 
     @threads.setter
@@ -131,13 +131,13 @@ class CompiledArm:
         if not isinstance(name, str) or name not in SIGNATURES:
             raise ShapeError(place="kernel", value=name, choices=SIGNATURES)
         signature = SIGNATURES[name]
-        for what, given, known in (
+        for kind, names, known in (
             ("optional input", optional, [argument.name for argument in signature.optional]),
             ("option", options, list(signature.options)),
         ):
-            for each in given:
+            for each in names:
                 if each not in known:
-                    raise ShapeError(place=f"{name}: {what}", value=each, choices=known)
+                    raise ShapeError(place=f"{name}: {kind}", value=each, choices=known)
         for each, value in options.items():
             if not isinstance(value, str):
                 raise ShapeError(place=f"{name}: {each}", value=value, expected="a name")
@@ -175,7 +175,7 @@ class CompiledArm:
             name: of the table.   optional: names of the optional inputs that it takes.
             options: keyword arguments that are fixed, such as `frame`.
         Returns:
-            function: `casadi.Function` with the table's names; vectors are columns, matrices have their own shape.
+            function: `casadi.Function` with the table's names; vectors are columns, matrices keep their shape.
         Raises:
             ShapeError: no kernel has that name.
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip, or has too many joints for it.

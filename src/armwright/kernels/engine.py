@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from llvmlite import binding
 
@@ -32,7 +32,7 @@ class Engine:
         """The code of `build(target.width, *ingredients)`, from the cache where it is there.
 
         Args:
-            target: what it is made for.
+            target: the processor.
             build: a function at the top level of a file of `kernels`; it sees nothing but its arguments.
             ingredients: what it makes the module of.
         """
@@ -64,23 +64,8 @@ def compiled(module: Module, machine: binding.TargetMachine) -> bytes:
     return machine.emit_object(parsed)
 
 
-class Linked(Protocol):
-    """Object code that is mapped, executable, as long as this lives."""
-
-    def __init__(self, code: bytes, machine: binding.TargetMachine): ...
-
-    @staticmethod
-    def machine(target: Target) -> binding.TargetMachine:
-        """What makes code that this can link."""
-        ...
-
-    def address(self, name: str) -> int:
-        """Of an exported function."""
-        ...
-
-
 class JitLinked:
-    """Linked by JITLink into one piece of memory."""
+    """Object code that JITLink has mapped in one piece of memory; executable as long as this lives."""
 
     def __init__(self, code: bytes, machine: binding.TargetMachine):
         builder = binding.JITLibraryBuilder().add_object_img(code)
@@ -92,20 +77,20 @@ class JitLinked:
 
     @staticmethod
     def machine(target: Target) -> binding.TargetMachine:
-        """Of position-independent code in the small model."""
+        """Target machine for position-independent code in the small model."""
         return binding.Target.from_default_triple().create_target_machine(
             cpu=target.cpu, features=target.features, opt=3, reloc="pic", codemodel="small"
         )
 
     def address(self, name: str) -> int:
-        """Of an exported function."""
+        """Address of an exported function."""
         found = self._linker.lookup(LIBRARY, name)
         self._parts.append(found)  # dropping it would unmap the library
         return found[name]
 
 
 class McjitLinked:
-    """Linked by MCJIT, a section here and a section there."""
+    """Object code that MCJIT has mapped, each section where it found room; executable as long as this lives."""
 
     def __init__(self, code: bytes, machine: binding.TargetMachine):
         self._engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
@@ -114,17 +99,17 @@ class McjitLinked:
 
     @staticmethod
     def machine(target: Target) -> binding.TargetMachine:
-        """Of code in the large model."""
+        """Target machine for code in the large model."""
         return binding.Target.from_default_triple().create_target_machine(
             cpu=target.cpu, features=target.features, opt=3, jit=True
         )
 
     def address(self, name: str) -> int:
-        """Of an exported function."""
+        """Address of an exported function."""
         return self._engine.get_function_address(name)
 
 
-def linker(triple: str) -> type[Linked]:
-    """What links code for a platform: JITLink where llvmlite has it, MCJIT elsewhere."""
+def linker(triple: str) -> type[JitLinked] | type[McjitLinked]:
+    """Linker for a platform: JITLink where llvmlite has it, MCJIT elsewhere."""
     processor = triple.split("-")[0]
     return JitLinked if processor in JITLINK.get(binding.get_object_format(triple), ()) else McjitLinked

@@ -27,12 +27,12 @@ class Format:
 
     @property
     def bytes(self) -> int:
-        """Of one number."""
+        """Size of one number."""
         return self.bits // 8
 
     @property
     def exponent_bias(self) -> int:
-        """What is added to the exponent of a normal number where it is stored."""
+        """Number added to the exponent of a normal number when it is stored."""
         return (1 << (self.bits - self.mantissa - 2)) - 1
 
     @property

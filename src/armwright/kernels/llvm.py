@@ -53,12 +53,12 @@ class Module:
         return name
 
     def add_batch_function(self, program: Program) -> str:
-        """`void name(count, inputs, strides, outputs)` over row-major arrays; returns its name.
+        """`void <program>.batch(count, in0, step0, in1, step1, …, out0, …)` over row-major arrays; returns its name.
 
-        `inputs` and `outputs` point to one pointer a port; `strides` says by how many reals an input moves a tile: its
-        size times W, or 0 for one tile that serves all. A tail of fewer than W states is computed in padded copies.
-        Beside it `<program>.whole(count, in0, …, out0, …)` serves arrays that hold every state, `<program>.apart(…)` does so
-        where no output shares memory with an input, and says whether, and `<program>.bound(table)` takes a table in memory.
+        A step is how many reals an input moves a tile: its size times W, or 0 for one tile that serves all. A tail of fewer
+        than W states is computed in padded copies. Beside it `<program>.separate(count, in0, …, out0, …)` serves arrays that
+        hold every state: it gives 1, or does nothing and gives 0 where an output lies over another array; and
+        `<program>.bound(table)` takes the same arguments from a table in memory, without that test.
         """
         tile = f"{program.name}.tile"
         m = self.machine()
@@ -75,13 +75,99 @@ class Module:
                 else:
                     m.lines.append(f"  call void @{self._store_function(port.size)}(ptr %out{k}, ptr {block})")
         self._define(tile, program, m)
-        name = f"{program.name}.batch"
-        self.functions[name] = _batch_loop(name, tile, program, self.width, self.format)
-        self.functions[f"{program.name}.whole"] = _whole(f"{program.name}.whole", name, program, self.width)
-        self.functions[f"{program.name}.apart"] = _apart(program, self.format)
-        self.functions[f"{program.name}.bound"] = _bound(program)
+        self._define_batch(program, tile)
+        self._define_separate(program)
+        self._define_bound(program)
         self.declarations.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
-        return name
+        return f"{program.name}.batch"
+
+    def _define_batch(self, program: Program, tile: str) -> None:
+        """Full tiles in place; then the tail: its rows copied into a padded tile (filled up with its first row) and back.
+
+        Not inlined into what calls it: three more copies of it would take a sixth of the time to compile, and gain nothing.
+        """
+        w, real, bytes_ = self.width, self.format.real, self.format.bytes
+        m = LlvmMachine(1, format=self.format)
+        sizes, split = _port_sizes(program), len(program.inputs)
+        steps = [f"%step{k}" for k in range(split)] + [str(port.size * w) for port in program.outputs]
+        pads = [m.emit(f"alloca [{size * w} x {real}], align 64") for size in sizes.values()]
+        full, rest = m.emit(f"udiv i64 %count, {w}"), m.emit(f"urem i64 %count, {w}")
+
+        def rows(tile_number: Value) -> list[Value]:
+            offsets = [m.emit(f"mul i64 {tile_number}, {step}") for step in steps]
+            return [m.emit(f"getelementptr {real}, ptr {p}, i64 {o}") for p, o in zip(sizes, offsets, strict=True)]
+
+        def compute(pointers: list[Value]) -> None:
+            m.lines.append(f"  call void @{tile}({', '.join(f'ptr {pointer}' for pointer in pointers)})")
+
+        def copy(target: Value, source: Value, length: Value) -> None:
+            m.lines.append(f"  call void @llvm.memcpy.p0.p0.i64(ptr {target}, ptr {source}, i64 {length}, i1 false)")
+
+        m.branch(m.emit(f"icmp ne i64 {full}, 0"), "full", "tail")
+        m.begin("full")
+        with m.repeat("tiles", full) as number:
+            compute(rows(number))
+        m.jump("tail")
+        m.begin("tail")
+        m.branch(m.emit(f"icmp ne i64 {rest}, 0"), "pad", "done")
+        m.begin("pad")
+        last = rows(full)
+        lengths = [m.emit(f"mul i64 {rest}, {bytes_ * size}") for size in sizes.values()]
+        for k in range(split):
+            copy(pads[k], last[k], lengths[k])
+        with m.repeat("fill", m.emit(f"sub i64 {w}, {rest}")) as number:
+            row = m.emit(f"add i64 {rest}, {number}")
+            for pad, size in zip(pads[:split], sizes.values(), strict=False):
+                place = m.emit(f"getelementptr {real}, ptr {pad}, i64 {m.emit(f'mul i64 {row}, {size}')}")
+                copy(place, pad, str(bytes_ * size))
+        compute(pads)
+        for k in range(split, len(sizes)):
+            copy(last[k], pads[k], lengths[k])
+        m.jump("done")
+        m.begin("done")
+        inputs = [f"ptr %in{k}, i64 %step{k}" for k in range(split)]
+        parameters = ["i64 %count", *inputs, *(f"ptr {port}" for port in [*sizes][split:])]
+        self._export(f"void @{program.name}.batch({', '.join(parameters)}) noinline", m, "void")
+
+    def _define_separate(self, program: Program) -> None:
+        m, sizes = LlvmMachine(1), _port_sizes(program)
+        first = {port: m.emit(f"ptrtoint ptr {port} to i64") for port in sizes}
+        lengths = [m.emit(f"mul i64 %count, {self.format.bytes * size}") for size in sizes.values()]
+        end = {port: m.emit(f"add i64 {first[port]}, {n}") for port, n in zip(sizes, lengths, strict=True)}
+        overlap = "false"
+        for k, output in enumerate([*sizes][len(program.inputs) :], len(program.inputs)):
+            for other in [*sizes][:k]:
+                before = m.emit(f"icmp ult i64 {first[output]}, {end[other]}")
+                behind = m.emit(f"icmp ult i64 {first[other]}, {end[output]}")
+                overlap = m.emit(f"or i1 {overlap}, {m.emit(f'and i1 {before}, {behind}')}")
+        m.branch(overlap, "over", "run")
+        m.begin("over")
+        m.lines.append("  ret i32 0")
+        m.begin("run")
+        m.lines.append(self._batch_call(program, [*sizes]))
+        parameters = ["i64 %count", *(f"ptr {port}" for port in sizes)]
+        self._export(f"i32 @{program.name}.separate({', '.join(parameters)})", m, "i32 1")
+
+    def _define_bound(self, program: Program) -> None:
+        m = LlvmMachine(1)
+        m.lines.append("  %count = load i64, ptr %table")
+        places = [m.emit(f"getelementptr i64, ptr %table, i64 {k}") for k in range(1, 1 + len(_port_sizes(program)))]
+        m.lines.append(self._batch_call(program, [m.emit(f"load ptr, ptr {place}") for place in places]))
+        self._export(f"void @{program.name}.bound(ptr %table)", m, "void")
+
+    def _batch_call(self, program: Program, pointers: list[str]) -> str:
+        """The batch function over `%count` states, for arrays that hold every one of them."""
+        arguments = ["i64 %count"]
+        for k, pointer in enumerate(pointers):
+            arguments.append(f"ptr {pointer}")
+            if k < len(program.inputs):
+                arguments.append(f"i64 {program.inputs[k].size * self.width}")
+        return f"  call void @{program.name}.batch({', '.join(arguments)})"
+
+    def _export(self, head: str, m: LlvmMachine, result: str) -> None:
+        """A function that Python can call."""
+        name = head[head.index("@") + 1 : head.index("(")]
+        self.functions[name] = "\n".join([f"define {head} nounwind {{", "entry:", *m.lines, f"  ret {result}", "}"])
 
     def _computed(self, m: LlvmMachine, program: Program, inputs: list[list[Value]]) -> list[list[Value]]:
         """A program's outputs: in one block, or, where it is long, in functions of a few thousand instructions each."""
@@ -108,13 +194,13 @@ class Module:
             for entry, value in enumerate(values):
                 m.store(pointer, entry, value)
         parts = cut(instructions)
-        given = ", ".join(f"ptr {p}" for p in (*ports[0], *ports[1], m.reserve(max(parts.slots, 1))))
+        blocks = ", ".join(f"ptr {p}" for p in (*ports[0], *ports[1], m.reserve(max(parts.slots, 1))))
         ahead, share = self._fetches(program) if batched else [], len(parts.pieces)
         for k, piece in enumerate(parts.pieces):
             name = f"{program.name}.piece{k}"
             if name not in self.functions:
                 self._add_piece(name, program, piece)
-            m.lines.append(f"  call void @{name}({given})")
+            m.lines.append(f"  call void @{name}({blocks})")
             m.lines += ahead[k * len(ahead) // share : (k + 1) * len(ahead) // share]
         return ports[1]
 
@@ -149,7 +235,7 @@ class Module:
     def _add_piece(self, name: str, program: Program, piece: Piece) -> None:
         """`void name(in0, …, out0, …, work)` over blocks: one piece, what crosses its ends waiting in `work`."""
         m = self.machine()
-        values = {value: m.load("%work", slot) for value, slot in piece.taken.items()}
+        values = {value: m.load("%work", slot) for value, slot in piece.loads.items()}
 
         def read(port: int, entry: int) -> Value:
             return m.load(f"%in{port}", entry)
@@ -158,20 +244,20 @@ class Module:
             m.store(f"%out{port}", entry, value)
 
         walk_instructions(m, piece.instructions, values, read, write, self.caller(m))
-        for value, slot in piece.left.items():
+        for value, slot in piece.stores.items():
             m.store("%work", slot, values[value])
         self._define(name, program, m, "ptr noalias %work")
 
     def caller(self, m: LlvmMachine):
-        """How the walk prints a call of a block function: arguments and results through the stack."""
+        """Printer of calls of block functions for the walk: arguments and results go through the stack."""
 
         def call(program: Program, arguments: list[Value]) -> list[Value]:
             name = self.add_block_function(program)
-            pointers, given = [], iter(arguments)
+            pointers, values = [], iter(arguments)
             for port in program.inputs:
                 pointer = m.reserve(port.size)
                 for entry in range(port.size):
-                    m.store(pointer, entry, next(given))
+                    m.store(pointer, entry, next(values))
                 pointers.append(pointer)
             results = [m.reserve(port.size) for port in program.outputs]
             m.lines.append(f"  call void @{name}({', '.join(f'ptr {p}' for p in [*pointers, *results])})")
@@ -189,135 +275,14 @@ class Module:
         self.functions[name] = "\n".join([head, *m.lines, "  ret void", "}"])
 
 
-def _batch_loop(name: str, tile: str, program: Program, w: int, format: Format) -> str:
-    """Full tiles in place; then the tail: its rows copied into a padded tile (filled up with its first row) and back.
-
-    Not inlined into what calls it: three more copies of it would take a sixth of the time to compile, and gain nothing.
-    """
-    ins, outs = range(len(program.inputs)), range(len(program.outputs))
-    real, bytes_ = format.real, format.bytes
-    text = [f"define void @{name}(i64 %count, ptr %inputs, ptr %strides, ptr %outputs) noinline nounwind {{", "entry:"]
-    for side, ports in (("in", program.inputs), ("out", program.outputs)):
-        for k, port in enumerate(ports):
-            text.append(f"  %{side}{k}.pad = alloca [{port.size * w} x {real}], align 64")
-            text.append(f"  %{side}{k}.slot = getelementptr ptr, ptr %{side}puts, i64 {k}")
-            text.append(f"  %{side}{k}.base = load ptr, ptr %{side}{k}.slot")
-    for k in ins:
-        text.append(f"  %in{k}.where = getelementptr i64, ptr %strides, i64 {k}")
-        text.append(f"  %in{k}.stride = load i64, ptr %in{k}.where")
-    text += [
-        f"  %full = udiv i64 %count, {w}",
-        f"  %rest = urem i64 %count, {w}",
-        "  %any = icmp ne i64 %full, 0",
-        "  br i1 %any, label %tiles, label %tail",
-        "tiles:",
-        "  %t = phi i64 [ 0, %entry ], [ %t.next, %tiles ]",
-    ]
-
-    def pointers(step: str, suffix: str) -> list[str]:
-        lines = []
-        for k in ins:
-            lines.append(f"  %in{k}.offset{suffix} = mul i64 {step}, %in{k}.stride")
-            lines.append(f"  %in{k}{suffix} = getelementptr {real}, ptr %in{k}.base, i64 %in{k}.offset{suffix}")
-        for k in outs:
-            lines.append(f"  %out{k}.offset{suffix} = mul i64 {step}, {program.outputs[k].size * w}")
-            lines.append(f"  %out{k}{suffix} = getelementptr {real}, ptr %out{k}.base, i64 %out{k}.offset{suffix}")
-        return lines
-
-    every = [f"in{k}" for k in ins] + [f"out{k}" for k in outs]
-    text += pointers("%t", ".t")
-    text += [
-        f"  call void @{tile}({', '.join(f'ptr %{port}.t' for port in every)})",
-        "  %t.next = add i64 %t, 1",
-        "  %more = icmp ult i64 %t.next, %full",
-        "  br i1 %more, label %tiles, label %tail",
-        "tail:",
-        "  %left = icmp ne i64 %rest, 0",
-        "  br i1 %left, label %pad, label %done",
-        "pad:",
-        *pointers("%full", ".p"),
-    ]
-    for k in ins:
-        size = bytes_ * program.inputs[k].size
-        text.append(f"  %in{k}.bytes = mul i64 %rest, {size}")
-        text.append(f"  call void @llvm.memcpy.p0.p0.i64(ptr %in{k}.pad, ptr %in{k}.p, i64 %in{k}.bytes, i1 false)")
-    text += ["  br label %fill", "fill:", "  %row = phi i64 [ %rest, %pad ], [ %row.next, %fill ]"]
-    for k in ins:
-        size = program.inputs[k].size
-        text.append(f"  %in{k}.at = mul i64 %row, {size}")
-        text.append(f"  %in{k}.row = getelementptr {real}, ptr %in{k}.pad, i64 %in{k}.at")
-        text.append(
-            f"  call void @llvm.memcpy.p0.p0.i64(ptr %in{k}.row, ptr %in{k}.pad, i64 {bytes_ * size}, i1 false)"
-        )
-    text += [
-        "  %row.next = add i64 %row, 1",
-        f"  %unfilled = icmp ult i64 %row.next, {w}",
-        "  br i1 %unfilled, label %fill, label %compute",
-        "compute:",
-        f"  call void @{tile}({', '.join(f'ptr %{port}.pad' for port in every)})",
-    ]
-    for k in outs:
-        text.append(f"  %out{k}.bytes = mul i64 %rest, {bytes_ * program.outputs[k].size}")
-        text.append(f"  call void @llvm.memcpy.p0.p0.i64(ptr %out{k}.p, ptr %out{k}.pad, i64 %out{k}.bytes, i1 false)")
-    return "\n".join([*text, "  br label %done", "done:", "  ret void", "}"])
-
-
-def _bound(program: Program) -> str:
-    """`void name(table)`: the whole function, its count and pointers read from a table of 64-bit numbers."""
-    pointers = range(1, 1 + len(program.inputs) + len(program.outputs))
-    text = [f"define void @{program.name}.bound(ptr %table) nounwind {{", "  %count = load i64, ptr %table"]
-    for k in pointers:
-        text += [f"  %at{k} = getelementptr i64, ptr %table, i64 {k}", f"  %p{k} = load ptr, ptr %at{k}"]
-    text.append(f"  call void @{program.name}.whole(i64 %count, {', '.join(f'ptr %p{k}' for k in pointers)})")
-    return "\n".join([*text, "  ret void", "}"])
-
-
-def _whole(name: str, batch: str, program: Program, w: int) -> str:
-    """`void name(count, in0, …, out0, …)`: the batch function for arrays that hold every state, without tables of pointers."""
-    ports = [*((f"in{k}", "inputs", k) for k in range(len(program.inputs)))]
-    ports += [*((f"out{k}", "outputs", k) for k in range(len(program.outputs)))]
-    text = [f"define void @{name}({', '.join(['i64 %count', *(f'ptr %{port}' for port, _, _ in ports)])}) nounwind {{"]
-    text.append(f"  %inputs = alloca [{len(program.inputs)} x ptr]")
-    text.append(f"  %strides = alloca [{len(program.inputs)} x i64]")
-    text.append(f"  %outputs = alloca [{len(program.outputs)} x ptr]")
-    for port, table, k in ports:
-        text.append(f"  %{port}.slot = getelementptr ptr, ptr %{table}, i64 {k}")
-        text.append(f"  store ptr %{port}, ptr %{port}.slot")
-    for k, port in enumerate(program.inputs):
-        text.append(f"  %in{k}.step = getelementptr i64, ptr %strides, i64 {k}")
-        text.append(f"  store i64 {port.size * w}, ptr %in{k}.step")
-    text.append(f"  call void @{batch}(i64 %count, ptr %inputs, ptr %strides, ptr %outputs)")
-    return "\n".join([*text, "  ret void", "}"])
-
-
-def _apart(program: Program, format: Format) -> str:
-    """`i32 name(count, in0, …, out0, …)`: the whole function and 1; nothing and 0 where an output lies over another array."""
-    sizes = {f"in{k}": port.size for k, port in enumerate(program.inputs)}
-    sizes |= {f"out{k}": port.size for k, port in enumerate(program.outputs)}
-    given = ", ".join(["i64 %count", *(f"ptr %{port}" for port in sizes)])
-    text = [f"define i32 @{program.name}.apart({given}) nounwind {{"]
-    for port, size in sizes.items():
-        text += [
-            f"  %{port}.first = ptrtoint ptr %{port} to i64",
-            f"  %{port}.bytes = mul i64 %count, {format.bytes * size}",
-        ]
-        text.append(f"  %{port}.end = add i64 %{port}.first, %{port}.bytes")
-    last = "false"
-    for k in range(len(program.outputs)):
-        for other in [*(f"in{j}" for j in range(len(program.inputs))), *(f"out{j}" for j in range(k))]:
-            text += [
-                f"  %before{k}.{other} = icmp ult i64 %out{k}.first, %{other}.end",
-                f"  %behind{k}.{other} = icmp ult i64 %{other}.first, %out{k}.end",
-                f"  %over{k}.{other} = and i1 %before{k}.{other}, %behind{k}.{other}",
-                f"  %any{k}.{other} = or i1 {last}, %over{k}.{other}",
-            ]
-            last = f"%any{k}.{other}"
-    text += [f"  br i1 {last}, label %over, label %run", "over:", "  ret i32 0", "run:"]
-    return "\n".join([*text, f"  call void @{program.name}.whole({given})", "  ret i32 1", "}"])
+def _port_sizes(program: Program) -> dict[str, int]:
+    """Entries of every port, by the name of its pointer in the text: inputs first."""
+    sizes = {f"%in{k}": port.size for k, port in enumerate(program.inputs)}
+    return sizes | {f"%out{k}": port.size for k, port in enumerate(program.outputs)}
 
 
 def batch_module(width: int, program: Program, dtype: str = DOUBLE.name) -> Module:
-    """The module of a program's batch functions, `<program>.batch` and `<program>.whole`, over numbers of a format."""
+    """The module of a program's batch functions over numbers of a format."""
     module = Module(width, FORMATS[dtype])
     module.add_batch_function(program)
     return module

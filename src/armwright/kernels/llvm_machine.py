@@ -43,7 +43,7 @@ class LlvmMachine(Machine):
 
     Values are names or literals; identical operations are printed once. After the body is printed, the module needs
     the text of `declarations` and `definitions` as well: pass the same two containers to every machine of a module.
-    The walker may add lines of its own (loads, stores, tiles) with `emit`, and must `begin` its own basic blocks.
+    Other emitters add lines (loads, stores, tiles) with `emit`, and `begin` basic blocks.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class LlvmMachine(Machine):
         self.lines.append(f"  br i1 {condition}, label %{then}, label %{otherwise}")
 
     @contextmanager
-    def repeat(self, label: str, times: int) -> Iterator[Value]:
+    def repeat(self, label: str, times: int | Value) -> Iterator[Value]:
         """A loop that begins at `label` and runs its body so often; gives the counter. Its lines go on at `label.done`."""
         counter, before = f"%{label}.count", self.block
         self.jump(label)
@@ -154,14 +154,14 @@ class LlvmMachine(Machine):
     def _intrinsic(self, name: str, *arguments: Value) -> Value:
         types = ", ".join([self.real] * len(arguments))
         self.declarations.add(f"declare {self.real} @llvm.{name}.{self._suffix}({types})")
-        given = ", ".join(f"{self.real} {argument}" for argument in arguments)
-        return self._pure(f"call {self.real} @llvm.{name}.{self._suffix}({given})")
+        typed = ", ".join(f"{self.real} {argument}" for argument in arguments)
+        return self._pure(f"call {self.real} @llvm.{name}.{self._suffix}({typed})")
 
     def operate(self, name, *values):
         if name in INTRINSICS:
             return self._intrinsic(name, *values)
-        given = [self.int_constant(v) if isinstance(v, int) else v for v in values]
-        return self._pure(INSTRUCTIONS[name].format(*given, real=self.real, integer=self.integer, mask=self.mask))
+        operands = [self.int_constant(v) if isinstance(v, int) else v for v in values]
+        return self._pure(INSTRUCTIONS[name].format(*operands, real=self.real, integer=self.integer, mask=self.mask))
 
     def constant(self, number: float) -> Value:
         (bits,) = struct.unpack("<Q", struct.pack("<d", self.format.rounded(number)))  # LLVM writes floats as doubles
@@ -177,8 +177,8 @@ class LlvmMachine(Machine):
     # Leaving the straight line.
 
     def call(self, name, *arguments):
-        given = ", ".join(f"{self.real} {argument}" for argument in arguments)
-        return self._pure(f"call {self.real} @{self._lanes(name, len(arguments))}({given})")
+        typed = ", ".join(f"{self.real} {argument}" for argument in arguments)
+        return self._pure(f"call {self.real} @{self._lanes(name, len(arguments))}({typed})")
 
     def rarely(self, mask, slow: Sequence[Slow], *fast):
         assert len(slow) == len(fast)
@@ -222,11 +222,11 @@ class LlvmMachine(Machine):
         ]
         result = "poison"
         for lane in range(self.width):
-            given = [f"%a{k}" for k in range(arity)]
+            typed = [f"%a{k}" for k in range(arity)]
             if self.width > 1:
-                given = [f"%a{k}.{lane}" for k in range(arity)]
+                typed = [f"%a{k}.{lane}" for k in range(arity)]
                 lines += [f"  %a{k}.{lane} = extractelement {self.real} %a{k}, i32 {lane}" for k in range(arity)]
-            lines.append(f"  %r{lane} = call {real} @{name}({', '.join(f'{real} {a}' for a in given)}) nobuiltin")
+            lines.append(f"  %r{lane} = call {real} @{name}({', '.join(f'{real} {a}' for a in typed)}) nobuiltin")
             if self.width > 1:
                 lines.append(f"  %s{lane} = insertelement {self.real} {result}, {real} %r{lane}, i32 {lane}")
                 result = f"%s{lane}"

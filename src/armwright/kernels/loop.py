@@ -35,7 +35,7 @@ class Schedules:
 
 @dataclass(eq=False)
 class Lanes:
-    """What the loop reads and writes for one group of lanes, in whole tiles of W; the last tile is filled up with lane 0.
+    """Memory of the loop for one group of lanes, in whole tiles of W; the last tile is filled up with lane 0.
 
     Attributes:
         count: lanes that are asked for.   first: place of the group's first lane among those that are run.
@@ -63,10 +63,7 @@ class Lanes:
         """Fills a block from (lanes, entries) or (entries,)."""
         block = self.blocks[name]
         rows = np.broadcast_to(values, (self.count, block.shape[1]))
-        padded = np.concatenate(
-            [rows, np.broadcast_to(rows[:1], (self.tiles * self.width - self.count, rows.shape[1]))]
-        )
-        block[...] = padded.reshape(self.tiles, self.width, -1).transpose(0, 2, 1)
+        block[...] = self._in_tiles(rows).transpose(0, 2, 1)
 
     def get(self, name: str) -> np.ndarray:
         """A block as (lanes, entries)."""
@@ -76,24 +73,23 @@ class Lanes:
     def get_ring(self, name: str) -> np.ndarray:
         """A delay's ring as (lanes, length, entries)."""
         ring = self.rings[name]
-        rows = ring.transpose(0, 3, 1, 2).reshape(self.tiles * self.width, *ring.shape[1:3])
-        return rows[: self.count]
+        return ring.transpose(0, 3, 1, 2).reshape(self.tiles * self.width, *ring.shape[1:3])[: self.count]
 
     def set_ring(self, name: str, values: np.ndarray) -> None:
         """Fills a delay's ring from (lanes, length, entries)."""
-        ring = self.rings[name]
-        more = np.broadcast_to(values[:1], (self.tiles * self.width - self.count, *ring.shape[1:3]))
-        padded = np.concatenate([values, more]).reshape(self.tiles, self.width, *ring.shape[1:3])
-        ring[...] = padded.transpose(0, 2, 3, 1)
+        self.rings[name][...] = self._in_tiles(values).transpose(0, 2, 3, 1)
 
     def fill_ring(self, name: str, values: np.ndarray) -> None:
-        """Fills every slot of a delay's ring from (lanes, entries): what was before the first tick."""
-        ring = self.rings[name]
-        rows = np.broadcast_to(values, (self.count, ring.shape[2]))
-        padded = np.concatenate(
-            [rows, np.broadcast_to(rows[:1], (self.tiles * self.width - self.count, rows.shape[1]))]
-        )
-        ring[...] = padded.reshape(self.tiles, 1, self.width, -1).transpose(0, 1, 3, 2)
+        """Fills every slot of a delay's ring from (lanes, entries): the values before the first tick."""
+        length, entries = self.rings[name].shape[1:3]
+        rows = np.broadcast_to(values, (self.count, entries))
+        self.set_ring(name, np.broadcast_to(rows[:, None], (self.count, length, entries)))
+
+    def _in_tiles(self, rows: np.ndarray) -> np.ndarray:
+        """Rows (lanes, …) as (tiles, W, …), the last tile filled up with lane 0."""
+        missing = self.tiles * self.width - self.count
+        padded = np.concatenate([rows, np.broadcast_to(rows[:1], (missing, *rows.shape[1:]))])
+        return padded.reshape(self.tiles, self.width, *rows.shape[1:])
 
 
 class Loop:
@@ -178,26 +174,26 @@ class Loop:
             "seed": seed,
             "origin": origin,
         }
-        found = [numbers[name] for name in NUMBERS]
-        kept: list[np.ndarray] = []
+        arguments = [numbers[name] for name in NUMBERS]
+        arrays: list[np.ndarray] = []
 
         def pointer(array: np.ndarray) -> int:
-            kept.append(array)
+            arrays.append(array)
             return array.ctypes.data
 
-        found += [pointer(lanes.blocks[name]) for name in self.sizes]
+        arguments += [pointer(lanes.blocks[name]) for name in self.sizes]
         for stage in self.stages:
             if isinstance(stage, Table):
-                found.append(pointer((tables or {})[stage.block]))
+                arguments.append(pointer((tables or {})[stage.block]))
             elif isinstance(stage, Rows):
                 rows = (schedules or {})[stage.block]
-                found += [pointer(rows.tick), pointer(rows.offset), pointer(rows.values)]
+                arguments += [pointer(rows.tick), pointer(rows.offset), pointer(rows.values)]
             elif isinstance(stage, Delay):
-                found.append(pointer(lanes.rings[stage.to]))
+                arguments.append(pointer(lanes.rings[stage.to]))
             elif isinstance(stage, Record):
                 record = (records or {})[stage.name]
-                found += [pointer(record), record.strides[0] // 8]
-        table = (ctypes.c_int64 * len(found))(*found)
+                arguments += [pointer(record), record.strides[0] // 8]
+        table = (ctypes.c_int64 * len(arguments))(*arguments)
         self._run(ctypes.addressof(table))
 
 

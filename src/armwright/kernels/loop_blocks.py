@@ -35,7 +35,7 @@ class BlockPrinter:
         self._out(f"  call void @{name}({ports})")
 
     def _replace_blocks(self, program: Program) -> None:
-        """What the program computed as the next value of a block becomes the block's value."""
+        """Copies the next values of blocks, which the program computed, into the blocks."""
         for port in program.outputs:
             if port.name.endswith(NEXT):
                 self._copy(f'%"{port.name.removesuffix(NEXT)}.at"', port.name, port.size)
@@ -66,8 +66,8 @@ class BlockPrinter:
         self.module.functions[name] = _advance(name, self.w, rows.entries)
         blocks = [f"{each}.at" for each in (SINCE, block, *(f"{block}.{part}" for part in CURSOR))]
         pointers = [*blocks, *(f"{block}.rows.{part}" for part in ROWS)]
-        given = ", ".join(f'ptr %"{pointer}"' for pointer in pointers)
-        self._out(f'  call void @"{name}"(double %tick, {given})')
+        arguments = ", ".join(f'ptr %"{pointer}"' for pointer in pointers)
+        self._out(f'  call void @"{name}"(double %tick, {arguments})')
         m.jump(f"{label}.none")
         m.begin(f"{label}.none")
 

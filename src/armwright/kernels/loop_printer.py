@@ -22,7 +22,7 @@ PROGRAM = "program"  # in the text, the number of one
 
 
 def argument_names(plan: tuple[Stage, ...]) -> list[str]:
-    """What the native function reads from its table of 64-bit numbers, in order: numbers, then pointers."""
+    """Names of the 64-bit arguments in the native function's table, in order: numbers, then pointers."""
     names = [*NUMBERS, *(f"{block}.block" for block in block_sizes(plan))]
     for stage in plan:
         if isinstance(stage, Table):
@@ -67,7 +67,7 @@ def _decoded(ingredients: tuple[Program | str, ...]) -> tuple[Stage, ...]:
 
 
 def loop_module(width: int, *ingredients: Program | str) -> Module:
-    """The module of `void loop(table)` for stages that `encoded` told."""
+    """The module of `void loop(table)` for stages from `encoded`."""
     module = Module(width)
     module.functions["loop"] = _Printer(module, _decoded(ingredients)).text()
     module.declarations.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")

@@ -191,7 +191,7 @@ class Machine(ABC):
         return self.select(p, self.constant(1.0), self.constant(0.0))
 
     def is_true(self, a: Value) -> Value:
-        """Whether a real counts as true in C: not zero, NaN included."""
+        """True where a real counts as true in C: not zero, NaN included."""
         return self.ne(a, self.constant(0.0))
 
     def flip_sign(self, a: Value, i: Value) -> Value:

@@ -161,16 +161,16 @@ SIGNATURES: dict[str, Signature] = {
 def trace_kernel(
     model: Model,
     signature: Signature,
-    given: tuple[str, ...] = (),
+    optional: tuple[str, ...] = (),
     *,
     steps: tuple[Step, ...] | None = None,
     varied: Varied | None = None,
     **options: Any,
 ):
-    """The program of a kernel for one arm, with the optional inputs named in `given` and the options' values.
+    """The program of a kernel for one arm, with some optional inputs and the options' values.
 
     Args:
-        model: the arm.   signature: a row of the table.   given: names of optional inputs.
+        model: the arm.   signature: a row of the table.   optional: names of the optional inputs that it takes.
         steps: simplifying steps on the arm before it is traced; by default those that keep the result.
         varied: the same arm with parameters left open, which are then an input behind the signature's own.
         options: values of the signature's options.
@@ -184,19 +184,21 @@ def trace_kernel(
         place, most = f"{model.name}: joints of {signature.name}", f"{signature.most_joints} or fewer"
         raise ModelError(place=place, value=model.n, expected=most)
     if varied is not None and steps is None and signature.regroup:  # regrouping what varies costs more than it may save
-        either = [trace_kernel(model, signature, given, steps=s, varied=varied, **options) for s in (STEPS, STEPS[:1])]
+        either = [
+            trace_kernel(model, signature, optional, steps=s, varied=varied, **options) for s in (STEPS, STEPS[:1])
+        ]
         return min(either, key=lambda program: program.operation_counts().total())
     steps = signature.steps if steps is None else steps
-    arguments = [*signature.inputs, *(a for a in signature.optional if a.name in given)]
+    arguments = [*signature.inputs, *(a for a in signature.optional if a.name in optional)]
     if varied is None:
-        told = _after(steps, model)
-        return _trace(signature, arguments, model, lambda *values: signature.function(told, *values, **options))
+        simplified = _after(steps, model)
+        return _trace(signature, arguments, model, lambda *values: signature.function(simplified, *values, **options))
     place = len(signature.inputs)
     arguments.insert(place, Argument(PARAMETERS, (len(varied.parameters),), "as each is named"))
 
     def function(*values: Any) -> Any:
-        told = _after(steps, varied.model(values[place]))
-        return signature.function(told, *values[:place], *values[place + 1 :], **options)
+        simplified = _after(steps, varied.model(values[place]))
+        return signature.function(simplified, *values[:place], *values[place + 1 :], **options)
 
     return _trace(signature, arguments, model, function)
 

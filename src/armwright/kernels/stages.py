@@ -1,6 +1,6 @@
-"""What a simulation loop does in one tick: stages, done in order by every lane for itself.
+"""Stages of one tick of a simulation loop, done in order by every lane for itself.
 
-Between stages, numbers wait in *blocks*: named, of some entries a lane, kept from tick to tick. Most of a tick is `Call`s
+Between stages, numbers wait in *blocks*: named, of some entries a lane, keeping their values from tick to tick. Most are `Call`s
 of traced programs, whose inputs and outputs are blocks by name. The others are what a trace cannot hold. In NumPy, for one
 lane in tick k of h seconds, with `b` the dict of its blocks:
 
@@ -25,7 +25,7 @@ lane in tick k of h seconds, with `b` the dict of its blocks:
                                    if error <= 1: b["x"], t = new, t + s
                                    b["h_try"] = grow s            (a step that was cut short does not shorten the next)
 
-Both land on every change. With a plan, the command in force is chosen among several planned ones: entry s of block
+Both end a step at every change. With a plan, the command in force is chosen among several planned ones: entry s of block
 "u_plan" from "u_from"[s - 1] seconds on. A lane whose state leaves the finite numbers keeps its last finite one, and block
 "frozen" says in which tick it happened, -1 before. So does one that takes more than `most` trials in one tick; block
 "stalled" is then 1. With events, a step of `Adapt` in which one happens is halved along its path `HALVINGS` times to find
@@ -62,7 +62,7 @@ CURSOR = (
 NEVER = 2.0**62  # a tick that does not come
 ADAPTING = ("h_try", "tried", "rejected", "trials", "stalled")  # of a lane that chooses its steps
 HALVINGS = 40  # of the step in which an event lies: 1e-12 of it are left
-SWITCHES = 8  # places in one substep where something switches; what is left then is taken as a whole
+SWITCHES = 8  # places in one substep where something switches; the rest is then one step
 SECANTS = 10  # of a substep, to find one: enough where the state bends by as much as it moves
 
 
@@ -83,7 +83,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows of the lane's own schedule, each from its time on; `Integrate` lands on them."""
+    """Rows of the lane's own schedule, each from its time on; `Integrate` ends a step at them."""
 
     block: str
     entries: int
@@ -100,7 +100,7 @@ class Draw:
 
 @dataclass(frozen=True)
 class Delay:
-    """What the block held some whole ticks ago, as many as block `by` says for the lane, up to length - 1."""
+    """The block's value some whole ticks ago: block `by` says how many for each lane, up to length - 1."""
 
     block: str
     to: str
@@ -139,7 +139,7 @@ class Integrate(_Switching):
     Attributes:
         step: the program; its other inputs are blocks.   substeps: in each segment.
         planned: how many commands block "u_plan" holds, of which "u" is the one in force; 0: "u" is held.
-        seen: whether the state at "see_at" seconds, in (0, h], is kept as "x_seen"; the integration lands there.
+        seen: whether the state at "see_at" seconds, in (0, h], is kept as "x_seen"; a step ends there.
         touching: (x, …) → touching, the contacts of a state; `step` then holds them.
         switched: (x, x_next, …, touching) → whether something switches within a step.
         bracket: the same → weights, bracket, part: between which parts of the step, and which to try.
@@ -185,7 +185,7 @@ class Adapt(_Switching):
 
     @property
     def step(self) -> Program:
-        """What takes the state further."""
+        """The program that advances the state."""
         return self.trial
 
     @property
@@ -200,7 +200,7 @@ Stage = Call | Table | Rows | Draw | Delay | Record | Integrate | Adapt
 def state_blocks(stages: tuple[Stage, ...]) -> set[str]:
     """Names of the blocks that carry something from tick to tick: read before they are written, and written by some stage.
 
-    What a schedule's rows hold, and where its cursor stands, follows from the time; both are left out.
+    Values of a schedule's rows, and its cursor, follow from the time: both are left out.
     """
     written: set[str] = set()
     early: set[str] = set()
@@ -227,8 +227,8 @@ def _uses(stage: Stage) -> tuple[set[str], set[str]]:
     reads = ({port.name for port in stage.step.inputs} | {"frozen"}) - inside
     writes = {"x", "frozen"}
     if isinstance(stage, Adapt):
-        kept = {"h_try", "trials", "stalled"} | ({"side", "event_first", "event_count"} if stage.events else set())
-        reads, writes = reads | kept, writes | kept
+        adaptive = {"h_try", "trials", "stalled"} | ({"side", "event_first", "event_count"} if stage.events else set())
+        reads, writes = reads | adaptive, writes | adaptive
     if stage.planned:
         reads, writes = reads | {"u_plan", "u_from"}, writes | {"u"}
     if stage.seen:

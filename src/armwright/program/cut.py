@@ -1,7 +1,6 @@
-"""Cutting a long program into pieces that a compiler digests: values that cross a cut go through numbered slots.
+"""Long programs cut into pieces, because compilers take more than linear time over a straight block.
 
-Compilers take more than linear time over a straight block. A piece is a list of instructions with the values that it takes
-from slots and leaves in slots; a slot is used again when its value is dead, so the work memory stays small.
+Values that cross a cut go through numbered slots; a slot is used again when its value is dead, so the work memory stays small.
 """
 
 from __future__ import annotations
@@ -14,16 +13,16 @@ from armwright.program.passes import in_ready_order, in_recursion_order, turns_f
 from armwright.program.program import Instruction, Value
 
 LONGEST = 400  # instructions in a piece; of 100 joints forward dynamics loses 3 % in pieces of 300, the mass matrix 6 % in 500
-WHOLE = 5000  # a program up to this long is left in one piece
+WHOLE = 5000  # a program up to this long stays in one piece
 
 
 @dataclass(frozen=True)
 class Piece:
-    """Instructions in order; `taken` and `left` say in which slot a value waits before and behind them."""
+    """Instructions in order, and the slots of values that they load from earlier pieces and store for later ones."""
 
     instructions: tuple[Instruction, ...]
-    taken: dict[Value, int]
-    left: dict[Value, int]
+    loads: dict[Value, int]
+    stores: dict[Value, int]
 
 
 @dataclass(frozen=True)
@@ -35,8 +34,8 @@ class Cut:
 
     @property
     def traffic(self) -> int:
-        """How many values pass through slots, in and out."""
-        return sum(len(piece.taken) + len(piece.left) for piece in self.pieces)
+        """Number of loads and stores of slots."""
+        return sum(len(piece.loads) + len(piece.stores) for piece in self.pieces)
 
 
 def cut(instructions: Sequence[Instruction], longest: int = LONGEST) -> Cut:
@@ -54,22 +53,22 @@ def in_pieces(instructions: Sequence[Instruction], longest: int = LONGEST) -> Cu
     constants = {i.results[0]: i for i in instructions if i.operation in ("CONST", "INPUT")}
     working = [i for i in instructions if i.operation not in ("CONST", "INPUT")]
     chunks = [working[k : k + longest] for k in range(0, len(working), longest)]
-    made = {value: k for k, chunk in enumerate(chunks) for i in chunk for value in i.results}
+    piece_of = {value: k for k, chunk in enumerate(chunks) for i in chunk for value in i.results}
     last = {value: k for k, chunk in enumerate(chunks) for i in chunk for value in i.arguments}
     slot: dict[Value, int] = {}
     free: list[int] = []
     slots, pieces = 0, []
     for k, chunk in enumerate(chunks):
         needed = {value for i in chunk for value in i.arguments}
-        taken = {value: slot[value] for value in needed if value not in constants and made[value] < k}
+        loads = {value: slot[value] for value in needed if value not in constants and piece_of[value] < k}
         for value in [v for v, at in slot.items() if last[v] < k]:
             heapq.heappush(free, slot.pop(value))
-        left = {}
+        stores = {}
         for value in (v for i in chunk for v in i.results if last.get(v, k) > k):
             if not free:
                 heapq.heappush(free, slots)
                 slots += 1
-            slot[value] = left[value] = heapq.heappop(free)
-        own = [constants[value] for value in sorted(needed & set(constants))]
-        pieces.append(Piece((*own, *chunk), taken, left))
+            slot[value] = stores[value] = heapq.heappop(free)
+        first = [constants[value] for value in sorted(needed & set(constants))]
+        pieces.append(Piece((*first, *chunk), loads, stores))
     return Cut(tuple(pieces), slots)

@@ -38,7 +38,7 @@ def interpret(program: Program, *arguments: Any) -> Any:
 
 
 def evaluate(instructions: Sequence[Instruction], *arguments: Any) -> list[np.ndarray]:
-    """What instructions mean: each done with NumPy on whole batches, by the table's own column.
+    """Results of instructions, each computed with NumPy on whole batches: this defines their meaning.
 
     Args:
         instructions: of a program, before or after the passes.
@@ -50,20 +50,20 @@ def evaluate(instructions: Sequence[Instruction], *arguments: Any) -> list[np.nd
     values: dict[Value, Any] = {}
     outputs: dict[int, dict[int, Any]] = {}
     for i in instructions:
-        given = [values[a] for a in i.arguments]
+        operands = [values[a] for a in i.arguments]
         if i.operation == "INPUT" and i.place is not None:
             results = [inputs[i.place[0]][:, i.place[1]]]
         elif i.operation == "OUTPUT" and i.place is not None:
-            outputs.setdefault(i.place[0], {})[i.place[1]] = given[0]
+            outputs.setdefault(i.place[0], {})[i.place[1]] = operands[0]
             continue
         elif i.operation == "CONST":
             results = [np.float64(i.constant)]
         elif i.callee is not None:
-            results = _called(i.callee, given, len(inputs[0]))
+            results = _called(i.callee, operands, len(inputs[0]))
         else:
             meaning = OPERATIONS[i.operation].numpy
             assert meaning is not None
-            results = [meaning(*given)]
+            results = [meaning(*operands)]
         values.update(zip(i.results, results, strict=True))
     batch = len(inputs[0]) if inputs else 1
     return [
@@ -72,10 +72,10 @@ def evaluate(instructions: Sequence[Instruction], *arguments: Any) -> list[np.nd
     ]
 
 
-def _called(callee: Program, given: list[Any], batch: int) -> list[np.ndarray]:
+def _called(callee: Program, operands: list[Any], batch: int) -> list[np.ndarray]:
     """The results of a call, entry by entry."""
     columns, at = [], 0
     for port in callee.inputs:
-        columns.append(np.stack([np.broadcast_to(v, batch) for v in given[at : at + port.size]], axis=1))
+        columns.append(np.stack([np.broadcast_to(v, batch) for v in operands[at : at + port.size]], axis=1))
         at += port.size
     return [column for output in evaluate(callee.instructions, *columns) for column in output.T]

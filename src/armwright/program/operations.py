@@ -35,7 +35,7 @@ class Operation:
 
     @property
     def structural(self) -> bool:
-        """Whether the row moves values instead of computing one."""
+        """True if the row moves values instead of computing one."""
         return self.numpy is None
 
 
@@ -164,7 +164,7 @@ _ROWS = (
     Operation("FNMA", 3, lambda a, b, c: _fma(np.negative(a), b, c), 0.0, "c - a b, rounded once"),
 )
 
-#: Our own rows: made by the fusing pass, never by CasADi.
+#: Our additional rows: from the pass `fused_products`, never from CasADi.
 FUSED = ("FMA", "FMS", "FNMA")
 
 OPERATIONS: dict[str, Operation] = {row.name: row for row in _ROWS}

@@ -1,13 +1,13 @@
-"""Passes over a program's instructions, in the order of `PASSES`. Each is a function from instructions to instructions.
+"""Passes over a program's instructions, in the order of `PASSES`: functions from instructions to instructions.
 
 Which operations a program does is decided here and nowhere else, so that it is one sequence of IEEE operations in every
-back end, whatever a compiler would have liked to contract.
+back end, whatever a compiler would contract.
 """
 
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from armwright.program.program import Instruction, Value
@@ -51,9 +51,9 @@ def fused_products(instructions: Instructions) -> list[Instruction]:
         if chosen is None or i.arguments[0] == i.arguments[1]:
             continue
         factors = products[chosen].arguments * (2 if products[chosen].operation == "SQ" else 1)
-        left = i.arguments[0] == chosen
-        other = i.arguments[1] if left else i.arguments[0]
-        name = "FMA" if i.operation == "ADD" else "FMS" if left else "FNMA"
+        is_first = i.arguments[0] == chosen
+        other = i.arguments[1] if is_first else i.arguments[0]
+        name = "FMA" if i.operation == "ADD" else "FMS" if is_first else "FNMA"
         replaced[i.results[0]] = replace(i, operation=name, arguments=(*factors, other))
         fused.add(chosen)
     return [
@@ -72,7 +72,7 @@ def in_need_order(instructions: Instructions) -> list[Instruction]:
 
     Which operations are done does not change, so neither do the bits.
     """
-    made = {result: i for i in instructions for result in i.results}
+    source = {result: i for i in instructions for result in i.results}
     depth: dict[Value, int] = {}
     for i in instructions:
         deep = 1 + max((depth[a] for a in i.arguments), default=0)
@@ -90,16 +90,16 @@ def in_need_order(instructions: Instructions) -> list[Instruction]:
             ordered.append(i)
             continue
         stack.append((i, True))
-        stack += [(made[a], False) for a in sorted(i.arguments, key=lambda a: depth[a])]
+        stack += [(source[a], False) for a in sorted(i.arguments, key=lambda a: depth[a])]
     return ordered
 
 
 def in_ready_order(instructions: Instructions) -> list[Instruction]:
-    """As `in_need_order`, but what has all its arguments follows at once: where values wait for a way back, fewer do.
+    """As `in_need_order`, but an instruction whose arguments are all computed follows at once.
 
-    A recursion outward and inward again leaves the forces of its bodies waiting so, not all that they are computed from.
+    In a recursion outward and inward, the forces of the bodies then wait for the way back, not everything they come from.
     """
-    made = {result: i for i in instructions for result in i.results}
+    source = {result: i for i in instructions for result in i.results}
     constants = {i.results[0]: i for i in instructions if i.operation == "CONST"}
     users: defaultdict[Value, list[Instruction]] = defaultdict(list)
     missing: dict[int, int] = {}
@@ -116,7 +116,7 @@ def in_ready_order(instructions: Instructions) -> list[Instruction]:
             i = ready.pop()
             if id(i) in done or missing[id(i)]:
                 continue
-            for each in (*(made[a] for a in i.arguments if a in constants), i):
+            for each in (*(source[a] for a in i.arguments if a in constants), i):
                 if id(each) not in done:
                     done.add(id(each))
                     ordered.append(each)
@@ -129,9 +129,9 @@ def in_ready_order(instructions: Instructions) -> list[Instruction]:
 
 
 def in_recursion_order(instructions: Instructions) -> list[Instruction]:
-    """Entry by entry: first what needs the first entries of inputs alone; of those alike, what the last outputs need comes first.
+    """Entry by entry: by the last entry of any input that is needed, then by the last output that needs it, latest first.
 
-    A recursion along a chain, outward and inward again, stays so joint by joint, and nothing waits but what the way back needs.
+    A recursion along a chain, outward and inward again, stays in the order of its joints, and only what the way back needs waits.
     """
     needs: dict[Value, int] = {}  # the last entry of any input that a value depends on
     for i in instructions:
@@ -152,28 +152,33 @@ def in_recursion_order(instructions: Instructions) -> list[Instruction]:
 
 
 def turns_first(instructions: Instructions) -> list[Instruction]:
-    """Sines and cosines of inputs, or of inputs and constants put together, before all else, those of one angle side by side.
+    """Sines and cosines of inputs, or of sums of inputs and constants, before everything else; those of one angle side by side.
 
-    Far from 0 they call libm behind a branch, and whatever is alive at a branch goes through memory: here little is.
+    Far from 0 they call libm behind a branch, and values that are alive at a branch go through memory: at the start few are.
     """
-    made = {result: i for i in instructions for result in i.results}
+    source = {result: i for i in instructions for result in i.results}
     turns: defaultdict[Value, list[Instruction]] = defaultdict(list)
     for i in instructions:
         if i.operation in ("SIN", "COS"):
             turns[i.arguments[0]].append(i)
     front: dict[int, Instruction] = {}
     for angle, functions in turns.items():
-        sources = [made[a] for a in made[angle].arguments]
+        sources = [source[a] for a in source[angle].arguments]
         if all(source.operation in ("INPUT", "CONST") for source in sources):
-            front.update((id(i), i) for i in (*sources, made[angle], *functions))
+            front.update((id(i), i) for i in (*sources, source[angle], *functions))
     return [*front.values(), *(i for i in instructions if id(i) not in front)]
 
 
 PASSES = (shared_reciprocals, fused_products, in_need_order)
 
 
-def optimised(instructions: Instructions) -> list[Instruction]:
-    """The instructions after all passes."""
+def after_each(instructions: Instructions) -> Iterator[tuple[str, list[Instruction]]]:
+    """Name of every pass, and the instructions after it; `Program.listing` prints them."""
     for each in PASSES:
         instructions = each(instructions)
-    return list(instructions)
+        yield each.__name__, list(instructions)
+
+
+def optimised(instructions: Instructions) -> list[Instruction]:
+    """The instructions after all passes."""
+    return [after for _, after in after_each(instructions)][-1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -60,13 +61,13 @@ class Program:
     @cached_property
     def callees(self) -> dict[str, Program]:
         """The programs that this one calls, by name."""
-        found = {}
+        programs = {}
         for name in self.graph.get_function():
             graph = self.graph.get_function(name)
             inputs = tuple(Port(graph.name_in(k), (graph.nnz_in(k),)) for k in range(graph.n_in()))
             outputs = tuple(Port(graph.name_out(k), (graph.nnz_out(k),)) for k in range(graph.n_out()))
-            found[name] = Program(name, inputs, outputs, graph)
-        return found
+            programs[name] = Program(name, inputs, outputs, graph)
+        return programs
 
     def casadi(self) -> casadi.Function:
         """The graph as CasADi's users want it: matrices in their own shape, not as rows behind each other."""
@@ -79,20 +80,24 @@ class Program:
         return casadi.Function(self.name, inputs, shaped, *names)
 
     def operation_counts(self) -> Counter[str]:
-        """How many operations of each name, calls included."""
+        """Number of operations of each name, calls included."""
         ids = (self.graph.instruction_id(k) for k in range(self.graph.n_instructions()))
         counts = Counter(by_code(code).name for code in ids)
         for name in NO_OPERATIONS:
             del counts[name]
-        if counts.pop("CALL", 0):  # of whom, only the instructions tell; to read those takes ten times as long
+        if counts.pop("CALL", 0):  # only the instructions name the callee; reading them takes ten times as long
             for instruction in self.instructions:
                 if instruction.callee is not None:
                     counts += instruction.callee.operation_counts()
         return counts
 
     def __str__(self) -> str:
+        return self.listing(self.instructions)
+
+    def listing(self, instructions: Sequence[Instruction]) -> str:
+        """The program as text, with its instructions before or after some passes."""
         lines = [f"{self.name}({', '.join(f'{p.name}{list(p.shape)}' for p in self.inputs)})"]
-        for i in self.instructions:
+        for i in instructions:
             left = ", ".join(f"%{value}" for value in i.results) or f"{self.outputs[i.place[0]].name}[{i.place[1]}]"  # type: ignore[index]
             if i.operation == "INPUT" and i.place is not None:
                 right = f"{self.inputs[i.place[0]].name}[{i.place[1]}]"

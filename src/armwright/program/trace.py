@@ -33,7 +33,7 @@ def trace(
         noinline: a traced function that calls this program keeps one call of it instead of a copy of its operations.
     Raises:
         ProgramError: the function returns another number of arrays than `outputs` has names.
-        HiddenStateError: it computes with symbols that are none of its inputs: another call left them behind.
+        HiddenStateError: it computes with symbols of another call, which are none of its inputs.
         SymbolError: the function branches on a value or puts one into a float array.
     """
     symbols = {key: _symbols(key, shape) for key, shape in inputs.items()}
