@@ -25,7 +25,7 @@ CORTEX_M4 = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=har
 
 @pytest.fixture(
     scope="module",
-    params=[*((c, False) for c in COMPILERS), ("gcc", True), ("gcc, contracting by default", True)],
+    params=[*((c, False) for c in COMPILERS), ("gcc, contracting by default", True)],
     ids=str,
 )
 def library(request, tmp_path_factory) -> ctypes.CDLL:
