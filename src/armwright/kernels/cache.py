@@ -26,17 +26,15 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import casadi
 import llvmlite
 from llvmlite import binding
 
-from armwright.program import Program
-
 VARIABLE = "ARMWRIGHT_CACHE_DIR"  # the folder; empty: nothing is kept
-MAGIC = b"armwright code 1"
+MAGIC = b"armwright code 2"
 HEAD = struct.Struct(f"<{len(MAGIC)}s32sQ32s")
 SUFFIX = ".code"
 MOST_BYTES = 256 << 20  # of all entries; the least recently used ones go
@@ -52,7 +50,7 @@ def key(build: Callable[..., object], ingredients: tuple[object, ...], *machine:
 
     Args:
         build: a function of the emitter, at the top level of its file.
-        ingredients: what it makes the module of: programs, numbers, strings.
+        ingredients: programs, stages, numbers and strings that it makes the module of.
         machine: what the code is made for: linker, triple, processor, features, width.
     """
     assert build.__module__.startswith("armwright.kernels."), build
@@ -70,12 +68,18 @@ def key(build: Callable[..., object], ingredients: tuple[object, ...], *machine:
 
 
 def _content(ingredient: object) -> Iterator[bytes]:
-    if isinstance(ingredient, Program):
+    if isinstance(ingredient, casadi.Function):
+        yield ingredient.serialize().encode()
+    elif isinstance(ingredient, tuple):
+        yield f"{len(ingredient)} parts".encode()
+        for part in ingredient:
+            yield from _content(part)
+    elif is_dataclass(ingredient):  # programs, their ports, stages of a loop
+        yield type(ingredient).__name__.encode()
         for field in fields(ingredient):
-            value = getattr(ingredient, field.name)
-            yield (value.serialize() if isinstance(value, casadi.Function) else repr(value)).encode()
+            yield from _content(getattr(ingredient, field.name))
     else:
-        assert isinstance(ingredient, (str, int, float)), ingredient
+        assert ingredient is None or isinstance(ingredient, (str, int, float)), ingredient
         yield repr(ingredient).encode()
 
 

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from llvmlite import binding
 
 from armwright.kernels import cache
 from armwright.kernels.target import LIBM, Target
-from armwright.program import Program
 
 if TYPE_CHECKING:
     from armwright.kernels.llvm import Module
@@ -28,16 +27,18 @@ LIBRARY = "module"  # a linker has one library, of this name
 class Engine:
     """Native code of one module. Functions obtained from it must keep it alive: dropping it unmaps the code."""
 
-    def __init__(self, target: Target, build: Callable[..., Module], *ingredients: Program | str | int | float):
+    def __init__(self, target: Target, build: Callable[..., Module], *ingredients: Any):
         """The code of `build(target.width, *ingredients)`, from the cache where it is there.
 
         Args:
             target: the processor.
             build: a function at the top level of a file of `kernels`; it sees nothing but its arguments.
-            ingredients: what it makes the module of.
+            ingredients: programs, stages, numbers and strings that it makes the module of.
         """
         linked = linker(binding.get_default_triple())
-        machine = linked.machine(target)
+        machine = binding.Target.from_default_triple().create_target_machine(
+            cpu=target.cpu, features=target.features, opt=3, **linked.CODE
+        )
         key = cache.key(build, ingredients, linked.__name__, machine.triple, target)
         code = cache.load(key)
         if code is None:
@@ -67,6 +68,8 @@ def compiled(module: Module, machine: binding.TargetMachine) -> bytes:
 class JitLinked:
     """Object code that JITLink has mapped in one piece of memory; executable as long as this lives."""
 
+    CODE: ClassVar[dict[str, Any]] = {"reloc": "pic", "codemodel": "small"}  # of the target machine
+
     def __init__(self, code: bytes, machine: binding.TargetMachine):
         builder = binding.JITLibraryBuilder().add_object_img(code)
         for name in LIBM:
@@ -75,34 +78,22 @@ class JitLinked:
         self._linker = binding.create_lljit_compiler(machine, use_jit_link=True)
         self._parts = [builder.link(self._linker, LIBRARY)]
 
-    @staticmethod
-    def machine(target: Target) -> binding.TargetMachine:
-        """Target machine for position-independent code in the small model."""
-        return binding.Target.from_default_triple().create_target_machine(
-            cpu=target.cpu, features=target.features, opt=3, reloc="pic", codemodel="small"
-        )
-
     def address(self, name: str) -> int:
         """Address of an exported function."""
-        found = self._linker.lookup(LIBRARY, name)
-        self._parts.append(found)  # dropping it would unmap the library
-        return found[name]
+        functions = self._linker.lookup(LIBRARY, name)
+        self._parts.append(functions)  # dropping it would unmap the library
+        return functions[name]
 
 
 class McjitLinked:
     """Object code that MCJIT has mapped, each section where it found room; executable as long as this lives."""
 
+    CODE: ClassVar[dict[str, Any]] = {"jit": True}  # which is the large model
+
     def __init__(self, code: bytes, machine: binding.TargetMachine):
         self._engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
         self._engine.add_object_file(binding.ObjectFileRef.from_data(code))
         self._engine.finalize_object()
-
-    @staticmethod
-    def machine(target: Target) -> binding.TargetMachine:
-        """Target machine for code in the large model."""
-        return binding.Target.from_default_triple().create_target_machine(
-            cpu=target.cpu, features=target.features, opt=3, jit=True
-        )
 
     def address(self, name: str) -> int:
         """Address of an exported function."""

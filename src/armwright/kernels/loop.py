@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armwright.kernels.engine import Engine
-from armwright.kernels.loop_printer import NUMBERS, argument_names, encoded, loop_module
+from armwright.kernels.loop_printer import NUMBERS, argument_names, loop_module
 from armwright.kernels.stages import CURSOR, NEVER, Delay, Record, Rows, Stage, Table, block_sizes
 from armwright.kernels.target import Target
 
@@ -99,7 +99,7 @@ class Loop:
         self.stages, self.target = stages, target
         self.sizes = block_sizes(stages)
         self._names = argument_names(stages)
-        self._run = Engine(target, loop_module, *encoded(stages)).function("loop", ctypes.c_void_p)
+        self._run = Engine(target, loop_module, *stages).function("loop", ctypes.c_void_p)
 
     def lanes(self, count: int, first: int = 0) -> Lanes:
         """Blocks of zeros for a group of lanes, none frozen."""

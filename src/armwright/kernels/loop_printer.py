@@ -5,20 +5,15 @@ Lanes that have nothing to do in a segment keep their state by a select, so a la
 
 from __future__ import annotations
 
-import json
-from dataclasses import fields
-
-from armwright.kernels import philox, stages
+from armwright.kernels import philox
 from armwright.kernels.llvm import Module
 from armwright.kernels.loop_blocks import ROWS
 from armwright.kernels.loop_steps import StepPrinter
 from armwright.kernels.machine import Value
 from armwright.kernels.stages import SINCE, Call, Delay, Draw, Record, Rows, Stage, Table, block_sizes
 from armwright.kernels.tiles import store_tile
-from armwright.program import Program
 
 NUMBERS = ("tile0", "tile1", "tick0", "tick1", "last", "every", "h", "lane0", "seed", "origin")
-PROGRAM = "program"  # in the text, the number of one
 
 
 def argument_names(plan: tuple[Stage, ...]) -> list[str]:
@@ -36,40 +31,10 @@ def argument_names(plan: tuple[Stage, ...]) -> list[str]:
     return names
 
 
-def encoded(plan: tuple[Stage, ...]) -> tuple[Program | str, ...]:
-    """Stages as ingredients of a module: their programs, then the rest as text."""
-    programs: list[Program] = []
-    rows = []
-    for stage in plan:
-        row: dict[str, object] = {"stage": type(stage).__name__}
-        for each in fields(stage):
-            value = getattr(stage, each.name)
-            if isinstance(value, Program):
-                programs.append(value)
-                value = {PROGRAM: len(programs) - 1}
-            row[each.name] = value
-        rows.append(row)
-    return *programs, json.dumps(rows)
-
-
-def _decoded(ingredients: tuple[Program | str, ...]) -> tuple[Stage, ...]:
-    *programs, text = ingredients
-    plan = []
-    for row in json.loads(str(text)):
-        kind = getattr(stages, row.pop("stage"))
-        for name, value in row.items():
-            if isinstance(value, dict):
-                row[name] = programs[value[PROGRAM]]
-            elif isinstance(value, list):
-                row[name] = tuple(value)
-        plan.append(kind(**row))
-    return tuple(plan)
-
-
-def loop_module(width: int, *ingredients: Program | str) -> Module:
-    """The module of `void loop(table)` for stages from `encoded`."""
+def loop_module(width: int, *stages: Stage) -> Module:
+    """The module of `void loop(table)`."""
     module = Module(width)
-    module.functions["loop"] = _Printer(module, _decoded(ingredients)).text()
+    module.functions["loop"] = _Printer(module, stages).text()
     module.declarations.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
     return module
 
