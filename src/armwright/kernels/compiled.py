@@ -40,7 +40,11 @@ class CompiledArm:
 
         check_arm(arm)
         self.arm = arm
-        self.varied = _varied(arm, vary) if len(vary) else None
+        self.varied: Varied | None = None
+        if len(vary):
+            from armwright.model.vary import Varied
+
+            self.varied = Varied(arm, vary)
         self.format = select_format(dtype)
         self.dtype = self.format.dtype
         self.target = select_target(target, self.format)
@@ -182,12 +186,6 @@ class CompiledArm:
         """
         self._check_form(name, optional, options)
         return self._traced(name, optional, options).casadi()
-
-
-def _varied(arm: Model, names: Sequence[str]) -> Varied:
-    from armwright.model.vary import Varied
-
-    return Varied(arm, names)
 
 
 def _again(

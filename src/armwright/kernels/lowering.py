@@ -54,6 +54,10 @@ def lower(machine: Machine, name: str, *values: Value) -> Value:
     return _LOWERINGS[name](machine, *values)
 
 
+def _method(name: str) -> Callable[..., Value]:
+    return lambda m, *values: getattr(m, name)(*values)
+
+
 def _libm(name: str) -> Callable[..., Value]:
     return lambda m, *values: m.call(name, *values)
 
@@ -92,63 +96,33 @@ def erfinv(m: Machine, x: Value) -> Value:
     return m.copysign(m.select(m.le(size, one), y, m.constant(math.nan)), x)
 
 
-def _if_else_zero(m: Machine, condition: Value, a: Value) -> Value:
-    return m.select(m.is_true(condition), a, m.constant(0.0))
+def _truth(name: str) -> Callable[..., Value]:
+    return lambda m, *values: m.truth(getattr(m, name)(*values))
 
 
 _LOWERINGS: dict[str, Callable[..., Value]] = {
+    **{name.upper(): _method(name) for name in ("add", "sub", "mul", "div", "neg", "sqrt", "floor", "ceil", "fabs")},
+    **{name.upper(): _method(name) for name in ("copysign", "fma")},
+    **{name.upper(): _truth(name) for name in ("lt", "le", "eq", "ne")},
+    **{name.upper(): getattr(polynomials, name) for name in ("exp", "log", "sin", "cos", "tan", "tanh")},
+    **{name.upper(): getattr(polynomials, name) for name in ("atan", "atan2", "expm1", "hypot")},
+    **{name.upper(): _libm(name) for name in ("pow", "asin", "acos", "sinh", "cosh", "asinh", "acosh", "atanh")},
+    **{name.upper(): _libm(name) for name in ("erf", "fmod", "log1p", "remainder")},
     "ASSIGN": lambda m, a: a,
-    "ADD": lambda m, a, b: m.add(a, b),
-    "SUB": lambda m, a, b: m.sub(a, b),
-    "MUL": lambda m, a, b: m.mul(a, b),
-    "DIV": lambda m, a, b: m.div(a, b),
-    "NEG": lambda m, a: m.neg(a),
-    "EXP": polynomials.exp,
-    "LOG": polynomials.log,
-    "POW": _libm("pow"),
     "CONSTPOW": _libm("pow"),
-    "SQRT": lambda m, a: m.sqrt(a),
     "SQ": lambda m, a: m.mul(a, a),
     "TWICE": lambda m, a: m.add(a, a),
-    "SIN": polynomials.sin,
-    "COS": polynomials.cos,
-    "TAN": polynomials.tan,
-    "ASIN": _libm("asin"),
-    "ACOS": _libm("acos"),
-    "ATAN": polynomials.atan,
-    "LT": lambda m, a, b: m.truth(m.lt(a, b)),
-    "LE": lambda m, a, b: m.truth(m.le(a, b)),
-    "EQ": lambda m, a, b: m.truth(m.eq(a, b)),
-    "NE": lambda m, a, b: m.truth(m.ne(a, b)),
+    "INV": lambda m, a: m.div(m.constant(1.0), a),
     "NOT": lambda m, a: m.truth(m.eq(a, m.constant(0.0))),
     "AND": lambda m, a, b: m.truth(m.both(m.is_true(a), m.is_true(b))),
     "OR": lambda m, a, b: m.truth(m.either(m.is_true(a), m.is_true(b))),
-    "FLOOR": lambda m, a: m.floor(a),
-    "CEIL": lambda m, a: m.ceil(a),
-    "FMOD": _libm("fmod"),
-    "FABS": lambda m, a: m.fabs(a),
+    "IF_ELSE_ZERO": lambda m, condition, a: m.select(m.is_true(condition), a, m.constant(0.0)),
     "SIGN": _sign,
-    "COPYSIGN": lambda m, a, b: m.copysign(a, b),
-    "IF_ELSE_ZERO": _if_else_zero,
-    "ERF": _libm("erf"),
     "FMIN": _minimum,
     "FMAX": _maximum,
-    "INV": lambda m, a: m.div(m.constant(1.0), a),
-    "SINH": _libm("sinh"),
-    "COSH": _libm("cosh"),
-    "TANH": polynomials.tanh,
-    "ASINH": _libm("asinh"),
-    "ACOSH": _libm("acosh"),
-    "ATANH": _libm("atanh"),
-    "ATAN2": polynomials.atan2,
     "ERFINV": erfinv,
     "PRINTME": lambda m, a, _: a,
     "LIFT": lambda m, a, _: a,
-    "LOG1P": _libm("log1p"),
-    "EXPM1": polynomials.expm1,
-    "HYPOT": polynomials.hypot,
-    "REMAINDER": _libm("remainder"),
-    "FMA": lambda m, a, b, c: m.fma(a, b, c),
     "FMS": lambda m, a, b, c: m.fma(a, b, m.neg(c)),
     "FNMA": lambda m, a, b, c: m.fma(m.neg(a), b, c),
 }

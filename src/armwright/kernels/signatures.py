@@ -188,33 +188,24 @@ def trace_kernel(
             trace_kernel(model, signature, optional, steps=s, varied=varied, **options) for s in (STEPS, STEPS[:1])
         ]
         return min(either, key=lambda program: program.operation_counts().total())
-    steps = signature.steps if steps is None else steps
-    arguments = [*signature.inputs, *(a for a in signature.optional if a.name in optional)]
-    if varied is None:
-        simplified = _after(steps, model)
-        return _trace(signature, arguments, model, lambda *values: signature.function(simplified, *values, **options))
+    from armwright.program import trace  # CasADi, which takes a while to import
+
     place = len(signature.inputs)
-    arguments.insert(place, Argument(PARAMETERS, (len(varied.parameters),), "as each is named"))
+    arguments = [*signature.inputs, *(a for a in signature.optional if a.name in optional)]
+    if varied is not None:
+        arguments.insert(place, Argument(PARAMETERS, (len(varied.parameters),), "as each is named"))
 
     def function(*values: Any) -> Any:
-        simplified = _after(steps, varied.model(values[place]))
-        return signature.function(simplified, *values[:place], *values[place + 1 :], **options)
-
-    return _trace(signature, arguments, model, function)
-
-
-PARAMETERS = "parameters"  # the input of a kernel whose arm varies
-
-
-def _after(steps: tuple[Step, ...], model: Model) -> Model:
-    for step in steps:
-        model = step(model)
-    return model
-
-
-def _trace(signature: Signature, arguments: list[Argument], model: Model, function: Callable[..., Any]) -> Any:
-    from armwright.program import trace  # CasADi, which takes a while to import
+        arm = model
+        if varied is not None:
+            arm, values = varied.model(values[place]), (*values[:place], *values[place + 1 :])
+        for step in signature.steps if steps is None else steps:
+            arm = step(arm)
+        return signature.function(arm, *values, **options)
 
     inputs = {argument.name: argument.sized(model) for argument in arguments}
     outputs = tuple(a.name if a.name not in inputs else f"{a.name}_out" for a in signature.outputs)
     return trace(signature.name, function, inputs, outputs)
+
+
+PARAMETERS = "parameters"  # the input of a kernel whose arm varies
