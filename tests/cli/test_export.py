@@ -42,15 +42,15 @@ REFUSED = [
     (("export", "c", "pnda", "--functions", "jacobian", "-o", "x"), "did you mean panda?"),
     (
         ("export", "c", "panda", "--functions", "gravity", "-o", "x"),
-        "no function 'gravity'; there is inverse_dynamics,",
+        "function = 'gravity': did you mean gravity_torques?",
     ),
-    (("export", "c", "panda", "--functions", ",", "-o", "x"), "no function is named; there is inverse_dynamics,"),
+    (("export", "c", "panda", "--functions", ",", "-o", "x"), "functions: none is named; expected NAME, NAME+INPUT or NAME:OPTION=VALUE"),
     (
         ("export", "c", "panda", "--functions", "motor_torque", "-o", "x"),
         "joint1.motor.resistance_ohm: motor_torque needs it",
     ),
-    (("export", "c", "panda", "--functions", "jacobian", "-o", "file"), "file: cannot be made or is no folder"),
-    (("export", "c", "panda", "--functions", "jacobian", "-o", "file/x"), "file/x: cannot be made or is no folder"),
+    (("export", "c", "panda", "--functions", "jacobian", "-o", "file"), "file: cannot be created, or is no folder"),
+    (("export", "c", "panda", "--functions", "jacobian", "-o", "file/x"), "file/x: cannot be created, or is no folder"),
 ]
 
 
