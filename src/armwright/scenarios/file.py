@@ -20,6 +20,7 @@ from armwright.expressions import expression
 from armwright.model import Model, build_model
 from armwright.model.joint_signals import joint_units
 from armwright.model.vary import Varied
+from armwright.quantity import Record
 from armwright.scalar import Scalar
 from armwright.scenarios.files import Files
 from armwright.scenarios.lanes import TENSOR, vary
@@ -127,7 +128,7 @@ def _parts(table: ScenarioTable, arm: Model, files: Files) -> dict[str, dict[str
     return parts
 
 
-def _without_units(table: pydantic.BaseModel) -> dict[str, Any]:
+def _without_units(table: Record) -> dict[str, Any]:
     """Values of a table by key, without the units that keys end in."""
     return {name.removesuffix("_s"): value for name, value in table.model_dump().items()}
 
