@@ -171,9 +171,9 @@ def test_what_has_no_derivative_is_refused():
             mass,
             "integrator",
         ),
-        (controlled(sensors=aw.Sensors(counts=100)), mass, "quantiser"),
+        (controlled(sensors=aw.Sensors(counts=100)), mass, "loop.sensors.counts = 100"),
         (controlled(timing=aw.Timing(command_delay=1e-3)), mass, "whole ticks"),
-        (controlled(), ["loop.controller.kp"], "no field"),
+        (controlled(), ["loop.controller.kp"], "the controller has no such field"),
         (controlled(), ["start.q[2]"], "start"),
         (controlled(), [], "list of names"),
     ]
