@@ -179,12 +179,14 @@ def _fields_at(location: Location, record: type[pydantic.BaseModel]) -> dict[str
 def _records_at(location: Location, record: type[pydantic.BaseModel]) -> list[Any]:
     """The types that the table at the end of a location may have, found by walking the records."""
     options: list[Any] = [record]
+    is_name = False  # of a table among others, such as materials: no field
     for key in location[:-1]:
-        if isinstance(key, int):
+        if isinstance(key, int) or is_name:
+            is_name = False
             continue
         fields = [option.model_fields[key].annotation for option in options if key in option.model_fields]
         if fields:
-            options = _records_in(fields[0])
+            options, is_name = _records_in(fields[0]), getattr(fields[0], "__origin__", None) is dict
         else:  # not a field: the branch of a union, by its tag or by its name
             options = [option for option in options if key in (_tag(option), option.__name__)] or options
     return options
@@ -192,8 +194,8 @@ def _records_at(location: Location, record: type[pydantic.BaseModel]) -> list[An
 
 def _expected(name: str, field: Any) -> str:
     """A description of what a missing field should hold, from its type."""
-    if name in LISTS:
-        return f"[[{name}]] tables"
+    if name in LISTS or field is None:
+        return f"[[{name}]] tables" if name in LISTS else "a value"
     notes = [note.expected for note in field.metadata if hasattr(note, "expected")]
     if notes:
         return notes[0]

@@ -16,7 +16,7 @@ REFUSED = [
     (("simulate",), "Missing argument 'ROBOT'"),
     (("simulate", "two-link", "--colour"), "No such option: --colour"),
     (("inverse-dynamics", "two-link"), "Missing argument 'IN.csv'"),
-    (("info", "pma560"), "no robot 'pma560': not a built-in arm and not a file; did you mean puma560?"),
+    (("info", "pma560"), "robot = 'pma560': not a built-in arm and not a file; did you mean puma560?"),
     (("info", "nowhere.toml"), "nowhere.toml: no such file"),
     (("simulate", "two-link"), "two-link: no command given; expected one of --schedule FILE and --torque N m,N m"),
     (("simulate", "two-link", "--torque", "0"), "duration: expected one"),

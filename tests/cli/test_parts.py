@@ -63,7 +63,7 @@ def test_help_teaches_by_example():
         ("count = 5", "count = 5.5", "section 'lightening holes' count = 5.5: expected"),
         ("[[links.parts.sections]]", "[[links.parts.section]]", "unknown key; did you mean sections?"),
         ("title = ", "titel = ", "titel = 'One joint, two parts': unknown key; did you mean title or tip?"),
-        ('child = "arm"', 'child = "leg"', "joint 'shoulder': child = 'leg' is no link"),
+        ('child = "arm"', 'child = "leg"', "joint 'shoulder' child = 'leg': no link"),
         ("[[joints]]", "[[joints", "not TOML"),
     ],
 )

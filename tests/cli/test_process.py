@@ -28,7 +28,7 @@ def test_module_runs():
 def test_an_error_is_one_line_and_exit_code_2():
     done = run("info", "pma560")
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("armwright: error: no robot 'pma560'")
+    assert done.stderr.startswith("armwright: error: robot = 'pma560'")
     assert done.stderr.count("\n") == 1
 
 

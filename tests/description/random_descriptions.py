@@ -96,8 +96,8 @@ def joints(draw: Any, name: str, parent: str, child: str, sources: list[str]) ->
 
 @st.composite
 def descriptions(draw: Any) -> RobotDescription:
-    """A tree of one to five links."""
-    count = draw(st.integers(1, 5))
+    """A tree of one to three links."""
+    count = draw(st.integers(1, 3))
     called = draw(st.lists(names, min_size=2 * count + 2, max_size=2 * count + 2, unique=True))
     base, frame, *rest = called
     bodies, hinges = rest[:count], rest[count:]

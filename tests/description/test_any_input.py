@@ -97,14 +97,14 @@ def read(data: dict[str, Any]) -> None:
     assert len(refusal) < 1000
 
 
-@settings(max_examples=150)
+@settings(max_examples=80)
 @given(st.dictionaries(st.sampled_from(KEYS), values, max_size=8))
 def test_any_document(data):
     """Documents of known keys with anything below them."""
     read(data)
 
 
-@settings(max_examples=400)
+@settings(max_examples=200)
 @given(st.sampled_from(sorted(BUILTIN)), st.lists(st.tuples(st.integers(0, 10**6), values), min_size=1, max_size=3))
 def test_any_change_of_a_good_file(name, changes):
     """A built-in file with one to three entries replaced by anything: deep inside, where most checks are."""

@@ -24,7 +24,7 @@ def again(text: str) -> RobotDescription:
     return parse(tomllib.loads(text), "again")
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(descriptions())
 def test_any_description_comes_back(robot):
     """Every value, source, deviation and date; then byte for byte."""

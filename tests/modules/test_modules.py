@@ -184,7 +184,7 @@ LIBRARIES = {
     "joint without an axis": (
         (*ELBOW, "joints", 0, "axis"),
         None,
-        "module 'elbow' joint 'turn': expected axis = [x, y, z] beside frame",
+        "module 'elbow' joint 'turn' axis: missing; expected [x, y, z] beside frame",
     ),
     "axis of no length": ((*ELBOW, "joints", 0, "axis"), [0, 0, 0], "expected a direction, 3 numbers not all 0"),
     "NaN": (

@@ -339,9 +339,9 @@ def test_file_is_named_where_a_part_cannot_be(tmp_path):
 @pytest.mark.parametrize(
     ("file", "message"),
     [
-        ("nope.stl", "mesh 'nope.stl': no such file"),
-        ("nope.step", "mesh 'nope.step': no such file"),
-        ("folder", "mesh 'folder': a folder"),
+        ("nope.stl", "mesh = 'nope.stl': no such file"),
+        ("nope.step", "mesh = 'nope.step': no such file"),
+        ("folder", "mesh = 'folder': a folder"),
         ("arm.step", "no kind of mesh that is read"),
     ],
 )

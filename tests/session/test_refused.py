@@ -77,7 +77,7 @@ REFUSED_ELSEWHERE = [  # line, error of another room, part of its sentence
     ("inverse-arm none.csv", errors.ScheduleError, "no such file"),
     ("inverse-arm half.csv", errors.ScheduleError, "half.csv: line"),
     ("open-output-file no/such/folder.txt", errors.OutputError, "there is no folder"),
-    ("database-read pma560", errors.DescriptionError, "no robot 'pma560'"),
+    ("database-read pma560", errors.DescriptionError, "robot = 'pma560'"),
     ("database-read half.csv", errors.DescriptionError, "half.csv"),
     ("controller joint-pid kp=-1 scale=1", errors.ScenarioError, "kp of joint 'joint1' is -1"),
     ("payload 1 frame=toe", errors.DescriptionError, "toe"),

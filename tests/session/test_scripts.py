@@ -49,7 +49,7 @@ def test_a_script_that_calls_itself_is_told_once(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "text", "message"),
     [
-        (("pma560",), "", "no robot 'pma560'"),
+        (("pma560",), "", "robot = 'pma560'"),
         (("--script", "none.sim"), "", "none.sim: no such file"),
         ((), b"theta\n\xff\xfe\n", "standard input:2: b'\\xff\\xfe\\n': not UTF-8"),
         ((), "simulate\n", "standard input:1: simulate start: missing"),
