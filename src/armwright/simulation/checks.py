@@ -41,7 +41,7 @@ def check_numbers(
         raise ScenarioError(place=place, value=value, expected=expected)
     wrong = np.argwhere(~np.asarray(fits(values.astype(float))))
     if len(wrong):
-        first = tuple(int(k) for k in wrong[0])
+        first: tuple[int, ...] = tuple(wrong[0].tolist())
         place += (f"[{first[1]}]" if len(first) > 1 else "") + (f" of lane {first[0]}" if by_lane else "")
         raise ScenarioError(place=place, value=float(values[first]), expected=expected)
 
