@@ -44,7 +44,10 @@ REFUSED = [
         ("export", "c", "panda", "--functions", "gravity", "-o", "x"),
         "function = 'gravity': did you mean gravity_torques?",
     ),
-    (("export", "c", "panda", "--functions", ",", "-o", "x"), "functions: none is named; expected NAME, NAME+INPUT or NAME:OPTION=VALUE"),
+    (
+        ("export", "c", "panda", "--functions", ",", "-o", "x"),
+        "functions: none is named; expected NAME, NAME+INPUT or NAME:OPTION=VALUE",
+    ),
     (
         ("export", "c", "panda", "--functions", "motor_torque", "-o", "x"),
         "joint1.motor.resistance_ohm: motor_torque needs it",
