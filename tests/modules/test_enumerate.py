@@ -288,7 +288,7 @@ def test_poses_out_of_reach() -> None:
     ("changes", "message"),
     [
         ({"payload_kg": -1}, "payload_kg = -1: expected a number of 0 or more"),
-        ({"angle_tolerance_rad": None}, "pose 'pick' has rpy_rad: expected angle_tolerance_rad"),
+        ({"angle_tolerance_rad": None}, "pose 'pick' has rpy_rad; expected angle_tolerance_rad"),
         ({"poses": []}, "poses"),
         (
             {"poses": [{"name": "a", "xyz_m": [0, 0, float("nan")]}]},

@@ -195,7 +195,7 @@ LIBRARIES = {
     "closed chain": (
         (*ELBOW, "joints"),
         [library()["modules"][1]["joints"][0], {**library()["modules"][1]["joints"][0], "name": "again"}],
-        "body 'upper' is moved by two joints: closed chains are not offered",
+        "body 'upper' is moved by two joints: closed chains are not supported",
     ),
     "body on itself": (
         (*ELBOW, "joints", 0, "child"),
@@ -203,9 +203,9 @@ LIBRARIES = {
         "body 'lower' carries itself",
     ),
     "two roots": ((*ELBOW, "joints"), [], "bodies 'lower' and 'upper' both hang on no joint: expected one root"),
-    "unknown body": ((*ELBOW, "joints", 0, "child"), "uper", "child = 'uper' is no body; did you mean upper"),
-    "unknown body of a connector": ((*ELBOW, "connectors", 0, "body"), "lowr", "body = 'lowr' is none; did you mean lower"),
-    "unknown ground": (("modules", 0, "ground"), "flor", "ground = 'flor' is no connector; did you mean floor"),
+    "unknown body": ((*ELBOW, "joints", 0, "child"), "uper", "joint 'turn' child = 'uper': no body; did you mean upper"),
+    "unknown body of a connector": ((*ELBOW, "connectors", 0, "body"), "lowr", "'in' body = 'lowr': did you mean lower"),
+    "unknown ground": (("modules", 0, "ground"), "flor", "module 'foot' ground = 'flor': no connector; did you mean floor"),
     "unknown gender": ((*ELBOW, "connectors", 0, "gender"), "x", "connector 'in' gender = 'x': expected 'm', 'f' or 'n'"),
     "no steps": ((*ELBOW, "connectors", 0, "angle_steps"), 0, "connector 'in' angle_steps = 0"),
     "unknown key": ((*ELBOW, "bodies", 0, "mass"), 1, "module 'elbow' body 'lower' mass = 1: unknown key; did you mean mass_kg"),

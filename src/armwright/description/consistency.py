@@ -64,12 +64,12 @@ def check_sources(robot: Any) -> None:
 def _check_names(robot: Any) -> None:
     if not robot.joints:
         raise Invalid(place="joints", expected="at least one joint")
-    _check_unique("joints", [joint.name for joint in robot.joints])
+    check_unique("joints", [joint.name for joint in robot.joints])
     if any(joint.name == "t" for joint in robot.joints):
         raise Invalid("the time in schedules", place="joint 't' name", value="t", expected="another name")
     links = [link.name for link in robot.links]
-    _check_unique("links", links)
-    _check_unique("frames or links", [*links, *(frame.name for frame in robot.frames), robot.base])
+    check_unique("links", links)
+    check_unique("frames or links", [*links, *(frame.name for frame in robot.frames), robot.base])
     with_base = [*links, robot.base]
     for joint in robot.joints:
         _check_known(f"joint {joint.name!r} parent", joint.parent, with_base)
@@ -80,10 +80,10 @@ def _check_names(robot: Any) -> None:
         _check_known("tip", robot.tip, [*with_base, *(frame.name for frame in robot.frames)], "no frame or link")
 
 
-def _check_unique(kind: str, names: list[str]) -> None:
+def check_unique(kind: str, names: list[str]) -> None:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise Invalid(f"two {kind} have this name", place="name", value=twice[0], expected="every name once")
+        raise Invalid(f"two {kind} have this name", place=" name", value=twice[0], expected="every name once")
 
 
 def _check_known(place: str, name: str, known: Iterable[str], what: str = "no link") -> None:

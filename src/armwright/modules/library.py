@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field, model_validator
 
-from armwright.description.consistency import check_sources
+from armwright.description.consistency import check_sources, check_unique
 from armwright.description.drive import Command
 from armwright.description.robot import (
     FixedJoint,
@@ -18,11 +18,12 @@ from armwright.description.robot import (
     PrismaticJoint,
     RevoluteJoint,
 )
-from armwright.errors import DescriptionError, Problem, nearest
+from armwright.errors import DescriptionError, Problem
 from armwright.lint.feasibility import impossible
 from armwright.quantity import NotNegative, Record, Source, Vector3
 from armwright.solids.visual import Visual, placement_of
 from armwright.spatial import Placement, rotation_x
+from armwright.validation import Invalid
 
 Gender = Literal["m", "f", "n"]
 HALF_TURN = 3.141592653589793  # [rad]
@@ -127,21 +128,18 @@ class Module(Record):
 
     @model_validator(mode="after")
     def _consistent(self) -> Module:
-        bodies = [body.name for body in self.bodies]
-        _unique("bodies", bodies)
-        _unique("joints", [joint.name for joint in self.joints])
-        _unique("connectors", [connector.name for connector in self.connectors])
+        bodies, connectors = ([item.name for item in items] for items in (self.bodies, self.connectors))
+        check_unique("bodies", bodies)
+        check_unique("joints", [joint.name for joint in self.joints])
+        check_unique("connectors", connectors)
         for connector in self.connectors:
             if connector.body not in bodies:
-                raise ValueError(
-                    f"connector {connector.name!r}: body = {connector.body!r} is none; {nearest(connector.body, bodies)}"
-                )
-        connectors = [connector.name for connector in self.connectors]
+                raise Invalid(place=f" connector {connector.name!r} body", value=connector.body, choices=bodies)
         if self.ground is not None and self.ground not in connectors:
-            raise ValueError(f"ground = {self.ground!r} is no connector; {nearest(self.ground, connectors)}")
+            raise Invalid("no connector", place=" ground", value=self.ground, choices=connectors)
         if len(bodies) > 1 and set(bodies) & set(connectors):
             both = min(set(bodies) & set(connectors))
-            raise ValueError(f"a body and a connector are both called {both!r}: expected different names")
+            raise Invalid(f"a body and a connector are both called {both!r}", expected="different names")
         _check_tree(self.joints, bodies)
         return self
 
@@ -224,7 +222,7 @@ class ModuleLibrary(Record):
 
     @model_validator(mode="after")
     def _consistent(self) -> ModuleLibrary:
-        _unique("modules", [module.name for module in self.modules])
+        check_unique("modules", [module.name for module in self.modules])
         check_sources(self)
         return self
 
@@ -240,12 +238,6 @@ class ModuleLibrary(Record):
         return known[name]
 
 
-def _unique(what: str, names: list[str]) -> None:
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise ValueError(f"two {what} are called {twice[0]!r}: expected every name once")
-
-
 def _check_tree(joints: tuple[Any, ...], bodies: list[str]) -> None:
     """Bodies hang together in one tree: each but one is the child of one joint, and none carries itself."""
     parent: dict[str, str] = {}
@@ -253,9 +245,9 @@ def _check_tree(joints: tuple[Any, ...], bodies: list[str]) -> None:
         for side in ("parent", "child"):
             name = getattr(joint, side)
             if name not in bodies:
-                raise ValueError(f"joint {joint.name!r}: {side} = {name!r} is no body; {nearest(name, bodies)}")
+                raise Invalid("no body", place=f" joint {joint.name!r} {side}", value=name, choices=bodies)
         if joint.child in parent:
-            raise ValueError(f"body {joint.child!r} is moved by two joints: closed chains are not offered")
+            raise ValueError(f"body {joint.child!r} is moved by two joints: closed chains are not supported")
         parent[joint.child] = joint.parent
     roots = [name for name in bodies if name not in parent]
     if len(roots) > 1:
@@ -264,6 +256,6 @@ def _check_tree(joints: tuple[Any, ...], bodies: list[str]) -> None:
         seen: set[str] = set()
         while name in parent:
             if name in seen:
-                raise ValueError(f"body {name!r} carries itself: closed chains are not offered")
+                raise ValueError(f"body {name!r} carries itself: closed chains are not supported")
             seen.add(name)
             name = parent[name]

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field, model_validator
 
-from armwright.description.consistency import check_sources
+from armwright.description.consistency import check_sources, check_unique
 from armwright.description.robot import Name
 from armwright.description.toml_file import read_record
 from armwright.quantity import NotNegative, Positive, Record, Source, Vector3
 from armwright.spatial import rotation_rpy
+from armwright.validation import Invalid
 
 
 class Pose(Record):
@@ -52,15 +53,10 @@ class Task(Record):
 
     @model_validator(mode="after")
     def _consistent(self) -> Task:
-        names = [pose.name for pose in self.poses]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise ValueError(f"two poses are called {twice[0]!r}: expected every name once")
+        check_unique("poses", [pose.name for pose in self.poses])
         turned = [pose.name for pose in self.poses if pose.rpy_rad is not None]
         if turned and self.angle_tolerance_rad is None:
-            raise ValueError(
-                f"pose {turned[0]!r} has rpy_rad: expected angle_tolerance_rad beside position_tolerance_m"
-            )
+            raise Invalid(f"pose {turned[0]!r} has rpy_rad", expected="angle_tolerance_rad beside position_tolerance_m")
         check_sources(self)
         return self
 

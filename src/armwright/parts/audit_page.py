@@ -6,6 +6,7 @@ import base64
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
+from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -17,29 +18,6 @@ from armwright.parts.audit import Row, audit
 from armwright.parts.build import PartsBuild
 from armwright.parts.link_picture import colour_of_part, link_picture
 from armwright.parts.mass_properties import ENTRIES, WeighedLink
-
-STYLE = """
-:root { color-scheme: light; }
-body { font: 15px/1.5 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: #1c2430; background: #f4f5f7; margin: 0; }
-main { max-width: 1420px; margin: 0 auto; padding: 28px 24px 60px; }
-h1 { font-size: 27px; margin: 0 0 2px; } h2 { font-size: 20px; margin: 0 0 10px; }
-section { background: #fff; border: 1px solid #dfe3e8; border-radius: 10px; }
-section { padding: 18px 20px; margin-top: 20px; overflow-x: auto; }
-p { margin: 4px 0; } .quiet { color: #5c6773; }
-table { border-collapse: collapse; font-size: 12.5px; width: 100%; }
-th { text-align: right; font-weight: 600; color: #46505c; border-bottom: 2px solid #cfd5dc; }
-td { text-align: right; border-bottom: 1px solid #edf0f3; font-variant-numeric: tabular-nums; }
-th, td { padding: 3px 6px; white-space: nowrap; }
-td.word, th.word { text-align: left; } tr.measured td.word { white-space: normal; }
-tr.part td { background: #f3f6f9; font-weight: 600; text-align: left; border-top: 1px solid #cfd5dc; }
-tr.hole td { color: #a32a2a; } tr.measured td { color: #8a5a00; font-style: italic; }
-tr.total td { font-weight: 700; border-top: 2px solid #8f99a5; border-bottom: none; background: #eef4ee; }
-.swatch { display: inline-block; width: 11px; height: 11px; border-radius: 3px; margin-right: 7px; }
-.warning { background: #fff6dc; border-left: 4px solid #d9a400; padding: 6px 12px; margin: 8px 0; }
-.note { background: #eef3fb; border-left: 4px solid #5b86c7; padding: 6px 12px; margin: 8px 0; }
-img { max-width: 100%; display: block; margin: 0 auto 8px; } a { color: #24568f; }
-@media print { body { background: #fff; } section { break-inside: avoid; border: none; } }
-"""
 
 
 def audit_page(build: PartsBuild, previous: RobotDescription | None = None) -> str:
@@ -67,7 +45,8 @@ def audit_page(build: PartsBuild, previous: RobotDescription | None = None) -> s
         _block("Changes since the previous file", _changes(previous, arm)),
         *(_block(link.link.name, _link(link, arm), link.link.name) for link in build.links),
     ]
-    head = f'<meta charset="utf-8"><title>{escape(arm.name)}: audit of its parts</title><style>{STYLE}</style>'
+    style = (resources.files("armwright.parts") / "audit.css").read_text(encoding="utf-8")
+    head = f'<meta charset="utf-8"><title>{escape(arm.name)}: audit of its parts</title><style>\n{style}</style>'
     page = "\n".join(body)
     return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head>\n<body><main>\n{page}\n</main></body></html>\n'
 

@@ -6,20 +6,22 @@ and measured; a link is a set of parts, placed in a frame chosen for convenience
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from armwright.description.consistency import KINDS, check_sources
+from armwright.description.consistency import KINDS, check_sources, check_unique
 from armwright.description.drive import Command
 from armwright.description.robot import Inertia, Joint, JointFrame, Name, NamedFrame
-from armwright.errors import nearest
+from armwright.errors import ABSENT
 from armwright.parts.materials import Material, common_materials
 from armwright.quantity import Direction, NotZero, Positive, Record, Source, Vector3
 from armwright.solids.shapes import Solid
 from armwright.solids.visual import placement_of
 from armwright.spatial import Placement, rotation_to_axis, rotation_z
+from armwright.validation import Invalid
 
 MOST_COPIES = 1000  # of one section
 Text = Annotated[str, Field(min_length=1)]
@@ -56,7 +58,22 @@ class PolarPattern(Record):
         return [Placement(turn, through - turn @ through) for turn in turns]
 
 
-class Section(Record):
+class _Made(Record):
+    """A record that may name its material or its density, and not both."""
+
+    @model_validator(mode="after")
+    def _one_substance(self) -> Any:
+        if getattr(self, "material", None) is not None and getattr(self, "density_kg_per_m3", None) is not None:
+            raise Invalid("material and density_kg_per_m3", expected="one of them")
+        return self
+
+    @property
+    def has_substance(self) -> bool:
+        """True if it names a material or a density."""
+        return getattr(self, "material", None) is not None or getattr(self, "density_kg_per_m3", None) is not None
+
+
+class Section(_Made):
     """A solid of one density, or a hole of that shape, placed in its part."""
 
     source: str | None = None
@@ -98,7 +115,7 @@ class Pendulum(Record):
     inertia_kg_m2: Positive = Field(description="About the axis.")
 
 
-class Part(Record):
+class Part(_Made):
     """The object of one drawing. Measured values replace what the sections give."""
 
     source: str | None = None
@@ -119,6 +136,11 @@ class Part(Record):
 
     @model_validator(mode="after")
     def _complete(self) -> Part:
+        check_unique("sections", [section.name for section in self.sections])
+        bare = [section.name for section in self.sections if not (section.has_substance or self.has_substance)]
+        if bare:
+            expected = "a material or density_kg_per_m3, here or in its part"
+            raise Invalid(place=f" section {bare[0]!r}", expected=expected)
         if not self.sections:
             needed = ("weighed_mass_kg", "measured_com_m", "measured_inertia_kg_m2")
             missing = [key for key in needed if getattr(self, key) is None]
@@ -138,6 +160,11 @@ class PartsLink(Record):
         default=None, description="The construction frame in the link's frame; absent: they are the same."
     )
     parts: tuple[Part, ...] = Field(description="One table a part; an empty list where the link has no mass.")
+
+    @model_validator(mode="after")
+    def _named_once(self) -> PartsLink:
+        check_unique("parts", [part.name for part in self.parts])
+        return self
 
 
 class PartsDatabase(Record):
@@ -165,11 +192,22 @@ class PartsDatabase(Record):
         for key, material in self.materials.items():
             source = material.density_kg_per_m3.source or material.source or self.source
             if source is None or (source not in self.sources and source not in KINDS):
-                known = nearest(source or "", [*self.sources, *KINDS])
-                raise ValueError(f"materials.{key}: expected source = ... that is a key of [sources]; {known}")
-        for link in self.links:
-            _check_link(link, {**common_materials().materials, **self.materials})
+                expected, known = "source = ... that is a key of [sources]", (*self.sources, *KINDS)
+                raise Invalid(place=f"materials.{key}", value=source or ABSENT, expected=expected, choices=known)
+        known = {**common_materials().materials, **self.materials}
+        for place, record in self._records():
+            if record.material is not None and record.material not in known:
+                place = f"{place} material"
+                raise Invalid("no key of [materials]", place=place, value=record.material, choices=known)
         return self
+
+    def _records(self) -> Iterator[tuple[str, Part | Section]]:
+        """Parts and sections with their places in the file."""
+        for link in self.links:
+            for part in link.parts:
+                place = f"link {link.name!r} part {part.name!r}"
+                yield place, part
+                yield from ((f"{place} section {section.name!r}", section) for section in part.sections)
 
     def material(self, key: str) -> Material:
         """Material of that name: the file's own, or one that comes with Armwright."""
@@ -185,26 +223,3 @@ class PartsDatabase(Record):
                 material = self.material(record.material)
                 return record.material, material.density, material
         raise AssertionError(section.name)  # checked when the file was read
-
-
-def _check_link(link: PartsLink, materials: dict[str, Material]) -> None:
-    names = [part.name for part in link.parts]
-    for part in link.parts:
-        place = f"link {link.name!r} part {part.name!r}"
-        if names.count(part.name) > 1:
-            raise ValueError(f"{place}: there are two of them in the link; expected every name once")
-        inner = [section.name for section in part.sections]
-        for record, where in ((part, place), *((s, f"{place} section {s.name!r}") for s in part.sections)):
-            if isinstance(record, Section) and inner.count(record.name) > 1:
-                raise ValueError(f"{where}: there are two of them in the part; expected every name once")
-            if record.material is not None and record.density_kg_per_m3 is not None:
-                raise ValueError(f"{where}: material and density_kg_per_m3: expected one of them")
-            if record.material is not None and record.material not in materials:
-                raise ValueError(
-                    f"{where}: material = {record.material!r} is no key of [materials]; "
-                    f"{nearest(record.material, materials)}"
-                )
-            if isinstance(record, Section) and not any(
-                owner.material is not None or owner.density_kg_per_m3 is not None for owner in (record, part)
-            ):
-                raise ValueError(f"{where}: expected a material or density_kg_per_m3, here or in its part")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import html
 import io
-import json
 from pathlib import Path
+from string import Template
 
 import numpy as np
 
@@ -13,37 +13,13 @@ from armwright.pictures.arm_glb import arm_glb
 from armwright.pictures.png import AZIMUTH, ELEVATION, spacing
 from armwright.pictures.posed_arm import PosedArm
 from armwright.pictures.render import camera
+from armwright.results.plot_page import embedded
 
 Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])  # glTF's y is up, the arm's z
 RESOLUTION, FIELD = (1200, 900), 0.5  # of the page's first view: pixels, and the angle of view [rad]
 SQUARES = 24  # of the page's grid along each side
 
-PAGE = """<script>
-(function lights() {{
-  if (typeof controls === "undefined" || !controls) return void setTimeout(lights, 20);
-  const settings = {settings};
-  document.title = settings.title;
-  scene.background = new THREE.Color(0xf7f7f5);
-  renderer.outputEncoding = THREE.sRGBEncoding;
-  tracklight.intensity = 0.4;
-  const sun = new THREE.DirectionalLight(0xffffff, 0.6);
-  sun.position.set(-1, 3, 1.5);
-  scene.add(sun);
-  scene.add(new THREE.HemisphereLight(0xffffff, 0xb9b3aa, 0.45));
-  const grid = new THREE.GridHelper(settings.squares * settings.square, settings.squares, 0xb0aeaa, 0xdcdad6);
-  grid.position.y = settings.floor;
-  scene.add(grid);
-  camera.near = settings.square / 50;
-  camera.far = settings.square * 2000;
-  camera.updateProjectionMatrix();
-  const label = document.createElement("div");
-  label.textContent = settings.title + " · a square of the grid is " + settings.square + " m · drag to turn, wheel to zoom";
-  label.style.cssText = "position:fixed;left:14px;bottom:12px;font:13px system-ui,sans-serif;color:#555";
-  document.body.appendChild(label);
-  render();
-}})();
-</script>
-</body>"""
+PAGE = Path(__file__).parent / "pages" / "pose.html"  # what is added to trimesh's page: lights, a grid, a line of text
 
 
 def write_glb(posed: PosedArm, path: Path) -> None:
@@ -67,12 +43,11 @@ def write_html(posed: PosedArm, path: Path) -> None:
     scene.camera_transform = Y_UP @ at
     square = spacing(float(np.linalg.norm(np.ptp(corners, axis=0))))
     floor = min(float(corners[:, 2].min()), 0.0)
-    settings = json.dumps({"title": posed.arm.name, "square": square, "squares": SQUARES, "floor": floor})
+    settings = embedded({"title": posed.arm.name, "square": square, "squares": SQUARES, "floor": floor})
     page = scene_to_html(scene).replace("trimesh: threejs viewer", html.escape(posed.arm.name))
     before, _, after = page.rpartition("</body>")
-    path.write_text(
-        before + PAGE.format(settings=settings.replace("<", "\\u003c")) + after, encoding="utf-8", newline="\n"
-    )
+    added = Template(PAGE.read_text(encoding="utf-8")).substitute(settings=settings)
+    path.write_text(before + added + after, encoding="utf-8", newline="\n")
 
 
 def _glb(posed: PosedArm) -> bytes:
