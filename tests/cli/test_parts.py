@@ -59,7 +59,7 @@ def test_help_teaches_by_example():
     [
         ("aluminium-6061", "unobtainium", "a.parts.toml: link 'arm' part '100-01' material = 'unobtainium': no key"),
         ("radius_m = 0.012", "radius_m = 0.2", "a.parts.toml: link 'arm' part '100-01': a mass of"),
-        ("[0.0, 0.02]]", "[0.025, 0.0], [0.05, 0.02]]", "section 'body' solid: outline_m: edge"),
+        ("[0.0, 0.02]]", "[0.025, 0.0], [0.05, 0.02]]", "section 'body' solid.outline_m: edge"),
         ("count = 5", "count = 5.5", "section 'lightening holes' count = 5.5: expected"),
         ("[[links.parts.sections]]", "[[links.parts.section]]", "unknown key; did you mean sections?"),
         ("title = ", "titel = ", "titel = 'One joint, two parts': unknown key; did you mean title or tip?"),

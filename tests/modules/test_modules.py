@@ -179,7 +179,7 @@ LIBRARIES = {
     "no inertia_about": (
         (*ELBOW, "bodies", 0, "inertia_about"),
         None,
-        "module 'elbow' body 'lower': inertia_about is missing; expected \"com\" or \"frame\", the point",
+        "module 'elbow' body 'lower' inertia_about: missing; there is no default",
     ),
     "joint without an axis": (
         (*ELBOW, "joints", 0, "axis"),
@@ -202,7 +202,7 @@ LIBRARIES = {
         "lower",
         "body 'lower' carries itself",
     ),
-    "two roots": ((*ELBOW, "joints"), [], "bodies 'lower' and 'upper' both hang on no joint: expected one root"),
+    "two roots": ((*ELBOW, "joints"), [], "bodies 'lower' and 'upper' both hang on no joint; expected one root"),
     "unknown body": ((*ELBOW, "joints", 0, "child"), "uper", "joint 'turn' child = 'uper': no body; did you mean upper"),
     "unknown body of a connector": ((*ELBOW, "connectors", 0, "body"), "lowr", "'in' body = 'lowr': did you mean lower"),
     "unknown ground": (("modules", 0, "ground"), "flor", "module 'foot' ground = 'flor': no connector; did you mean floor"),

@@ -27,7 +27,7 @@ class Placed(Record):
 
     source: str | None = None
     module: Name = Field(description="Which module of the libraries it is.")
-    name: Name | None = Field(default=None, description="What it is called here; absent: as the module.")
+    name: Name | None = Field(default=None, description="Name here; absent: the module's.")
     on: Place | None = Field(
         default=None,
         description="The connector that carries it, NAME.CONNECTOR; absent only for the one on the ground.",
@@ -41,24 +41,24 @@ class Placed(Record):
 
     @property
     def called(self) -> str:
-        """What the assembly calls it."""
+        """Name in the assembly."""
         return self.name or self.module
 
 
 class Assembly(Record):
     """An arm of modules."""
 
-    name: Name = Field(description="What the arm is called.")
+    name: Name = Field(description="Name of the arm.")
     title: str | None = Field(default=None, description="One line for the catalogue.")
-    notes: str | None = Field(default=None, description="What a user should know, in a few sentences.")
+    notes: str | None = Field(default=None, description="Notes for users, in a few sentences.")
     source: str | None = Field(default=None, description="Source of every number of this file that names none.")
-    sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: where numbers come from.")
+    sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: sources of numbers.")
     libraries: tuple[str, ...] = Field(
         min_length=1, description="Names of built-in libraries, or paths of *.modules.toml beside this file."
     )
     gravity_m_s2: Vector3 | None = Field(default=None, description="In base axes; absent: standard gravity along -z.")
-    base: Name = Field(default="ground", description="What the joints' parents call the ground.")
-    command: Command | None = Field(default=None, description="What drives the joints; absent: as the libraries say.")
+    base: Name = Field(default="ground", description="Name of the ground as a parent of joints.")
+    command: Command | None = Field(default=None, description="Command of the joints; absent: the libraries'.")
     tip: Place | None = Field(default=None, description="The free connector NAME.CONNECTOR that kinematics are about.")
     modules: tuple[Placed, ...] = Field(min_length=1, description="One table a module, from the ground outward.")
     limits: dict[Name, dict[str, Any]] = Field(

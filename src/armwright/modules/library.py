@@ -33,7 +33,7 @@ class ModuleBody(Record):
     """A rigid body of a module, in a frame of its own."""
 
     source: str | None = None
-    name: Name = Field(description="What joints and connectors of the module call it.")
+    name: Name = Field(description="Name in joints and connectors of the module.")
     mass_kg: NotNegative = Field(description="0 is allowed where it is written.")
     com_m: Vector3 = Field(description="Centre of mass in the body's frame.")
     inertia_kg_m2: Inertia = Field(description="About the point that inertia_about names, in the body's axes.")
@@ -43,30 +43,29 @@ class ModuleBody(Record):
     accept_impossible: str | None = Field(
         default=None, min_length=1, description="Why an impossible inertia is accepted."
     )
-    visuals: tuple[Visual, ...] = Field(default=(), description="What it looks like: solids in the body's frame.")
+    visuals: tuple[Visual, ...] = Field(default=(), description="Solids in the body's frame, for pictures.")
 
     @model_validator(mode="before")
     @classmethod
     def _point_is_stated(cls, data: Any) -> Any:
         if isinstance(data, dict) and "inertia_about" not in data:
-            raise ValueError(
-                'inertia_about is missing; expected "com" or "frame", the point that the tensor is about: there is no '
-                "default, since reading one for the other counts m c² twice or not at all"
-            )
+            what = "missing; there is no default, since reading one for the other counts m c² twice or not at all"
+            expected = '"com" or "frame", the point that the tensor is about'
+            raise Invalid(what, place=" inertia_about", expected=expected)
         return data
 
 
 class _ModuleJoint(Record):
     child_frame: JointFrame | None = Field(
-        default=None, description="Where the child's own frame stands in the joint's, which has moved; absent: in it."
+        default=None, description="The child's own frame in the joint's, which has moved; absent: the same."
     )
 
     @model_validator(mode="after")
     def _stands_in_its_parent(self) -> Any:
         if getattr(self, "frame", None) is None:
-            raise ValueError("a module's joint stands in its parent body: expected frame, not dh or modified_dh")
+            raise Invalid("a module's joint stands in its parent body", expected="frame, not dh or modified_dh")
         if getattr(self, "mimic", None) is not None:
-            raise ValueError("a module's joint moves by itself: expected no mimic")
+            raise Invalid("a module's joint moves by itself", expected="no mimic")
         return self
 
 
@@ -93,17 +92,17 @@ class Connector(Record):
     """
 
     source: str | None = None
-    name: Name = Field(description="What assemblies and errors call it.")
+    name: Name = Field(description="Name in assemblies and errors.")
     body: Name = Field(description="The body of the module that it is a part of.")
     kind: str = Field(min_length=1, description="Only connectors of one kind fit.")
     size: str = Field(min_length=1, description="Only connectors of one size fit.")
     gender: Gender = Field(description="m fits f, n fits n.")
-    frame: JointFrame = Field(description="Where it stands in its body.")
+    frame: JointFrame = Field(description="Its pose in the body.")
     flipped: bool = Field(
         default=False, description="The frame is given with z into the module: it is turned by π about its x axis."
     )
     angle_steps: int = Field(
-        ge=1, le=360, description="In how many equal steps a turn it can be put on; 1: one way only."
+        ge=1, le=360, description="Number of equal steps a turn at which it can be put on; 1: one way only."
     )
 
     def placement(self) -> Placement:
@@ -116,12 +115,12 @@ class Module(Record):
     """A piece of an arm that comes as one: bodies in a tree, the joints between them, and connectors."""
 
     source: str | None = Field(default=None, description="Source of every number of the module that names none.")
-    name: Name = Field(description="What assemblies call it.")
+    name: Name = Field(description="Name in assemblies.")
     title: str | None = Field(default=None, description="One line for lists.")
     ground: Name | None = Field(
         default=None, description="The connector that stands on the ground, of a module that an arm begins with."
     )
-    available: int | None = Field(default=None, ge=1, description="How many there are; absent: any number.")
+    available: int | None = Field(default=None, ge=1, description="Number of them; absent: any.")
     bodies: tuple[ModuleBody, ...] = Field(min_length=1, description="One table a body.")
     joints: tuple[ModuleJoint, ...] = Field(default=(), description="One table a joint.")
     connectors: tuple[Connector, ...] = Field(min_length=1, description="One table a connector.")
@@ -212,12 +211,12 @@ class Crossing(NamedTuple):
 class ModuleLibrary(Record):
     """Modules that fit each other, each number with its source."""
 
-    name: Name = Field(description="What the library is called.")
+    name: Name = Field(description="Name of the library.")
     title: str | None = Field(default=None, description="One line for lists.")
-    notes: str | None = Field(default=None, description="What a user should know, in a few sentences.")
+    notes: str | None = Field(default=None, description="Notes for users, in a few sentences.")
     source: str | None = Field(default=None, description="Source of every number below that names none of its own.")
-    sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: where numbers come from.")
-    command: Command | None = Field(default=None, description="What drives the joints that do not say it themselves.")
+    sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: sources of numbers.")
+    command: Command | None = Field(default=None, description="Command of the joints that name none.")
     modules: tuple[Module, ...] = Field(min_length=1, description="One table a module.")
 
     @model_validator(mode="after")
@@ -247,15 +246,15 @@ def _check_tree(joints: tuple[Any, ...], bodies: list[str]) -> None:
             if name not in bodies:
                 raise Invalid("no body", place=f" joint {joint.name!r} {side}", value=name, choices=bodies)
         if joint.child in parent:
-            raise ValueError(f"body {joint.child!r} is moved by two joints: closed chains are not supported")
+            raise Invalid(f"body {joint.child!r} is moved by two joints: closed chains are not supported")
         parent[joint.child] = joint.parent
     roots = [name for name in bodies if name not in parent]
     if len(roots) > 1:
-        raise ValueError(f"bodies {roots[0]!r} and {roots[1]!r} both hang on no joint: expected one root")
+        raise Invalid(f"bodies {roots[0]!r} and {roots[1]!r} both hang on no joint", expected="one root")
     for name in bodies:
         seen: set[str] = set()
         while name in parent:
             if name in seen:
-                raise ValueError(f"body {name!r} carries itself: closed chains are not supported")
+                raise Invalid(f"body {name!r} carries itself: closed chains are not supported")
             seen.add(name)
             name = parent[name]

@@ -126,7 +126,7 @@ def _judged(assembly: Assembly, arm: Model, task: Task, seed: int) -> Ranked:
 def _choices(arm: Model, task: Task, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Joint positions (c, n) for a pose that differ, and the share of every torque limit that is left (c, n).
 
-    Those that the torque limits hold; where none is held, the one that lacks least.
+    Only those within the torque limits; if there are none, the one that lacks least.
     """
     limits = np.array([body.limits.torque for body in arm.bodies])
     gravity, load = static_torques(arm, q, np.array(task.payload_com_m))

@@ -17,11 +17,11 @@ from armwright.validation import Invalid
 
 
 class Pose(Record):
-    """Where the tip should come, in the base's frame."""
+    """A pose for the tip, in the base's frame."""
 
     source: str | None = None
-    name: Name = Field(description="What results call it.")
-    xyz_m: Vector3 = Field(description="Where the tip's origin should be.")
+    name: Name = Field(description="Name in results.")
+    xyz_m: Vector3 = Field(description="Position of the tip's origin.")
     rpy_rad: Vector3 | None = Field(
         default=None, description="How the tip should be turned, about fixed x, then y, then z; absent: any way."
     )
@@ -38,12 +38,12 @@ class Pose(Record):
 class Task(Record):
     """Poses that the tip visits in their order and then again from the first, resting at each."""
 
-    name: Name = Field(description="What the task is called.")
+    name: Name = Field(description="Name of the task.")
     title: str | None = Field(default=None, description="One line for lists.")
     source: str | None = Field(default=None, description="Source of every number that names none of its own.")
-    sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: where numbers come from.")
+    sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: sources of numbers.")
     payload_kg: NotNegative = Field(description="Point mass that the tip carries all the time.")
-    payload_com_m: Vector3 = Field(description="Where it is in the tip's frame.")
+    payload_com_m: Vector3 = Field(description="Its place in the tip's frame.")
     cycle_time_s: Positive = Field(description="For one round through all poses, without the time spent at them.")
     position_tolerance_m: Positive = Field(description="How far off the tip may be.")
     angle_tolerance_rad: Positive | None = Field(

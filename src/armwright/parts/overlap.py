@@ -36,8 +36,8 @@ class _Bodies:
         """Bodies whose boxes overlap the box of `room`, without those of `but`."""
         low, high = np.reshape(room.bounding_box(), (2, 3))
         meet = (np.minimum(self.boxes[:, 1], high) > np.maximum(self.boxes[:, 0], low)).all(axis=1)
-        found = (self.bodies[k] for k in np.flatnonzero(meet))
-        return [body for body in found if not any(body is other for other in but)]
+        near = (self.bodies[k] for k in np.flatnonzero(meet))
+        return [body for body in near if not any(body is other for other in but)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -77,26 +77,26 @@ class Section(_Made):
     """A solid of one density, or a hole of that shape, placed in its part."""
 
     source: str | None = None
-    name: Text = Field(description="What audit and errors call it.")
+    name: Text = Field(description="Name in the audit and in errors.")
     solid: Solid = Field(description="The shape, with its dimensions.")
     xyz_m: Vector3 = Field(description="Origin of the solid in the part's frame.")
     rpy_rad: Vector3 = Field(description="Angles about the part's fixed x, then y, then z.")
     material: Text | None = Field(default=None, description="A key of [materials]; absent: the part's.")
     density_kg_per_m3: Positive | None = Field(default=None, description="Instead of a material.")
-    hole: bool = Field(default=False, description="Whether it is taken out of the part: a section of negative mass.")
+    hole: bool = Field(default=False, description="true: it is taken out of the part, a section of negative mass.")
     count: Annotated[int, Field(ge=1, le=MOST_COPIES, strict=True)] = Field(
-        default=1, description="How many of them there are; more than one follow the pattern."
+        default=1, description="Number of copies; more than one need a pattern."
     )
     pattern: Annotated[LinearPattern | PolarPattern, Field(discriminator="type")] | None = Field(
-        default=None, description="Where the copies stand."
+        default=None, description="Places of the copies."
     )
 
     @model_validator(mode="after")
     def _repeats(self) -> Section:
         if self.count > 1 and self.pattern is None:
-            raise ValueError(f"count = {self.count} needs a pattern, which says where the copies stand")
+            raise Invalid(place=" count", value=self.count, expected="a pattern for the places of the copies")
         if self.count == 1 and self.pattern is not None:
-            raise ValueError("pattern needs count = 2 or more")
+            raise Invalid(place=" pattern", expected="count = 2 or more")
         return self
 
     def placements(self) -> list[Placement]:
@@ -119,8 +119,8 @@ class Part(_Made):
     """The object of one drawing. Measured values replace what the sections give."""
 
     source: str | None = None
-    name: Text = Field(description="Drawing number, or what else the part is known by.")
-    title: Text | None = Field(default=None, description="What it is.")
+    name: Text = Field(description="Drawing number, or another name.")
+    title: Text | None = Field(default=None, description="Title of the drawing.")
     xyz_m: Vector3 = Field(description="Origin of the part's frame in the link's construction frame.")
     rpy_rad: Vector3 = Field(description="Angles about that frame's fixed x, then y, then z.")
     material: Text | None = Field(default=None, description="Of sections that name none.")
@@ -145,9 +145,9 @@ class Part(_Made):
             needed = ("weighed_mass_kg", "measured_com_m", "measured_inertia_kg_m2")
             missing = [key for key in needed if getattr(self, key) is None]
             if missing:
-                raise ValueError(f"a part without sections needs {' and '.join(missing)}")
+                raise Invalid("a part without sections", expected=" and ".join(missing))
         if self.measured_inertia_kg_m2 is not None and self.pendulums:
-            raise ValueError("measured_inertia_kg_m2 and pendulums: expected one of them")
+            raise Invalid("measured_inertia_kg_m2 and pendulums", expected="one of them")
         return self
 
 
@@ -155,7 +155,7 @@ class PartsLink(Record):
     """A link of parts. Its frame is as in the arm's file: that of the joint that moves it."""
 
     source: str | None = None
-    name: Name = Field(description="What joints and errors call it.")
+    name: Name = Field(description="Name in joints and errors.")
     frame: JointFrame | None = Field(
         default=None, description="The construction frame in the link's frame; absent: they are the same."
     )
@@ -170,11 +170,11 @@ class PartsLink(Record):
 class PartsDatabase(Record):
     """A robot arm in parts. All but [materials] and the links' parts is as in the arm's file that it is built into."""
 
-    name: Name = Field(description="What the arm is called.")
+    name: Name = Field(description="Name of the arm.")
     title: str | None = Field(default=None, description="One line for the catalogue.")
-    notes: str | None = Field(default=None, description="What a user should know, in a few sentences.")
+    notes: str | None = Field(default=None, description="Notes for users, in a few sentences.")
     source: str | None = Field(default=None, description="Source of every number below that names none of its own.")
-    sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: where numbers come from.")
+    sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: sources of numbers.")
     gravity_m_s2: Vector3 | None = Field(default=None, description="In base axes; absent: standard gravity along -z.")
     base: Name = Field(default="base", description="What the joints' parents call the base.")
     command: Command | None = Field(default=None, description="What drives the joints that do not say it themselves.")

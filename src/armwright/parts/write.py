@@ -48,7 +48,7 @@ def write_parts(
 
 
 def _previous(path: Path) -> RobotDescription | None:
-    """The arm that a file held, if there was one."""
+    """The arm in a file, if there is one."""
     try:
         return read_toml(path)
     except DescriptionError:

@@ -131,8 +131,8 @@ def strip(
     level = most - least < 1e-9 * max(abs(least), abs(most), 1e-300)
     dots = np.zeros((height, columns), dtype=bool)
     at = np.clip((t - span[0]) / ((span[1] - span[0]) or 1.0) * columns, 0, columns - 1).astype(int)
-    up = [(np.full(len(own), 0.5) if level else (own - least) / (most - least)) * (height - 1) for own in (low, high)]
-    up = [np.rint(own).astype(int) for own in up]
+    shares = (np.full(len(edge), 0.5) if level else (edge - least) / (most - least) for edge in (low, high))
+    up = [np.rint(share * (height - 1)).astype(int) for share in shares]
     before: tuple[int, int, int] | None = None
     for column in np.unique(at):
         here = at == column

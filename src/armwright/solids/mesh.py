@@ -18,6 +18,7 @@ from armwright.errors import DescriptionError
 from armwright.quantity import Scale3
 from armwright.solids.moments import Moments
 from armwright.solids.solid import SolidRecord
+from armwright.validation import Invalid
 
 if TYPE_CHECKING:
     import trimesh
@@ -53,13 +54,14 @@ class Mesh(SolidRecord):
             return self  # written in Python: the path is the caller's
         base = Path(folder).resolve()
         if "\0" in self.file or Path(self.file).is_absolute() or not _resolved(base, self.file).is_relative_to(base):
-            raise ValueError(f"file = {self.file!r} leads out of {os.fspath(folder)!r}: expected a path below it")
+            what = f"leads out of {os.fspath(folder)!r}"
+            raise Invalid(what, place="file", value=self.file, expected="a path below it")
         self._folder = base
         return self
 
     @property
     def path(self) -> Path:
-        """Where the mesh is: below the folder of the file that named it."""
+        """Path of the mesh: below the folder of the file that named it."""
         return Path(self.file) if self._folder is None else self._folder / self.file
 
     def surface(self) -> trimesh.Trimesh:
@@ -112,8 +114,8 @@ class Mesh(SolidRecord):
             raise self._error(f"a volume of {volume:.3g} m³", "a solid")
         from trimesh.triangles import mass_properties
 
-        found = mass_properties(surface.triangles, crosses=surface.triangles_cross, density=1.0)
-        return Moments.of_tensor(abs(volume), found.center_mass, found.inertia * np.sign(volume))
+        body = mass_properties(surface.triangles, crosses=surface.triangles_cross, density=1.0)
+        return Moments.of_tensor(abs(volume), body.center_mass, body.inertia * np.sign(volume))
 
     def _error(self, what: str, expected: str) -> DescriptionError:
         return DescriptionError(what, place=" mesh", value=self.file, expected=expected)

@@ -60,11 +60,11 @@ def _pierces(edges_of: np.ndarray, faces: np.ndarray, size: float) -> np.ndarray
     """True for pairs (m, 3, 3) of which the first triangle has an edge through the inside of the second."""
     a, b, c = np.moveaxis(faces, 1, 0)
     span = np.maximum(np.ptp(faces, axis=1), np.ptp(edges_of, axis=1)).max(axis=1)
-    least, found = ROUNDING * size * span * span, np.zeros(len(faces), dtype=bool)
+    least, crosses = ROUNDING * size * span * span, np.zeros(len(faces), dtype=bool)
     for k in range(3):
         p, q = edges_of[:, k], edges_of[:, (k + 1) % 3]
         above, below = _volume(a, b, c, p), _volume(a, b, c, q)
         turns = np.stack([_volume(q, a, b, p), _volume(q, b, c, p), _volume(q, c, a, p)])
         around = np.all(turns >= 0, axis=0) | np.all(turns <= 0, axis=0)  # 0: it hits the face's rim
-        found |= around & (np.minimum(above, below) < -least) & (np.maximum(above, below) > least)
-    return found
+        crosses |= around & (np.minimum(above, below) < -least) & (np.maximum(above, below) > least)
+    return crosses

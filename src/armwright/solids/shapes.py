@@ -16,6 +16,7 @@ from armwright.solids.mesh import Mesh
 from armwright.solids.moments import Moments
 from armwright.solids.outline import polygon_moments, why_not_simple
 from armwright.solids.solid import SolidRecord
+from armwright.validation import Invalid
 
 
 class Cylinder(SolidRecord):
@@ -83,7 +84,7 @@ class Prism(SolidRecord):
     def _simple(self) -> Prism:
         fault = why_not_simple(np.reshape(np.array(self.outline_m), (-1, 2)))
         if fault:
-            raise ValueError(f"outline_m: {fault}")
+            raise Invalid(fault, place="outline_m")
         return self
 
     def moments(self) -> Moments:
@@ -105,11 +106,9 @@ class Tube(SolidRecord):
 
     @model_validator(mode="after")
     def _has_a_wall(self) -> Tube:
-        if not float(self.inner_radius_m) < float(self.outer_radius_m):
-            raise ValueError(
-                f"inner_radius_m = {float(self.inner_radius_m):g}: expected less than outer_radius_m = "
-                f"{float(self.outer_radius_m):g}"
-            )
+        inner, outer = float(self.inner_radius_m), float(self.outer_radius_m)
+        if not inner < outer:
+            raise Invalid(place="inner_radius_m", value=inner, expected=f"less than outer_radius_m = {outer:g}")
         return self
 
     def moments(self) -> Moments:
@@ -129,7 +128,7 @@ class Cone(SolidRecord):
     @model_validator(mode="after")
     def _has_a_base(self) -> Cone:
         if not (float(self.bottom_radius_m) or float(self.top_radius_m)):
-            raise ValueError("bottom_radius_m and top_radius_m are both 0: expected a solid of some volume")
+            raise Invalid("bottom_radius_m and top_radius_m are both 0", expected="a solid of some volume")
         return self
 
     def moments(self) -> Moments:

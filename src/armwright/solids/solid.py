@@ -9,6 +9,7 @@ from pydantic import model_validator
 
 from armwright.quantity import Record
 from armwright.solids.moments import Moments
+from armwright.validation import Invalid
 
 LONGEST = 1000.0  # [m] of any dimension; longer ones are probably not in metres
 
@@ -24,7 +25,7 @@ class SolidRecord(Record):
         for name in type(self).model_fields:
             value = getattr(self, name)
             if name.endswith("_m") and np.abs(np.array(value)).max(initial=0.0) > LONGEST:
-                raise ValueError(f"{name}: expected metres, at most {LONGEST:g} of them")
+                raise Invalid(place=name, expected=f"metres, at most {LONGEST:g} of them")
         return self
 
     def moments(self) -> Moments:
