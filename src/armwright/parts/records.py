@@ -58,8 +58,8 @@ class PolarPattern(Record):
         return [Placement(turn, through - turn @ through) for turn in turns]
 
 
-class _Made(Record):
-    """A record that may name its material or its density, and not both."""
+class _WithSubstance(Record):
+    """Base of sections and parts: either may name its material or its density, and not both."""
 
     @model_validator(mode="after")
     def _one_substance(self) -> Any:
@@ -73,7 +73,7 @@ class _Made(Record):
         return getattr(self, "material", None) is not None or getattr(self, "density_kg_per_m3", None) is not None
 
 
-class Section(_Made):
+class Section(_WithSubstance):
     """A solid of one density, or a hole of that shape, placed in its part."""
 
     source: str | None = None
@@ -115,7 +115,7 @@ class Pendulum(Record):
     inertia_kg_m2: Positive = Field(description="About the axis.")
 
 
-class Part(_Made):
+class Part(_WithSubstance):
     """The object of one drawing. Measured values replace what the sections give."""
 
     source: str | None = None
