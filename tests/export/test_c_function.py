@@ -84,5 +84,5 @@ def test_a_word_is_complete_and_names_nothing_twice(word, what):
 
 
 def test_a_frame_that_the_arm_lacks():
-    with pytest.raises(ModelError, match="puma560: no frame 'hand'; there is base, link1"):
+    with pytest.raises(ModelError, match="frame = 'hand': puma560 has no such frame; there is base, link1"):
         parse_form("jacobian:frame=hand").trace(arm("puma560"))

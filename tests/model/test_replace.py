@@ -51,7 +51,7 @@ def test_tip():
         np.linalg.norm([0.02, 0.03, 0.15])
     )
     np.testing.assert_array_equal(forward_kinematics(model.replace(tip="base"), q), np.eye(4))
-    with pytest.raises(ModelError, match=r"no frame 'tol'; did you mean tool"):
+    with pytest.raises(ModelError, match="frame = 'tol': workshop has no such frame; did you mean tool"):
         model.replace(tip="tol")
 
 
@@ -59,8 +59,9 @@ def test_unknown_changes_are_refused():
     """A misspelt change suggests the nearest; a value that is not offered says what is."""
     with pytest.raises(ModelError, match="did you mean friction"):
         arm("panda").replace(frictions=None)
-    with pytest.raises(ModelError, match="only None"):
+    with pytest.raises(ModelError, match="expected None") as error:
         arm("panda").replace(friction=0.0)
+    assert (error.value.place, error.value.value) == ("replace.friction", 0.0)
 
 
 def test_frozen():
@@ -105,15 +106,16 @@ def test_copies_are_the_same_arm(again, name):
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "value", "place"),
     [
-        ({"tip": 3}, "no frame 3; "),
-        ({"tip": ["tool"]}, r"no frame \['tool'\]"),
-        ({"gravity": [1, 2, "a"]}, r"gravity=\[1, 2, 'a'\]\): expected three finite numbers"),
-        ({"gravity": [[1], [2, 3], 4]}, "expected three finite numbers"),
-        ({"gravity": None}, "expected three finite numbers"),
+        ("tip", 3, "frame"),
+        ("tip", ["tool"], "frame"),
+        ("gravity", [1, 2, "a"], "replace.gravity"),
+        ("gravity", [[1], [2, 3], 4], "replace.gravity"),
+        ("gravity", None, "replace.gravity"),
     ],
 )
-def test_values_of_a_wrong_kind_are_refused(change, message):
-    with pytest.raises(ModelError, match=message):
-        arm("two-link").replace(**change)
+def test_values_of_a_wrong_kind_are_refused(change, value, place):
+    with pytest.raises(ModelError) as error:
+        arm("two-link").replace(**{change: value})
+    assert (error.value.place, error.value.value) == (place, value)

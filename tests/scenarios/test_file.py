@@ -299,7 +299,7 @@ def test_brakes_are_applied_as_in_python(tmp_path, brake):
         (PAYLOAD.replace("xz = 0.0, ", ""), r"inputs.payload\[0\].inertia_kg_m2.xz: missing"),
         (PAYLOAD.replace("mass_kg = 0\n", "mas_kg = 0\n"), "unknown key; did you mean mass_kg"),
         (PAYLOAD.replace("0.15", "0.01"), r"payload\[2\]\.time = 0\.01 s: expected one after payload\[0\]'s 0\.0503 s"),
-        (PAYLOAD.replace("forearm", "forarm"), "no frame 'forarm'; did you mean forearm"),
+        (PAYLOAD.replace("forearm", "forarm"), "frame = 'forarm': two-link has no such frame; did you mean forearm"),
         ("inputs.wrench = [1, 2]\n", "inputs.wrench = .*: expected 6 numbers, not 2: fx, fy, fz in N"),
         ("inputs.brake = 1\n", "no joint of two-link has a brake in its record"),
         ("[loop.timing]\npreset = 'one-tick'\n", "loop.controller: missing"),

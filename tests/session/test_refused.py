@@ -81,7 +81,7 @@ REFUSED_ELSEWHERE = [  # line, error of another room, part of its sentence
     ("database-read half.csv", errors.DescriptionError, "half.csv"),
     ("controller joint-pid kp=-1 scale=1", errors.ScenarioError, "kp of joint 'joint1' is -1"),
     ("payload 1 frame=toe", errors.DescriptionError, "toe"),
-    ("pose toe", errors.ModelError, "no frame 'toe'"),
+    ("pose toe", errors.ModelError, "frame = 'toe': "),
     ("restore none.nc", errors.RunError, "no such file"),
     ("restore half.nc", errors.RunError, "cannot be read"),
     ("record no/such/folder.sim", errors.OutputError, "there is no folder"),

@@ -280,7 +280,7 @@ BODY = (1.0, [0, 0, 0.1], [0.01, 0.01, 0.01])
             [aw.Payload(aw.Batch([0.1, 0.2]), *BODY), aw.Payload(aw.Batch([0.2, 0.2]), 0.0)],
             r"payload\[1\].time in lane 1 = 0.2 s: expected one",
         ),
-        (aw.Payload(0.1, *BODY, "hand9"), "no frame 'hand9'"),
+        (aw.Payload(0.1, *BODY, "hand9"), "frame = 'hand9': two-link has no such frame"),
         (aw.Payload(0.1, *BODY, "base"), r"payload\[0\]: frame 'base' stands still with the base"),
         (
             [aw.Payload(aw.Batch([0.1, 0.2]), *BODY), aw.Payload(0.3, aw.Batch([0.0, 0.0, 0.0]))],

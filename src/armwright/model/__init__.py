@@ -1,23 +1,10 @@
 """The frozen numeric tree that the algorithms read, and how it is built from a description."""
 
 from armwright.model.arguments import check_arm, one_state
-from armwright.model.build import build_model
+from armwright.model.drive import Brake, Cogging, Drive, Elasticity, Friction, Limits, Stops, Supply, Thermal
 from armwright.model.mimics import Mimics, on_tree
-from armwright.model.model import (
-    BASE,
-    Body,
-    Brake,
-    Cogging,
-    Drive,
-    Elasticity,
-    Frame,
-    Friction,
-    Limits,
-    Model,
-    Stops,
-    Supply,
-    Thermal,
-)
+from armwright.model.model import Model, build_model
+from armwright.model.tree import BASE, Body, Frame
 
 __all__ = [
     "BASE",

@@ -1,4 +1,4 @@
-"""RobotDescription → Model: every joint convention becomes a fixed placement and a motion along or about z.
+"""RobotDescription → Tree: every joint convention becomes a fixed placement and a motion along or about z.
 
 Classic DH puts the link's frame behind the joint:   T = Rz(θ) Tz(r) Tx(a) Rx(α).
 Modified DH puts it on the joint:                    T = Rx(α) Tx(a) Rz(θ) Tz(r).
@@ -7,7 +7,6 @@ Explicit frames (URDF) put it on the joint, about any axis.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,11 +14,9 @@ import numpy as np
 from armwright import scalar
 from armwright.description.robot import FixedJoint, Link, MovingJoint, PrismaticJoint, RevoluteJoint, RobotDescription
 from armwright.errors import DescriptionError
-from armwright.lint.feasibility import check_bodies, check_drives
-from armwright.lint.plausibility import implausible_values
 from armwright.model.joint_side import brake_of, drive_of, elasticity_of, friction_of, limits_of, stops_of, supply_of
 from armwright.model.mimics import Mimics
-from armwright.model.model import BASE, Body, Frame, Model
+from armwright.model.tree import BASE, Body, Frame, Tree
 from armwright.quantity import Quantity
 from armwright.scalar import Array, Scalar
 from armwright.spatial import Placement, inertia_about_origin, rotation_rpy, rotation_to_axis, rotation_x, rotation_z
@@ -27,27 +24,7 @@ from armwright.spatial import Placement, inertia_about_origin, rotation_rpy, rot
 STANDARD_GRAVITY = (0.0, 0.0, -9.80665)  # [m/s²], where a file says nothing about its place; CGPM 1901
 
 
-def build_model(robot: RobotDescription, *, on_impossible: str = "error") -> Model:
-    """The numeric tree of a description.
-
-    Args:
-        robot: the description.
-        on_impossible: what an impossible inertia does: "error" (default) or "warn".
-    Returns:
-        model: fixed links merged into the bodies that carry them, joints in the order of the file, those that follow others
-            without an entry in q.
-    Raises:
-        DescriptionError: a link whose mass properties no real body can have.
-    """
-    if on_impossible not in ("error", "warn"):
-        raise DescriptionError(f'on_impossible = {on_impossible!r}: expected "error" or "warn"')
-    findings = [*check_bodies(robot, on_impossible), *check_drives(robot)]
-    model = assembled(robot)
-    findings += implausible_values(robot, places_of_joints(robot, model))
-    return replace(model, warnings=(*robot.remarks, *map(str, findings), *massless(model)))
-
-
-def places_of_joints(robot: RobotDescription, model: Model) -> dict[str, list[Any]]:
+def places_of_joints(robot: RobotDescription, model: Tree) -> dict[str, list[Any]]:
     """For every link that moves, the joints it hangs on and bears: (3,) [m] in the link's frame."""
     places: dict[str, list[Any]] = {link.name: [] for link in robot.links if model.frames[link.name].body != BASE}
     for joint in robot.joints:
@@ -61,7 +38,7 @@ def places_of_joints(robot: RobotDescription, model: Model) -> dict[str, list[An
     return places
 
 
-def massless(model: Model) -> list[str]:
+def massless(model: Tree) -> list[str]:
     """Warning that names joints that move no mass: their acceleration has no solution."""
     carried = [
         float(body.mass) + float(np.trace(body.inertia)) + abs(float(body.drive.reflected)) for body in model.bodies
@@ -75,7 +52,7 @@ def massless(model: Model) -> list[str]:
     return [f"joints {', '.join(names)} move no mass: forward dynamics cannot be computed"] if names else []
 
 
-def assembled(robot: RobotDescription) -> Model:
+def tree_of(robot: RobotDescription) -> Tree:
     """The numeric tree of a description whose values are numbers or symbols, unchecked.
 
     Raises:
@@ -98,13 +75,13 @@ def assembled(robot: RobotDescription) -> Model:
         frames[frame.name] = Frame(frames[frame.link].body, frames[frame.link].placement @ placed)
     bodies = tuple(Body(**_merged(body)) for body in moving)
     if not bodies:
-        raise DescriptionError(f"{robot.name}: expected at least one joint that moves")
+        raise DescriptionError(place="joints", expected="at least one joint that moves", file=robot.name)
     gravity = scalar.array(STANDARD_GRAVITY) if robot.gravity_m_s2 is None else vector(robot.gravity_m_s2)
     tip = robot.tip if robot.tip is not None else _end_of_chain(robot)
     moves = [joint for joint in robot.joints if not isinstance(joint, FixedJoint)]
-    told = {joint.name: joint.mimic for joint in moves if joint.mimic is not None}
-    mimics = Mimics.of([body.joint for body in bodies], told)
-    return Model(robot.name, bodies, gravity, frames, tip, robot, supply=supply_of(robot.supply), mimics=mimics)
+    followers = {joint.name: joint.mimic for joint in moves if joint.mimic is not None}
+    mimics = Mimics.of([body.joint for body in bodies], followers)
+    return Tree(robot.name, bodies, gravity, frames, tip, supply_of(robot.supply), mimics)
 
 
 def _parents_first(robot: RobotDescription) -> list[Any]:

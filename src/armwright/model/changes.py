@@ -1,31 +1,48 @@
-"""What `replace` changes of a model: terms taken away, gravity, tip, name."""
+"""Changes that `Model.replace` offers: terms taken away, gravity, tip, name."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import ModelError, nearest
-from armwright.model.model import Model
+from armwright.errors import ModelError
+from armwright.model.tree import Tree
 from armwright.scalar import Array
 
+TERMS = {"friction": "friction", "rotors": "rotor_inertia", "efficiency": "efficiency"}  # that None takes away
+CHANGES = (*TERMS, "gravity", "tip", "name")
+AnyTree = TypeVar("AnyTree", bound=Tree)
 
-def changed(model: Model, changes: Mapping[str, Any]) -> Model:
-    """The model with changes made and noted; what may change is told at `Model.replace`.
+
+def changed(model: AnyTree, name: str, value: Any) -> AnyTree:
+    """The model with one change.
 
     Raises:
         ModelError: an unknown change, or a value that is none.
     """
-    told, result = dict(changes), model
-    for what, value in told.items():
-        result = _replaced(result, what, value)
-    if "gravity" in told:
-        told["gravity"] = result.gravity  # a copy of its own
-    return dataclasses.replace(result, changes={**model.changes, **told})
+    if name not in CHANGES:
+        raise ModelError("replace has no such change", value=name, choices=CHANGES)
+    if name in TERMS:
+        if value is not None:
+            raise ModelError(place=f"replace.{name}", value=value, expected="None, which takes it away")
+        return dataclasses.replace(model, bodies=tuple(_without(body, name) for body in model.bodies))
+    if name == "gravity":
+        value = _gravity(value)
+    elif name == "tip":
+        model.frame(value)
+    else:
+        value = str(value)
+    return dataclasses.replace(model, **{name: value})
+
+
+def _without(body: Any, name: str) -> Any:
+    if name == "friction":
+        return dataclasses.replace(body, friction=None)
+    absent = 0.0 if name == "rotors" else None
+    return dataclasses.replace(body, drive=dataclasses.replace(body.drive, **{TERMS[name]: absent}))
 
 
 def _gravity(value: Any) -> Array:
@@ -34,30 +51,5 @@ def _gravity(value: Any) -> Array:
     except (TypeError, ValueError):  # rows of unequal length, or no numbers
         gravity = scalar.array([])
     if gravity.shape != (3,) or not (scalar.is_symbolic(gravity) or np.isfinite(gravity).all()):
-        raise ModelError(f"replace(gravity={value!r}): expected three finite numbers [m/s²] in base axes")
+        raise ModelError(place="replace.gravity", value=value, expected="three finite numbers [m/s²] in base axes")
     return gravity
-
-
-def _replaced(model: Model, what: str, value: Any) -> Model:
-    def bodies(change: Any) -> Model:
-        return dataclasses.replace(model, bodies=tuple(change(body) for body in model.bodies))
-
-    def drives(**parts: Any) -> Model:
-        return bodies(lambda body: dataclasses.replace(body, drive=dataclasses.replace(body.drive, **parts)))
-
-    if what in ("friction", "rotors", "efficiency"):
-        if value is not None:
-            raise ModelError(f"replace({what}={value!r}): only None, which takes it away, is offered")
-        if what == "friction":
-            return bodies(lambda body: dataclasses.replace(body, friction=None))
-        return drives(rotor_inertia=0.0) if what == "rotors" else drives(efficiency=None)
-    if what == "gravity":
-        return dataclasses.replace(model, gravity=_gravity(value))
-    if what == "tip":
-        model.frame(value)
-        return dataclasses.replace(model, tip=value)
-    if what == "name":
-        return dataclasses.replace(model, name=str(value))
-    raise ModelError(
-        f"replace({what}=...): {nearest(what, ['friction', 'rotors', 'efficiency', 'gravity', 'tip', 'name'])}"
-    )

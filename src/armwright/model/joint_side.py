@@ -10,7 +10,7 @@ from armwright import scalar
 from armwright.description.drive import DC_EQUIVALENT, LinearFriction, RotaryFriction
 from armwright.description.friction import LAWS, Dimension, key_of
 from armwright.description.robot import MovingJoint, RevoluteJoint
-from armwright.model.model import Brake, Cogging, Drive, Elasticity, Friction, Limits, Stops, Supply, Thermal
+from armwright.model.drive import Brake, Cogging, Drive, Elasticity, Friction, Limits, Stops, Supply, Thermal
 from armwright.quantity import Quantity
 from armwright.scalar import Scalar
 

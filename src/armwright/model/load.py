@@ -9,8 +9,7 @@ from typing import Any
 
 from armwright.description import RobotDescription, read_description
 from armwright.errors import DescriptionError
-from armwright.model.build import build_model
-from armwright.model.model import Model
+from armwright.model.model import Model, build_model
 
 
 def load(name_or_path: str | os.PathLike[str], *, on_impossible: str = "error", **reading: Any) -> Model:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.model.model import BASE, Body, Frame, Model
+from armwright.model.model import Model
+from armwright.model.tree import BASE, Body, Frame
 from armwright.scalar import Array, Scalar
 from armwright.spatial import (
     Placement,

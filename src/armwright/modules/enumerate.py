@@ -8,7 +8,7 @@ from itertools import islice
 
 from armwright.errors import DescriptionError
 from armwright.model import Model
-from armwright.model.build import assembled
+from armwright.model.model import assembled
 from armwright.modules.assemble import assemble
 from armwright.modules.assembly import Assembly
 from armwright.modules.chains import Chain, Rules, chains, possible_modules

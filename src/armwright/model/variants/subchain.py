@@ -9,8 +9,8 @@ import numpy as np
 
 from armwright.description.robot import FixedJoint, JointFrame, Link, NamedFrame, RobotDescription
 from armwright.errors import DescriptionError
-from armwright.model.build import STANDARD_GRAVITY, assembled
-from armwright.model.model import BASE, Model
+from armwright.model.build import STANDARD_GRAVITY, tree_of
+from armwright.model.tree import BASE, Tree
 from armwright.model.variants.edits import CHOSEN, check_name, chosen, made, replaced
 from armwright.model.variants.locked import uncoupled
 from armwright.spatial import Frozen, Placement, roll_pitch_yaw, rotated, rotation_rpy, rotation_z
@@ -62,7 +62,7 @@ def subchain(robot: RobotDescription, base: str, tip: str) -> Subchain:
                 f"{robot.name}: {place}: joint {joint.name!r} mimics {mimic.joint!r}, which does not move between the two; "
                 f"expected {mimic.joint!r} held first, with with_locked"
             )
-    at = _at_zero(assembled(robot), base)
+    at = _at_zero(tree_of(robot), base)
     part = replaced(
         robot,
         place,
@@ -118,7 +118,7 @@ def _carrier(robot: RobotDescription, place: str, start: str) -> Link:
     return made(Link, place, name=start, source=CHOSEN, mass_kg=0.0, com_m=(0.0, 0.0, 0.0), inertia_kg_m2=zero)
 
 
-def _at_zero(model: Model, name: str) -> Placement:
+def _at_zero(model: Tree, name: str) -> Placement:
     """Placement of a frame in the base, q at 0."""
     placed, at = model.frames[name].placement, model.frames[name].body
     while at != BASE:

@@ -15,7 +15,7 @@ import numpy as np
 from armwright.errors import ScenarioError
 from armwright.lint.feasibility import IMPOSSIBLE
 from armwright.model import Model
-from armwright.model.model import BASE, TENSOR
+from armwright.model.tree import BASE, TENSOR
 from armwright.parameters import Batch, check_counts, lane_counts, lane_values
 from armwright.simulation.inputs.acting import LaneRows
 from armwright.spatial import displaced_inertia

@@ -1,0 +1,142 @@
+"""Numbers of a joint's drive, friction and limits, all referred to the joint side; the equations are in `actuators`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from armwright.description.friction import LawName
+from armwright.errors import ModelError
+from armwright.scalar import Scalar
+
+
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """Friction of a joint against its speed, all numbers referred to the joint side; equations in `actuators.friction`."""
+
+    viscous: Scalar = 0.0  # [N m s/rad | N s/m]
+    coulomb_positive: Scalar = 0.0  # [N m | N], magnitude where q̇ > 0
+    coulomb_negative: Scalar = 0.0  # [N m | N], magnitude where q̇ < 0
+    offset: Scalar = 0.0  # [N m | N]
+    stribeck: Scalar | None = None  # [N m | N], level at standstill; None: Coulomb only
+    stribeck_speed: Scalar = 1.0  # [rad/s | m/s]
+    smoothing: Scalar | None = None  # [rad/s | m/s]; None where nothing is smoothed
+    law: LawName = "coulomb"
+    parameters: tuple[Scalar, ...] = ()  # the law's own, in the order of `description.friction.LAWS`
+    on_motor: bool = False  # whose speed it acts on, where the gear gives way or the motor turns several joints
+    load_coefficient: Scalar | None = None  # what Coulomb's levels gain of the torque through the gear [-]
+    viscous_fall: Scalar | None = None  # warming over which viscous falls to 1/e [K]
+
+
+@dataclass(frozen=True, eq=False)
+class Thermal:
+    """Temperatures of a motor; one body where there is no housing. Equations in `actuators.thermal`."""
+
+    ambient: Scalar  # [°C]
+    reference: Scalar  # [°C] at which the constants were measured
+    winding: tuple[Scalar, Scalar]  # heat capacity [J/K], resistance to housing or ambient [K/W]
+    housing: tuple[Scalar, Scalar] | None = None  # heat capacity [J/K], resistance to the ambient [K/W]
+    resistance_temperature_coefficient: Scalar | None = None  # relative change of R [1/K]
+    magnet_temperature_coefficient: Scalar | None = None  # of Kt and Ke, at most 0 [1/K]
+
+
+@dataclass(frozen=True, eq=False)
+class Cogging:
+    """Torque of the magnets on the slots, motor side. Equation in `actuators.cogging`."""
+
+    amplitude: Scalar  # [N m]
+    periods: Scalar  # of a turn of the motor
+    phase: Scalar  # [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class Elasticity:
+    """A gear that gives way, joint side. Equations in `actuators.elasticity`."""
+
+    stiffness: Scalar  # [N m/rad | N/m]
+    damping: Scalar  # [N m s/rad | N s/m]
+    cubic: Scalar | None = None  # [N m/rad³ | N/m³]
+    backlash: Scalar | None = None  # width of the gap [rad | m]
+    error: tuple[Scalar, Scalar] | None = None  # amplitude [rad | m] and phase [rad] at twice a turn of the motor
+
+
+@dataclass(frozen=True, eq=False)
+class Stops:
+    """End stops at the joint's position limits. Equation in `actuators.stops`."""
+
+    stiffness: Scalar  # [N m/rad | N/m]
+    damping: Scalar  # [N m s/rad | N s/m]
+
+
+@dataclass(frozen=True, eq=False)
+class Brake:
+    """A holding brake, joint side. Equations in `actuators.brake`."""
+
+    holding: Scalar  # [N m | N]
+    stiffness: Scalar  # [N m/rad | N/m]
+    damping: Scalar  # [N m s/rad | N s/m]
+    release_time: Scalar  # [s]
+    on_motor: bool  # whose speed it acts on
+
+
+@dataclass(frozen=True, eq=False)
+class Supply:
+    """What feeds all drives. Equations in `actuators.supply`."""
+
+    voltage: Scalar  # [V] without load
+    resistance: Scalar  # of the source [Ω]
+    capacitance: Scalar  # of the bus [F]
+    chopper: tuple[Scalar, Scalar, Scalar] | None = None  # from [V], over [V], resistor [Ω]
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """Motor and gear of a joint. θ_motor = gear_ratio q; constants are DC-equivalent; None where the record is silent."""
+
+    command: Literal["voltage", "current", "torque"]
+    gear_ratio: Scalar = 1.0  # n [motor rad / rad | rad/m], signed
+    rotor_inertia: Scalar = 0.0  # J_m [kg m²], motor side
+    efficiency: Scalar | None = None  # η [-]; None: 1, no loss
+    smoothing: Scalar | None = None  # speed over which the gear's loss is smoothed [rad/s | m/s]
+    torque_constant: Scalar | None = None  # Kt [N m/A]
+    back_emf_constant: Scalar | None = None  # Ke [V s/rad]
+    resistance: Scalar | None = None  # R [Ω]
+    inductance: Scalar | None = None  # L [H]
+    current_loop: Scalar | None = None  # bandwidth of the current controller [Hz]
+    coasts: bool = False  # the bridge opens while it is off, in place of shorting the motor
+    thermal: Thermal | None = None
+    cogging: Cogging | None = None
+    coupling: tuple[tuple[str, Scalar], ...] = ()  # other joints that turn the motor [motor rad / rad | rad/m]
+
+    @property
+    def armature(self) -> Scalar:
+        """n² J_m: the rotor's inertia referred to the joint [kg m² | kg].
+
+        Raises:
+            ModelError: a motor that other joints turn as well, whose inertia is no number of one joint.
+        """
+        if self.coupling:
+            raise ModelError(
+                f"a motor that {self.coupling[0][0]!r} turns as well has its inertia between joints: "
+                "only the simulator (Plant) knows coupled motors"
+            )
+        return self.reflected
+
+    @property
+    def reflected(self) -> Scalar:
+        """n² J_m of the motor's own gear ratio, whatever else turns it [kg m² | kg]."""
+        return self.gear_ratio * self.gear_ratio * self.rotor_inertia
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What a joint and its drive can do; infinite where no limit is known."""
+
+    position: tuple[float, float] = (-np.inf, np.inf)  # [rad | m]
+    velocity: float = np.inf  # [rad/s | m/s]
+    acceleration: float = np.inf  # [rad/s² | m/s²], of planned motions
+    torque: float = np.inf  # motor torque referred to the joint [N m | N]
+    voltage: float = np.inf  # [V]
+    current: float = np.inf  # [A]
