@@ -45,7 +45,7 @@ class Balance:
         contacts = sum(plant.contacts)
         watched = Watched(
             lambda y, u: plant.depths(y[:size]),
-            lambda y, u, touching: plant.corners(y[:size], PlantInputs(u, contacts=touching)),
+            lambda y, u, touching: plant.switching_functions(y[:size], PlantInputs(u, contacts=touching)),
             contacts,
         )
         held = watched.block if contacts else {}

@@ -206,7 +206,7 @@ def test_contacts_are_those_of_the_state(q, qd, ahead, faster):
     plant = Plant.of(TOUCHING)
     x = plant.initial([q], [qd])
     x += plant_moved(plant, ahead, faster)
-    touching, u = plant.touching(x), np.array([2.0])
+    touching, u = plant.active_contacts(x), np.array([2.0])
     expected = [q >= 1.0, q <= -1.0, ahead >= 0.002, ahead <= -0.002]
     near = np.abs([q - 1.0, q + 1.0, ahead - 0.002, ahead + 0.002]) < 1e-12
     assert all(a == b or close for a, b, close in zip(touching, expected, near, strict=True))

@@ -62,7 +62,7 @@ def test_a_step_that_cannot_run_is_told():
     )
     first = aw.step_study(scenario, steps=1).trials[0]
     assert first.refused is not None
-    assert "too large for the arm's fastest time constant" in first.refused
+    assert "too large for the fastest time constant" in first.refused
     assert first.error == np.inf
 
 

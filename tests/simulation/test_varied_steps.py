@@ -9,7 +9,7 @@ import armwright as aw
 from armwright.control import JointPID
 from armwright.errors import ScenarioError
 from armwright.simulation.integrate.integrators import INTEGRATORS
-from armwright.simulation.plant.varied_steps import VariedSteps
+from armwright.simulation.plant.step_limits import VariedStepLimit
 from simulation.fields import scenario_of
 from simulation.plants import MOTOR, chain
 
@@ -24,22 +24,25 @@ def arm():
 
 def refusal(arm, **more):
     more = {"command": [1.0], "duration": 0.02, "step": 1e-3} | more
-    with pytest.raises(ScenarioError, match="too large for the arm's fastest time constant") as refused:
+    with pytest.raises(ScenarioError, match="too large for the fastest time constant") as refused:
         aw.simulate(scenario_of(arm, **more))
-    return str(refused.value)
+    return refused.value
 
 
 def test_a_varied_number_is_refused_as_the_records_own(arm):
     own = refusal(chain([{"command": "voltage", "motor": {**MOTOR, "resistance_ohm": LOW}}]))
-    assert refusal(arm, vary={NAME: LOW}) == f"{own} (with {NAME} = {LOW:g})"
+    with_value = own.what.replace(": rk3", f" (with {NAME} = {LOW:g}): rk3")
     controlled = {"command": None, "step": None, "controller": JointPID(kp=1.0), "period": 1e-3}
-    assert refusal(arm, vary={NAME: LOW}, **controlled) == f"{own} (with {NAME} = {LOW:g})"
+    for loop in ({}, controlled):
+        varied = refusal(arm, vary={NAME: LOW}, **loop)
+        assert (varied.place, varied.value, varied.expected) == ("step", own.value, own.expected)
+        assert varied.what == with_value
 
 
 def test_the_lane_is_found_among_many_and_named(arm):
     values = np.full(100_000, float(MOTOR["resistance_ohm"]))
     values[54_321] = LOW
-    assert f"(in lane 54321, with {NAME} = {LOW:g})" in refusal(arm, vary={NAME: aw.Batch(values)}, every=0)
+    assert f"(in lane 54321, with {NAME} = {LOW:g})" in refusal(arm, vary={NAME: aw.Batch(values)}, every=0).what
 
 
 def test_lanes_that_all_do_are_run(arm):
@@ -53,7 +56,7 @@ def test_the_lanes_decide_and_not_the_record(arm):
     """What no lane has is not refused."""
     stiff = chain([{"command": "voltage", "motor": {**MOTOR, "resistance_ohm": LOW}}])
     scenario = aw.Scenario(stiff, command=[1.0], duration=0.02, vary={NAME: float(MOTOR["resistance_ohm"])})
-    VariedSteps(scenario.varied, scenario.parameters, False).check_step(
+    VariedStepLimit(scenario.varied, scenario.parameters, False).check_step(
         "rk3", INTEGRATORS["rk3"], 1e-3, np.ones((1, 1))
     )
     same = aw.simulate(aw.Scenario(arm, command=[1.0], duration=0.02))

@@ -11,7 +11,6 @@ from armwright.description.robot import RobotDescription, Source
 from armwright.errors import DescriptionError, ModelError
 from armwright.lint.feasibility import check_bodies, check_drives, impossible_links
 from armwright.lint.plausibility import implausible_values
-from armwright.model import variants
 from armwright.model.build import massless, places_of_joints, tree_of
 from armwright.model.changes import changed
 from armwright.model.parameter_table import Parameters, parameters_of
@@ -87,7 +86,7 @@ class Model(Tree):
             DescriptionError: a body that cannot be, a name that is taken, no such frame.   ModelError: no description.
         """
         at = self.tip if frame is None else frame
-        return self._rebuilt(variants.with_payload(self.record, mass, com, inertia, at, **names), self.changes)
+        return self._rebuilt(_variants().with_payload(self.record, mass, com, inertia, at, **names), self.changes)
 
     def with_locked(self, positions: Mapping[str, Any]) -> Model:
         """The arm with joints held, `{"joint3": 0.4}` [rad | m]: q has the others only, the dynamics are the same.
@@ -95,7 +94,7 @@ class Model(Tree):
         Raises:
             DescriptionError: no such joint, a position that is none, or no joint left.   ModelError: no description.
         """
-        return self._rebuilt(variants.with_locked(self.record, positions), self.changes)
+        return self._rebuilt(_variants().with_locked(self.record, positions), self.changes)
 
     def with_values(self, values: Mapping[str, Any], source: str = "definition") -> Model:
         """The arm with other numbers in its record, `{"link6.mass_kg": 2.0, "link6.com_m[2]": 0.1}`, checked like a file's.
@@ -103,7 +102,7 @@ class Model(Tree):
         Raises:
             DescriptionError: no such number, or a value that cannot stand there.   ModelError: no description.
         """
-        return self._rebuilt(variants.with_values(self.record, values, source), self.changes)
+        return self._rebuilt(_variants().with_values(self.record, values, source), self.changes)
 
     def subchain(self, base: str, tip: str) -> Model:
         """The part of the arm from one frame or link to another, its new base and tip. What is fixed to it stays, what moves
@@ -112,7 +111,7 @@ class Model(Tree):
         Raises:
             DescriptionError: no such frame, or nothing moves between the two.   ModelError: no description.
         """
-        part = variants.subchain(self.record, base, tip)
+        part = _variants().subchain(self.record, base, tip)
         changes = {name: value for name, value in self.changes.items() if name != "tip"}
         if "gravity" in changes:
             changes["gravity"] = rotated(part.base.rotation.T, changes["gravity"])
@@ -125,6 +124,12 @@ class Model(Tree):
         known = build_model(self.record, on_impossible="warn").warnings
         of_file = [warning for warning in self.warnings if warning not in known]
         return dataclasses.replace(model, warnings=(*model.warnings, *of_file)).replace(**changes)
+
+
+def _variants() -> Any:
+    from armwright.model import variants  # few need them, and a first kernel should not wait for them
+
+    return variants
 
 
 def assembled(robot: RobotDescription) -> Model:

@@ -28,8 +28,7 @@ from armwright.simulation.loop.state import LoopState
 from armwright.simulation.loop.tick import plant_derivative, plant_watched
 from armwright.simulation.loop.timing import Delays
 from armwright.simulation.plant.plant import Plant
-from armwright.simulation.plant.step_limits import Stability, check_inertia
-from armwright.simulation.plant.varied_steps import VariedSteps
+from armwright.simulation.plant.step_limits import StepLimit, VariedStepLimit, check_inertia
 from armwright.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -103,11 +102,11 @@ class LoopRunner:
         check_inertia(arm, scenario.initial_state[0, : arm.n])
         if name not in INTEGRATORS:
             return
-        stability = Stability(arm) if loop is None else loop.stability
+        limit = StepLimit(arm) if loop is None else loop.step_limit
         commands = np.zeros((1, arm.n)) if scenario.sampled else rows_of(scenario.commands)
         if scenario.varied is not None:
-            stability = VariedSteps(scenario.varied, scenario.parameters, scenario.lane_count is not None)
-        stability.check_step(name, INTEGRATORS[name], scenario.integration_step, commands)
+            limit = VariedStepLimit(scenario.varied, scenario.parameters, scenario.lane_count is not None)
+        limit.check_step(name, INTEGRATORS[name], scenario.integration_step, commands)
 
     def reference_of_ticks(self, ticks: int, *, first: bool = False) -> LoopReference | None:
         """The reference of so many ticks from here, `first` when the scenario is checked; None where nobody asks."""

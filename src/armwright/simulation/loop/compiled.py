@@ -16,7 +16,7 @@ from armwright.simulation.integrate.stepping import Adaptivity
 from armwright.simulation.loop.config import LoopConfig
 from armwright.simulation.loop.tick import Tick, make_tick, plant_outputs, plant_step
 from armwright.simulation.plant.plant import Plant
-from armwright.simulation.plant.step_limits import Stability
+from armwright.simulation.plant.step_limits import StepLimit
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class CompiledLoop:
 
     Attributes:
         config: what it was made of.   target: processor level, as in `compile`.   tick: the stages of a tick.
-        loops: one, or two with the controller's Python between them.   stability: which steps are too large for the arm.
+        loops: one, or two with the controller's Python between them.   step_limit: the largest step for the arm.
         outputs: (x, u, …) → what is stored beside the state, by `names`; None where only the state is.
     """
 
@@ -33,7 +33,7 @@ class CompiledLoop:
     target: str | None
     tick: Tick
     loops: tuple[Loop, ...]
-    stability: Stability
+    step_limit: StepLimit
     outputs: Kernel | None
     names: tuple[str, ...]
 
@@ -49,7 +49,7 @@ class CompiledLoop:
         loops = tuple(Loop(part, chosen.doubled()) for part in stages)
         program, names = plant_outputs(config) if outputs else (None, ())
         kernel = None if program is None else Kernel(program, chosen)
-        return cls(config, target, tick, loops, Stability(config.arm), kernel, names)
+        return cls(config, target, tick, loops, StepLimit(config.arm), kernel, names)
 
     @property
     def arm(self) -> Model:

@@ -142,14 +142,14 @@ def plant_watched(config: LoopConfig) -> Watched | None:
     """What switches within steps; None of an arm that has no stops and no play."""
 
     def depths(x: Array, u: Array, *rest: Array) -> Array:
-        return _plant_call(config, u, rest)[0].depths(x)
+        return _plant_call(config, u, rest)[0].contact_depths(x)
 
-    def corners(x: Array, u: Array, *rest: Array) -> tuple[Array, Array]:
+    def functions(x: Array, u: Array, *rest: Array) -> tuple[Array, Array]:
         plant, inputs = _plant_call(config, u, rest)
-        return plant.corners(x, inputs)
+        return plant.switching_functions(x, inputs)
 
     contacts = sum(config.bare.contacts)
-    return Watched(depths, corners, contacts) if contacts else None
+    return Watched(depths, functions, contacts) if contacts else None
 
 
 def plant_outputs(config: LoopConfig) -> tuple[Program, tuple[str, ...]]:

@@ -66,12 +66,12 @@ class DrivenJoint:
     acceleration: Scalar | None  # of the motor behind an elastic gear [rad/s²]
     change: dict[str, Scalar]  # d/dt of `JointStates`
     rates: dict[str, Scalar]  # [1/s] their parts that are linear in themselves
-    corners: list[Corner]  # where all this bends
+    switching: list[SwitchingFunction]  # where all this bends
 
 
 @dataclass(frozen=True, eq=False)
-class Corner:
-    """Where a joint's drive bends: a value that changes its sign there."""
+class SwitchingFunction:
+    """A value that changes its sign where the derivative bends."""
 
     value: Scalar  # the push of a contact [N m | N], or a speed at which friction turns round [rad/s | m/s]
     least: Scalar = 0.0  # from a to b it changes where a b < -least²: what hovers about 0 does not
@@ -107,7 +107,7 @@ def driven_joint(
     if touching is None:
         touching = [scalar.less_equal(0.0, depth) for depth in contact_depths(body, at)]
     of_stops = 0 if body.stops is None else 2
-    corners: list[Corner] = []
+    switching: list[SwitchingFunction] = []
     change: dict[str, Scalar] = {}
     rates: dict[str, Scalar] = {}
     winding = _winding(body, states, at.motor_speed, u, volts)
@@ -126,17 +126,17 @@ def driven_joint(
         spring = transmitted(
             body.elasticity, body.drive.gear_ratio, at.motor, at.motor_speed, at.link, at.link_speed, flanks
         )
-        loss, corners = loss + spring.loss, [*corners, *_felt(spring.pushes, touching[of_stops:])]
+        loss, switching = loss + spring.loss, [*switching, *_felt(spring.pushes, touching[of_stops:])]
     before, behind, rubbed = _friction(
         body, states, at, driven if spring is None else spring.torque, warming, change, rates
     )
     own, loss = behind, loss + rubbed
     if body.friction is not None and has_corner(body.friction):
-        corners.append(_turning(body, at.motor_speed if body.friction.on_motor else at.qd))
+        switching.append(_turning(body, at.motor_speed if body.friction.on_motor else at.qd))
     if applied is not None:
         assert body.brake is not None
         speed = at.motor_speed if body.brake.on_motor else at.qd
-        corners.append(_turning(body, speed))
+        switching.append(_turning(body, speed))
         held = holding(body.brake, speed, states.brake, applied)
         change["brake"], rates["brake"], loss = held.speed, held.rate, loss + held.torque * speed
         if body.brake.on_motor:
@@ -146,26 +146,28 @@ def driven_joint(
     if body.stops is not None:
         stop = stopped(body.stops, *body.limits.position, at.q, at.qd, (touching[0], touching[1]))
         behind, loss = behind - stop.torque, loss + stop.loss
-        corners += _felt(stop.pushes, touching)
+        switching += _felt(stop.pushes, touching)
     acceleration, gear = None, driven
     if spring is not None:
         referred = (driven - before - spring.slope * spring.torque) / body.drive.reflected
         acceleration, gear, before = body.drive.gear_ratio * referred, spring.torque, 0.0
     return DrivenJoint(
         winding.torque, winding.voltage, winding.current, winding.power, winding.heat, gear, before, behind, own,
-        loss, acceleration, change, rates, corners,
+        loss, acceleration, change, rates, switching,
     )  # fmt: skip
 
 
-def _felt(pushes: Sequence[Scalar], touching: Sequence[Scalar]) -> list[Corner]:
+def _felt(pushes: Sequence[Scalar], touching: Sequence[Scalar]) -> list[SwitchingFunction]:
     """Pushes of the contacts there are; those of the others are 0 and stay so."""
-    return [Corner(touch * push) for push, touch in zip(pushes, touching, strict=False)]
+    return [SwitchingFunction(touch * push) for push, touch in zip(pushes, touching, strict=False)]
 
 
-def _turning(body: Body, speed: Scalar) -> Corner:
+def _turning(body: Body, speed: Scalar) -> SwitchingFunction:
     """A speed, and below which the joint stands."""
     friction = body.friction
-    return Corner(speed, STANDING * (1.0 if friction is None or friction.smoothing is None else friction.smoothing))
+    return SwitchingFunction(
+        speed, STANDING * (1.0 if friction is None or friction.smoothing is None else friction.smoothing)
+    )
 
 
 def _winding(body: Body, states: JointStates, speed: Scalar, u: Scalar, volts: Scalar | None) -> Winding:

@@ -58,26 +58,26 @@ class Plant(PlantReadings):
         own = brakes and any(body.brake is not None for body in model.coordinates)
         return cls(model, state_layout(model, own), own)
 
-    def depths(self, x: Array) -> np.ndarray:
-        """How deep every contact is, (contacts,) [rad | m]: a joint in its stops, flanks in each other; below 0 outside."""
+    def contact_depths(self, x: Array) -> np.ndarray:
+        """Depth of every contact, (contacts,) [rad | m]: a joint in its stops, flanks in each other; below 0 outside."""
         pairs = zip(self.model.coordinates, self._motions(x), strict=True)
         return scalar.array([depth for body, at in pairs for depth in contact_depths(body, at)])
 
-    def touching(self, x: Array) -> np.ndarray:
-        """Which contacts there are in a state, (contacts,): 1 where the depth is not below 0, else 0."""
-        return scalar.array([scalar.less_equal(0.0, depth) for depth in self.depths(x)])
+    def active_contacts(self, x: Array) -> np.ndarray:
+        """Active contacts of a state, (contacts,): 1 where the depth is not below 0, else 0."""
+        return scalar.array([scalar.less_equal(0.0, depth) for depth in self.contact_depths(x)])
 
-    def corners(self, x: Array, inputs: PlantInputs | Array) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers that change their sign where the derivative bends: beside `depths`, which make it jump.
+    def switching_functions(self, x: Array, inputs: PlantInputs | Array) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers that change their sign where the derivative bends: beside `contact_depths`, which make it jump.
 
         Args:
             x, inputs: as `derivative`.
         Returns:
-            corners: (k,) how hard contacts push that there are [N m | N]; speeds of joints and motors whose friction has a corner
+            values: (k,) how hard contacts push that there are [N m | N]; speeds of joints and motors whose friction has a corner
             at rest [rad/s | m/s].   least: (k,) in their units: one changes from a to b where a b < -least².
         """
-        found = [corner for joint in self._driven(x, PlantInputs.of(inputs)) for corner in joint.corners]
-        return scalar.array([corner.value for corner in found]), scalar.array([corner.least for corner in found])
+        functions = [each for joint in self._driven(x, PlantInputs.of(inputs)) for each in joint.switching]
+        return scalar.array([each.value for each in functions]), scalar.array([each.least for each in functions])
 
     def derivative(self, x: Array, inputs: PlantInputs | Array) -> np.ndarray:
         """dx/dt of all states.
@@ -117,7 +117,7 @@ class Plant(PlantReadings):
         """
         inputs = PlantInputs.of(inputs)
         if inputs.contacts is None and any(self.contacts):
-            inputs = replace(inputs, contacts=self.touching(x))
+            inputs = replace(inputs, contacts=self.active_contacts(x))
         split = self.program(inputs).split if scalar.is_symbolic(x, inputs.command, h) else self.split
 
         def held(command: Array) -> PlantInputs:

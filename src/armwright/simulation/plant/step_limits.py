@@ -1,7 +1,8 @@
-"""Which step is too large for an arm: found from the linearised arm with its motors before a simulation runs."""
+"""The largest step for an arm, from the linearised arm with its motors before a simulation runs; for varied arms by lane."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property, partial
 from math import floor, log10
 
@@ -31,10 +32,13 @@ SLACK = 1e-4  # of a mode's growth in a step: what rounding makes of modes that 
 TOUCH = 0.6  # of the play: just beyond the half where flanks touch
 DEEP = 1e-6  # [rad | m] into a stop
 SINGULAR = 1e-13  # of the largest eigenvalue of the mass matrix
+LOOKED_AT = 256  # lanes, beside those with the least and the most of every parameter
+FULLY = 2  # lanes that are checked in every state, of each kind of mode
+STATES = 10  # in which modes of lanes are compared
 STILL = 1e-3  # of a smoothing speed: just beside standstill, where friction may have another slope on either side
 
 
-class Stability:
+class StepLimit:
     """Linearised plants of an arm at states that matter, and the step that an integrator may take with them."""
 
     def __init__(self, model: Model, slopes: Program | None = None, values: np.ndarray | None = None):
@@ -65,9 +69,11 @@ class Stability:
         poses = low + (high - low) * np.random.default_rng(0).uniform(size=(POSES, n))
         poses[0] = np.clip(0.0, low, high)
         speeds = np.array([_steep_speeds(body) for body in self.model.coordinates]).T
-        if self.plant.is_plain:
+        if self.plant.size == 2 * n and not any(self.plant.contacts):
             return np.concatenate([np.hstack([poses, np.broadcast_to(speed, poses.shape)]) for speed in speeds])
-        return np.array([x for q in _touching(self.model, poses) for speed in speeds for x in self._contacts(q, speed)])
+        return np.array(
+            [x for q in _with_stops(self.model, poses) for speed in speeds for x in self._contacts(q, speed)]
+        )
 
     def _contacts(self, q: np.ndarray, speed: np.ndarray) -> list[np.ndarray]:
         """The plant's state there; where gears have play, with flanks in touch on either side as well."""
@@ -138,11 +144,12 @@ class Stability:
             low, high = (middle, high) if holds(middle) else (low, middle)
         return low
 
-    def check_step(self, name: str, integrator: Integrator, step: float, commands: np.ndarray) -> None:
+    def check_step(self, name: str, integrator: Integrator, step: float, commands: np.ndarray, where: str = "") -> None:
         """Refuses a step that is too large for the arm's fastest time constant.
 
         Args:
             name, integrator: the rule.   step: [s].   commands: (k, n) whose load is checked too, where losses grow with it.
+            where: which of several arms it is, for the error.
         Raises:
             ScenarioError: names the time constant and the step that would do.
         """
@@ -154,11 +161,71 @@ class Stability:
         if step <= largest:
             return
         constant = 1.0 / np.abs(self.rates(loaded[command])).max()
+        included = "motors and friction slope included"
+        if self.plant.stiff:
+            included = "without currents and bristles, which are integrated exactly"
         raise ScenarioError(
-            f"{self.model.name}: step = {step:g} s is too large for the arm's fastest time constant of {constant:.3g} s "
-            f"({_included(self.plant.stiff)}): {name} would blow up or lose track; "
-            f"a step of {_round_down(0.8 * largest):g} s would do"
+            f"too large for the fastest time constant of {self.model.name}, {constant:.3g} s, {included}{where}: "
+            f"{name} would blow up or lose track",
+            place="step",
+            value=step,
+            expected=f"{_round_down(0.8 * largest):g} s or less",
         )
+
+
+@dataclass(frozen=True, eq=False)
+class VariedStepLimit:
+    """The lanes of a varied arm, each an arm of its own with time constants of its own.
+
+    Attributes:
+        varied: the arm with its parameters left open.   values: (lanes or 1, k) of them.   laned: whether lanes have numbers.
+    """
+
+    varied: Varied
+    values: np.ndarray
+    laned: bool
+
+    def check_step(self, name: str, integrator: Integrator, step: float, commands: np.ndarray) -> None:
+        """Refuses a step that is too large for one of the lanes; of many lanes, those with the fastest modes are tried.
+
+        Args:
+            name, integrator: the rule.   step: [s].   commands: (k, n) whose load is checked too.
+        Raises:
+            ScenarioError: names the lane, its time constant and the step that would do.
+        """
+        slopes = linearised(self.varied.arm, self.varied)
+        for lane in self._fastest(slopes):
+            values = ", ".join(f"{p} = {v:g}" for p, v in zip(self.varied.names, self.values[lane], strict=True))
+            where = f" (in lane {lane}, with {values})" if self.laned else f" (with {values})"
+            limit = StepLimit(self.varied.model(self.values[lane]), slopes, self.values[lane])
+            limit.check_step(name, integrator, step, commands, where)
+
+    def _fastest(self, slopes: Program) -> list[int]:
+        """Numbers of the lanes whose modes are the fastest, of those that swing or grow as of those that die away."""
+        count = len(self.values)
+        ends = [*np.argmin(self.values, axis=0), *np.argmax(self.values, axis=0)]
+        lanes = np.unique([*ends, *np.linspace(0, count - 1, min(count, LOOKED_AT)).astype(int)])
+        _, first = np.unique(self.values[lanes], axis=0, return_index=True)
+        lanes = lanes[np.sort(first)]
+        if len(lanes) > 2 * FULLY:
+            found = self._modes(slopes, lanes)
+            swings = -np.real(found) <= np.abs(np.imag(found))
+            speeds = [np.where(kind, np.abs(found), 0.0).max(axis=1) for kind in (swings, ~swings)]
+            lanes = lanes[np.unique([np.argsort(-speed, kind="stable")[:FULLY] for speed in speeds])]
+        return [int(lane) for lane in lanes]
+
+    def _modes(self, slopes: Program, lanes: np.ndarray) -> np.ndarray:
+        """Eigenvalues (lanes, k) [1/s] of the linearised plants in a few states, what is integrated exactly left out."""
+        nominal = StepLimit(self.varied.arm)
+        plant, states = nominal.plant, nominal.states[:: max(1, len(nominal.states) // STATES)]
+        brakes = [np.ones(len(plant.braked))] if plant.brakes else []
+        command, values = np.zeros(self.varied.arm.n), self.values[lanes][:, None, :]
+        found = interpret(slopes, states, command, *brakes, values)
+        slope = found[0] if isinstance(found, tuple) else found
+        kept = np.setdiff1d(np.arange(plant.size), plant.stiff)
+        slope = slope[..., kept[:, None], kept]
+        slope = np.where(np.isfinite(slope).all(axis=(2, 3), keepdims=True), slope, 0.0)
+        return np.linalg.eigvals(slope).reshape(len(lanes), -1)
 
 
 def linearised(model: Model, varied: Varied | None = None) -> Program:
@@ -195,14 +262,7 @@ def _is_loaded(body: Body) -> bool:
     )
 
 
-def _included(stiff: tuple[int, ...]) -> str:
-    """What the time constant is of."""
-    return (
-        "currents and bristles aside, which are integrated exactly" if stiff else "motors and friction slope included"
-    )
-
-
-def _touching(model: Model, poses: np.ndarray) -> list[np.ndarray]:
+def _with_stops(model: Model, poses: np.ndarray) -> list[np.ndarray]:
     """The poses, and where joints have stops one in each end of them all."""
     stopped = np.array([body.stops is not None for body in model.coordinates])
     if not stopped.any():
@@ -218,18 +278,8 @@ def _steep_speeds(body: Body) -> list[float]:
     ]
     s = float(min(smoothing)) if smoothing else 1e-3
     middle, width = (0.0, 1.0) if body.friction is None else LAWS[body.friction.law].steep(body.friction)
-    return [
-        0.0,
-        STILL * s,
-        -STILL * s,
-        0.5 * s,
-        -0.5 * s,
-        2.0 * s,
-        -2.0 * s,
-        middle,
-        middle + width,
-        middle - width,
-    ]
+    about_rest = [sign * share * s for share in (STILL, 0.5, 2.0) for sign in (1.0, -1.0)]
+    return [0.0, *about_rest, middle, middle + width, middle - width]
 
 
 def _round_down(value: float) -> float:
@@ -248,6 +298,7 @@ def check_inertia(arm: Model, q: np.ndarray) -> None:
     if values[0] <= SINGULAR * values[-1]:
         joint = arm.names[int(np.abs(vectors[:, 0]).argmax())]
         raise ScenarioError(
-            f"{arm.name}: the mass matrix is singular at the initial position: joint {joint!r} moves no inertia "
-            "(a massless link without a rotor?); expected mass or rotor_inertia_kg_m2 behind every joint"
+            "it moves no inertia (a massless link without a rotor?), the mass matrix is singular at the initial position",
+            place=f"joint {joint}",
+            expected="mass or rotor_inertia_kg_m2 behind every joint",
         )

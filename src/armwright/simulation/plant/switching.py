@@ -26,17 +26,17 @@ HAIR = 2.0**-32  # of a step: how far beyond the place a guess goes
 
 @dataclass(frozen=True)
 class Watched:
-    """What switches in a plant.
+    """Contacts and switching functions of a plant.
 
     Attributes:
         depths: (x, u, …) → (contacts,) how deep every contact is; one touches where its depth is not below 0.
-        corners: (x, u, …, touching) → s (k,) of a state under these contacts; least (k,): one changes from a to b where
+        functions: (x, u, …, touching) → s (k,) of a state under these contacts; least (k,): one changes from a to b where
             a b < -least².
         contacts: how many.
     """
 
     depths: Callable[..., Array]
-    corners: Callable[..., tuple[Array, Array]]
+    functions: Callable[..., tuple[Array, Array]]
     contacts: int
 
     @property
@@ -62,8 +62,8 @@ def switching_programs(watched: Watched | None, shapes: Mapping[str, tuple[int, 
         return scalar.array([scalar.less_equal(0.0, depth) for depth in call(deep, x, *held)])
 
     def values(x: Array, *given: Array) -> tuple[list[Scalar], Array]:
-        corners, least = watched.corners(x, *given)
-        return [*call(deep, x, *given[:-1]), *corners], least
+        switching, least = watched.functions(x, *given)
+        return [*call(deep, x, *given[:-1]), *switching], least
 
     def changes(x: Array, after: Array, *given: Array) -> tuple[list[Scalar], list[Scalar], list[Scalar]]:
         (begins, least), (ends, _) = values(x, *given), values(after, *given)
@@ -99,7 +99,7 @@ def switching_programs(watched: Watched | None, shapes: Mapping[str, tuple[int, 
 
     after = {f"x{NEXT}": size}
     arguments = (scalar.zeros(*shape) for shape in (size, *held.values()))
-    searched = {"weights": (watched.contacts + len(watched.corners(*arguments)[1]),), "bracket": (5,), "part": (1,)}
+    searched = {"weights": (watched.contacts + len(watched.functions(*arguments)[1]),), "bracket": (5,), "part": (1,)}
     return {
         "touching": trace("touching", touching, shapes, noinline=True),
         "switched": trace("switched", switched, {"x": size, **after, **held}, noinline=True),
