@@ -1,4 +1,4 @@
-"""An arm with a body in its hand whose numbers may be symbols: what `with_payload` does to a record, done to a model."""
+"""A body at the end effector whose numbers may be symbols: `with_payload` for a model in place of a record."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from armwright.model.model import Model
 from armwright.scalar import Array
 
 
-def carrying(model: Model, frame: str, load: Array) -> Model:
+def add_load(model: Model, frame: str, load: Array) -> Model:
     """The arm with one more body fixed to a frame: about one origin, mass properties add up.
 
     Args:
@@ -21,11 +21,11 @@ def carrying(model: Model, frame: str, load: Array) -> Model:
     at = model.frame(frame)
     bodies = list(model.bodies)
     carrier = bodies[at.body]
-    held = replace(carrier, link_frame=at.placement).with_inertial_parameters(load)
+    body = replace(carrier, link_frame=at.placement).with_inertial_parameters(load)
     bodies[at.body] = replace(
         carrier,
-        mass=carrier.mass + held.mass,
-        first_moment=carrier.first_moment + held.first_moment,
-        inertia=carrier.inertia + held.inertia,
+        mass=carrier.mass + body.mass,
+        first_moment=carrier.first_moment + body.first_moment,
+        inertia=carrier.inertia + body.inertia,
     )
     return replace(model, bodies=tuple(bodies))

@@ -75,7 +75,7 @@ def tree_of(robot: RobotDescription) -> Tree:
         frames[frame.name] = Frame(frames[frame.link].body, frames[frame.link].placement @ placed)
     bodies = tuple(Body(**_merged(body)) for body in moving)
     if not bodies:
-        raise DescriptionError(place="joints", expected="at least one joint that moves", file=robot.name)
+        raise DescriptionError(place=robot.name, expected="at least one joint that moves")
     gravity = scalar.array(STANDARD_GRAVITY) if robot.gravity_m_s2 is None else vector(robot.gravity_m_s2)
     tip = robot.tip if robot.tip is not None else _end_of_chain(robot)
     moves = [joint for joint in robot.joints if not isinstance(joint, FixedJoint)]

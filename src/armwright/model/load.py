@@ -29,7 +29,7 @@ def load(name_or_path: str | os.PathLike[str], *, on_impossible: str = "error", 
     try:
         model = build_model(description, on_impossible=on_impossible)
     except DescriptionError as error:  # it knows the robot, not the file
-        raise DescriptionError(f"{os.fspath(name_or_path)}: {error}") from None
+        raise error.within(file=os.fspath(name_or_path)) from None
     return replace(model, warnings=(*model.warnings, *outdated(description, Path(name_or_path))))
 
 

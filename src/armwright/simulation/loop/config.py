@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from armwright.model import Model
-from armwright.model.add_load import carrying
+from armwright.model.add_load import add_load
 from armwright.model.simplify import simplified
 from armwright.model.vary import Varied
 from armwright.results.reducers import Reduction
@@ -85,7 +85,7 @@ class LoopConfig:
         """
         arm = self.varied.model(values["p"]) if self.varied is not None and "p" in values else self.arm
         for k, frame in enumerate(self.payload_frames if "payload" in values else ()):
-            arm = carrying(arm, frame, values["payload"][10 * k : 10 * k + 10])
+            arm = add_load(arm, frame, values["payload"][10 * k : 10 * k + 10])
         return Plant.of(simplified(arm) if simple else arm, brakes="brake" in self.inputs)
 
     def plant_inputs(self, command: Array, values: Mapping[str, Array]) -> PlantInputs:
