@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, and refused before the work where they cannot be written."""
+"""Output files: checked before long work, and written whole or not at all."""
 
 from __future__ import annotations
 
@@ -22,26 +22,28 @@ def check_destination(path: str | os.PathLike[str], endings: Sequence[str] = ())
     """
     path = Path(path)
     if endings and path.suffix.lower() not in endings:
-        has = f"the ending {path.suffix!r} is not offered" if path.suffix else "has no ending"
-        raise OutputError(f"{path}: {has}; expected {', '.join(endings[:-1])} or {endings[-1]}")
-    with _told(path):
-        folder = path.parent
+        what = f"the ending {path.suffix!r} is not offered" if path.suffix else "has no ending"
+        raise OutputError(what, file=path, expected=f"{', '.join(endings[:-1])} or {endings[-1]}")
+    what = expected = ""
+    with _as_output_error(path):
         if path.is_dir():
-            raise OutputError(f"{path}: is a folder; expected the name of a file")
-        if not folder.is_dir():
-            raise OutputError(f"{path}: there is no folder {str(folder)!r} to write it in")
-        if path.exists() and not path.is_file():
-            raise OutputError(f"{path}: is no plain file, and would have to be replaced by one")
-        if not os.access(folder, os.W_OK | os.X_OK) or (path.exists() and not os.access(path, os.W_OK)):
-            raise OutputError(f"{path}: no permission to write there")
+            what, expected = "is a folder", "the name of a file"
+        elif not path.parent.is_dir():
+            what = f"there is no folder {str(path.parent)!r} to write it in"
+        elif path.exists() and not path.is_file():
+            what = "is no plain file, and would have to be replaced by one"
+        elif not os.access(path.parent, os.W_OK | os.X_OK) or (path.exists() and not os.access(path, os.W_OK)):
+            what = "no permission to write there"
+    if what:
+        raise OutputError(what, file=path, expected=expected)
     return path
 
 
 @contextlib.contextmanager
 def whole_file(path: str | os.PathLike[str], endings: Sequence[str] = ()) -> Iterator[Path]:
-    """A temporary path in the same folder, which takes the place of `path` when the block ends well.
+    """A temporary path in the same folder, which replaces `path` when the block ends well.
 
-    Where the block fails, the temporary file is taken away and what was at `path` before stays as it was.
+    If the block fails, the temporary file is removed, and a file that was at `path` stays as it was.
 
     Raises:
         OutputError: the file cannot be written, or could not be finished: a full disk, a folder that has gone.
@@ -49,7 +51,7 @@ def whole_file(path: str | os.PathLike[str], endings: Sequence[str] = ()) -> Ite
     path = check_destination(path, endings)
     target = Path(os.path.realpath(path))  # behind a symbolic link the file is replaced, not the link
     temporary = target.with_name(f".armwright-{secrets.token_hex(8)}{target.suffix}")
-    with _told(path):
+    with _as_output_error(path):
         try:
             yield temporary
             os.replace(temporary, target)
@@ -59,10 +61,10 @@ def whole_file(path: str | os.PathLike[str], endings: Sequence[str] = ()) -> Ite
 
 
 @contextlib.contextmanager
-def _told(path: Path) -> Iterator[None]:
-    """The operating system's errors in our words."""
+def _as_output_error(path: Path) -> Iterator[None]:
+    """Turns errors of the operating system into ours."""
     try:
         yield
     except OSError as error:
         reason = error.strerror or (str(error).splitlines() or ["unknown error"])[0]
-        raise OutputError(f"{path}: cannot be written: {reason}") from error
+        raise OutputError(f"cannot be written: {reason}", file=path) from error

@@ -81,11 +81,11 @@ def test_refused(arguments, message, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("t,shoulder\n0,1\n", "volts.csv: line 1: no column 'elbow'"),
-        ("t,shoulder,elbow\n0,1,2\n1,2,3\n0.5,2,3\n", "volts.csv: line 4, column 't' = 0.5: earlier than 1 before it"),
-        ("t,shoulder,elbow\n0,1,nan\n", "volts.csv: line 2, column 'elbow': nan: expected a finite number"),
-        ("t,shoulder,elbow\n0,1,much\n", "volts.csv: line 2, column 'elbow': 'much': expected a finite number"),
-        ("t,shoulder [V],elbow\n0,1,2\n", "volts.csv: line 1, column 'shoulder': in 'V'; expected its unit to be N m"),
+        ("t,shoulder\n0,1\n", "volts.csv:1: column 'elbow': missing"),
+        ("t,shoulder,elbow\n0,1,2\n1,2,3\n0.5,2,3\n", "volts.csv:4: column 't' = 0.5: earlier than 1 before it"),
+        ("t,shoulder,elbow\n0,1,nan\n", "volts.csv:2: column 'elbow' = 'nan': expected a finite number"),
+        ("t,shoulder,elbow\n0,1,much\n", "volts.csv:2: column 'elbow' = 'much': expected a finite number"),
+        ("t,shoulder [V],elbow\n0,1,2\n", "volts.csv:1: unit of column 'shoulder' = 'V': expected N m"),
     ],
 )
 def test_bad_schedules(text, message, tmp_path, monkeypatch):
@@ -100,7 +100,7 @@ def test_bad_tables(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "in.csv").write_text("1,2,3\n")
     message = refused((command, "two-link", "in.csv", "-o", "out.csv"))
-    assert "in.csv: line 1: 3 columns, expected 6 columns: q_shoulder, q_elbow" in message
+    assert "in.csv:1: 3 columns; expected 6 columns: q_shoulder, q_elbow" in message
     (tmp_path / "in.csv").write_text("1,2,3,4,5,6\n")
     assert "nowhere/out.csv: there is no folder" in refused((command, "two-link", "in.csv", "-o", "nowhere/out.csv"))
     assert [entry.name for entry in tmp_path.iterdir()] == ["in.csv"]

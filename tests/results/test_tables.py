@@ -6,7 +6,7 @@ import numpy as np
 import pandas
 import pytest
 
-from armwright.errors import OutputError, ScheduleError
+from armwright.errors import ABSENT, OutputError, ScheduleError
 from armwright.results.tables import joint_columns, read_table, write_table
 
 NAMES = ["waist", "elbow"]
@@ -36,23 +36,25 @@ def test_reads(tmp_path, text):
     np.testing.assert_array_equal(data["qd"], [[3, 4], [7, 8]])
 
 
+COLUMNS = "4 columns: q_waist, q_elbow, qd_waist, qd_elbow"
+
+
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "line", "place", "value", "expected"),
     [
-        ("q_waist,q_elbow,qd_waist\n1,2,3\n", "line 1: no column 'qd_elbow'"),
-        (
-            "q_waist [deg],q_elbow,qd_waist,qd_elbow\n1,2,3,4\n",
-            "column 'q_waist': in 'deg'; expected its unit to be rad",
-        ),
-        ("1,2,3,4\n1,2,3\n", "line 2: 3 columns, expected 4 columns: q_waist, q_elbow, qd_waist, qd_elbow"),
-        ("1,2,3,4\n1,2,3,four\n", "line 2, column 'qd_elbow': 'four'"),
-        ("q1,q2,q3,q4\n1,2,3,4\n", "line 1: unknown column 'q1'"),
+        ("q_waist,q_elbow,qd_waist\n1,2,3\n", 1, "column 'qd_elbow'", ABSENT, COLUMNS),
+        ("q_waist [deg],q_elbow,qd_waist,qd_elbow\n1,2,3,4\n", 1, "unit of column 'q_waist'", "deg", "rad"),
+        ("1,2,3,4\n1,2,3\n", 2, "", ABSENT, COLUMNS),
+        ("1,2,3,4\n1,2,3,four\n", 2, "column 'qd_elbow'", "four", "a finite number"),
+        ("q1,q2,q3,q4\n1,2,3,4\n", 1, "column", "q1", ""),
     ],
 )
-def test_refuses(tmp_path, text, message):
+def test_refuses(tmp_path, text, line, place, value, expected):
+    path = written(tmp_path, text)
     with pytest.raises(ScheduleError) as error:
-        read_table(written(tmp_path, text), WANTED, UNITS)
-    assert message in str(error.value)
+        read_table(path, WANTED, UNITS)
+    problem = error.value
+    assert (problem.file, problem.place, problem.value, problem.expected) == (f"{path}:{line}", place, value, expected)
 
 
 def test_what_is_written_reads_back_to_the_last_bit(tmp_path):

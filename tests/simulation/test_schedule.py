@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from armwright.errors import ScheduleError
+from armwright.errors import ABSENT, ScheduleError
 from armwright.simulation.inputs.schedule import Schedule, read_schedule
 
 NAMES = ("waist", "elbow")
@@ -35,62 +35,85 @@ def test_reads(tmp_path, text):
     np.testing.assert_array_equal(schedule.commands, [[1, 2], [3, -4]])
 
 
-REFUSED = {
-    "": "empty; expected 3 columns: t, waist, elbow",
-    "\n\n": "empty; expected",
-    "t,waist,elbow\n": "a header without rows; expected at least one row",
-    "t,waist\n0,1\n": "line 1: no column 'elbow'; expected 3 columns: t, waist, elbow",
-    "0,1\n": "line 1: 2 columns, expected 3 columns: t, waist, elbow",
-    "t,waist,elbow\n0,1,2\n1,2\n": "line 3: 2 columns, expected 3",
-    "t,waist,elbow\n0,1,2,3\n": "line 2: 4 columns, expected 3",
-    "0,1,2,\n": "line 1: 4 columns, expected 3",
-    "t,waist,elbwo\n0,1,2\n": "line 1: unknown column 'elbwo'; did you mean elbow?",
-    "t,waist,elbow,wrist\n0,1,2,3\n": "line 1: unknown column 'wrist'; did you mean waist?",
-    "t,waist,waist\n0,1,2\n": "line 1: two columns are called 'waist'",
-    "t,waist,\n0,1,2\n": "line 1: column 3 has no name",
-    "t,waist [mV],elbow\n0,1,2\n": "line 1, column 'waist': in 'mV'; expected its unit to be V",
-    "t [ms],waist,elbow\n0,1,2\n": "line 1, column 't': in 'ms'; expected its unit to be s",
-    "t;waist;elbow\n0;1;2\n": "unknown column 't;waist;elbow'; its cells are separated by semicolons, expected commas",
-    "0;1;2\n": "separated by semicolons, expected commas",
-    "0\t1\t2\n": "separated by tabs, expected commas",
-    "t,waist,elbow\n0,1,2\n1,2,3\n0.5,2,3\n": "line 4, column 't' = 0.5: earlier than 1 before it; expected times to increase",
-    "t,waist,elbow\n0,1,2\n1,2,3\n1,2,3\n": "line 4, column 't' = 1: repeats the time before it",
-    "t,waist,elbow\n0.1,1,2\n": "line 2, column 't' = 0.1: expected the first time to be 0",
-    "t,waist,elbow\n\n-1,1,2\n": "line 3, column 't' = -1: expected the first time to be 0",
-    "t,waist,elbow\n0,1,nan\n": "line 2, column 'elbow': nan: expected a finite number",
-    "t,waist,elbow\n0,1,2\n1,-inf,2\n": "line 3, column 'waist': -inf: expected a finite number",
-    "t,waist,elbow\n0,1,2\n1,fast,2\n": "line 3, column 'waist': 'fast': expected a finite number",
-    "t,waist,elbow\n0,1,2\n1,,2\n": "line 3, column 'waist': empty: expected a finite number",
-    "0,1,2\n1,x,2\n": "line 2, column 'waist': 'x': expected a finite number",
-    "t,waist,elbow\n0,1_000,2\n": "line 2, column 'waist': '1_000': expected a finite number",
-    "t,waist,elbow\n0,1e999,2\n": "line 2, column 'waist': inf: expected a finite number",
-    't,waist,elbow\n0,"1,2\n': "not CSV",
-}
+COLUMNS = "3 columns: t, waist, elbow"
+ROWS = f"at least one row of {COLUMNS}"
+FINITE = "a finite number"
+REFUSED = [  # text, line, place, value, expected
+    ("", "", "", ABSENT, ROWS),
+    ("\n\n", "", "", ABSENT, ROWS),
+    ("t,waist,elbow\n", "", "", ABSENT, ROWS),
+    ("t,waist\n0,1\n", ":1", "column 'elbow'", ABSENT, COLUMNS),
+    ("0,1\n", ":1", "", ABSENT, COLUMNS),
+    ("t,waist,elbow\n0,1,2\n1,2\n", ":3", "", ABSENT, COLUMNS),
+    ("t,waist,elbow\n0,1,2,3\n", ":2", "", ABSENT, COLUMNS),
+    ("0,1,2,\n", ":1", "", ABSENT, COLUMNS),
+    ("t,waist,elbwo\n0,1,2\n", ":1", "column", "elbwo", ""),
+    ("t,waist,elbow,wrist\n0,1,2,3\n", ":1", "column", "wrist", ""),
+    ("t,waist,waist\n0,1,2\n", ":1", "column 'waist'", ABSENT, ""),
+    ("t,waist,\n0,1,2\n", ":1", "", ABSENT, COLUMNS),
+    ("t,waist [mV],elbow\n0,1,2\n", ":1", "unit of column 'waist'", "mV", "V"),
+    ("t [ms],waist,elbow\n0,1,2\n", ":1", "unit of column 't'", "ms", "s"),
+    ("t;waist;elbow\n0;1;2\n", ":1", "", ABSENT, COLUMNS),
+    ("0;1;2\n", ":1", "", ABSENT, COLUMNS),
+    ("0\t1\t2\n", ":1", "", ABSENT, COLUMNS),
+    ("t,waist,elbow\n0,1,nan\n", ":2", "column 'elbow'", "nan", FINITE),
+    ("t,waist,elbow\n0,1,2\n1,-inf,2\n", ":3", "column 'waist'", "-inf", FINITE),
+    ("t,waist,elbow\n0,1,2\n1,fast,2\n", ":3", "column 'waist'", "fast", FINITE),
+    ("t,waist,elbow\n0,1,2\n1,,2\n", ":3", "column 'waist'", "", FINITE),
+    ("0,1,2\n1,x,2\n", ":2", "column 'waist'", "x", FINITE),
+    ("t,waist,elbow\n0,1_000,2\n", ":2", "column 'waist'", "1_000", FINITE),
+    ("t,waist,elbow\n0,1e999,2\n", ":2", "column 'waist'", "1e999", FINITE),
+    ('t,waist,elbow\n0,"1,2\n', ":2", "", ABSENT, ""),
+]
 
 
-@pytest.mark.parametrize("text", REFUSED)
-def test_refuses(tmp_path, text):
+@pytest.mark.parametrize(("text", "line", "place", "value", "expected"), REFUSED)
+def test_refuses(tmp_path, text, line, place, value, expected):
     path = written(tmp_path, text)
     with pytest.raises(ScheduleError) as error:
         read_schedule(path, NAMES, units=("V", "V"))
-    message = str(error.value)
-    assert message.startswith(f"{path}: ")
-    assert REFUSED[text] in message
-    assert "\n" not in message
+    problem = error.value
+    assert (problem.file, problem.place, problem.value, problem.expected) == (f"{path}{line}", place, value, expected)
+    assert problem.what or expected
+    assert "\n" not in str(problem)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("t,waist,elbwo\n0,1,2\n", "did you mean elbow?"),
+        ("t,waist,elbow,wrist\n0,1,2,3\n", "did you mean waist?"),
+        ("t,waist,waist\n0,1,2\n", "given twice"),
+        ("t;waist;elbow\n0;1;2\n", "cells are separated by semicolons, not by commas"),
+        ("0\t1\t2\n", "cells are separated by tabs, not by commas"),
+        (
+            "t,waist,elbow\n0,1,2\n1,2,3\n0.5,2,3\n",
+            ":4: column 't' = 0.5: earlier than 1 before it; expected times to increase",
+        ),
+        ("t,waist,elbow\n0,1,2\n1,2,3\n1,2,3\n", ":4: column 't' = 1: repeats the time before it"),
+        ("t,waist,elbow\n0.1,1,2\n", ":2: column 't' = 0.1: expected the first time to be 0"),
+        ("t,waist,elbow\n\n-1,1,2\n", ":3: column 't' = -1: expected the first time to be 0"),
+        ('t,waist,elbow\n0,"1,2\n', "not CSV"),
+    ],
+)
+def test_says_why(tmp_path, text, message):
+    with pytest.raises(ScheduleError) as error:
+        read_schedule(written(tmp_path, text), NAMES, units=("V", "V"))
+    assert message in str(error.value)
 
 
 def test_refuses_what_is_no_file(tmp_path):
     with pytest.raises(ScheduleError, match=r"volts\.csv: no such file"):
         read_schedule(tmp_path / "volts.csv", NAMES)
-    with pytest.raises(ScheduleError, match="a folder, expected a CSV file"):
+    with pytest.raises(ScheduleError, match="a folder; expected a CSV file"):
         read_schedule(tmp_path, NAMES)
 
 
 @pytest.mark.parametrize(
     ("text", "where"),
     [
-        ("t,waist,elbow\n0,1,2\n".encode("utf-16"), "line 1: byte 0xff"),
-        (b"t,waist,elbow\n0,1,\xb5\n", "line 2: byte 0xb5"),
+        ("t,waist,elbow\n0,1,2\n".encode("utf-16"), ":1: byte 0xff"),
+        (b"t,waist,elbow\n0,1,\xb5\n", ":2: byte 0xb5"),
     ],
 )
 def test_refuses_other_encodings(tmp_path, text, where):
@@ -107,7 +130,7 @@ def test_binary_file_is_refused_in_one_line(tmp_path):
 def test_unknown_units_are_refused_where_the_drive_is_not_known(tmp_path):
     schedule = read_schedule(written(tmp_path, "t,waist [V],elbow [N m]\n0,1,2\n"), NAMES)
     np.testing.assert_array_equal(schedule.commands, [[1, 2]])
-    with pytest.raises(ScheduleError, match="in 'mV'; expected its unit to be V or A or N m or N"):
+    with pytest.raises(ScheduleError, match="unit of column 'waist' = 'mV': expected V or A or N m or N"):
         read_schedule(written(tmp_path, "t,waist [mV],elbow\n0,1,2\n"), NAMES)
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armwright.errors import RunError, nearest
+from armwright.errors import RunError
 from armwright.results.aliases import PARTIAL, QUANTITIES, joint_names, variables
 from armwright.results.recording import in_order, run_units
 
@@ -136,12 +136,12 @@ def describe(
     for other in others:
         theirs = [str(joint) for joint in named[other]["joint"].values]
         if theirs != names:
-            raise RunError(f"{other}: has joints {', '.join(theirs)}; expected those of {first}: {', '.join(names)}")
+            raise RunError(place=f"{other} joints", value=theirs, expected=f"those of {first}: {', '.join(names)}")
     drawing = _Drawing(tuple(named), tuple(named.values()), tuple(names))
     panels = drawing.panels(quantities)
     if not panels:
         what = ", ".join(quantities or ["any quantity"])
-        raise RunError(f"{', '.join(named) or 'run'}: no finite number of {what} to be drawn")
+        raise RunError(f"no finite number of {what} to be drawn", place=", ".join(named) or "run")
     robots = ", ".join(dict.fromkeys(str(run.attrs.get("robot", "run")) for run in named.values()))
     title = [robots, names[0] if drawing.by_run else "", "" if others else first]
     times = tuple(np.asarray(run["time"].values, dtype=float) for run in named.values())
@@ -157,7 +157,7 @@ def _named(runs: xr.Dataset | Mapping[str, xr.Dataset] | Sequence[xr.Dataset]) -
     if isinstance(runs, xr.Dataset) or not isinstance(runs, Mapping):  # a dataset is a mapping too
         return {"": runs}  # type: ignore[dict-item]
     if not runs:
-        raise RunError("no runs; expected at least one")
+        raise RunError("no runs", expected="at least one")
     return {str(name): run for name, run in runs.items()}
 
 
@@ -171,13 +171,13 @@ def _part(name: str, run: xr.Dataset, joints: Sequence[str] | None, quantities: 
     joints = names if joints is None else joint_names(joints, names) or names
     for joint in joints:
         if joint not in names:
-            raise RunError(f"{name}: no joint {joint!r}; {nearest(joint, names)}")
+            raise RunError("no such joint", place=f"{name} joint", value=joint, choices=names)
     for quantity in quantities or ():
         if quantity not in known:
-            also = [*known, *(spoken for spoken, variable in QUANTITIES.items() if variable in known)]
-            raise RunError(f"{name}: no quantity {quantity!r}; {nearest(quantity, also)}")
+            names = [*known, *(alias for alias, variable in QUANTITIES.items() if variable in known)]
+            raise RunError("no such quantity", place=f"{name} quantity", value=quantity, choices=names)
     if not known or not run.sizes["time"] or not names:
-        raise RunError(f"{name}: holds no rows of any quantity; expected a run")
+        raise RunError("holds no rows of any quantity", place=name, expected="a run")
     chosen = [k for k, joint in enumerate(names) if joint in joints]
     return run.isel(joint=chosen).assign_coords({PLACE: ("joint", chosen)})
 

@@ -1,4 +1,4 @@
-"""What a simulation leaves behind: one dataset with names, units and coordinates, and the files it is saved in.
+"""Runs: the dataset with names, units and coordinates that a simulation returns, and the files it is saved in.
 
 | ending   | what is written                                                              | read by                         |
 |----------|------------------------------------------------------------------------------|---------------------------------|
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ENDINGS = (".nc", ".csv", ".parquet")
+A_RUN = "the dataset that simulate returns"
 DIMENSIONS = ("lane", "time", "joint", "event")  # of a run, in order; the last where events were watched
 
 
@@ -49,7 +50,7 @@ def make_dataset(
         arm: the arm that moved.   t: (k,) [s].
         q: (…, k, n) [rad | m].   qd: (…, k, n) [rad/s | m/s].   u: (…, k, n) [V | A | N m | N]; … is nothing or the lanes.
         qdd: (…, k, n) [rad/s² | m/s²].   tau: (…, k, n) [N m | N].   voltage: (…, k, n) [V].   current: (…, k, n) [A].
-        attrs: what the whole run should remember, texts and numbers; of a list of texts each gets a line.
+        attrs: of the whole run, texts and numbers; of a list of texts or notes each gets a line.
     Returns:
         run: coordinates time [s], joint (names), kind and command of each joint. Voltage and current are left out where
             the motors' constants are known of no joint, and NaN for joints without.
@@ -73,7 +74,7 @@ def make_dataset(
 
 
 def bare_dataset(arm: Model, attrs: Mapping[str, Any], lanes: int | None) -> xr.Dataset:
-    """A run of which nothing was recorded: coordinates joint, kind, command and, where there are lanes, lane.
+    """A run without recorded rows: coordinates joint, kind, command and, where there are lanes, lane.
 
     Args:
         arm: the arm that moved.   attrs: as in `make_dataset`.   lanes: how many; None: a run without a lane axis.
@@ -103,7 +104,7 @@ def _are_texts(value: Any) -> bool:
 
 
 def _known(arm: Model, *constants: str) -> np.ndarray:
-    """(n,) whether the record gives all those constants of a joint's motor."""
+    """(n,) True if the robot file gives all those constants of the joint's motor."""
     return np.array([all(getattr(body.drive, name) is not None for name in constants) for body in arm.coordinates])
 
 
@@ -116,10 +117,10 @@ def in_order(run: xr.Dataset) -> xr.Dataset:
         RunError: no run: no dataset, one without the coordinates of a run, or one whose motion has further dimensions;
             those of single variables, such as the entries of a sensor's signal, stay behind.
     """
-    _check_dataset(run)
+    check_dataset(run)
     missing = [name for name in ("time", "joint", "kind", "command") if name not in run.coords]
     if missing:
-        raise RunError(f"no coordinate {missing[0]!r}: expected a run, the dataset that simulate returns")
+        raise RunError(f"no coordinate {missing[0]!r}", expected=A_RUN)
     for dim, coordinates in {"joint": ("joint", "kind", "command"), "time": ("time",)}.items():
         if dim not in run.dims:
             varying = [name for name, variable in run.variables.items() if name in LONG_NAMES or name in coordinates]
@@ -127,15 +128,20 @@ def in_order(run: xr.Dataset) -> xr.Dataset:
             run = run.assign({name: run[name].variable.expand_dims(dim) for name in dict.fromkeys(varying)})
     further = [str(dim) for name in LONG_NAMES if name in run for dim in run[name].dims if dim not in DIMENSIONS]
     if further:
-        raise RunError(f"dimension {further[0]!r}: expected those of a run, lane, time and joint")
+        raise RunError(place="dimension", value=further[0], expected="those of a run, lane, time and joint")
     return run.transpose(*(dim for dim in DIMENSIONS if dim in run.dims), ...)
 
 
-def _check_dataset(run: Any) -> None:
+def check_dataset(run: Any) -> None:
+    """Refuses everything but a dataset.
+
+    Raises:
+        RunError: no dataset.
+    """
     import xarray as xr
 
     if not isinstance(run, xr.Dataset):
-        raise RunError(f"a {type(run).__name__} is no run; expected the dataset that simulate returns")
+        raise RunError(f"a {type(run).__name__} is no run", expected=A_RUN)
 
 
 def wide(run: xr.Dataset) -> dict[str, np.ndarray]:
@@ -143,11 +149,11 @@ def wide(run: xr.Dataset) -> dict[str, np.ndarray]:
 
     Returns:
         columns: header → (rows,), one row a lane and time, lanes one after the other;
-            of a run that recorded no motion one row a lane, with what its reducers came to.
+            of a run that recorded no motion one row a lane, with the results of its reducers.
     Raises:
         RunError: no run.
     """
-    _check_dataset(run)
+    check_dataset(run)
     if "joint" in run.dims and not {"time", *LONG_NAMES} & {*run.dims, *run.variables}:
         return _wide_reduced(run)
     run = in_order(run)
@@ -164,7 +170,7 @@ def wide(run: xr.Dataset) -> dict[str, np.ndarray]:
 
 
 def _wide_reduced(run: xr.Dataset) -> dict[str, np.ndarray]:
-    """A run that left no motion as one table: a row a lane, what each joint's reducers came to."""
+    """A run without recorded motion as one table: a row a lane, the results of each joint's reducers."""
     joints = [str(joint) for joint in run["joint"].values]
     columns = {"lane": run["lane"].values} if "lane" in run.dims else {}
     for name, variable in run.data_vars.items():
@@ -172,7 +178,7 @@ def _wide_reduced(run: xr.Dataset) -> dict[str, np.ndarray]:
             rows = variable.transpose(..., "joint").values.reshape(-1, len(joints))
             columns |= joint_columns(str(name), joints, [str(variable.attrs.get("units", "-"))] * len(joints), rows)
     if not any(name != "lane" for name in columns):
-        raise RunError("no coordinate 'time': expected a run, the dataset that simulate returns")
+        raise RunError("no coordinate 'time'", expected=A_RUN)
     return columns
 
 
@@ -188,14 +194,14 @@ def run_units(run: xr.Dataset, name: str) -> list[str]:
 
 
 def check_recording(path: str | os.PathLike[str]) -> Path:
-    """The path, if a run can be saved there; to be asked before a long simulation.
+    """The path, if a run can be saved there; for a check before a long simulation.
 
     Raises:
         OutputError: as `save`.
     """
     path = check_destination(path, ENDINGS)
     if path.suffix.lower() == ".parquet" and importlib.util.find_spec("pyarrow") is None:
-        raise OutputError(f"{path}: Parquet needs pyarrow, which is not installed: pip install armwright[logs]")
+        raise OutputError("Parquet needs pyarrow, which is not installed: pip install armwright[logs]", file=path)
     return path
 
 
@@ -209,7 +215,7 @@ def save(run: xr.Dataset, path: str | os.PathLike[str]) -> None:
         RunError: no run.
         OutputError: an unknown ending, a folder that is missing, no permission, a full disk, Parquet without pyarrow.
     """
-    _check_dataset(run)
+    check_dataset(run)
     path = check_recording(path)
     writers = {".nc": _write_netcdf, ".csv": _write_csv, ".parquet": _write_parquet}
     with whole_file(path, ENDINGS) as temporary:
@@ -217,11 +223,11 @@ def save(run: xr.Dataset, path: str | os.PathLike[str]) -> None:
             writers[path.suffix.lower()](run, temporary)
         except (RuntimeError, ValueError, TypeError) as error:  # an attribute that the format cannot hold
             reason = (str(error).splitlines() or [type(error).__name__])[0]
-            raise OutputError(f"{path}: cannot be written: {reason}") from error
+            raise OutputError(f"cannot be written: {reason}", file=path) from error
 
 
 def _write_netcdf(run: xr.Dataset, path: Path) -> None:
-    """Made in memory first: on a disk that fills up HDF5 itself ends the process with a segmentation fault."""
+    """Writes NetCDF, in memory first: on a full disk HDF5 itself would end the process with a segmentation fault."""
     path.write_bytes(run.to_netcdf(engine="h5netcdf", format="NETCDF4"))
 
 
@@ -261,9 +267,9 @@ def load_run(path: str | os.PathLike[str]) -> xr.Dataset:
 
     path = Path(path)
     if not path.is_file():
-        raise RunError(f"{path}: {'a folder' if path.is_dir() else 'no such file'}; expected a run saved as .nc")
+        raise RunError("a folder" if path.is_dir() else "no such file", file=path, expected="a run saved as .nc")
     try:
         return xr.load_dataset(path, engine="h5netcdf")
     except (OSError, ValueError, KeyError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise RunError(f"{path}: cannot be read as a run; expected NetCDF 4: {reason}") from None
+        raise RunError(f"cannot be read as a run: {reason}", file=path, expected="NetCDF 4") from None

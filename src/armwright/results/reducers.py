@@ -1,6 +1,6 @@
-"""What a run comes to, worked out in the compiled loop, so that a million lanes need no room for their motion.
+"""Results of a run that are computed in the compiled loop, so that a million lanes need no memory for their motion.
 
-Each reducer follows the recorded rows of its lane, k = 0, 1, …, with some numbers a joint, and ends as one number a joint:
+Each reducer updates some numbers a joint with every recorded row of its lane, k = 0, 1, …, and ends as one number a joint:
 
     rms_error         √( Σ (q - r)² / rows )              peak_error         max |q - r|
     peak_voltage      max |V|                             peak_current       max |i|
@@ -9,7 +9,7 @@ Each reducer follows the recorded rows of its lane, k = 0, 1, …, with some num
     settling_time     when q came within the band about the last reference and stayed; a share of the step, 0.02
     overshoot         how far q went past the last reference, as a share of the step
 
-A lane that leaves the finite numbers is followed until then.
+A lane that diverges is followed until then.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import ScenarioError, nearest
+from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.program import Program, trace
 from armwright.scalar import Array, Scalar
@@ -46,7 +46,7 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Ends:
-    """What is known at the end: rows that each lane was followed (lanes, 1), the period [s], first and final (lanes or 1, n)."""
+    """End of a run: rows that each lane was followed (lanes, 1), the period [s], first and final position (lanes or 1, n)."""
 
     rows: np.ndarray
     period: float
@@ -60,9 +60,9 @@ class Reducer:
     """A number a joint that follows a run.
 
     Attributes:
-        about: what it is.   unit: a quantity of `joint_units`, or a unit.   needs: the plant's output that it looks at.
-        begin: values that it begins with, each for all joints.
-        follow: (held, row) → held, each (values, n).   end: (held (lanes, values, n), ends) → (lanes, n).
+        about: its meaning.   unit: a quantity of `joint_units`, or a unit.   needs: the plant's output that it uses.
+        begin: initial values, each for all joints.
+        follow: (memory, row) → memory, each (values, n).   end: (memory (lanes, values, n), ends) → (lanes, n).
     """
 
     about: str
@@ -75,7 +75,8 @@ class Reducer:
 
 def _peak(about: str, unit: str, needs: str | None, value: Callable[[Row], Array], least: float = 0.0) -> Reducer:
     return Reducer(
-        about, unit, needs, (least,), lambda held, row: [scalar.maximum(held[0], value(row))], lambda held, ends: held[:, 0]
+        about, unit, needs, (least,),
+        lambda memory, row: [scalar.maximum(memory[0], value(row))], lambda memory, ends: memory[:, 0],
     )  # fmt: skip
 
 
@@ -94,13 +95,13 @@ def _clipped(row: Row) -> Array:
 
 
 def _settling(band: float) -> Reducer:
-    def follow(held: Array, row: Row) -> Sequence[Array]:
+    def follow(memory: Array, row: Row) -> Sequence[Array]:
         outside = scalar.less(band * scalar.abs(row.final - row.first), scalar.abs(row.q - row.final))
-        return [scalar.where(outside, row.tick, held[0])]
+        return [scalar.where(outside, row.tick, memory[0])]
 
-    def end(held: np.ndarray, ends: Ends) -> np.ndarray:
-        settled = (held[:, 0] + 1.0 < ends.rows) & ~ends.diverged & (ends.final != ends.first)
-        return np.where(settled, (held[:, 0] + 1.0) * ends.period, np.nan)
+    def end(memory: np.ndarray, ends: Ends) -> np.ndarray:
+        settled = (memory[:, 0] + 1.0 < ends.rows) & ~ends.diverged & (ends.final != ends.first)
+        return np.where(settled, (memory[:, 0] + 1.0) * ends.period, np.nan)
 
     about = f"time from which the position stays within {100 * band:g} % of the step"
     return Reducer(about, "s", None, (-1.0,), follow, end)
@@ -110,16 +111,16 @@ def _past(row: Row) -> Array:
     return (row.q - row.final) * scalar.sign(row.final - row.first)
 
 
-def _overshoot(held: np.ndarray, ends: Ends) -> np.ndarray:
+def _overshoot(memory: np.ndarray, ends: Ends) -> np.ndarray:
     step = np.abs(ends.final - ends.first)
-    return np.divide(held[:, 0], step, out=np.full(held[:, 0].shape, np.nan), where=step > 0.0)
+    return np.divide(memory[:, 0], step, out=np.full(memory[:, 0].shape, np.nan), where=step > 0.0)
 
 
 REDUCERS: dict[str, Reducer] = {
     "rms_error": Reducer(
         "root mean square of the tracking error", "q", None, (0.0,),
-        lambda held, row: [held[0] + (row.q - row.r) * (row.q - row.r)],
-        lambda held, ends: np.sqrt(held[:, 0] / ends.rows),
+        lambda memory, row: [memory[0] + (row.q - row.r) * (row.q - row.r)],
+        lambda memory, ends: np.sqrt(memory[:, 0] / ends.rows),
     ),
     "peak_error": _peak("largest tracking error", "q", None, lambda row: scalar.abs(row.q - row.r)),
     "peak_voltage": _peak_output("voltage", "largest motor voltage", "voltage"),
@@ -128,20 +129,20 @@ REDUCERS: dict[str, Reducer] = {
     "peak_temperature": _peak(
         "highest winding temperature", "°C", "winding_temperature", lambda row: row.outputs["winding_temperature"], -273.15
     ),
-    "energy": Reducer(  # of every row but the last, which no period follows: what is held waits for the next row
+    "energy": Reducer(  # of every row but the last, which no period follows: its power waits for the next row
         "electrical energy into the motors", "J", "voltage", (0.0, 0.0),
-        lambda held, row: [held[0] + held[1], _power(row)],
-        lambda held, ends: ends.period * held[:, 0],
+        lambda memory, row: [memory[0] + memory[1], _power(row)],
+        lambda memory, ends: ends.period * memory[:, 0],
     ),
     "saturation": Reducer(
         "share of the rows in which limits kept the drive from its command", "1", None, (0.0,),
-        lambda held, row: [held[0] + _clipped(row)],
-        lambda held, ends: held[:, 0] / ends.rows,
+        lambda memory, row: [memory[0] + _clipped(row)],
+        lambda memory, ends: memory[:, 0] / ends.rows,
     ),
     "settling_time": _settling(BAND),
     "overshoot": Reducer(
         "overshoot, as a share of the step", "1", None, (0.0,),
-        lambda held, row: [scalar.maximum(held[0], _past(row))], _overshoot,
+        lambda memory, row: [scalar.maximum(memory[0], _past(row))], _overshoot,
     ),
 }  # fmt: skip
 
@@ -153,7 +154,7 @@ def reducer(name: str) -> Reducer:
         ScenarioError: an unknown name, or a band that is none; names the nearest ones.
     """
     if not isinstance(name, str):
-        raise ScenarioError(f"reduce: {name!r}: expected names, such as 'rms_error'")
+        raise ScenarioError(place="reduce", value=name, expected="names, such as 'rms_error'")
     plain, colon, option = name.partition(":")
     if colon and plain == "settling_time" and option.startswith("band="):
         try:
@@ -161,10 +162,10 @@ def reducer(name: str) -> Reducer:
         except ValueError:
             band = np.nan
         if not 0.0 < band < 1.0:
-            raise ScenarioError(f"reduce: {name!r}: expected a band between 0 and 1, a share of the step")
+            raise ScenarioError(place="reduce", value=name, expected="a band between 0 and 1, a share of the step")
         return _settling(band)
     if colon or name not in REDUCERS:
-        raise ScenarioError(f"reduce: {name!r}: unknown; {nearest(name, REDUCERS)}")
+        raise ScenarioError("unknown", place="reduce", value=name, choices=REDUCERS)
     return REDUCERS[name]
 
 
@@ -206,7 +207,7 @@ class Reduction:
             frozen: Array,
             first: Array,
             final: Array,
-            held: Array,
+            memory: Array,
             *rest: Array,
         ) -> Array:
             values = dict(zip(config.plant_blocks, rest, strict=True))
@@ -216,11 +217,11 @@ class Reduction:
             values, start = [], 0
             for each in self.reducers.values():
                 stop = start + n * len(each.begin)
-                values += list(each.follow(held[start:stop].reshape(-1, n), row))
+                values += list(each.follow(memory[start:stop].reshape(-1, n), row))
                 start = stop
-            following = np.concatenate([*values, [held[-1] + 1.0]])
+            following = np.concatenate([*values, [memory[-1] + 1.0]])
             alive = scalar.less(frozen[0], 0.0)
-            return scalar.array([scalar.where(alive, new, old) for new, old in zip(following, held, strict=True)])
+            return scalar.array([scalar.where(alive, new, old) for new, old in zip(following, memory, strict=True)])
 
         shapes = {
             "tick": (1,),
@@ -233,26 +234,25 @@ class Reduction:
         }
         return trace("reduce", follow, {**shapes, "reduced": (self.size,), **config.plant_blocks}, ("reduced_next",))
 
-    def results(self, held: np.ndarray, ends: Ends) -> dict[str, np.ndarray]:
-        """By name (lanes, n), from what was held at the end (lanes, size)."""
+    def results(self, memory: np.ndarray, ends: Ends) -> dict[str, np.ndarray]:
+        """By name (lanes, n), from the block at the end (lanes, size)."""
         found, start = {}, 0
         for name, each in self.reducers.items():
             stop = start + self.n * len(each.begin)
-            found[name] = each.end(held[:, start:stop].reshape(len(held), -1, self.n), ends)
+            found[name] = each.end(memory[:, start:stop].reshape(len(memory), -1, self.n), ends)
             start = stop
         return found
 
 
 def check_known(reduction: Reduction, arm: Model, outputs: Mapping[str, Any]) -> None:
-    """Refuses reducers of what the arm's record cannot say of any joint.
+    """Refuses reducers of an output that the robot file gives for no joint.
 
     Args:
-        reduction: what is asked for.   arm: the model.   outputs: of its plant, (n,) numbers.
+        reduction: that is asked for.   arm: the model.   outputs: of its plant, (n,) numbers.
     Raises:
         ScenarioError: names the reducer.
     """
     for name, each in reduction.reducers.items():
         if each.needs is not None and np.isnan(np.asarray(outputs.get(each.needs, np.nan), dtype=float)).all():
-            raise ScenarioError(
-                f"reduce: {name!r}: the record of {arm.name} tells no joint's {each.needs.replace('_', ' ')}"
-            )
+            what = f"the file of {arm.name} gives no joint's {each.needs.replace('_', ' ')}"
+            raise ScenarioError(what, place="reduce", value=name)

@@ -1,4 +1,4 @@
-"""Statistics over the lanes of a run: mean, spread and percentiles of everything that each lane tells."""
+"""Statistics over the lanes of a run: mean, spread and percentiles of all variables that have lanes."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import numpy as np
 
 from armwright.errors import RunError
 from armwright.results.aliases import LOOP_STATE
+from armwright.results.recording import check_dataset
 
 if TYPE_CHECKING:
     import xarray as xr
 
 NO_STATISTICS = ("diverged_at", "stalled_at", LOOP_STATE)
 PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
-PIECE = 4_000_000  # numbers that are looked at in one go
+PIECE = 4_000_000  # numbers in one go
 
 
 def statistics(run: xr.Dataset, percentiles: Sequence[float] = PERCENTILES) -> xr.Dataset:
     """Mean, standard deviation, least, most and percentiles over the lanes, of every variable that has them.
 
-    Lanes that left the finite numbers or ran out of steps are left out, and counted in the attributes; numbers that a lane
-    does not know (NaN) are left out of that one's statistics.
+    Lanes that diverged or ran out of steps are left out, and counted in the attributes; so are unknown numbers (NaN).
 
     Args:
         run: what `simulate` returned, with lanes.   percentiles: (k,) within 0 and 100 [%].
@@ -31,26 +31,25 @@ def statistics(run: xr.Dataset, percentiles: Sequence[float] = PERCENTILES) -> x
         statistics: the variables with dimension `statistic` instead of `lane`: "mean", "std" (over the lanes, divided by their
             number less one), "min", "max", "p5", "p25", …; units as in the run.
     Raises:
-        RunError: no run, one without lanes, no lane that came to its end, or percentiles that are none.
+        RunError: no run, one without lanes, no lane that reached its end, or percentiles outside of 0 to 100.
     """
     import xarray as xr
 
-    if not isinstance(run, xr.Dataset):
-        raise RunError(f"a {type(run).__name__} is no run; expected the dataset that simulate returns")
+    check_dataset(run)
     if "lane" not in run.dims:
-        raise RunError("statistics are over lanes; expected a run of many lanes")
+        raise RunError("statistics are over lanes", expected="a run of many lanes")
     try:
         shares = np.atleast_1d(np.asarray(percentiles, dtype=float))
     except (TypeError, ValueError):
         shares = np.full(1, np.nan)
     if shares.ndim != 1 or not np.all((shares >= 0.0) & (shares <= 100.0)):
-        raise RunError(f"percentiles = {percentiles!r}: expected numbers from 0 to 100")
+        raise RunError(place="percentiles", value=percentiles, expected="numbers from 0 to 100")
     whole = np.ones(run.sizes["lane"], dtype=bool)
     for name in ("diverged_at", "stalled_at"):
         if name in run:
             whole &= np.isnan(run[name].values)
     if not whole.any():
-        raise RunError(f"none of the {len(whole)} lanes came to its end; expected at least one for statistics")
+        raise RunError(f"none of the {len(whole)} lanes reached its end", expected="at least one for statistics")
     names = ["mean", "std", "min", "max", *(f"p{share:g}" for share in shares)]
     found = {}
     for name, variable in run.data_vars.items():
@@ -72,7 +71,7 @@ def _over_lanes(values: np.ndarray, shares: np.ndarray) -> np.ndarray:
     width = max(1, PIECE // len(values))
     for start in range(0, flat.shape[1], width):
         part = flat[:, start : start + width]
-        with warnings.catch_warnings():  # a column of which nobody knows anything stays unknown
+        with warnings.catch_warnings():  # a column of NaN stays NaN
             warnings.simplefilter("ignore", RuntimeWarning)
             spread = np.nanstd(part, axis=0, ddof=1) if len(part) > 1 else np.full(part.shape[1], np.nan)
             rows = [np.nanmean(part, axis=0), spread, np.nanmin(part, axis=0), np.nanmax(part, axis=0)]

@@ -1,8 +1,8 @@
 """Tables of numbers as CSV: one header row, then one row a set of data.
 
-A column's name may carry its unit, `tau_elbow [N m]`, and does so in the tables that Armwright writes: pandas, MATLAB,
-Excel and people read that without being told how. Read back, a unit is compared with the one that is expected, so a
-column in millivolts or degrees is refused and not taken for volts or radians.
+A column's name may carry its unit, `tau_elbow [N m]`, and does so in the tables that Armwright writes: pandas, MATLAB and
+Excel read that. A unit in a header is compared with the expected one, so a column in millivolts or degrees is refused and
+not taken for volts or radians.
 """
 
 from __future__ import annotations
@@ -12,12 +12,13 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from armwright.errors import ScheduleError, nearest
+from armwright.errors import ScheduleError
 from armwright.output import whole_file
 
 WITH_UNIT = re.compile(r"^(?P<name>[^\[\]]*?)\s*\[(?P<unit>[^\[\]]*)\]$")
@@ -34,7 +35,7 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
-    """What a CSV file holds: `values` (rows, columns) in the order asked for, `lines` (rows,) where each stood."""
+    """Numbers of a CSV file: `values` (rows, columns) in the order of `columns`, `lines` (rows,) of the file."""
 
     path: str
     columns: tuple[Column, ...]
@@ -42,8 +43,8 @@ class Numbers:
     lines: tuple[int, ...]
 
     def place(self, row: int, column: int) -> str:
-        """Where a value stands, for an error to begin with."""
-        return f"{self.path}: line {self.lines[row]}, column {self.columns[column].name!r}"
+        """File, line and column of a value, for an error to begin with."""
+        return f"{self.path}:{self.lines[row]}: column {self.columns[column].name!r}"
 
 
 def read_numbers(path: str | os.PathLike[str], columns: Sequence[Column]) -> Numbers:
@@ -51,42 +52,36 @@ def read_numbers(path: str | os.PathLike[str], columns: Sequence[Column]) -> Num
 
     Args:
         path: UTF-8 text with commas between the cells; blank lines count for nothing.
-        columns: every column that the file must have; it may have no other.
+        columns: all columns of the file.
     Raises:
         ScheduleError: no such file, not UTF-8, columns too many, too few or unknown, a wrong unit, a cell that holds
-            no finite number, no rows; one line that names file, line, column, value and what was expected.
+            no finite number, no rows; with file, line, column, value and expectation.
     """
     place, columns = os.fspath(path), tuple(columns)
-    rows = _rows(place, _text(place))
     expected = f"{len(columns)} columns: {', '.join(column.name for column in columns)}"
     order: list[int] | None = None
     values: list[list[float]] = []
     lines: list[int] = []
-    for line, cells in rows:
+    for line, cells in _rows(place, _text(place)):
         if order is None:
             header = _is_header(cells, columns)
-            order = _order(place, line, cells, columns, expected) if header else list(range(len(columns)))
+            order = _order(f"{place}:{line}", cells, columns, expected) if header else list(range(len(columns)))
             if header:
                 continue
         if len(cells) != len(columns):
-            raise ScheduleError(f"{place}: line {line}: {_count(cells)}, expected {expected}{_separator_hint(cells)}")
-        try:
-            values.append([_number(cells[k]) for k in order])
-        except ValueError:
-            _refuse_cells(place, line, [cells[k] for k in order], columns)
-            raise
+            count = "1 column" if len(cells) == 1 else f"{len(cells)} columns"
+            raise ScheduleError(_separated(cells) or count, file=f"{place}:{line}", expected=expected)
+        row = [_number(cells[k]) for k in order]
+        for column, k, value in zip(columns, order, row, strict=True):
+            if value is None or not isfinite(value):
+                where, wanted = f"column {column.name!r}", "a finite number"
+                raise ScheduleError(place=where, value=cells[k], expected=wanted, file=f"{place}:{line}")
+        values.append(row)  # type: ignore[arg-type]
         lines.append(line)
-    if order is None:
-        raise ScheduleError(f"{place}: empty; expected {expected}")
     if not values:
-        raise ScheduleError(f"{place}: a header without rows; expected at least one row of {expected}")
-    table = Numbers(place, columns, np.array(values, dtype=float), tuple(lines))
-    bad = np.argwhere(~np.isfinite(table.values))
-    if len(bad):
-        row, column = bad[0]
-        value = table.values[row, column]
-        raise ScheduleError(f"{table.place(row, column)}: {value:g}: expected a finite number")
-    return table
+        what = "empty" if order is None else "a header without rows"
+        raise ScheduleError(what, file=place, expected=f"at least one row of {expected}")
+    return Numbers(place, columns, np.array(values, dtype=float), tuple(lines))
 
 
 def read_table(
@@ -150,21 +145,21 @@ def _write_rows(file: Any, columns: Mapping[str, Any]) -> None:
 
 
 def _text(place: str) -> str:
+    """A file as text."""
     try:
         data = Path(place).read_bytes()
     except FileNotFoundError:
-        raise ScheduleError(f"{place}: no such file") from None
+        raise ScheduleError("no such file", file=place) from None
     except IsADirectoryError:
-        raise ScheduleError(f"{place}: a folder, expected a CSV file") from None
+        raise ScheduleError("a folder", file=place, expected="a CSV file") from None
     except OSError as error:
-        raise ScheduleError(f"{place}: cannot be read: {error.strerror or error}") from None
+        raise ScheduleError(f"cannot be read: {error.strerror or error}", file=place) from None
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        raise ScheduleError(
-            f"{place}: line {line}: byte 0x{data[error.start]:02x} is not UTF-8; expected a CSV file in UTF-8"
-        ) from None
+        what = f"byte 0x{data[error.start]:02x} is not UTF-8"
+        raise ScheduleError(what, file=f"{place}:{line}", expected="a CSV file in UTF-8") from None
 
 
 def _rows(place: str, text: str) -> Iterator[tuple[int, list[str]]]:
@@ -176,75 +171,59 @@ def _rows(place: str, text: str) -> Iterator[tuple[int, list[str]]]:
             if len(stripped) > 1 or any(stripped):
                 yield reader.line_num, stripped
     except csv.Error as error:
-        raise ScheduleError(f"{place}: line {reader.line_num}: not CSV: {error}") from None
+        raise ScheduleError(f"not CSV: {error}", file=f"{place}:{reader.line_num}") from None
 
 
 def _is_header(cells: list[str], columns: Sequence[Column]) -> bool:
-    """Whether a first row holds names: one that is expected, or nothing that could be a number."""
+    """True if a first row holds names: one that is expected, or nothing that could be a number."""
     names = {column.name for column in columns}
-    return any(_split(cell)[0] in names for cell in cells) or not any(_is_number(cell) for cell in cells)
+    return any(_name_and_unit(cell)[0] in names for cell in cells) or all(_number(cell) is None for cell in cells)
 
 
-def _number(cell: str) -> float:
-    if "_" in cell:  # Python's 1_000 is a slip of the keyboard in a table
-        raise ValueError(cell)
-    return float(cell)
-
-
-def _is_number(cell: str) -> bool:
+def _number(cell: str) -> float | None:
+    """The number in a cell; None if it is none."""
+    if "_" in cell:  # Python reads 1_000, but in a table that is a typing mistake
+        return None
     try:
-        _number(cell)
+        return float(cell)
     except ValueError:
-        return False
-    return True
+        return None
 
 
-def _split(cell: str) -> tuple[str, str | None]:
+def _name_and_unit(cell: str) -> tuple[str, str | None]:
     """Name and unit of a header's cell: `q_elbow [rad]` → ("q_elbow", "rad")."""
     match = WITH_UNIT.match(cell)
     return (match["name"], match["unit"].strip()) if match else (cell, None)
 
 
-def _order(place: str, line: int, cells: list[str], columns: Sequence[Column], expected: str) -> list[int]:
-    """Where in the file each of the expected columns stands."""
-    found: dict[str, int] = {}
+def _order(file: str, cells: list[str], columns: Sequence[Column], expected: str) -> list[int]:
+    """Position in the file of each of the expected columns."""
+    positions: dict[str, int] = {}
     known = {column.name: column for column in columns}
     for k, cell in enumerate(cells):
-        name, unit = _split(cell)
+        name, unit = _name_and_unit(cell)
+        if not name:
+            raise ScheduleError(f"column {k + 1} has no name", file=file, expected=expected)
         if name not in known:
-            if not name:
-                raise ScheduleError(f"{place}: line {line}: column {k + 1} has no name; expected {expected}")
-            hint = _separator_hint(cells) or f"; {nearest(name, known)}"
-            raise ScheduleError(f"{place}: line {line}: unknown column {name!r}{hint}")
-        if name in found:
-            raise ScheduleError(f"{place}: line {line}: two columns are called {name!r}")
+            separated = _separated(cells)
+            if separated:
+                raise ScheduleError(separated, file=file, expected=expected)
+            raise ScheduleError("unknown", place="column", value=name, choices=known, file=file)
+        if name in positions:
+            raise ScheduleError("given twice", place=f"column {name!r}", file=file)
         units = known[name].units
         if unit is not None and units and unit not in units:
-            raise ScheduleError(
-                f"{place}: line {line}, column {name!r}: in {unit!r}; expected its unit to be {' or '.join(units)}"
-            )
-        found[name] = k
-    missing = [name for name in known if name not in found]
+            raise ScheduleError(place=f"unit of column {name!r}", value=unit, expected=" or ".join(units), file=file)
+        positions[name] = k
+    missing = [name for name in known if name not in positions]
     if missing:
-        raise ScheduleError(f"{place}: line {line}: no column {missing[0]!r}; expected {expected}")
-    return [found[column.name] for column in columns]
+        raise ScheduleError("missing", place=f"column {missing[0]!r}", expected=expected, file=file)
+    return [positions[column.name] for column in columns]
 
 
-def _count(cells: list[str]) -> str:
-    return "1 column" if len(cells) == 1 else f"{len(cells)} columns"
-
-
-def _separator_hint(cells: list[str]) -> str:
-    if len(cells) > 1 and not any(";" in cell for cell in cells):
-        return ""
+def _separated(cells: list[str]) -> str:
+    """A note if cells are separated by something other than commas."""
     for mark, name in ((";", "semicolons"), ("\t", "tabs")):
-        if any(mark in cell for cell in cells):
-            return f"; its cells are separated by {name}, expected commas"
+        if any(mark in cell for cell in cells) and (len(cells) == 1 or mark == ";"):
+            return f"cells are separated by {name}, not by commas"
     return ""
-
-
-def _refuse_cells(place: str, line: int, cells: list[str], columns: Sequence[Column]) -> None:
-    for cell, column in zip(cells, columns, strict=True):
-        if not _is_number(cell):
-            shown = repr(cell) if cell else "empty"
-            raise ScheduleError(f"{place}: line {line}, column {column.name!r}: {shown}: expected a finite number")
