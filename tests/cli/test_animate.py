@@ -57,7 +57,7 @@ def test_a_lane_as_a_page(folder):
         (("gone.nc", "--robot", "two-link", "-o", "x.glb"), "gone.nc: no such file"),
         (("run.nc", "--robot", "two-lnk", "-o", "x.glb"), "did you mean two-link?"),
         (("run.nc", "--robot", "two-link"), "Missing option '--output'"),
-        (("unnamed.nc", "-o", "x.glb"), "which is not built in; expected --robot FILE"),
+        (("unnamed.nc", "-o", "x.glb"), "not built in; expected --robot FILE"),
     ],
 )
 def test_refused(folder, arguments, words):

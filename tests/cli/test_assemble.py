@@ -122,8 +122,8 @@ def test_the_best_arm_for_a_task_is_written() -> None:
     [
         ((), "neither a file nor --all given"),
         (("arm.assembly.toml", "--all"), "--all and a file given"),
-        (("--all",), "--all needs --modules FILE"),
-        (("arm.assembly.toml", "--task", "sort.task.toml"), "--task goes with --all"),
+        (("--all",), "assemble --all: expected --modules FILE"),
+        (("arm.assembly.toml", "--task", "sort.task.toml"), "assemble --task: goes with --all"),
         (("lwa5p",), "assembly = 'lwa5p': neither built in nor a file; did you mean lwa4p"),
         (("nowhere.assembly.toml",), "nowhere.assembly.toml: no such file"),
         (("--all", "--modules", "impro"), "module library = 'impro'"),

@@ -51,10 +51,10 @@ def test_runs_of_one_name_are_told_apart_by_their_folder(runs):
     ("arguments", "words"),
     [
         (("gone.nc",), "gone.nc: no such file; expected a run saved as .nc"),
-        (("before.nc", "other.nc"), "other.nc: has joints joint1"),
+        (("before.nc", "other.nc"), "other.nc joints = ['joint1'"),
         (("before.nc", "before.nc"), "before.nc: named twice"),
-        (("before.nc", "--joints", "elbo"), "before.nc: no joint 'elbo'; did you mean elbow?"),
-        (("before.nc", "--quantities", "q,,u"), "--quantities q,,u: an empty name"),
+        (("before.nc", "--joints", "elbo"), "before.nc joint = 'elbo': no such joint; did you mean elbow?"),
+        (("before.nc", "--quantities", "q,,u"), "--quantities = 'q,,u': an empty name"),
         (("before.nc", "-o", "x.gif"), "x.gif: the ending '.gif' is not offered; expected .png, .svg, .pdf or .html"),
         ((), "Missing argument 'RUN"),
     ],

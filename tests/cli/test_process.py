@@ -48,7 +48,8 @@ def test_a_console_without_greek_letters():
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
-def test_ctrl_c_ends_quietly_and_keeps_what_is_finished(tmp_path):
+def test_ctrl_c_ends_quietly_and_keeps_what_is_finished(tmp_path, tmp_path_factory):
+    cache = tmp_path_factory.mktemp("cache")
     arguments = ("simulate", "cmu-dd", "--voltage", "0", "--duration", "100000", "--record-every", "1000")
     process = subprocess.Popen(
         [*COMMAND, *arguments, "-o", str(tmp_path / "run.nc")],
@@ -56,8 +57,12 @@ def test_ctrl_c_ends_quietly_and_keeps_what_is_finished(tmp_path):
         stderr=subprocess.PIPE,
         text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore it
+        env={**os.environ, "ARMWRIGHT_CACHE_DIR": str(cache)},
     )
-    time.sleep(8.0)  # until it is compiled and runs, on a busy machine too
+    end = time.monotonic() + 60.0
+    while len(list(cache.glob("*.code"))) < 2 and time.monotonic() < end:  # the loop and its outputs are compiled
+        time.sleep(0.05)
+    time.sleep(1.0)  # until there are rows
     assert process.poll() is None, process.communicate()
     process.send_signal(signal.SIGINT)
     out, error = process.communicate(timeout=20)

@@ -101,7 +101,7 @@ REFUSED = [
     (("convert", "panda", "p.toml", "--smoothing", "0.1"), "smoothing: unknown option"),
     (("show", "panda"), "Missing option '--output'"),
     (("show", "panda", "-o", "arm.jpg"), "the ending '.jpg' is not offered; expected .png, .html or .glb"),
-    (("show", "panda", "-o", "arm.png", "--q", "1,2"), "--q 1,2: holds 2; expected 7 numbers"),
+    (("show", "panda", "-o", "arm.png", "--q", "1,2"), "--q = '1,2': expected 7 numbers"),
 ]
 
 

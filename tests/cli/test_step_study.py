@@ -62,11 +62,11 @@ def test_a_scenario_file_says_all_of_it(tmp_path):
         (["two-link", "--duration", "1"], "no command given; expected one of --schedule FILE and --torque"),
         (
             ["two-link", "--torque", "0", "--duration", "1", "--accuracy", "1e-3,x"],
-            "--accuracy 1e-3,x: expected numbers",
+            "--accuracy = '1e-3,x': expected numbers",
         ),
         (["two-link", "--torque", "0", "--duration", "1", "--integrator", "rk45"], "'rk45': chooses its own steps"),
         (["two-link", "--torque", "0", "--duration", "1", "--steps", "0"], "steps = 0: expected a whole number"),
-        (["x.scenario.toml", "--duration", "1"], "--duration, but a scenario file says all of it"),
+        (["x.scenario.toml", "--duration", "1"], "--duration: a scenario file says all of it"),
     ],
 )
 def test_what_cannot_be_tried_is_refused_in_one_line(arguments, said):

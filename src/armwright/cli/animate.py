@@ -7,28 +7,28 @@ from typing import Annotated
 
 import typer
 
+from armwright.cli.arguments import option
+
 
 def animate(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Run saved as .nc.", show_default=False)],
     output: Annotated[
         Path,
-        typer.Option(
-            "--output", "-o", metavar="FILE", show_default=False,
-            help="Where to: .html (a page that plays it) or .glb (animated glTF 2.0).",
-        ),
+        option("--output -o", "FILE", "Where to: .html (a page that plays it) or .glb (animated glTF 2.0)."),
     ],
     robot: Annotated[
         str | None,
-        typer.Option(
-            "--robot", metavar="ROBOT", show_default=False,
-            help="The arm that moved: a built-in one, or path of its file; by default the built-in one that the run names.",
+        option(
+            "--robot",
+            "ROBOT",
+            "The arm that moved: a built-in one, or path of its file; by default the built-in one that the run names.",
         ),
     ] = None,
     lane: Annotated[
         int | None,
-        typer.Option("--lane", metavar="K", help="Which lane of a run that has several.", show_default=False),
+        option("--lane", "K", "Which lane of a run that has several."),
     ] = None,
-) -> None:  # fmt: skip
+) -> None:
     """Write a run as an arm that moves in real time: a page that plays it, or an animated glTF file.
 
     The page needs no network: time slider, speed, camera, the reference of a controlled run as a ghost, curves below.
@@ -48,8 +48,6 @@ def animate(
     if robot is None:
         robot = str(loaded.attrs.get("robot", ""))
         if robot not in aw.builtin_names():
-            raise RunError(
-                f"{run}: is of {robot or 'an arm without a name'}, which is not built in; expected --robot FILE"
-            )
+            raise RunError("not built in", place="robot", value=robot, expected="--robot FILE", file=run)
     aw.animate(loaded, aw.load(robot), output, lane=lane)
     typer.echo(f"wrote {output}")

@@ -1,4 +1,4 @@
-"""The list of commands, and how errors end: one line on stderr and exit code 2, never a traceback."""
+"""The list of commands. Errors end as one line on stderr and exit code 2, never as a traceback."""
 
 from __future__ import annotations
 
@@ -19,10 +19,9 @@ from armwright.cli.assemble import assemble
 from armwright.cli.check import check
 from armwright.cli.convert import convert
 from armwright.cli.diff import diff
+from armwright.cli.dynamics import forward_dynamics, inverse_dynamics
 from armwright.cli.export import export
-from armwright.cli.forward_dynamics import forward_dynamics
 from armwright.cli.info import info
-from armwright.cli.inverse_dynamics import inverse_dynamics
 from armwright.cli.parts import parts
 from armwright.cli.plot import plot
 from armwright.cli.reproduce import reproduce
@@ -37,7 +36,7 @@ UsageError: Any = typer.BadParameter.__mro__[1]  # typer keeps it to itself
 
 
 class Commands(TyperGroup):
-    """Commands whose errors are told in one line."""
+    """Commands whose errors are shown in one line."""
 
     def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
         """Runs a command; ends the process with its exit code."""
@@ -46,12 +45,12 @@ class Commands(TyperGroup):
                 stream.reconfigure(errors="replace")  # a console without τ and ² shows ? for them
         try:
             code = super().main(*args, standalone_mode=False, **extra)
-            sys.stdout.flush()  # here, where it can still be told that the disk is full
+            sys.stdout.flush()  # here, where a full disk can still be reported
         except ArmwrightError as error:
-            code = _tell(str(error))
+            code = _fail(str(error))
         except UsageError as error:
             where = error.ctx.command_path if error.ctx is not None else "armwright"
-            code = _tell(f"{error.format_message()} (see {where} --help)")
+            code = _fail(f"{error.format_message()} (see {where} --help)")
         except typer.Abort:
             code = 130
         except SystemExit as stop:  # typer and rich end the process like that where a pipe's reader has gone
@@ -61,16 +60,16 @@ class Commands(TyperGroup):
         except BrokenPipeError:
             code = _reader_gone()
         except MemoryError as error:
-            code = _tell(f"not enough memory{': ' if str(error) else ''}{error}")
+            code = _fail(f"not enough memory{': ' if str(error) else ''}{error}")
         except OSError as error:
-            code = _tell(_told(error))
+            code = _fail(_os_error_text(error))
         if standalone_mode:
             sys.exit(code if isinstance(code, int) else 0)
         return code
 
 
-def _told(error: OSError) -> str:
-    """What the operating system refused; files have their own errors, so without a name it was standard output."""
+def _os_error_text(error: OSError) -> str:
+    """An error of the operating system; files have their own errors, so without a name it was standard output."""
     if error.errno == errno.ENOMEM:
         return "not enough memory"
     if error.filename is None:
@@ -80,20 +79,20 @@ def _told(error: OSError) -> str:
 
 
 def _reader_gone() -> int:
-    """`armwright … | head`: nobody wants the rest. Quiet, with the exit code of a command that SIGPIPE ends."""
+    """Ends `armwright … | head` quietly, with the exit code of a command that SIGPIPE ends."""
     _silence()
     return 141
 
 
 def _silence() -> None:
-    """What is left in standard output's buffer goes nowhere, or Python would fail on it again at its end."""
+    """Discards the rest of standard output's buffer, on which Python would fail again at its end."""
     with contextlib.suppress(OSError, ValueError):  # ValueError: a stand-in without a file, as in tests
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
         os.close(nowhere)
 
 
-def _tell(message: str) -> int:
+def _fail(message: str) -> int:
     print(f"armwright: error: {' '.join(message.split())}", file=sys.stderr)
     return 2
 
@@ -156,6 +155,6 @@ def _unwrapped(text: str) -> str:
     return "\n\n".join(part if part.startswith("\b") else " ".join(part.split()) for part in paragraphs)
 
 
-for told in (*app.registered_commands, *export.registered_commands, *parts.registered_commands):
-    assert told.callback is not None
-    told.help = _unwrapped(told.callback.__doc__ or "")
+for entry in (*app.registered_commands, *export.registered_commands, *parts.registered_commands):
+    assert entry.callback is not None
+    entry.help = _unwrapped(entry.callback.__doc__ or "")

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from math import isfinite, nan, pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,6 +14,17 @@ from armwright.errors import ScenarioError
 
 if TYPE_CHECKING:
     import numpy as np
+
+    from armwright.model import Model
+    from armwright.simulation.scenario_parts import Start
+
+SCENARIO = ".scenario.toml"
+
+
+def option(names: str, metavar: str, text: str) -> Any:
+    """An option whose default needs no mention."""
+    return typer.Option(*names.split(), metavar=metavar, help=text, show_default=False)
+
 
 Robot = Annotated[
     str,
@@ -24,13 +35,21 @@ Robot = Annotated[
     ),
 ]
 Table = Annotated[Path, typer.Argument(metavar="IN.csv", help="CSV file, one set of data a row.", show_default=False)]
-Out = Annotated[
-    Path | None,
-    typer.Option(
-        "--output", "-o", metavar="OUT.csv", help="CSV file for the results; without it they are printed.",
-        show_default=False,
-    ),
-]  # fmt: skip
+Out = Annotated[Path | None, option("--output -o", "OUT.csv", "CSV file for the results; without it they are printed.")]
+Schedule = Annotated[
+    Path | None, option("--schedule", "FILE", "CSV: t in s and one column a joint, held from row to row.")
+]
+Voltage = Annotated[str | None, option("--voltage", "V1,V2,…", "Constant voltages in V.")]
+Current = Annotated[str | None, option("--current", "I1,I2,…", "Constant currents in A.")]
+Torque = Annotated[str | None, option("--torque", "T1,T2,…", "Constant motor torques at the joints in N m.")]
+Command = Annotated[str | None, option("--command", "U1,U2,…", "Constant commands, each in its own joint's unit.")]
+Duration = Annotated[
+    float | None, option("--duration", "S", "Duration in s; by default until the schedule's last row.")
+]
+Position = Annotated[
+    str | None, option("--q0", "Q1,Q2,…", "Initial positions in rad (or 30deg, pi/2) or m; default 0.")
+]
+Velocity = Annotated[str | None, option("--qd0", "W1,W2,…", "Initial velocities in rad/s or m/s; default 0.")]
 
 ANGLE = re.compile(r"^(?P<factor>[+-]?[\d.]*)\*?pi(?:/(?P<by>[\d.]+))?$")
 
@@ -41,7 +60,7 @@ def vector(option: str, text: str, names: Sequence[str], units: Sequence[str]) -
     Angles may be written `30deg` or `pi/2` where the joint's unit is rad (or rad/s).
 
     Args:
-        option: what errors call it.   text: what was typed.   names: (n,) the joints.   units: (n,) their units.
+        option: its name in errors.   text: that was typed.   names: (n,) the joints.   units: (n,) their units.
     Returns:
         values: (n,).
     Raises:
@@ -52,13 +71,15 @@ def vector(option: str, text: str, names: Sequence[str], units: Sequence[str]) -
     parts = [part.strip() for part in text.split(",")]
     if len(parts) not in (1, len(names)):
         expected = f"{len(names)} numbers ({', '.join(names)})" if len(names) > 1 else "1 number"
-        raise ScenarioError(f"{option} {text}: holds {len(parts)}; expected {expected}, or one for all joints")
+        raise ScenarioError(place=option, value=text, expected=f"{expected}, or one for all joints")
     if len(parts) == 1:
         parts = parts * len(names)
-    return np.array([_number(option, part, name, unit) for part, name, unit in zip(parts, names, units, strict=True)])
+    joints = zip(parts, names, units, strict=True)
+    return np.array([_number(f"{option} of joint {name!r}", part, unit) for part, name, unit in joints])
 
 
-def _number(option: str, text: str, name: str, unit: str) -> float:
+def _number(place: str, text: str, unit: str) -> float:
+    """One number; an angle may be written `30deg` or `pi/2`."""
     angle = unit.startswith("rad")
     word, factor = text, 1.0
     if angle and text.endswith("deg"):
@@ -75,5 +96,58 @@ def _number(option: str, text: str, name: str, unit: str) -> float:
         value = nan
     if not isfinite(value):
         example = "such as 0.5, 30deg or pi/6" if angle else "such as 0.5"
-        raise ScenarioError(f"{option}: {text!r} for joint {name!r}: expected a finite number [{unit}], {example}")
+        raise ScenarioError(place=place, value=text, expected=f"a finite number [{unit}], {example}")
     return value
+
+
+def start_of(arm: Model, q0: str | None, qd0: str | None) -> Start:
+    """Initial positions and speeds from the options --q0 and --qd0."""
+    import armwright as aw
+    from armwright.model.joint_signals import joint_units
+
+    return aw.Start(
+        None if q0 is None else vector("--q0", q0, arm.names, joint_units(arm, "q")),
+        None if qd0 is None else vector("--qd0", qd0, arm.names, joint_units(arm, "qd")),
+    )
+
+
+def commands_of(arm: Model, schedule: Path | None, constants: dict[str, str | None]) -> Any:
+    """The schedule or the constant command of the drives, as `Scenario` takes it.
+
+    Args:
+        arm: the model.   schedule: CSV file.   constants: values by option: "voltage", "current", "torque" or "command".
+    Raises:
+        ScenarioError: none, or more than one, or one that the arm's drives do not take.
+    """
+    import armwright as aw
+    from armwright.model.joint_signals import joint_units
+
+    units = joint_units(arm, "u")
+    options = {name: text for name, text in {**constants, "schedule": schedule}.items() if text is not None}
+    kinds = list(dict.fromkeys(body.drive.command for body in arm.coordinates))
+    usual = f"--{kinds[0]}" if len(kinds) == 1 else "--command"
+    if len(options) != 1:
+        what = " and ".join(f"--{name}" for name in options) if options else "no command"
+        expected = f"one of --schedule FILE and {usual} {','.join(units)}"
+        raise ScenarioError(f"{what} given", place=arm.name, expected=expected)
+    if schedule is not None:
+        return aw.read_schedule(schedule, arm.names, units)
+    name, text = next(iter(options.items()))
+    for body in arm.coordinates:
+        if name not in ("command", body.drive.command):
+            what = f"joint {body.joint!r} is driven by {body.drive.command}"
+            raise ScenarioError(what, place=f"{arm.name} --{name}", expected=usual)
+    return vector(f"--{name}", str(text), arm.names, units)
+
+
+def refuse_options(file: str, options: dict[str, Any]) -> None:
+    """Refuses options beside a scenario file, which says all of it.
+
+    Raises:
+        ScenarioError: one of them was given.
+    """
+    for name, value in options.items():
+        if value is not None:
+            raise ScenarioError(
+                "a scenario file says all of it", place=f"--{name}", expected="one or the other", file=file
+            )

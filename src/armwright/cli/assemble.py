@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from armwright.cli.arguments import option
 from armwright.cli.tables import number, table
 from armwright.errors import ScenarioError
 
@@ -16,10 +17,6 @@ if TYPE_CHECKING:
     from armwright.modules.library import ModuleLibrary
 
 ENDINGS = (".toml", ".csv")
-
-
-def _option(names: str, metavar: str, text: str) -> Any:
-    return typer.Option(*names.split(), metavar=metavar, help=text, show_default=False)
 
 
 def assemble(
@@ -33,14 +30,14 @@ def assemble(
     ] = None,
     output: Annotated[
         Path | None,
-        _option("--output -o", "FILE", "ARM.toml, the arm; with --all a list as .csv, or the best arm as .toml."),
+        option("--output -o", "FILE", "ARM.toml, the arm; with --all a list as .csv, or the best arm as .toml."),
     ] = None,
     every: Annotated[bool, typer.Option("--all", help="List every arm that the connectors allow instead.")] = False,
     modules: Annotated[
-        str | None, _option("--modules", "FILE", "With --all: a module library's file, or the name of a built-in one.")
+        str | None, option("--modules", "FILE", "With --all: a module library's file, or the name of a built-in one.")
     ] = None,
     task: Annotated[
-        Path | None, _option("--task", "FILE", "With --all: rank them by how well they do the task in this file.")
+        Path | None, option("--task", "FILE", "With --all: rank them by how well they do the task in this file.")
     ] = None,
     max_joints: Annotated[int, typer.Option("--max-joints", metavar="N", help="With --all: joints of an arm.")] = 6,
     min_joints: Annotated[int, typer.Option("--min-joints", metavar="N", help="With --all: joints of an arm.")] = 1,
@@ -66,30 +63,30 @@ def assemble(
     from armwright.output import check_destination
 
     if every == (assembly is not None):
-        given = "--all and a file" if every else "neither a file nor --all"
-        raise ScenarioError(f"assemble: {given} given; expected FILE.assembly.toml, or --all --modules FILE")
+        what = "--all and a file given" if every else "neither a file nor --all given"
+        raise ScenarioError(what, place="assemble", expected="FILE.assembly.toml, or --all --modules FILE")
     if output is not None:
         check_destination(output, ENDINGS if every else (".toml",))
     if assembly is not None:
         _one(assembly, output, unused={"--modules": modules, "--task": task})
     elif modules is None:
-        raise ScenarioError("assemble: --all needs --modules FILE, or the name of a built-in library")
+        raise ScenarioError(place="assemble --all", expected="--modules FILE, or the name of a built-in library")
     else:
         rules = {"max_joints": max_joints, "min_joints": min_joints, "max_links": max_links, "limit": limit}
         _all(modules, task, rules, output, show)
 
 
-def _one(name: str, output: Path | None, unused: dict[str, Any]) -> None:
+def _one(source: str, output: Path | None, unused: dict[str, Any]) -> None:
     import armwright as aw
     from armwright.cli.tables import console_for_tables
     from armwright.description.writer import write_toml
     from armwright.kinematics.reach import reach
     from armwright.model import build_model
 
-    stray = [option for option, value in unused.items() if value is not None]
-    if stray:
-        raise ScenarioError(f"assemble: {stray[0]} goes with --all, not with a file")
-    record = aw.assemble(name, folder=None if output is None else output.parent)
+    for name, value in unused.items():
+        if value is not None:
+            raise ScenarioError("goes with --all, not with a file", place=f"assemble {name}")
+    record = aw.assemble(source, folder=None if output is None else output.parent)
     arm = build_model(record)
     if output is not None:
         write_toml(record, output)
@@ -118,7 +115,7 @@ def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | 
     library = aw.read_modules(modules)
     wanted = None if task is None else aw.read_task(task)
     if output is not None and output.suffix == ".toml" and wanted is None:
-        raise ScenarioError(f"{output}: an arm as .toml needs --task FILE, which says what is best; expected .csv")
+        raise ScenarioError("an arm as .toml needs --task FILE to find the best", file=output, expected=".csv")
     with progress(f"{library.name}: assembling") as tell:
         if wanted is None:
             found = aw.enumerate_assemblies(library, **rules, progress=tell)
@@ -128,12 +125,12 @@ def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | 
             found = aw.rank_assemblies(library, wanted, **rules, progress=tell)
             heads, rows = _ranks(found.ranked)
             if not found.ranked:
-                raise ScenarioError(
-                    f"{wanted.name}: none of the {found.total} arms is long enough for its furthest pose"
-                )
+                what = f"none of the {found.total} arms is long enough for its furthest pose"
+                raise ScenarioError(what, place=wanted.name)
             best, open_ = found.ranked[0].assembly, found.long_enough
             if output is not None and output.suffix == ".toml" and not found.ranked[0].feasible:
-                raise ScenarioError(f"{wanted.name}: no arm does it; the best, {best.name}: {found.ranked[0].why_not}")
+                what = f"no arm does it; the best, {best.name}: {found.ranked[0].why_not}"
+                raise ScenarioError(what, place=wanted.name)
         if output is not None:
             _write(output, library, best, heads, rows)
     console = console_for_tables()

@@ -1,4 +1,4 @@
-"""`armwright info`: everything that the record of an arm says, and where it comes from."""
+"""`armwright info`: the numbers of a robot file with their sources, and the operations of its kernels."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ if TYPE_CHECKING:
     from armwright.description import RobotDescription
     from armwright.model import Model
 
-DEGREES = 57.29577951308232  # a degree, for people, in the tables of angles
+DEGREES = 57.29577951308232  # in a radian
 
+
+PRODUCTS, SUMS = ("MUL", "SQ"), ("ADD", "SUB", "TWICE")
 
 Operations = Annotated[
     bool, typer.Option("--operations", help="Count the operations of every kernel instead, step by step.")
@@ -41,9 +43,7 @@ def info(robot: Robot, operations: Operations = False) -> None:
     assert record is not None
     console = console_for_tables()
     if operations:
-        from armwright.cli.operations import operation_table
-
-        console.print(operation_table(arm))
+        console.print(_operations(arm))
         return
     console.print(f"{arm.name}: {record.title}" if record.title else arm.name, style="bold")
     if record.notes:
@@ -222,3 +222,35 @@ def _sources(record: RobotDescription) -> Group | None:
         about = [source.text if source.text != key else "", source.date, source.licence, source.url]
         rows.append([key, source.kind, str(count), "; ".join(part for part in about if part)])
     return table("Sources", ("source", "kind", "numbers", "what it is"), rows, left=("kind", "what it is"))
+
+
+def _operations(arm: Model) -> Any:
+    """Operations of each kernel: products and sums as traced, after each step on the arm, and of all kinds after the passes."""
+    from rich.console import Group
+    from rich.text import Text
+
+    from armwright.errors import ModelError
+    from armwright.kernels.signatures import SIGNATURES, trace_kernel
+    from armwright.model.simplify import STEPS
+    from armwright.program.passes import optimised
+
+    columns = ["kernel", "products, sums as traced", *(step.__name__.replace("_", " ") for step in STEPS)]
+    columns += ["sin, cos", "operations", "after the passes"]
+    rows, lacking = [], []
+    for name, signature in SIGNATURES.items():
+        try:
+            programs, model = [trace_kernel(arm, signature, steps=())], arm
+        except ModelError as error:
+            lacking.append(str(error))
+            continue
+        for step in STEPS:
+            model = step(model) if step in signature.steps else model
+            programs.append(trace_kernel(model, signature, steps=()))
+        counts = [program.operation_counts() for program in programs]
+        told = [f"{sum(c[o] for o in PRODUCTS)}, {sum(c[o] for o in SUMS)}" for c in counts]
+        last = programs[-1].instructions
+        left = [i for i in optimised(last) if i.operation not in ("INPUT", "OUTPUT", "CONST")]
+        trigonometry = f"{counts[-1]['SIN']}, {counts[-1]['COS']}"
+        rows.append([name, *told, trigonometry, str(sum(counts[-1].values())), str(len(left))])
+    counted = table(f"{arm.name}: operations a state", columns, rows)
+    return Group(*(part for part in (counted, *(Text(line, style="dim") for line in lacking)) if part is not None))

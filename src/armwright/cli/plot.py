@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from armwright.cli.arguments import option
 from armwright.errors import RunError
 
 if TYPE_CHECKING:
@@ -17,26 +18,26 @@ def plot(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN…", help="Runs saved as .nc.", show_default=False)],
     joints: Annotated[
         str | None,
-        typer.Option(
-            "--joints", metavar="NAME,…", help="Joints to draw, by name or number; default all.", show_default=False
-        ),
+        option("--joints", "NAME,…", "Joints to draw, by name or number; default all."),
     ] = None,
     quantities: Annotated[
         str | None,
-        typer.Option(
-            "--quantities", metavar="NAME,…", show_default=False,
-            help="What to draw, such as q,qd,tau or theta,omega,torque; by default positions, velocities, torques and what "
-            "the drives were given.",
+        option(
+            "--quantities",
+            "NAME,…",
+            "What to draw, such as q,qd,tau or theta,omega,torque; by default positions, velocities, "
+            "torques and what the drives were given.",
         ),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output", "-o", metavar="FILE", show_default=False,
-            help="Where to: .html (zoom, read off values), .png, .svg or .pdf; without it, the terminal.",
+        option(
+            "--output -o",
+            "FILE",
+            "Where to: .html (zoom, read off values), .png, .svg or .pdf; without it, the terminal.",
         ),
     ] = None,
-) -> None:  # fmt: skip
+) -> None:
     """Draw runs: in the terminal, as a picture, or as a page to zoom into that needs no network.
 
     Runs of the same joints are compared, each with a line style of its own.
@@ -54,7 +55,7 @@ def plot(
 
     if output is not None:
         check_plot(output)
-    named = _called(runs)
+    named = _by_name(runs)
     chosen = {"joints": _names("--joints", joints), "quantities": _names("--quantities", quantities)}
     if output is None:
         show_runs(named, console_for_tables(), **chosen)
@@ -63,7 +64,7 @@ def plot(
         typer.echo(f"wrote {output}")
 
 
-def _called(paths: list[Path]) -> dict[str, xr.Dataset]:
+def _by_name(paths: list[Path]) -> dict[str, xr.Dataset]:
     """Each run by its file's name; where two are alike, by its path.
 
     Raises:
@@ -76,7 +77,7 @@ def _called(paths: list[Path]) -> dict[str, xr.Dataset]:
     for path in paths:
         name = str(path) if alike else path.name
         if name in runs:
-            raise RunError(f"{path}: named twice; expected different runs")
+            raise RunError("named twice", file=path, expected="different runs")
         runs[name] = aw.load_run(path)
     return runs
 
@@ -91,5 +92,5 @@ def _names(option: str, text: str | None) -> list[str] | None:
         return None
     names = [name.strip() for name in text.split(",")]
     if not all(names):
-        raise RunError(f"{option} {text}: an empty name; expected names with commas between")
+        raise RunError("an empty name", place=option, value=text, expected="names with commas between")
     return names

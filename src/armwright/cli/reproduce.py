@@ -7,14 +7,14 @@ from typing import Annotated
 
 import typer
 
+from armwright.cli.arguments import option
+
 
 def reproduce(
     run: Annotated[Path, typer.Argument(metavar="RUN.nc", help="A run of a scenario file.", show_default=False)],
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output", "-o", metavar="FILE", help="Where the new run goes: .nc, .csv or .parquet.", show_default=False
-        ),
+        option("--output -o", "FILE", "Where the new run goes: .nc, .csv or .parquet."),
     ] = None,
 ) -> None:
     """Do a saved run again, from the scenario that it keeps, and tell whether every bit is the same.

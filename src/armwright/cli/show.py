@@ -7,26 +7,22 @@ from typing import Annotated
 
 import typer
 
-from armwright.cli.arguments import Robot, vector
+from armwright.cli.arguments import Robot, option, vector
 
 
 def show(
     robot: Robot,
     output: Annotated[
         Path,
-        typer.Option(
-            "--output", "-o", metavar="FILE", help="The picture: .png, .html or .glb; replaced where it exists."
-        ),
+        option("--output -o", "FILE", "The picture: .png, .html or .glb; replaced where it exists."),
     ],
     size: Annotated[
         int | None,
-        typer.Option("--size", metavar="N", help="Pixels of a PNG's longer side; default 900.", show_default=False),
+        option("--size", "N", "Pixels of a PNG's longer side; default 900."),
     ] = None,
     q: Annotated[
         str | None,
-        typer.Option(
-            "--q", metavar="Q1,Q2,…", help="The pose, in rad (or 30deg, pi/2) or m; default 0.", show_default=False
-        ),
+        option("--q", "Q1,Q2,…", "The pose, in rad (or 30deg, pi/2) or m; default 0."),
     ] = None,
 ) -> None:
     """Draw an arm in one pose, without a display: from its sections and meshes, or as a figure of its joints.

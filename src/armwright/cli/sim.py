@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from armwright.cli.arguments import option
 from armwright.errors import SessionError
 
 PIPE = "standard input"
@@ -20,9 +21,7 @@ def sim(
     ] = "cmu-dd",
     script: Annotated[
         Path | None,
-        typer.Option(
-            "--script", metavar="FILE", help="Do the lines of a file, in place of asking.", show_default=False
-        ),
+        option("--script", "FILE", "Do the lines of a file, in place of asking."),
     ] = None,
     echo: Annotated[bool, typer.Option("--echo", help="Show each line of a script before what it does.")] = False,
 ) -> None:

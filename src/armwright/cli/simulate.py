@@ -5,51 +5,48 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armwright.cli.arguments import Robot, vector
+from armwright.cli.arguments import (
+    SCENARIO,
+    Command,
+    Current,
+    Duration,
+    Position,
+    Robot,
+    Schedule,
+    Torque,
+    Velocity,
+    Voltage,
+    commands_of,
+    option,
+    refuse_options,
+    start_of,
+)
 from armwright.errors import DivergenceError, Interrupted, ScenarioError
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from armwright.model import Model
     from armwright.simulation.scenario import Scenario
-    from armwright.simulation.scenario_parts import Start
-
-SCENARIO = ".scenario.toml"
-Numbers = str | None
-
-
-def option(names: str, metavar: str, text: str) -> Any:
-    """An option without a default that would be worth showing."""
-    return typer.Option(*names.split(), metavar=metavar, help=text, show_default=False)
 
 
 def simulate(
     robot: Robot,
-    schedule: Annotated[
-        Path | None, option("--schedule", "FILE", "CSV: t in s and one column a joint, held from row to row.")
-    ] = None,
-    voltage: Annotated[Numbers, option("--voltage", "V1,V2,…", "Constant voltages in V.")] = None,
-    current: Annotated[Numbers, option("--current", "I1,I2,…", "Constant currents in A.")] = None,
-    torque: Annotated[Numbers, option("--torque", "T1,T2,…", "Constant motor torques at the joints in N m.")] = None,
-    command: Annotated[
-        Numbers, option("--command", "U1,U2,…", "Constant commands, each in its own joint's unit.")
-    ] = None,
-    duration: Annotated[
-        float | None, option("--duration", "S", "How long, in s; by default until the schedule's last row.")
-    ] = None,
+    schedule: Schedule = None,
+    voltage: Voltage = None,
+    current: Current = None,
+    torque: Torque = None,
+    command: Command = None,
+    duration: Duration = None,
     step: Annotated[float | None, option("--step", "S", "Step of the integrator in s; default 1e-3.")] = None,
     integrator: Annotated[
         str | None, option("--integrator", "NAME", "rk3 (by default), rk4, semi_implicit_euler, rk45 or cvodes.")
     ] = None,
-    q0: Annotated[
-        Numbers, option("--q0", "Q1,Q2,…", "Where it starts, in rad (or 30deg, pi/2) or m; default 0.")
-    ] = None,
-    qd0: Annotated[Numbers, option("--qd0", "W1,W2,…", "How fast it starts, in rad/s or m/s; default 0.")] = None,
+    q0: Position = None,
+    qd0: Velocity = None,
     record_every: Annotated[
         int | None,
         option("--record-every", "K", "Record every K-th step, default 1; 0: only start and end."),
@@ -87,20 +84,16 @@ def simulate(
         check_plot(plot)
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
-        given = {**constants, "schedule": schedule, "duration": duration, "integrator": integrator}
-        given |= {"q0": q0, "qd0": qd0, "step": step, "record-every": record_every}
-        for name, value in given.items():
-            if value is not None:
-                raise ScenarioError(f"{robot}: --{name}, but a scenario file says all of it; expected one or the other")
+        options = {**constants, "schedule": schedule, "duration": duration, "integrator": integrator}
+        refuse_options(robot, {**options, "q0": q0, "qd0": qd0, "step": step, "record-every": record_every})
         scenario = aw.read_scenario(robot)
         if plot is not None and scenario.recording.what == "none":
-            raise ScenarioError(
-                f"{robot}: --plot draws rows, and [recording] what = 'none' keeps none; expected 'all' or 'state', or no --plot"
-            )
+            expected = "'all' or 'state', or no --plot, which draws rows"
+            raise ScenarioError(place="recording.what", value="none", expected=expected, file=robot)
         try:
             _run(scenario, output, plot)
         except (ScenarioError, DivergenceError) as error:  # of the run, which does not know the file
-            raise type(error)(f"{robot}: {error}") from None
+            raise error.within(file=robot) from None
         return
     arm = aw.load(robot)
     scenario = aw.Scenario(
@@ -133,46 +126,6 @@ def _run(scenario: Scenario, output: Path | None, plot: Path | None) -> None:
     _show(scenario, run, spent, [path for path in (output, plot) if path is not None])
     if stopped:
         raise typer.Exit(130)
-
-
-def start_of(arm: Model, q0: str | None, qd0: str | None) -> Start:
-    """Initial positions and speeds from the options --q0 and --qd0."""
-    import armwright as aw
-    from armwright.model.joint_signals import joint_units
-
-    return aw.Start(
-        None if q0 is None else vector("--q0", q0, arm.names, joint_units(arm, "q")),
-        None if qd0 is None else vector("--qd0", qd0, arm.names, joint_units(arm, "qd")),
-    )
-
-
-def commands_of(arm: Model, schedule: Path | None, constants: dict[str, str | None]) -> Any:
-    """The one way in which the arm is driven, as `Scenario` takes it.
-
-    Raises:
-        ScenarioError: none, or more than one, or one that the arm's drives do not take.
-    """
-    import armwright as aw
-    from armwright.model.joint_signals import joint_units
-
-    units = joint_units(arm, "u")
-    given = [f"--{name}" for name, text in constants.items() if text is not None] + ["--schedule"] * (
-        schedule is not None
-    )
-    kinds = list(dict.fromkeys(body.drive.command for body in arm.coordinates))
-    own = f"--{kinds[0]}" if len(kinds) == 1 else "--command"
-    if len(given) != 1:
-        what = " and ".join(given) if given else "no command"
-        raise ScenarioError(f"{arm.name}: {what} given; expected one of --schedule FILE and {own} {','.join(units)}")
-    if schedule is not None:
-        return aw.read_schedule(schedule, arm.names, units)
-    name, text = next((name, text) for name, text in constants.items() if text is not None)
-    for body in arm.coordinates:
-        if name not in ("command", body.drive.command):
-            raise ScenarioError(
-                f"{arm.name}: --{name}, but joint {body.joint!r} is driven by {body.drive.command}; expected {own}"
-            )
-    return vector(f"--{name}", text, arm.names, units)
 
 
 def _show(scenario: Scenario, run: xr.Dataset, spent: float, written: list[Path]) -> None:

@@ -5,13 +5,26 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from math import isfinite
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armwright.cli.arguments import Robot
-from armwright.cli.simulate import SCENARIO, Numbers, commands_of, option, start_of
+from armwright.cli.arguments import (
+    SCENARIO,
+    Command,
+    Current,
+    Duration,
+    Position,
+    Robot,
+    Schedule,
+    Torque,
+    Velocity,
+    Voltage,
+    commands_of,
+    option,
+    refuse_options,
+    start_of,
+)
 from armwright.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -20,18 +33,12 @@ if TYPE_CHECKING:
 
 def step_study(
     robot: Robot,
-    schedule: Annotated[
-        Path | None, option("--schedule", "FILE", "CSV: t in s and one column a joint, held from row to row.")
-    ] = None,
-    voltage: Annotated[Numbers, option("--voltage", "V1,V2,…", "Constant voltages in V.")] = None,
-    current: Annotated[Numbers, option("--current", "I1,I2,…", "Constant currents in A.")] = None,
-    torque: Annotated[Numbers, option("--torque", "T1,T2,…", "Constant motor torques at the joints in N m.")] = None,
-    command: Annotated[
-        Numbers, option("--command", "U1,U2,…", "Constant commands, each in its own joint's unit.")
-    ] = None,
-    duration: Annotated[
-        float | None, option("--duration", "S", "How long, in s; by default until the schedule's last row.")
-    ] = None,
+    schedule: Schedule = None,
+    voltage: Voltage = None,
+    current: Current = None,
+    torque: Torque = None,
+    command: Command = None,
+    duration: Duration = None,
     step: Annotated[
         float | None,
         option("--step", "S", "The step in s around which steps are tried, from 4 times it down; by default 0.001."),
@@ -46,10 +53,8 @@ def step_study(
         str,
         typer.Option("--accuracy", metavar="E1,E2,…", help="Errors to recommend for, in rad and rad/s (m and m/s)."),
     ] = "1e-3,1e-6,1e-9",
-    q0: Annotated[
-        Numbers, option("--q0", "Q1,Q2,…", "Where it starts, in rad (or 30deg, pi/2) or m; default 0.")
-    ] = None,
-    qd0: Annotated[Numbers, option("--qd0", "W1,W2,…", "How fast it starts, in rad/s or m/s; default 0.")] = None,
+    q0: Position = None,
+    qd0: Velocity = None,
 ) -> None:
     """Try integration steps against CVODES and recommend the largest that is small enough.
 
@@ -67,10 +72,8 @@ def step_study(
 
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
-        given = {**constants, "schedule": schedule, "duration": duration, "step": step, "q0": q0, "qd0": qd0}
-        for name, value in given.items():
-            if value is not None:
-                raise ScenarioError(f"{robot}: --{name}, but a scenario file says all of it; expected one or the other")
+        options = {**constants, "schedule": schedule, "duration": duration, "step": step}
+        refuse_options(robot, {**options, "q0": q0, "qd0": qd0})
         scenario = aw.read_scenario(robot)
         if integrator is not None:
             solver = replace(scenario.solver, integrator=integrator, rtol=None, atol=None, max_steps=None)
@@ -100,7 +103,8 @@ def _accuracies(text: str) -> list[float]:
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
-        raise ScenarioError(f"--accuracy {text}: expected numbers with commas between, such as 1e-3,1e-6") from None
+        expected = "numbers with commas between, such as 1e-3,1e-6"
+        raise ScenarioError(place="--accuracy", value=text, expected=expected) from None
 
 
 def _show(found: StepStudy, spent: float) -> None:

@@ -41,8 +41,8 @@ def check_numbers(
         raise ScenarioError(place=place, value=value, expected=expected)
     wrong = np.argwhere(~np.asarray(fits(values.astype(float))))
     if len(wrong):
-        first: tuple[int, ...] = tuple(wrong[0].tolist())
-        place += (f"[{first[1]}]" if len(first) > 1 else "") + (f" of lane {first[0]}" if by_lane else "")
+        first = tuple(int(k) for k in wrong[0])  # lane, then joint where there is one a joint
+        place += "".join(f"[{joint}]" for joint in first[1:]) + (f" of lane {first[0]}" if by_lane else "")
         raise ScenarioError(place=place, value=float(values[first]), expected=expected)
 
 

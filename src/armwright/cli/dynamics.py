@@ -1,0 +1,93 @@
+"""`armwright inverse-dynamics` and `armwright forward-dynamics`: tables of states in, torques or accelerations out."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from armwright.cli.arguments import Out, Robot, Table
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from armwright.model import Model
+
+
+def inverse_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
+    """Torques and voltages that give the motions of a table: the inverse arm, one set of data a row.
+
+    The table has the columns q_JOINT, qd_JOINT and qdd_JOINT in rad, rad/s and rad/s² (m for sliding joints), in any order;
+    or no header row and the columns in just that order. The result has tau_JOINT, the motor's torque referred to the
+    joint, and voltage_JOINT where the robot's file gives the motors' constants; where it does not do so for every joint,
+    current_JOINT too, or instead. What is not known of a joint is nan.
+
+    \b
+    Examples:
+      armwright inverse-dynamics puma560 motions.csv -o torques.csv
+      armwright inverse-dynamics my-arm.toml motions.csv | head
+    """
+    import numpy as np
+
+    import armwright as aw
+    from armwright.actuators import demanded_drive
+    from armwright.cli.progress import progress
+    from armwright.model.joint_signals import joint_units
+    from armwright.results.tables import joint_columns, write_table
+
+    arm = _arm(robot, output)
+    with progress("inverse dynamics"):
+        q, qd, qdd = _sets(arm, table, ("q", "qd", "qdd"))
+        tau = aw.compile(arm).inverse_dynamics(q, qd, qdd)
+        columns = joint_columns("tau", arm.names, joint_units(arm, "tau"), tau)
+        drive = demanded_drive(arm, qd.T, tau.T)
+        for quantity, values in (("voltage", drive.voltage.T), ("current", drive.current.T)):
+            if not np.isnan(values).all():
+                columns |= joint_columns(quantity, arm.names, joint_units(arm, quantity), values)
+            if not np.isnan(values).any():
+                break  # with the voltages of all motors, currents say nothing new
+        write_table(output, columns, sys.stdout)
+
+
+def forward_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
+    """Accelerations that drive commands give in the states of a table: the forward arm, one set of data a row.
+
+    The table has the columns q_JOINT, qd_JOINT in rad and rad/s (m for sliding joints) and u_JOINT, the command in the
+    drive's own unit (V, A, or N m), in any order; or no header row and the columns in just that order. The result has
+    qdd_JOINT. No limit of a drive is applied.
+
+    \b
+    Examples:
+      armwright forward-dynamics cmu-dd states.csv -o accelerations.csv
+      armwright forward-dynamics my-arm.toml states.csv | head
+    """
+    import armwright as aw
+    from armwright.cli.progress import progress
+    from armwright.model.joint_signals import joint_units
+    from armwright.results.tables import joint_columns, write_table
+
+    arm = _arm(robot, output)
+    with progress("forward dynamics"):
+        q, qd, u = _sets(arm, table, ("q", "qd", "u"))
+        qdd = aw.compile(arm).forward_arm(q, qd, u)
+        write_table(output, joint_columns("qdd", arm.names, joint_units(arm, "qdd"), qdd), sys.stdout)
+
+
+def _arm(robot: str, output: Path | None) -> Model:
+    """The arm, once its results can be written."""
+    import armwright as aw
+    from armwright.output import check_destination
+
+    arm = aw.load(robot)
+    if output is not None:
+        check_destination(output)
+    return arm
+
+
+def _sets(arm: Model, table: Path, quantities: tuple[str, ...]) -> list[np.ndarray]:
+    """The quantities of a table, (sets, n) each."""
+    from armwright.model.joint_signals import joint_units
+    from armwright.results.tables import read_table
+
+    names = dict.fromkeys(quantities, arm.names)
+    return list(read_table(table, names, {quantity: joint_units(arm, quantity) for quantity in quantities}).values())
