@@ -73,7 +73,7 @@ REFUSED = [  # line, place or file, value, reason where the expectation does not
 REFUSED_ELSEWHERE = [  # line, error of another room, part of its sentence
     ("simulate new schedule=other.csv", errors.ScheduleError, "column = 'shoulder': unknown"),
     ("simulate new schedule=half.csv", errors.ScheduleError, "column 'joint3': missing"),
-    ("simulate new steps=1e15", errors.ScenarioError, "expected a shorter one, or record_every above 1"),
+    ("simulate new steps=1e15", errors.ScenarioError, "expected a shorter one, or recording.every above 1"),
     ("inverse-arm none.csv", errors.ScheduleError, "no such file"),
     ("inverse-arm half.csv", errors.ScheduleError, "half.csv:1: column"),
     ("open-output-file no/such/folder.txt", errors.OutputError, "there is no folder"),
