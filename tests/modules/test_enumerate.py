@@ -294,7 +294,7 @@ def test_poses_out_of_reach() -> None:
             {"poses": [{"name": "a", "xyz_m": [0, 0, float("nan")]}]},
             "pose 'a' xyz_m = [0, 0, nan]: expected a finite number",
         ),
-        ({"poses": [{"name": "a", "xyz_m": [0, 0, 1]}] * 2}, "two poses are called 'a'"),
+        ({"poses": [{"name": "a", "xyz_m": [0, 0, 1]}] * 2}, "name = 'a': two poses have this name"),
         ({"speed": 1}, "speed = 1: unknown key"),
     ],
 )

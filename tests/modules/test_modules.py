@@ -216,8 +216,8 @@ LIBRARIES = {
          "dh": {"alpha_rad": 0, "r_m": 0, "a_m": 0, "offset_rad": 0}},
         "expected frame, not dh",
     ),
-    "two modules of a name": ((*ELBOW, "name"), "foot", "two modules are called 'foot'"),
-    "two connectors of a name": ((*ELBOW, "connectors", 1, "name"), "in", "two connectors are called 'in'"),
+    "two modules of a name": ((*ELBOW, "name"), "foot", "name = 'foot': two modules have this name"),
+    "two connectors of a name": ((*ELBOW, "connectors", 1, "name"), "in", "name = 'in': two connectors have this name"),
     "connector like a body": ((*ELBOW, "connectors", 1, "name"), "upper", "a body and a connector are both called 'upper'"),
     "no source": (("source",), None, "has no source"),
 }  # fmt: skip

@@ -81,9 +81,10 @@ def _check_names(robot: Any) -> None:
 
 
 def check_unique(kind: str, names: list[str]) -> None:
+    """Refuses a name that occurs twice; `kind` is the plural of the things."""
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise Invalid(f"two {kind} have this name", place=" name", value=twice[0], expected="every name once")
+        raise Invalid(f"two {kind} have this name", place="name", value=twice[0], expected="every name once")
 
 
 def _check_known(place: str, name: str, known: Iterable[str], what: str = "no link") -> None:
