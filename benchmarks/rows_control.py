@@ -15,7 +15,6 @@ import armwright as aw
 from armwright.description.database import parse
 from armwright.description.writer import to_toml
 from armwright.model import build_model
-from simulation.fields import scenario_of
 
 ROBOT = "puma560"
 CROWD = "two-link"
@@ -25,11 +24,13 @@ EXACT, FIRST_ORDER = 1e-5, 3e-2  # of a state's largest entry: what orders 3 and
 AMPLITUDE = np.array([0.5, 0.4, 0.4, 0.6, 0.5, 0.6])  # [rad]
 EFFECTS: dict[str, dict[str, Any]] = {  # what a tick may have beside the controller
     "PID": {},
-    "PID, a delay of 1.5 periods": {"timing": aw.Timing(command_delay=1.5 * STEP)},
-    "PID, jitter and losses": {"timing": aw.Timing(command_delay=0.5 * STEP, jitter=0.4 * STEP, command_loss=0.01)},
-    "PID, encoders and filters": {"sensors": aw.Sensors(counts=4096, velocity="filtered", cutoff_hz=100.0)},
-    "PID, noise": {"sensors": aw.Sensors(position_noise=1e-5)},
-    "PID, substeps 4": {"substeps": 4},
+    "PID, a delay of 1.5 periods": {"loop": {"timing": aw.Timing(command_delay=1.5 * STEP)}},
+    "PID, jitter and losses": {
+        "loop": {"timing": aw.Timing(command_delay=0.5 * STEP, jitter=0.4 * STEP, command_loss=0.01)}
+    },
+    "PID, encoders and filters": {"loop": {"sensors": aw.Sensors(counts=4096, velocity="filtered", cutoff_hz=100.0)}},
+    "PID, noise": {"loop": {"sensors": aw.Sensors(position_noise=1e-5)}},
+    "PID, substeps 4": {"solver": {"substeps": 4}},
 }
 BRISTLES = {  # of an ordinary motor, in its own angle
     "law": "lugre",
@@ -141,12 +142,15 @@ def control_records(quick: bool, repetitions: int) -> list[Record]:
     random = np.random.default_rng(3)
     kp = random.uniform(0.8, 1.2, (lanes, 1)) * np.array([60.0, 120.0, 60.0, 30.0, 30.0, 30.0])
     control = aw.JointPID(kp=aw.Batch(kp), ki=aw.Batch(2.0 * kp), kd=aw.Batch(0.1 * kp))
-    common = {"reference": aw.Sine(np.zeros(6), AMPLITUDE, 1.0), "period": STEP, "duration": duration}
+    reference = aw.Sine(np.zeros(6), AMPLITUDE, 1.0)
 
-    def scenario(effect: dict[str, Any], record: str, **more: Any) -> aw.Scenario:
-        return scenario_of(**({"arm": arm, "controller": control, "what": record} | common | effect | more))
+    def scenario(effect: dict[str, Any], what: str, every: int) -> aw.Scenario:
+        loop = aw.Loop(controller=control, reference=reference, period=STEP, **effect.get("loop", {}))
+        solver = aw.Solver(**effect.get("solver", {}))
+        recording = aw.Recording(every=every, what=what)
+        return aw.Scenario(effect.get("arm", arm), duration, loop=loop, solver=solver, recording=recording)
 
-    reference_run = aw.simulate(scenario({}, "all", record_every=1))
+    reference_run = aw.simulate(scenario({}, "all", every=1))
     commands = np.ascontiguousarray(reference_run["u"].values[:count, :-1])
     ends = np.concatenate([reference_run["q"].values[:count, -1], reference_run["qd"].values[:count, -1]], axis=-1)
 
@@ -154,7 +158,7 @@ def control_records(quick: bool, repetitions: int) -> list[Record]:
         return Check(relative_error(states, ends, 1) if np.isfinite(states).all() else float("nan"), tolerance)
 
     def ours(effect: str) -> Contestant:
-        simulation = aw.Simulation(scenario(effects[effect], "state", record_every=0))
+        simulation = aw.Simulation(scenario(effects[effect], "state", every=0))
 
         def checked(run: Any) -> Check:
             states = np.concatenate([run["q"].values[:count, -1], run["qd"].values[:count, -1]], axis=-1)
