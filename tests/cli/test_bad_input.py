@@ -56,7 +56,7 @@ REFUSED = [
     ((*SIMULATE, "-o", "nowhere/run.nc"), "nowhere/run.nc: there is no folder 'nowhere'"),
     ((*SIMULATE, "--plot", "run.gif"), "run.gif: the ending '.gif' is not offered; expected .png, .svg, .pdf or .html"),
     ((*SIMULATE, "-o", "run.nc", "--plot", "nowhere/run.png"), "nowhere/run.png: there is no folder"),
-    (("simulate", "cmu-dd", "--voltage", "1", "--duration", "1", "--step", "0.1"), "step = 0.1 s is too large"),
+    (("simulate", "cmu-dd", "--voltage", "1", "--duration", "1", "--step", "0.1"), "step = 0.1: too large"),
 ]
 
 

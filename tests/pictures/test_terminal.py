@@ -95,9 +95,9 @@ def test_strips_of_a_joint_have_one_scale(run):
 def test_joints_go_by_number_and_quantities_by_the_names_of_the_session(run):
     spoken = shown({"run": run}, joints=["2"], quantities=["theta", "torque"])
     assert spoken == shown({"run": run}, joints=["slide"], quantities=["q", "tau"])
-    with pytest.raises(RunError, match="no quantity 'thta'; did you mean theta"):
+    with pytest.raises(RunError, match="quantity = 'thta': no such quantity; did you mean theta"):
         shown({"run": run}, quantities=["thta"])
-    with pytest.raises(RunError, match="no joint '4'"):
+    with pytest.raises(RunError, match="joint = '4': no such joint"):
         shown({"run": run}, joints=["4"])
 
 

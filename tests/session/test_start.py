@@ -7,7 +7,7 @@ import sys
 from session.terminal import Terminal, needs_pty
 
 HEAVY = ("llvmlite", "scipy", "xarray", "pandas", "h5netcdf", "trimesh", "matplotlib", "tomlkit", "IPython", "jedi")
-LATER = ("kernels", "program", "dynamics", "kinematics", "control", "pictures", "scenarios", "export", "modular")
+LATER = ("kernels", "program", "dynamics", "kinematics", "control", "pictures", "scenarios", "export", "modules")
 LATER_FILES = ("simulation.scenario", "simulation.simulation", "simulation.plant", "results.plot")
 AT_THE_PROMPT = """
 import sys

@@ -44,7 +44,7 @@ class Balance:
 
         contacts = sum(plant.contacts)
         watched = Watched(
-            lambda y, u: plant.depths(y[:size]),
+            lambda y, u: plant.contact_depths(y[:size]),
             lambda y, u, touching: plant.switching_functions(y[:size], PlantInputs(u, contacts=touching)),
             contacts,
         )

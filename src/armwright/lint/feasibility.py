@@ -35,7 +35,7 @@ def check_bodies(robot: RobotDescription, on_impossible: str) -> list[Problem]:
             warnings.append(Problem(fault, place))
         else:
             expected = 'a real body, or accept_impossible = "reason" in the link, or on_impossible="warn"'
-            raise DescriptionError(fault, place=place, expected=expected, file=robot.name)
+            raise DescriptionError(fault, place=place, expected=expected)
     return warnings
 
 

@@ -11,6 +11,7 @@ QUANTITIES = {
 """What the session calls it → the run's variable."""
 
 LOOP_STATE = "loop_state"  # variable of a run: the state of the loop at its end, as numbers of no unit
+LOOP_END = "time_s"  # attribute of that variable: the run's last time
 PARTIAL = "partial"  # attribute of a run that was interrupted: after how many steps
 
 

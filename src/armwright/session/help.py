@@ -107,7 +107,7 @@ def _contents(commands: Mapping[str, Command]) -> list[Output]:
 
 
 def usage(command: Command) -> str:
-    """Form of a command: `pose [FRAME]`."""
+    """Form of a command with its arguments: `payload MASS`."""
     parts = [command.name]
     for argument in command.arguments:
         word = "|".join(argument.choices) if argument.choices else argument.name.upper()

@@ -11,7 +11,7 @@ import numpy as np
 import armwright as aw
 from armwright.errors import SessionError
 from armwright.model.joint_signals import joint_units
-from armwright.results.aliases import LOOP_STATE, PARTIAL
+from armwright.results.aliases import LOOP_END, LOOP_STATE, PARTIAL
 from armwright.results.notes import limit_notes_of, notes_of
 from armwright.session.arguments import quoted
 from armwright.session.controllers import built_controller
@@ -19,7 +19,6 @@ from armwright.session.listing import Line, Output, by_joint
 from armwright.session.state import State
 from armwright.session.workspace import Workspace
 from armwright.simulation.inputs.schedule import Schedule
-from armwright.simulation.loop.state import END, LoopState
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -229,7 +228,7 @@ def save_run(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     return [Line(f"wrote {arguments['file']}", "good")]
 
 
-def start_of(state: State, before: xr.Dataset | None, period: float) -> aw.Start | LoopState:
+def start_of(state: State, before: xr.Dataset | None, period: float) -> aw.Start | aw.LoopState:
     """Start of the scenario: theta and omega, or the state at the end of the run before.
 
     With another controller or another period only the plant and its commands continue.
@@ -246,14 +245,14 @@ def start_of(state: State, before: xr.Dataset | None, period: float) -> aw.Start
     tick = (
         end.tick if end.period == period else 0
     )  # with another period ticks count from 0; `joined_runs` shifts the times
-    return LoopState(tick, period, end.single, end.entries, plant)
+    return aw.LoopState(tick, period, end.single, end.entries, plant)
 
 
-def _end_of(state: State, before: xr.Dataset | None) -> LoopState | None:
+def _end_of(state: State, before: xr.Dataset | None) -> aw.LoopState | None:
     """State of the loop at the end of a run; None if theta or omega was set since, or the run does not have it."""
     if before is None or not np.array_equal((before["q"].values[-1], before["qd"].values[-1]), (state.q, state.qd)):
         return None
-    return LoopState.of_run(before)
+    return aw.LoopState.of_run(before)
 
 
 def _attributes(state: State) -> dict[str, str]:
@@ -285,7 +284,7 @@ def joined_runs(state: State, before: xr.Dataset, run: xr.Dataset) -> xr.Dataset
         parts, "time", data_vars="all", coords="minimal", compat="override", join="override", combine_attrs="override"
     ).transpose("time", "joint")
     if LOOP_STATE in run:
-        whole[LOOP_STATE] = run[LOOP_STATE].assign_attrs({END: float(whole["time"][-1])})
+        whole[LOOP_STATE] = run[LOOP_STATE].assign_attrs({LOOP_END: float(whole["time"][-1])})
     shared = {
         name: value for name, value in before.attrs.items() if name not in OF_THE_LAST and value == run.attrs.get(name)
     }

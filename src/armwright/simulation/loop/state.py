@@ -15,14 +15,13 @@ import numpy as np
 from armwright.errors import RunError, ScenarioError
 from armwright.model import Model
 from armwright.output import whole_file
-from armwright.results.aliases import LOOP_STATE
+from armwright.results.aliases import LOOP_END, LOOP_STATE
 from armwright.simulation.plant.plant import Plant
 
 if TYPE_CHECKING:
     import xarray
 
 BRAKE = "brake "  # how the names of a brake's states begin
-END = "time_s"  # attribute of that variable: the run's last time
 ENDING = ".npz"
 
 
@@ -134,7 +133,7 @@ class LoopState:
         dims = ("state_entry",) if self.single else ("lane", "state_entry")
         about = json.dumps(about)
         attributes: dict[str, Any] = {"long_name": "state of the loop at the end of the run", "layout": about}
-        attributes[END] = float(run["time"].values[-1])
+        attributes[LOOP_END] = float(run["time"].values[-1])
         run[LOOP_STATE] = (dims, rows[0] if self.single else rows, attributes)
 
     @classmethod
@@ -147,7 +146,7 @@ class LoopState:
         if LOOP_STATE not in run:
             return None
         try:
-            times, end = np.atleast_1d(run["time"].values), run[LOOP_STATE].attrs[END]
+            times, end = np.atleast_1d(run["time"].values), run[LOOP_STATE].attrs[LOOP_END]
             if not times.size or times[-1] != end:
                 told = f"to t = {times[-1]:g} s" if times.size else "without rows"
                 raise ScenarioError(f"start: part of a run, {told}; expected it with its end at t = {end:g} s")
