@@ -32,17 +32,17 @@ class Batch:
     def __post_init__(self) -> None:
         values = self.values
         if isinstance(values, (Batch, str, bytes)):
-            raise ScenarioError(f"Batch({values!r:.60}): expected one value for each lane")
+            raise ScenarioError(place="Batch", value=values, expected="one value for each lane")
         if isinstance(values, (list, tuple)) and any(isinstance(each, Batch) for each in values):
-            raise ScenarioError(f"Batch({values!r:.60}): holds a Batch; expected one value for each lane")
+            raise ScenarioError("holds a Batch", place="Batch", value=values, expected="one value for each lane")
         try:
             array = np.array(values)
         except ValueError:
-            raise ScenarioError(
-                f"Batch({values!r:.60}): rows of unequal shape; expected one shape for all lanes"
-            ) from None
+            expected = "one shape for all lanes"
+            raise ScenarioError("rows of unequal shape", place="Batch", value=values, expected=expected) from None
         if array.ndim == 0 or not len(array):
-            raise ScenarioError(f"Batch({values!r:.60}): expected one value for each lane, and at least one lane")
+            expected = "one value for each lane, and at least one lane"
+            raise ScenarioError(place="Batch", value=values, expected=expected)
         object.__setattr__(self, "values", array if array.dtype.kind in "iufb" else tuple(values))
 
     def __len__(self) -> int:
@@ -57,7 +57,7 @@ class Batch:
         return self.values.shape[1:] if isinstance(self.values, np.ndarray) else None
 
     def __array__(self, *args: Any, **kwargs: Any) -> Any:
-        raise ScenarioError(f"{self!r} used as one array; expected code that takes one lane's value")
+        raise ScenarioError("used as one array", value=self, expected="code that takes one lane's value")
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,13 +84,13 @@ class Draw:
             return
         numbers = [np.asarray(each) for each in (self.centre, self.spread, self.low, self.high)]
         if any(each.dtype.kind not in "iuf" or np.isnan(each).any() for each in numbers):
-            raise ScenarioError(f"{self!r}: expected numbers")
+            raise ScenarioError(value=self, expected="numbers")
         centre, spread, low, high = numbers
         wrong = spread < centre if self.kind == "uniform" else spread < 0.0
         if np.any(wrong) or np.any(low >= high) or (self.kind == "lognormal" and np.any(centre <= 0.0)):
-            raise ScenarioError(f"{self!r}: expected {EXPECTED[self.kind]}, and low below high")
+            raise ScenarioError(value=self, expected=f"{EXPECTED[self.kind]}, and low below high")
         if not np.isfinite(centre).all() or not np.isfinite(spread).all():
-            raise ScenarioError(f"{self!r}: expected finite numbers")
+            raise ScenarioError(value=self, expected="finite numbers")
 
     @classmethod
     def normal(cls, mean: Any, std: Any, low: float = -np.inf, high: float = np.inf) -> Draw:
@@ -124,9 +124,8 @@ class Draw:
             ScenarioError: a draw by the record, which only `vary` knows.
         """
         if self.kind == "record":
-            raise ScenarioError(
-                f"{path}: a Draw() follows the robot's record, in vary alone; expected Draw.normal(…) or another"
-            )
+            what, expected = "a Draw() follows the robot's record, in vary alone", "Draw.normal(…) or another"
+            raise ScenarioError(what, place=path, expected=expected)
         shape = np.broadcast_shapes(np.shape(self.centre), np.shape(self.spread))
         u = uniform_numbers(seed, path, lanes, math.prod(shape)).reshape(len(lanes), *shape)
         centre, spread = np.asarray(self.centre, dtype=float), np.asarray(self.spread, dtype=float)
@@ -176,15 +175,16 @@ def resolved(value: Any, path: str, seed: int, lanes: range) -> Any:
         return value.batch(seed, path, lanes)
     if isinstance(value, Batch):
         if len(value) < lanes.stop:
-            raise ScenarioError(f"{path}: a Batch of {len(value)} lanes; expected one that holds lane {lanes.stop - 1}")
+            what, expected = f"a Batch of {len(value)} lanes", f"one that holds lane {lanes.stop - 1}"
+            raise ScenarioError(what, place=path, expected=expected)
         return Batch(value.values[lanes.start : lanes.stop])
     if is_dataclass(value) and not isinstance(value, type):
         parts = {each.name: getattr(value, each.name) for each in fields(value)}
-        found = {name: resolved(part, f"{path}.{name}", seed, lanes) for name, part in parts.items()}
-        if all(found[name] is part for name, part in parts.items()):
+        changes = {name: resolved(part, f"{path}.{name}", seed, lanes) for name, part in parts.items()}
+        if all(changes[name] is part for name, part in parts.items()):
             return value
         changed = copy.copy(value)
-        for name, part in found.items():
+        for name, part in changes.items():
             object.__setattr__(changed, name, part)
         checked: Any = changed
         if hasattr(checked, "__post_init__"):
@@ -193,16 +193,16 @@ def resolved(value: Any, path: str, seed: int, lanes: range) -> Any:
     if isinstance(value, Mapping):
         return {name: resolved(each, f"{path}[{name!r}]", seed, lanes) for name, each in value.items()}
     if isinstance(value, (list, tuple)):
-        found = [
+        parts = [
             each if isinstance(each, (int, float)) else resolved(each, f"{path}[{k}]", seed, lanes)
             for k, each in enumerate(value)
         ]
-        return value if all(a is b for a, b in zip(found, value, strict=True)) else type(value)(found)
+        return value if all(a is b for a, b in zip(parts, value, strict=True)) else type(value)(parts)
     return value
 
 
 def has_draws(value: Any) -> bool:
-    """Whether a value holds a draw."""
+    """True for a value that holds a draw."""
     if isinstance(value, Draw):
         return True
     if is_dataclass(value) and not isinstance(value, type):
@@ -250,16 +250,18 @@ def check_counts(counts: Mapping[str, int]) -> int | None:
     Args:
         counts: lanes by path, as `lane_counts` gives them.
     Raises:
-        ScenarioError: different numbers of lanes; names them all.
+        ScenarioError: different numbers of lanes; names two that differ.
     """
-    if len(set(counts.values())) > 1:
-        raise ScenarioError(f"lanes do not fit together: {', '.join(f'{v} of {k}' for k, v in counts.items())}")
-    return next(iter(counts.values()), None)
+    first, number = next(iter(counts.items()), ("", None))
+    for place, other in counts.items():
+        if other != number:
+            raise ScenarioError(f"{other} lanes", place=place, expected=f"{number}, as {first} has")
+    return number
 
 
 @dataclass(frozen=True, eq=False)
 class LaneFields:
-    """An object whose fields may be batches, told apart: the fields that vary, and their values side by side.
+    """An object with fields that may be batches: the fields that vary, and their values side by side.
 
     Attributes:
         owner: the object, such as a controller.   names: of its fields that are batches.   shapes: of one lane's value of each.
@@ -287,11 +289,11 @@ class LaneFields:
             value = getattr(owner, each.name)
             if isinstance(value, Batch):
                 if value.shape is None:
-                    raise ScenarioError(f"{place}: {each.name} = {value!r}: expected a batch of numbers")
+                    raise ScenarioError(place=f"{place}.{each.name}", value=value, expected="a batch of numbers")
                 rows[each.name] = value.values.astype(float)
         inner = [path for path, _ in batches(owner, place) if path not in {f"{place}.{name}" for name in rows}]
         if inner:
-            raise ScenarioError(f"{inner[0]} is a Batch: expected it as a field of the {place} itself")
+            raise ScenarioError("a Batch", place=inner[0], expected=f"it as a field of the {place} itself")
         if not rows:
             return cls(owner)
         check_counts({f"{place}.{name}": len(value) for name, value in rows.items()})

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import armwright as aw
 from armwright.errors import ArmwrightError, RunError
-from armwright.simulation.inputs.acting import rows_of
+from armwright.simulation.inputs.input_schedule import all_rows
 
 HEAD = """
 robot = "cmu-dd"
@@ -202,7 +202,7 @@ def test_a_wrench_is_six_numbers_or_a_table(tmp_path, wrench):
     )
     (tmp_path / "push.scenario.toml").write_text(text)
     scenario = aw.read_scenario(tmp_path / "push.scenario.toml")
-    np.testing.assert_array_equal(rows_of(scenario.held_inputs["wrench"]), [[3.0, 0, -5, 0, 0, 1]])
+    np.testing.assert_array_equal(all_rows(scenario.input_schedules["wrench"]), [[3.0, 0, -5, 0, 0, 1]])
 
 
 TWO = 'robot = "two-link"\nduration_s = 0.2\nsolver.step_s = 1e-3\n'
@@ -290,7 +290,7 @@ def test_brakes_are_applied_as_in_python(tmp_path, brake):
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        (PAYLOAD.replace("mass_kg = 2.0", "mass_kg = -2"), r"payload\[0\]\.mass = -2 kg: expected 0 or more"),
+        (PAYLOAD.replace("mass_kg = 2.0", "mass_kg = -2"), r"inputs\.payload\[0\]\.mass = -2.0: expected 0 kg or more"),
         (
             PAYLOAD.replace("xx = 0.012", "xx = 0.12"),
             r"payload\[0\]\.inertia: principal moments",
@@ -298,7 +298,7 @@ def test_brakes_are_applied_as_in_python(tmp_path, brake):
         (PAYLOAD.replace("[0.01, 0.01, 0.01]", "[0.01, 0.01]"), r"expected 3 numbers, not 2: moments about x, y and z"),
         (PAYLOAD.replace("xz = 0.0, ", ""), r"inputs.payload\[0\].inertia_kg_m2.xz: missing"),
         (PAYLOAD.replace("mass_kg = 0\n", "mas_kg = 0\n"), "unknown key; did you mean mass_kg"),
-        (PAYLOAD.replace("0.15", "0.01"), r"payload\[2\]\.time = 0\.01 s: expected one after payload\[0\]'s 0\.0503 s"),
+        (PAYLOAD.replace("0.15", "0.01"), r"payload\[2\]\.time = 0\.01: expected one after payload\[0\]'s 0\.0503 s"),
         (PAYLOAD.replace("forearm", "forarm"), "frame = 'forarm': two-link has no such frame; did you mean forearm"),
         ("inputs.wrench = [1, 2]\n", "inputs.wrench = .*: expected 6 numbers, not 2: fx, fy, fz in N"),
         ("inputs.brake = 1\n", "no joint of two-link has a brake in its record"),

@@ -256,7 +256,7 @@ def test_wrong_shapes_are_refused(law, said):
         ({"vary": {"link6.mas_kg": 1.0}}, "no parameter 'link6.mas_kg'"),
         (
             {"timing": Timing(command_delay=aw.Batch([0.0, 1e-3])), "q0": aw.Batch(np.zeros((3, 6)))},
-            r"2 of loop\.timing\.command_delay, 3 of start\.q",
+            r"start\.q: 3 lanes; expected 2, as loop\.timing\.command_delay has",
         ),
         ({"initial_command": np.zeros(5)}, "initial_command"),
         ({"reference": np.zeros(5)}, "reference of shape"),

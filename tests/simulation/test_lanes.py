@@ -298,26 +298,26 @@ BODY = ([0, 0, 0.1], [0.01, 0.01, 0.01])
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"q0": TWO, "qd0": THREE}, r"2 of start\.q, 3 of start\.qd"),
+        ({"q0": TWO, "qd0": THREE}, r"start\.qd: 3 lanes; expected 2, as start\.q has"),
         (
             {"controller": aw.JointPID(kp=THREE), "payload": [aw.Payload(0.0, aw.Batch([1.0, 2.0]), *BODY)]},
-            r"3 of loop\.controller\.kp, 2 of inputs\.payload\[0\]\.mass",
+            r"inputs\.payload\[0\]\.mass: 2 lanes; expected 3, as loop\.controller\.kp has",
         ),
-        ({"controller": aw.JointPID(kp=THREE, kd=TWO)}, r"3 of loop\.controller\.kp, 2 of loop\.controller\.kd"),
-        ({"controller": StateFeedback(aw.Batch([lqr_gain()] * 3)), "q0": TWO}, r"3 of loop\.controller\.gain, 2 of start\.q"),
+        ({"controller": aw.JointPID(kp=THREE, kd=TWO)}, r"\.kd: 2 lanes; expected 3, as loop\.controller\.kp has"),
+        ({"controller": StateFeedback(aw.Batch([lqr_gain()] * 3)), "q0": TWO}, r"start\.q: 2 lanes; expected 3, as loop\.con"),
         (
             {"vary": {"forearm.mass_kg": aw.Batch([1.0, 2.0, 3.0])}, "timing": aw.Timing(jitter=aw.Batch([0.0, 1e-3]))},
-            r"2 of loop\.timing\.jitter, 3 of vary\['forearm\.mass_kg'\]",
+            r"vary\['forearm\.mass_kg'\]: 3 lanes; expected 2, as loop\.timing\.jitter has",
         ),
-        ({"reference": TWO, "wrench": aw.Batch(np.zeros((3, 6)))}, r"2 of loop\.reference, 3 of inputs\.wrench"),
-        ({"q0": np.zeros((3, 2))}, r"start\.q has shape \(3, 2\), .* Batch"),
-        ({"initial_command": np.zeros((3, 2))}, r"initial_command has shape \(3, 2\).* Batch"),
+        ({"reference": TWO, "wrench": aw.Batch(np.zeros((3, 6)))}, r"inputs\.wrench: 3 lanes; expected 2, as loop\.reference"),
+        ({"q0": np.zeros((3, 2))}, r"start\.q: shape \(3, 2\); .* Batch"),
+        ({"initial_command": np.zeros((3, 2))}, r"loop\.initial_command: shape \(3, 2\).* Batch"),
         ({"vary": {"forearm.mass_kg": [1.0, 2.0]}}, r"vary\['forearm\.mass_kg'\] = \[1\.0, 2\.0\]"),
         ({"vary": {"forearm.com_m": np.zeros((2, 3))}}, r"vary\['forearm\.com_m'\] = .* Batch"),
         ({"timing": aw.Batch([aw.Timing(), aw.Timing()])}, "timing = .*: expected an aw.Timing"),
-        (DRIVEN | {"command": np.zeros((3, 2))}, r"command has shape \(3, 2\).* Batch"),
+        (DRIVEN | {"command": np.zeros((3, 2))}, r"command: shape \(3, 2\).* Batch"),
         (DRIVEN | {"command": [aw.Schedule.constant(["shoulder", "elbow"], [0, 0])]}, r"command = \[<schedule"),
-        ({"controller": Outer(StateFeedback(aw.Batch([lqr_gain()])))}, r"controller\.inner\.gain is a Batch: expected"),
+        ({"controller": Outer(StateFeedback(aw.Batch([lqr_gain()])))}, r"controller\.inner\.gain: a Batch; expected"),
     ],
 )  # fmt: skip
 def test_lanes_that_do_not_fit_are_refused(fields, said):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.errors import ScenarioError
+from armwright.errors import ABSENT, ScenarioError
 from armwright.simulation.plant.plant import Plant
 from physics.arms import arm
 from simulation.fields import scenario_of
@@ -115,18 +115,24 @@ def test_brakes_differ_by_lane_and_bits_do_not():
 
 
 @pytest.mark.parametrize(
-    ("fields", "said"),
+    ("brake", "place", "value", "expected"),
     [
-        ({"brake": 0.5}, "brake: joint0 is 0.5; expected 1, applied, or 0, released"),
-        ({"brake": [1, 0]}, r"brake has shape \(2,\), expected \(1,\)"),
-        ({"brake": aw.Schedule([0.0], [[1.0]], ["wrist"])}, "brake: the schedule is for wrist; expected joint0"),
-        ({"brake": aw.Schedule([0.0, 1.0], [[1.0], [2.0]], ["joint0"])}, "brake: joint0 is 2; expected 1"),
-        ({"brake": "on"}, "brake has shape|brake = "),
+        (0.5, "inputs.brake of joint0", 0.5, "1, applied, or 0, released"),
+        ([1, 0], "inputs.brake", ABSENT, "(1,): joint0"),
+        (aw.Schedule([0.0], [[1.0]], ["wrist"]), "inputs.brake", ["wrist"], "joint0"),
+        (
+            aw.Schedule([0.0, 1.0], [[1.0], [2.0]], ["joint0"]),
+            "inputs.brake of joint0",
+            2.0,
+            "1, applied, or 0, released",
+        ),
+        ("on", "inputs.brake", ["on"], "1 numbers: joint0"),
     ],
 )
-def test_brakes_that_cannot_be_are_refused(fields, said):
-    with pytest.raises(ScenarioError, match=said):
-        scenario_of(braked(), command=[0.0], duration=0.1, **fields)
+def test_brakes_that_cannot_be_are_refused(brake, place, value, expected):
+    with pytest.raises(ScenarioError) as refused:
+        scenario_of(braked(), command=[0.0], duration=0.1, brake=brake)
+    assert (refused.value.place, refused.value.value, refused.value.expected) == (place, value, expected)
 
 
 def test_an_arm_without_brakes_applies_none():

@@ -90,9 +90,9 @@ def test_refuses(tmp_path, text, line, place, value, expected):
             "t,waist,elbow\n0,1,2\n1,2,3\n0.5,2,3\n",
             ":4: column 't' = 0.5: earlier than 1 before it; expected times to increase",
         ),
-        ("t,waist,elbow\n0,1,2\n1,2,3\n1,2,3\n", ":4: column 't' = 1: repeats the time before it"),
+        ("t,waist,elbow\n0,1,2\n1,2,3\n1,2,3\n", ":4: column 't' = 1.0: repeats the time before it"),
         ("t,waist,elbow\n0.1,1,2\n", ":2: column 't' = 0.1: expected the first time to be 0"),
-        ("t,waist,elbow\n\n-1,1,2\n", ":3: column 't' = -1: expected the first time to be 0"),
+        ("t,waist,elbow\n\n-1,1,2\n", ":3: column 't' = -1.0: expected the first time to be 0"),
         ('t,waist,elbow\n0,"1,2\n', "not CSV"),
     ],
 )
@@ -156,20 +156,22 @@ def test_is_frozen():
 
 
 @pytest.mark.parametrize(
-    ("times", "commands", "message"),
+    ("times", "commands", "place", "value", "said"),
     [
-        ([0.0], [[1.0]], "commands have the shape"),
-        ([0.0, 1.0], [[1.0, 2.0]], "commands have the shape"),
-        ([], np.zeros((0, 2)), "times have the shape"),
-        ([[0.0]], [[1.0, 2.0]], "times have the shape"),
-        ([0.0], [[1.0, np.nan]], r"commands\[0, 1\] = nan: expected finite numbers"),
-        ([np.inf], [[1.0, 2.0]], r"times\[0\] = inf"),
-        ([1.0], [[1.0, 2.0]], "expected the first time to be 0"),
-        ([0.0, 0.0], [[1.0, 2.0]] * 2, r"times\[1\] = 0: repeats"),
-        ([0.0, 2.0, 1.0], [[1.0, 2.0]] * 3, r"times\[2\] = 1: earlier than 2"),
-        (["a"], [[1.0, 2.0]], "expected an array of numbers"),
+        ([0.0], [[1.0]], "commands", ABSENT, r"shape (1, 1); expected (1, 2): one row a time"),
+        ([0.0, 1.0], [[1.0, 2.0]], "commands", ABSENT, "shape (1, 2)"),
+        ([], np.zeros((0, 2)), "times", ABSENT, "shape (0,)"),
+        ([[0.0]], [[1.0, 2.0]], "times", ABSENT, "shape (1, 1)"),
+        ([0.0], [[1.0, -np.inf]], "commands[0, 1]", -np.inf, "expected finite numbers"),
+        ([np.inf], [[1.0, 2.0]], "times[0]", np.inf, "expected finite numbers"),
+        ([1.0], [[1.0, 2.0]], "times[0]", 1.0, "expected the first time to be 0"),
+        ([0.0, 0.0], [[1.0, 2.0]] * 2, "times[1]", 0.0, "repeats the time before it"),
+        ([0.0, 2.0, 1.0], [[1.0, 2.0]] * 3, "times[2]", 1.0, "earlier than 2 before it"),
+        (["a"], [[1.0, 2.0]], "times", ["a"], "expected an array of numbers"),
     ],
 )
-def test_refuses_arrays(times, commands, message):
-    with pytest.raises(ScheduleError, match=message):
+def test_refuses_arrays(times, commands, place, value, said):
+    with pytest.raises(ScheduleError) as refused:
         Schedule(np.array(times), np.array(commands), NAMES)
+    assert (refused.value.place, refused.value.value) == (place, value)
+    assert said in str(refused.value)

@@ -335,18 +335,18 @@ def test_progress_counts_all_steps(cmu):
         ({"command": [0, 0], "duration": 1.0, "every": 3}, r"recording\.every = 3"),
         ({"command": [0, 0], "duration": 1.0, "every": -1}, r"recording\.every = -1"),
         ({"command": [0, 0], "duration": 1.0, "what": "some"}, r"recording\.what = 'some'"),
-        ({"command": [0, 0, 0], "duration": 1.0}, r"command has shape \(3,\), expected \(2,\)"),
-        ({"command": np.zeros((3, 2)), "duration": 1.0}, r"command has shape \(3, 2\), expected \(2,\): .* Batch"),
-        ({"command": [0, float("nan")], "duration": 1.0}, "command holds nan"),
+        ({"command": [0, 0, 0], "duration": 1.0}, r"command: shape \(3,\); expected \(2,\)"),
+        ({"command": np.zeros((3, 2)), "duration": 1.0}, r"command: shape \(3, 2\); expected \(2,\): .* Batch"),
+        ({"command": [0, float("nan")], "duration": 1.0}, "command = nan: expected finite numbers"),
         ({"command": ["a", "b"], "duration": 1.0}, "expected 2 numbers"),
         (
             {"command": [0, 0], "duration": 1.0, "q0": aw.Batch(np.zeros((3, 2))), "qd0": aw.Batch(np.zeros((4, 2)))},
-            r"3 of start\.q, 4 of start\.qd",
+            r"start\.qd: 4 lanes; expected 3, as start\.q has",
         ),
         ({"command": [0, 0], "duration": 1.0, "integrator": "rk33"}, "integrator = 'rk33': unknown; did you mean rk3"),
         (
             {"command": aw.Schedule.constant(["a"], [1.0]), "duration": 1.0},
-            "command: the schedule is for a",
+            r"command = \['a'\]: columns of the schedule",
         ),
     ],
 )

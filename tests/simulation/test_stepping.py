@@ -113,9 +113,9 @@ def test_rows_of_a_reference_are_there_again_after_a_reset():
     ("command", "said"),
     [
         (None, "step: no command; expected one"),
-        (np.zeros(3), r"command has shape \(3,\), expected \(2,\)"),
+        (np.zeros(3), r"command: shape \(3,\); expected \(2,\)"),
         ("much", "command = 'much': expected 2 numbers"),
-        ([np.nan, 0.0], "command holds nan"),
+        ([np.nan, 0.0], "command = nan: expected finite numbers"),
         (aw.Batch(np.zeros((3, 2))), "commands of 3 lanes; expected 1 or 1"),
     ],
 )

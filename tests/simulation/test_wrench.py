@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 import armwright as aw
 from armwright import scalar
 from armwright.errors import ScenarioError
-from armwright.simulation.inputs.acting import WRENCH
+from armwright.simulation.inputs.input_schedule import WRENCH
 from physics.arms import arm
 from simulation.fields import scenario_of
 
@@ -90,20 +90,23 @@ def test_lanes_and_python_and_reducers():
 
 
 @pytest.mark.parametrize(
-    ("fields", "said"),
+    ("fields", "place", "said"),
     [
-        ({"wrench": np.zeros(3)}, r"wrench has shape \(3,\), expected \(6,\): fx, fy"),
-        ({"wrench": np.zeros((3, 6))}, r"wrench has shape \(3, 6\), expected \(6,\): .* Batch"),
+        ({"wrench": np.zeros(3)}, "inputs.wrench", r"shape \(3,\); expected \(6,\): fx, fy"),
+        ({"wrench": np.zeros((3, 6))}, "inputs.wrench", r"shape \(3, 6\); expected \(6,\): .* Batch"),
         (
             {"wrench": aw.Schedule(np.zeros(1), np.zeros((1, 2)), ("a", "b"))},
-            "wrench: the schedule is for a, b; expected fx, fy",
+            "inputs.wrench",
+            r"= \['a', 'b'\]: columns of the schedule; expected fx, fy",
         ),
         (
             {"wrench": aw.Batch(np.zeros((3, 6))), "q0": aw.Batch(np.zeros((2, 2)))},
-            r"3 of inputs\.wrench, 2 of start\.q",
+            "start.q",
+            r"2 lanes; expected 3, as inputs\.wrench has",
         ),
     ],
 )
-def test_wrenches_that_do_not_fit_are_refused(fields, said):
-    with pytest.raises(ScenarioError, match=said):
+def test_wrenches_that_do_not_fit_are_refused(fields, place, said):
+    with pytest.raises(ScenarioError, match=said) as refused:
         scenario(**fields)
+    assert refused.value.place == place

@@ -42,10 +42,6 @@ class Numbers:
     values: np.ndarray
     lines: tuple[int, ...]
 
-    def place(self, row: int, column: int) -> str:
-        """File, line and column of a value, for an error to begin with."""
-        return f"{self.path}:{self.lines[row]}: column {self.columns[column].name!r}"
-
 
 def read_numbers(path: str | os.PathLike[str], columns: Sequence[Column]) -> Numbers:
     """The finite numbers of a CSV file, its columns found by name, or by order where there is no header row.

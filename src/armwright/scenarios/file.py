@@ -25,7 +25,7 @@ from armwright.scalar import Scalar
 from armwright.scenarios.files import Files
 from armwright.scenarios.lanes import TENSOR, vary
 from armwright.scenarios.records import Kind, PayloadTable, ScenarioTable, Tensor
-from armwright.simulation.inputs.acting import WRENCH
+from armwright.simulation.inputs.input_schedule import WRENCH
 from armwright.simulation.inputs.payload import Payload
 from armwright.simulation.inputs.schedule import Schedule, read_schedule
 from armwright.simulation.loop.command_filter import CommandFilter

@@ -16,7 +16,7 @@ from armwright.results.recording import bare_dataset, make_dataset
 from armwright.results.reducers import Ends, reducer
 from armwright.signals import Signal
 from armwright.simulation.batch_runner import Reached
-from armwright.simulation.inputs.schedule_ticks import held_values
+from armwright.simulation.inputs.input_schedule import values_at_ticks
 from armwright.simulation.integrate.stepping import Account
 from armwright.simulation.loop.config import LoopConfig
 from armwright.simulation.loop.tick import USUAL
@@ -120,7 +120,7 @@ def _with_rows(
     t, rows = ticks * simulation.period, own(record[there, : simulation.count].transpose(1, 0, 2))
     parts = _parts(simulation, rows)
     x = parts["x"]
-    acting = {name: own(held_values(held, ticks, simulation.period)) for name, held in simulation.inputs.items()}
+    acting = {name: own(values_at_ticks(held, ticks, simulation.period)) for name, held in simulation.inputs.items()}
     u = parts.get("u", acting.pop("u", np.full((1, 1, n), np.nan)))
     u = np.broadcast_to(u, (len(rows), len(t), n))
     outputs: dict[str, np.ndarray] = {}

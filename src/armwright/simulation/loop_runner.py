@@ -12,8 +12,7 @@ from armwright.errors import ScenarioError
 from armwright.kernels.loop import Lanes
 from armwright.kernels.stages import state_blocks
 from armwright.results.reducers import Reduction, check_known
-from armwright.simulation.inputs.acting import rows_of
-from armwright.simulation.inputs.schedule_ticks import held_values, landing_rows
+from armwright.simulation.inputs.input_schedule import all_rows, landing_rows, values_at_ticks
 from armwright.simulation.integrate.cvodes import Cvodes, check_lanes
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.integrate.stepping import begin_adaptive
@@ -58,7 +57,7 @@ class LoopRunner:
         self.notes: list[str] = []
         self._check_step(loop)
         self._started = scenario.started
-        self.inputs = dict(scenario.held_inputs)
+        self.inputs = dict(scenario.input_schedules)
         if not scenario.sampled:
             self.inputs["u"] = scenario.commands
         self.reduction = Reduction.of(scenario.recording.reduce, self.arm.n) if scenario.recording.reduce else None
@@ -103,7 +102,7 @@ class LoopRunner:
         if name not in INTEGRATORS:
             return
         limit = StepLimit(arm) if loop is None else loop.step_limit
-        commands = np.zeros((1, arm.n)) if scenario.sampled else rows_of(scenario.commands)
+        commands = np.zeros((1, arm.n)) if scenario.sampled else all_rows(scenario.commands)
         if scenario.varied is not None:
             limit = VariedStepLimit(scenario.varied, scenario.parameters, scenario.lane_count is not None)
         limit.check_step(name, INTEGRATORS[name], scenario.integration_step, commands)
@@ -148,7 +147,7 @@ class LoopRunner:
             scenario.solver.integrator,
             scenario.solver.adaptivity,
             scenario.solver.substeps if scenario.sampled else 1,
-            inputs={name: rows_of(held).shape[1] for name, held in scenario.held_inputs.items()},
+            inputs={name: all_rows(held).shape[1] for name, held in scenario.input_schedules.items()},
             payload_frames=scenario.payload_frames,
             recorded={name: layouts[name] for name in stored},
             reduction=self.reduction,
@@ -216,7 +215,7 @@ class LoopRunner:
         """Payload and wrench (count or 1, entries) that act on a group of lanes in the tick that comes next."""
         at = np.array([float(self.tick)])
         payload, wrench = (
-            lanes.own(held_values(self.inputs[name], at, self.period)[:, 0])
+            lanes.own(values_at_ticks(self.inputs[name], at, self.period)[:, 0])
             if name in self.config.inputs
             else np.zeros((1, 0))
             for name in ("payload", "wrench")

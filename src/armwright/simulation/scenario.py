@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.errors import ScenarioError
+from armwright.errors import ArmwrightError, ScenarioError
 from armwright.model import Model
 from armwright.model.joint_signals import joint_signal
 from armwright.model.vary import Varied
@@ -26,7 +26,13 @@ from armwright.parameters import (
 )
 from armwright.signals import Layout
 from armwright.simulation.checks import check_time, is_whole
-from armwright.simulation.inputs.acting import Held, Told, brake_of, held, numbers_of, wrench_of
+from armwright.simulation.inputs.input_schedule import (
+    InputSchedule,
+    brake_schedule,
+    input_schedule,
+    lane_numbers,
+    wrench_schedule,
+)
 from armwright.simulation.inputs.payload import payload_of
 from armwright.simulation.loop.controller import configured
 from armwright.simulation.loop.state import LoopState, state_to_continue
@@ -139,7 +145,7 @@ class Scenario:
 
     def _check_values(self) -> None:
         """Refuses values that do not fit the arm or each other, by working all of them out."""
-        _ = self.started, self.commands, self.held_inputs, self.ticks, self.lane_count, self.initial_state
+        _ = self.started, self.commands, self.input_schedules, self.ticks, self.lane_count, self.initial_state
         _ = self.first_command, self.controller_fields
 
     @cached_property
@@ -213,30 +219,34 @@ class Scenario:
         return self.recording.reference if self.loop is None else self.loop.reference
 
     @cached_property
-    def commands(self) -> Told:
+    def commands(self) -> InputSchedule:
         """Commands over time, for all lanes or a lane each; none in a loop."""
-        return [] if self.sampled else held("command", self.command, self.arm.names)
+        return [] if self.sampled else input_schedule("command", self.command, self.arm.names)
 
-    @cached_property
-    def held_inputs(self) -> dict[str, Held]:
-        """What acts on the plant beside commands, by name: for all lanes, or a lane each."""
-        found: dict[str, Held] = {}
-        if self.inputs.wrench is not None:
-            found["wrench"] = wrench_of(self.arm, self.inputs.wrench)
-        if self.inputs.brake is not None:
-            found["brake"] = brake_of(self.arm, self.inputs.brake)
-        if self._payload is not None:
-            found["payload"] = self._payload[1]
-        return found
-
-    @cached_property
-    def _payload(self) -> tuple[tuple[str, ...], Held] | None:
-        return None if self.inputs.payload is None else payload_of(self.arm, self.inputs.payload)
+    @property
+    def input_schedules(self) -> dict[str, InputSchedule]:
+        """Inputs of the plant beside commands, by name: for all lanes, or a lane each."""
+        return self._inputs[0]
 
     @property
     def payload_frames(self) -> tuple[str, ...]:
         """Frames that payloads hang on."""
-        return () if self._payload is None else self._payload[0]
+        return self._inputs[1]
+
+    @cached_property
+    def _inputs(self) -> tuple[dict[str, InputSchedule], tuple[str, ...]]:
+        schedules: dict[str, InputSchedule] = {}
+        frames: tuple[str, ...] = ()
+        try:
+            if self.inputs.wrench is not None:
+                schedules["wrench"] = wrench_schedule(self.arm, self.inputs.wrench)
+            if self.inputs.brake is not None:
+                schedules["brake"] = brake_schedule(self.arm, self.inputs.brake)
+            if self.inputs.payload is not None:
+                frames, schedules["payload"] = payload_of(self.arm, self.inputs.payload)
+        except ArmwrightError as error:
+            raise error.within("inputs") from None
+        return schedules, frames
 
     @property
     def command_layout(self) -> Layout:
@@ -367,7 +377,7 @@ class Scenario:
         rows = self.lane_count or 1
         zero = np.zeros((1, self.arm.n))
         parts = [
-            zero if value is None else numbers_of(f"start.{name}", value, self.arm.names)
+            zero if value is None else lane_numbers(f"start.{name}", value, self.arm.names)
             for name, value in (("q", self.start.q), ("qd", self.start.qd))
         ]
         return np.concatenate([np.broadcast_to(part, (rows, self.arm.n)) for part in parts], axis=1)
@@ -376,5 +386,5 @@ class Scenario:
     def first_command(self) -> np.ndarray | None:
         """(lanes or 1, n) in force before the first tick; None: what holds the arm."""
         if self.loop is not None and self.loop.initial_command is not None:
-            return numbers_of("loop.initial_command", self.loop.initial_command, self.arm.names)
+            return lane_numbers("loop.initial_command", self.loop.initial_command, self.arm.names)
         return None if self.started is None else self.started.blocks.get("u")

@@ -19,7 +19,7 @@ from armwright.signals import Values
 from armwright.simulation.batch_runner import Progress, Work, handed_out, run_groups
 from armwright.simulation.checks import check_whole
 from armwright.simulation.dataset import Recorded, run_dataset
-from armwright.simulation.inputs.acting import numbers_of
+from armwright.simulation.inputs.input_schedule import lane_numbers
 from armwright.simulation.integrate.stepping import Account
 from armwright.simulation.loop.compiled import CompiledLoop
 from armwright.simulation.loop.controller import reference_of
@@ -179,7 +179,7 @@ class Simulation(LoopRunner):
             )
         lanes = self._stepped()
         if command is not None:
-            rows = numbers_of("command", command, self.arm.names)
+            rows = lane_numbers("command", command, self.arm.names)
             if len(rows) not in (1, self.count):
                 raise ScenarioError(f"step: commands of {len(rows)} lanes; expected 1 or {self.count}")
             self._measure(lanes)

@@ -1,1 +1,1 @@
-"""What acts on an arm over time: commands, references, wrenches, payloads, brakes."""
+"""Inputs of an arm over time: commands, references, wrenches, payloads, brakes."""

@@ -1,7 +1,7 @@
-"""What the hand carries over time: bodies that are taken up and put down, each from its time until the next.
+"""Payloads over time: bodies that the hand takes up and puts down, each from its time until the next.
 
-A body joins, and leaves, at the hand's own velocity: positions and speeds are continuous, momentum and energy jump by the
-body's own. What reaches the plant are its ten numbers about the frame's origin, zeros for an empty hand.
+A body joins, and leaves, at the hand's velocity: positions and speeds are continuous, momentum and energy jump by those of the
+body. The plant takes its ten numbers about the frame's origin, zeros for an empty hand.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from armwright.errors import ScenarioError
+from armwright.errors import ArmwrightError, ScenarioError
 from armwright.lint.feasibility import IMPOSSIBLE
 from armwright.model import Model
 from armwright.model.tree import BASE, TENSOR
 from armwright.parameters import Batch, check_counts, lane_counts, lane_values
-from armwright.simulation.inputs.acting import LaneRows
+from armwright.simulation.inputs.input_schedule import LaneRows
 from armwright.spatial import displaced_inertia
 
 
@@ -49,12 +49,13 @@ def payload_of(arm: Model, payloads: Any) -> tuple[tuple[str, ...], LaneRows]:
         ScenarioError: a body that cannot be, times that do not increase; names the place, the lane and the value.
         ModelError: no such frame, or no tip.
     """
-    told = [payloads] if isinstance(payloads, Payload) else payloads
-    if not isinstance(told, Sequence) or not told or not all(isinstance(each, Payload) for each in told):
-        raise ScenarioError(f"payload = {payloads!r}: expected Payload(time, mass, com, inertia), or a list of them")
-    at = [_frame(arm, k, each) for k, each in enumerate(told)]
-    times, loads = zip(*(_load(k, each) for k, each in enumerate(told)), strict=True)
-    lanes, frames = check_counts(lane_counts(told, "payload")) or 1, tuple(dict.fromkeys(at))
+    bodies = [payloads] if isinstance(payloads, Payload) else payloads
+    if not isinstance(bodies, Sequence) or not bodies or not all(isinstance(each, Payload) for each in bodies):
+        expected = "an aw.Payload(time, mass, com, inertia), or a list of them"
+        raise ScenarioError(place="payload", value=payloads, expected=expected)
+    at = [_frame(arm, k, each) for k, each in enumerate(bodies)]
+    times, loads = zip(*(_load(k, each) for k, each in enumerate(bodies)), strict=True)
+    lanes, frames = check_counts(lane_counts(bodies, "payload")) or 1, tuple(dict.fromkeys(at))
     time = np.stack([np.broadcast_to(each, lanes) for each in times], axis=1)
     load = np.stack([np.broadcast_to(each, (lanes, 10)) for each in loads], axis=1)
     _check_order(at, time)
@@ -63,24 +64,31 @@ def payload_of(arm: Model, payloads: Any) -> tuple[tuple[str, ...], LaneRows]:
 
 def _frame(arm: Model, k: int, payload: Payload) -> str:
     name = arm.tip if payload.frame is None else payload.frame
-    if arm.frame(name).body == BASE:
-        raise ScenarioError(f"payload[{k}]: frame {name!r} stands still with the base; expected one that moves")
+    try:
+        body = arm.frame(name).body
+    except ArmwrightError as error:
+        raise error.within(f"payload[{k}]") from None
+    if body == BASE:
+        raise ScenarioError(
+            "stands still with the base", place=f"payload[{k}].frame", value=name, expected="one that moves"
+        )
     assert name is not None
     return name
 
 
 def _load(k: int, payload: Payload) -> tuple[np.ndarray, np.ndarray]:
-    """When it is taken up, (lanes or 1,), and its numbers (lanes or 1, 10)."""
+    """The time at which it is taken up, (lanes or 1,), and its numbers (lanes or 1, 10)."""
     time = _numbers(k, "time", payload.time, (), "a time of 0 s or more")
     mass = _numbers(k, "mass", payload.mass, (), "a mass of 0 kg or more")
     for name, values, unit in (("time", time, "s"), ("mass", mass, "kg")):
         if (values < 0.0).any():
             lane = int(np.argmax(values < 0.0))
-            raise ScenarioError(f"{_place(k, name, values, lane)} = {values[lane]:g} {unit}: expected 0 or more")
+            place = _place(k, name, values, lane)
+            raise ScenarioError(place=place, value=float(values[lane]), expected=f"0 {unit} or more")
     if payload.com is None or payload.inertia is None:
         absent = "com" if payload.com is None else "inertia"
         if (mass > 0.0).any():
-            raise ScenarioError(f"payload[{k}]: {absent} is missing; expected one beside a mass above 0")
+            raise ScenarioError("missing", place=f"payload[{k}].{absent}", expected="one beside a mass above 0")
         return time, np.zeros((1, 10))
     com = _numbers(k, "com", payload.com, (3,), "three numbers [m]")
     tensor = _tensor(k, payload.inertia)
@@ -94,12 +102,12 @@ def _load(k: int, payload: Payload) -> tuple[np.ndarray, np.ndarray]:
 def _numbers(k: int, name: str, value: Any, shape: tuple[int, ...], expected: str) -> np.ndarray:
     """(lanes or 1, *shape) finite numbers."""
     try:
-        found = np.asarray(lane_values(value), dtype=float)
+        numbers = np.asarray(lane_values(value), dtype=float)
     except (TypeError, ValueError):
-        found = np.zeros(0)
-    if found.shape[1:] != shape or not found.size or not np.isfinite(found).all():
-        raise ScenarioError(f"payload[{k}].{name} = {value!r:.80}: expected {expected}, or a Batch of such")
-    return found
+        numbers = np.zeros(0)
+    if numbers.shape[1:] != shape or not numbers.size or not np.isfinite(numbers).all():
+        raise ScenarioError(place=f"payload[{k}].{name}", value=value, expected=f"{expected}, or a Batch of such")
+    return numbers
 
 
 def _tensor(k: int, value: Any) -> np.ndarray:
@@ -110,7 +118,7 @@ def _tensor(k: int, value: Any) -> np.ndarray:
     tensor = tensor[:, None, :] * np.eye(3) if moments else tensor
     turned = tensor.transpose(0, 2, 1)
     if not np.allclose(tensor, turned, rtol=1e-9, atol=0.0):
-        raise ScenarioError(f"payload[{k}].inertia = {value!r:.80}: expected {expected}")
+        raise ScenarioError(place=f"payload[{k}].inertia", value=value, expected=expected)
     return 0.5 * (tensor + turned)
 
 
@@ -123,42 +131,40 @@ def _check_tensor(k: int, tensor: np.ndarray, mass: np.ndarray) -> None:
         lane = int(np.argmax(wrong))
         a, b, c = moments[lane]
         raise ScenarioError(
-            f"{_place(k, 'inertia', tensor, lane)}: principal moments {a:.4g}, {b:.4g} and {c:.4g} kg m² are those of no "
-            "body; expected none below 0, and none above the sum of the other two"
+            f"principal moments {a:.4g}, {b:.4g} and {c:.4g} kg m² are those of no body",
+            place=_place(k, "inertia", tensor, lane),
+            expected="none below 0, and none above the sum of the other two",
         )
     lanes = max(len(mass), len(tensor))
     empty = np.broadcast_to(mass == 0.0, lanes) & np.broadcast_to(np.abs(moments).max(axis=1) > 0.0, lanes)
     if empty.any():
         lane = int(np.argmax(empty))
-        raise ScenarioError(
-            f"{_place(k, 'mass', empty, lane)} = 0 kg with an inertia; expected a mass above 0, or no inertia"
-        )
+        place, expected = _place(k, "mass", empty, lane), "a mass above 0, or no inertia"
+        raise ScenarioError("with an inertia", place=place, value=0.0, expected=expected)
 
 
 def _place(k: int, name: str, values: np.ndarray, lane: int) -> str:
-    return f"payload[{k}].{name}" + (f" in lane {lane}" if len(values) > 1 else "")
+    return f"payload[{k}].{name}" + (f" of lane {lane}" if len(values) > 1 else "")
 
 
 def _check_order(frames: list[str], times: np.ndarray) -> None:
-    """Refuses bodies of one hand whose times (lanes, bodies) do not increase in the order in which they are told."""
+    """Refuses bodies of one hand whose times (lanes, bodies) do not increase in the order of the list."""
     last: dict[str, int] = {}
     for k, frame in enumerate(frames):
         if frame in last:
             early = times[:, k] <= times[:, last[frame]]
             if early.any():
                 lane = int(np.argmax(early))
-                raise ScenarioError(
-                    f"{_place(k, 'time', early, lane)} = {times[lane, k]:g} s: expected one after payload[{last[frame]}]'s "
-                    f"{times[lane, last[frame]]:g} s"
-                )
+                expected = f"one after payload[{last[frame]}]'s {times[lane, last[frame]]:g} s"
+                raise ScenarioError(place=_place(k, "time", early, lane), value=times[lane, k], expected=expected)
         last[frame] = k
 
 
 def _rows(times: np.ndarray, loads: np.ndarray, hands: np.ndarray, count: int) -> LaneRows:
-    """What all hands hold, empty in the beginning: a row for every body, in the order in which each lane takes them up.
+    """Contents of all hands, empty in the beginning: a row for every body, in the order in which each lane takes them up.
 
     Args:
-        times: (lanes, bodies) [s].   loads: (lanes, bodies, 10).   hands: (bodies,) which takes it up.   count: of hands.
+        times: (lanes, bodies) [s].   loads: (lanes, bodies, 10).   hands: (bodies,) numbers of their hands.   count: of hands.
     """
     lanes, order = np.arange(len(times)), np.argsort(times, axis=1, kind="stable")
     now = np.zeros((len(times), count, 10))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armwright.errors import ScheduleError
+from armwright.errors import Problem, ScheduleError
 from armwright.results.tables import Column, read_numbers
 
 COMMAND_UNITS = ("V", "A", "N m", "N")
@@ -34,19 +34,18 @@ class Schedule:
         names = tuple(self.names)
         times, commands = _frozen(self.times, "times"), _frozen(self.commands, "commands")
         if times.ndim != 1 or not len(times):
-            raise ScheduleError(f"times have the shape {times.shape}; expected (k,) with at least one row")
+            raise ScheduleError(f"shape {times.shape}", place="times", expected="(k,) with at least one row")
         if commands.shape != (len(times), len(names)):
-            raise ScheduleError(
-                f"commands have the shape {commands.shape}; expected {(len(times), len(names))}: "
-                f"one row a time, one column for each of {', '.join(names)}"
-            )
-        for what, values in (("times", times), ("commands", commands)):
+            expected = f"{(len(times), len(names))}: one row a time, one column for each of {', '.join(names)}"
+            raise ScheduleError(f"shape {commands.shape}", place="commands", expected=expected)
+        for name, values in (("times", times), ("commands", commands)):
             if not np.isfinite(values).all():
                 at = tuple(int(k) for k in np.argwhere(~np.isfinite(values))[0])
-                raise ScheduleError(f"{what}[{', '.join(map(str, at))}] = {values[at]:g}: expected finite numbers")
+                place = f"{name}[{', '.join(map(str, at))}]"
+                raise ScheduleError(place=place, value=float(values[at]), expected="finite numbers")
         row = out_of_order(times)
         if row is not None:
-            raise ScheduleError(f"times[{row}] {time_fault(times, row)}")
+            raise ScheduleError.of(time_problem(times, row).within(f"times[{row}]"))
         for field, value in (("times", times), ("commands", commands), ("names", names)):
             object.__setattr__(self, field, value)
 
@@ -64,11 +63,11 @@ class Schedule:
         return f"<schedule for {', '.join(self.names)}: {rows}>"
 
 
-def _frozen(values: np.ndarray, what: str) -> np.ndarray:
+def _frozen(values: np.ndarray, name: str) -> np.ndarray:
     try:
         array = np.array(values, dtype=float)
     except (TypeError, ValueError):
-        raise ScheduleError(f"{what} = {values!r}: expected an array of numbers") from None
+        raise ScheduleError(place=name, value=values, expected="an array of numbers") from None
     array.flags.writeable = False
     return array
 
@@ -81,13 +80,14 @@ def out_of_order(times: np.ndarray) -> int | None:
     return int(late[0]) + 1 if len(late) else None
 
 
-def time_fault(times: np.ndarray, row: int) -> str:
-    """What is wrong with that row's time, to stand behind its place."""
+def time_problem(times: np.ndarray, row: int) -> Problem:
+    """The problem of a row that is out of order, without its place."""
+    value = float(times[row])
     if row == 0:
-        return f"= {times[0]:.10g}: expected the first time to be 0"
-    if times[row] == times[row - 1]:
-        return f"= {times[row]:.10g}: repeats the time before it; expected times to increase"
-    return f"= {times[row]:.10g}: earlier than {times[row - 1]:.10g} before it; expected times to increase"
+        return Problem(value=value, expected="the first time to be 0")
+    before = float(times[row - 1])
+    what = "repeats the time before it" if value == before else f"earlier than {before:.10g} before it"
+    return Problem(what, value=value, expected="times to increase")
 
 
 def read_schedule(path: str | os.PathLike[str], names: Sequence[str], units: Sequence[str] | None = None) -> Schedule:
@@ -110,5 +110,5 @@ def read_schedule(path: str | os.PathLike[str], names: Sequence[str], units: Seq
     times = table.values[:, 0]
     row = out_of_order(times)
     if row is not None:
-        raise ScheduleError(f"{table.place(row, 0)} {time_fault(times, row)}")
+        raise ScheduleError.of(time_problem(times, row).within("column 't'", file=f"{path}:{table.lines[row]}"))
     return Schedule(times, table.values[:, 1:], tuple(names))

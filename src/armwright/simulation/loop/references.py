@@ -19,9 +19,8 @@ from armwright.parameters import Batch, LaneFields
 from armwright.program import Program, interpret, trace
 from armwright.scalar import Array, Scalar
 from armwright.signals import Layout
-from armwright.simulation.inputs.acting import Held, by_name, held
+from armwright.simulation.inputs.input_schedule import InputSchedule, in_order, input_schedule, values_at_ticks
 from armwright.simulation.inputs.schedule import Schedule
-from armwright.simulation.inputs.schedule_ticks import held_values
 
 FAR = 1e-9  # [rad | m] past a limit that is no rounding
 PARAMETERS = "c_reference"  # block of a trajectory's own values in each lane
@@ -39,7 +38,7 @@ class LoopReference:
 
     layout: Layout
     table: np.ndarray | None = None
-    rows: Held | None = None
+    rows: InputSchedule | None = None
     program: Program | None = None
     values: np.ndarray | None = None
     final: np.ndarray | None = None
@@ -61,7 +60,7 @@ class LoopReference:
             reference = start[0] if same else Batch(start)
         if isinstance(reference, Batch):
             rows = _lane_rows(arm, reference)
-            final = held_values(rows, ticks[-1:].astype(float), period)[:, 0, :n]
+            final = values_at_ticks(rows, ticks[-1:].astype(float), period)[:, 0, :n]
             return cls(layout, rows=rows, final=final)
         lanes = LaneFields.of(reference, "reference")
         if not lanes.names:
@@ -117,13 +116,13 @@ def reference_layout(arm: Model, reference: Any) -> Layout:
         raise ScenarioError(f"reference {called(reference)!r}: signals: {error}; expected aw.Signal objects") from None
 
 
-def _lane_rows(arm: Model, given: Batch) -> Held:
+def _lane_rows(arm: Model, given: Batch) -> InputSchedule:
     """Poses, or schedules of poses, one for each lane, as rows of positions, speeds and accelerations."""
     if given.shape is None and not all(isinstance(each, Schedule) for each in given.values):
         raise ScenarioError(
             f"reference = {given!r}: expected a batch of poses or schedules; of a trajectory, its fields may be batches"
         )
-    rows, n = held("reference", given, arm.names), arm.n
+    rows, n = input_schedule("reference", given, arm.names), arm.n
     if isinstance(rows, np.ndarray):
         return np.pad(rows, ((0, 0), (0, 2 * n)))
     names = tuple(f"{name} {signal}" for signal in ("q", "qd", "qdd") for name in arm.names)
@@ -146,7 +145,7 @@ def reference_rows(arm: Model, reference: Any, t: np.ndarray, notes: list[str] |
     rows = np.zeros((len(t), layout.size))
     if isinstance(reference, Schedule):
         held = np.searchsorted(reference.times, t * (1.0 + 1e-12), side="right") - 1
-        rows[:, :n] = by_name("reference", reference, arm.names).commands[np.maximum(held, 0)]
+        rows[:, :n] = in_order("reference", reference, arm.names).commands[np.maximum(held, 0)]
     elif callable(reference):
         rows = _of_function(arm, layout, reference, t, [] if notes is None else notes)
     else:
