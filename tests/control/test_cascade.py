@@ -123,9 +123,9 @@ def test_it_tracks_with_each_kind_of_drive():
     [
         ("cmu-dd", {"position_every": 0}, "position_every = 0: expected a whole number of ticks, 1 or more"),
         ("cmu-dd", {"speed_every": 2, "speed_phase": 2}, "speed_phase = 2: expected a tick from 0 to speed_every - 1 = 1"),
-        ("cmu-dd", {"voltage_limit": 3.0}, "voltage_limit goes with a current loop"),
+        ("cmu-dd", {"voltage_limit": 3.0}, "voltage_limit = 3.0: goes with a current loop"),
         ("lwa4p", {"current_kp": 1.0}, "is driven by current; expected voltage drives"),
-        ("cmu-dd", {"effort_limit": [1.0, 2.0]}, r"effort_limit has shape \(2,\)"),
+        ("cmu-dd", {"effort_limit": [1.0, 2.0]}, r"Cascade.effort_limit: shape \(2,\)"),
     ],
 )  # fmt: skip
 def test_cascades_that_do_not_fit_are_refused(name, fields, said):

@@ -68,5 +68,5 @@ def test_a_model_of_other_joints_is_refused():
 
 
 def test_what_is_no_model_is_refused():
-    with pytest.raises(ScenarioError, match="ComputedTorque: model = 'puma560': expected an arm"):
+    with pytest.raises(ScenarioError, match=r"ComputedTorque\.model = 'puma560': expected an arm"):
         ComputedTorque(kp=100.0, kd=20.0, model="puma560")

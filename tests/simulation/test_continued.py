@@ -323,7 +323,7 @@ def test_a_state_of_another_arm_or_of_other_lanes_is_refused():
         aw.Scenario(MANY["elastic"], command=[1.0], duration=0.01, start=bare, solver=aw.Solver(step=2e-4))
     lanes = aw.Simulation(aw.Scenario(arm("two-link"), command=aw.Batch(np.zeros((3, 2))), duration=0.01))
     other = aw.Simulation(aw.Scenario(arm("two-link"), command=aw.Batch(np.zeros((4, 2))), duration=0.01))
-    with pytest.raises(ScenarioError, match="restore: a state of 3 lanes; expected 4"):
+    with pytest.raises(ScenarioError, match="state: 3 lanes; expected 4"):
         other.restore(lanes.state)
     with pytest.raises(ScenarioError, match="start: 3 lanes; expected 4, as command has"):
         dataclasses.replace(other.scenario, start=lanes.state)
@@ -349,9 +349,9 @@ def test_a_file_that_is_no_state_is_refused(tmp_path):
 
 def test_commands_that_do_not_fit_are_refused():
     driven, outside = aw.Simulation(two_link()), aw.Simulation(two_link(controller=None, duration=None))
-    with pytest.raises(ScenarioError, match="step: a command beside the scenario's own"):
+    with pytest.raises(ScenarioError, match="command: beside the scenario's commands or controller"):
         driven.step([0.0, 0.0])
-    with pytest.raises(ScenarioError, match="step: no command; expected one"):
+    with pytest.raises(ScenarioError, match="command: missing; expected one"):
         outside.step()
     with pytest.raises(ScenarioError, match=r"command: shape \(3,\); expected \(2,\)"):
         outside.step([0.0, 0.0, 0.0])

@@ -236,8 +236,8 @@ def test_hidden_state_is_found():
 @pytest.mark.parametrize(
     ("law", "said"),
     [
-        (lambda t, r, y: r.q[:3], r"returned u of shape \(3,\), expected \(6,\)"),
-        (lambda t, r, y: 1.0, r"returned u of shape \(\), expected \(6,\)"),
+        (lambda t, r, y: r.q[:3], r"returned u of shape \(3,\); expected \(6,\)"),
+        (lambda t, r, y: 1.0, r"returned u of shape \(\); expected \(6,\)"),
     ],
 )
 def test_wrong_shapes_are_refused(law, said):
@@ -259,7 +259,7 @@ def test_wrong_shapes_are_refused(law, said):
             r"start\.q: 3 lanes; expected 2, as loop\.timing\.command_delay has",
         ),
         ({"initial_command": np.zeros(5)}, "initial_command"),
-        ({"reference": np.zeros(5)}, "reference of shape"),
+        ({"reference": np.zeros(5)}, r"loop\.reference: shape \(5,\)"),
     ],
 )
 def test_scenarios_that_do_not_fit_are_refused(fields, said):

@@ -71,9 +71,9 @@ class Remembers:
 @pytest.mark.parametrize("how", [name for name in vars(Remembers) if not name.startswith("_")])
 def test_hidden_state_is_found(how):
     law = getattr(Remembers(), how)
-    told = f"controller '{how}': keeps hidden state: two calls with the same arguments compute different things"
-    assert one_line(law).startswith(told)
-    assert one_line(law).startswith(told)  # again, with what the first run had left
+    message = f"loop.controller '{how}': keeps hidden state: two calls with the same arguments compute different things"
+    assert one_line(law).startswith(message)
+    assert one_line(law).startswith(message)  # again, with what the first run had left
 
 
 class Begins:
@@ -209,9 +209,9 @@ class TakesLess:
     [
         (5, "controller = 5: expected a function (t, r, y) → u, or an object with init(arm, y) and step(t, r, y, s)"),
         ("joint_pid", "controller = 'joint_pid': expected a function"),
-        (aw.JointPID, "controller is the class JointPID; expected a controller that it makes, JointPID(…)"),
-        (lambda t, r: r.q, "controller '<lambda>': takes (t, r), expected (t, r, y)"),
-        (TakesLess(), "controller 'TakesLess.init': takes (arm), expected (arm, y)"),
+        (aw.JointPID, "loop.controller = 'JointPID': a class; expected a controller that it makes, JointPID(…)"),
+        (lambda t, r: r.q, "controller '<lambda>': takes (t, r); expected (t, r, y)"),
+        (TakesLess(), "controller 'TakesLess.init': takes (arm); expected (arm, y)"),
         (
             lambda t, r, y: y.pos,
             "controller '<lambda>': AttributeError: no measured signal 'pos'; there is applied, current, q, qd (",
@@ -221,10 +221,10 @@ class TakesLess:
         (raising(RuntimeError("first\nsecond")), "controller 'law': RuntimeError: first ("),
         (raising(OSError("gone")), "controller 'law': OSError: gone ("),
         (raising(type("Own", (Exception,), {})()), "controller 'law': Own:  ("),
-        (lambda t, r, y: None, "returned u = None, expected (2,)"),
-        (lambda t, r, y: ["a", "b"], "returned u = ['a', 'b'], expected (2,)"),
-        (lambda t, r, y: [[1.0, 2.0], 3.0], "returned u = [[1.0, 2.0], 3.0], expected (2,)"),
-        (lambda t, r, y: [1.0 if y.q[0] > 0 else 2.0], "returned u of shape (1,), expected (2,)"),
+        (lambda t, r, y: None, "returned u = None; expected (2,)"),
+        (lambda t, r, y: ["a", "b"], "returned u = ['a', 'b']; expected (2,)"),
+        (lambda t, r, y: [[1.0, 2.0], 3.0], "returned u = [[1.0, 2.0], 3.0]; expected (2,)"),
+        (lambda t, r, y: [1.0 if y.q[0] > 0 else 2.0], "returned u of shape (1,); expected (2,)"),
         (Half(), "controller 'Half': step returned no pair; expected (u, s)"),
     ],
     ids=lambda value: value[:40] if isinstance(value, str) else "",

@@ -84,9 +84,9 @@ def test_it_is_called_once_a_tick():
 @pytest.mark.parametrize(
     ("function", "said"),
     [
-        (lambda: np.zeros(6), r"reference '<lambda>': takes \(\), expected \(t\)"),
+        (lambda: np.zeros(6), r"reference '<lambda>': takes \(\); expected \(t\)"),
         (lambda t: np.zeros(5), r"the function gave shape \(5,\); expected q \(6,\) or \(q, qd, qdd\)"),
-        (lambda t: [math.nan] * 6, "reference: joint1 is nan at t = 0 s"),
+        (lambda t: [math.nan] * 6, "reference of joint1 at t = 0 s = nan"),
     ],
 )
 def test_functions_of_other_things_are_refused(function, said):

@@ -112,11 +112,11 @@ def test_rows_of_a_reference_are_there_again_after_a_reset():
 @pytest.mark.parametrize(
     ("command", "said"),
     [
-        (None, "step: no command; expected one"),
+        (None, "command: missing; expected one"),
         (np.zeros(3), r"command: shape \(3,\); expected \(2,\)"),
         ("much", "command = 'much': expected 2 numbers"),
         ([np.nan, 0.0], "command = nan: expected finite numbers"),
-        (aw.Batch(np.zeros((3, 2))), "commands of 3 lanes; expected 1 or 1"),
+        (aw.Batch(np.zeros((3, 2))), "command: 3 lanes; expected 1 or 1"),
     ],
 )
 def test_commands_that_are_none_are_refused(command, said):
@@ -127,7 +127,7 @@ def test_commands_that_are_none_are_refused(command, said):
 
 def test_what_does_not_fit_is_refused():
     simulation = aw.Simulation(aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01))
-    with pytest.raises(ScenarioError, match="a command beside the scenario's own"):
+    with pytest.raises(ScenarioError, match="command: beside the scenario's commands or controller"):
         simulation.step(np.zeros(2))
     for name in ("measurement", "reference_now"):
         with pytest.raises(ScenarioError, match=f"{name}: the loop is not sampled"):
@@ -135,7 +135,7 @@ def test_what_does_not_fit_is_refused():
     with pytest.raises(ScenarioError, match="start = 3"):
         simulation.restore(3)
     three = aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01, start=aw.Batch(Q0[:3]))
-    with pytest.raises(ScenarioError, match="a state of 3 lanes; expected 1"):
+    with pytest.raises(ScenarioError, match="state: 3 lanes; expected 1"):
         simulation.restore(aw.Simulation(three).state)
 
 

@@ -75,11 +75,11 @@ class Cascade:
             check_whole("Cascade", f"{loop}_every", every, 1, "a whole number of ticks, 1 or more")
             check_whole("Cascade", f"{loop}_phase", phase, 0, f"a tick from 0 to {loop}_every - 1")
             if phase >= every:
-                raise ScenarioError(
-                    f"Cascade: {loop}_phase = {phase}: expected a tick from 0 to {loop}_every - 1 = {every - 1}"
-                )
+                expected = f"a tick from 0 to {loop}_every - 1 = {every - 1}"
+                raise ScenarioError(place=f"Cascade.{loop}_phase", value=phase, expected=expected)
         if self.current_kp is None and self.voltage_limit is not None:
-            raise ScenarioError("Cascade: voltage_limit goes with a current loop; expected current_kp beside it")
+            what, expected = "goes with a current loop", "current_kp beside it"
+            raise ScenarioError(what, place="Cascade.voltage_limit", value=self.voltage_limit, expected=expected)
 
     def configure(self, arm: Model, period: float) -> Cascade:
         """The law for an arm and a sample period [s]: gains one a joint.
@@ -93,12 +93,11 @@ class Cascade:
         if self.current_kp is not None:
             for body in arm.coordinates:
                 if body.drive.command != "voltage" or body.drive.torque_constant is None:
-                    raise ScenarioError(
-                        f"Cascade: joint {body.joint!r} of {arm.name} is driven by {body.drive.command}; expected voltage "
-                        "drives with a torque constant under a current loop"
-                    )
-        given = {name: getattr(self, name) for name in GAINS if getattr(self, name) is not None}
-        gains = {name: per_joint(arm, "Cascade", name, value) for name, value in given.items()}
+                    what = f"joint {body.joint!r} of {arm.name} is driven by {body.drive.command}"
+                    expected = "voltage drives with a torque constant under a current loop"
+                    raise ScenarioError(what, place="Cascade.current_kp", value=self.current_kp, expected=expected)
+        values = {name: getattr(self, name) for name in GAINS if getattr(self, name) is not None}
+        gains = {name: per_joint(arm, "Cascade", name, value) for name, value in values.items()}
         limits: dict[str, Any] = {name: positive_limit(arm, "Cascade", name, getattr(self, name)) for name in LIMITS}
         if self.current_kp is None:
             limits["voltage_limit"] = None
@@ -146,7 +145,7 @@ class Cascade:
         )
 
     def _due(self, t: Scalar, loop: str) -> Scalar:
-        """Whether a loop has its turn in the tick of time t."""
+        """1 where a loop is due in the tick of time t, else 0."""
         every, phase = getattr(self, f"{loop}_every"), getattr(self, f"{loop}_phase")
         if every == 1:
             return 1.0

@@ -50,9 +50,8 @@ class ComputedTorque:
         """
         model = self.model or arm
         if model.n != arm.n:
-            raise ScenarioError(
-                f"ComputedTorque: the model has {model.n} joints; expected the {arm.n} of {arm.name}: {', '.join(arm.names)}"
-            )
+            expected = f"the {arm.n} of {arm.name}: {', '.join(arm.names)}"
+            raise ScenarioError(f"the model has {model.n} joints", place="ComputedTorque.model", expected=expected)
         gains = {name: per_joint(arm, "ComputedTorque", name, getattr(self, name)) for name in ("kp", "kd", "ki")}
         return replace(self, **gains, model=model, period=period)
 

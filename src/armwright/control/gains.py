@@ -32,17 +32,16 @@ def per_joint(arm: Model, law: str, name: str, value: Any, *, low: float = 0.0, 
     if array is None:
         raise ScenarioError(place=f"{law}.{name}", value=value, expected="a number, or one for each joint")
     if array.shape[1:] not in ((), (n,)):
-        told = f"one number or ({n},): {', '.join(arm.names)}; rows that differ by lane are a Batch"
-        raise ScenarioError(f"{law}: {name} has shape {array.shape[1:]}; expected {told}")
+        expected = f"one number or ({n},): {', '.join(arm.names)}; rows that differ by lane are a Batch"
+        raise ScenarioError(f"shape {array.shape[1:]}", place=f"{law}.{name}", expected=expected)
     rows = np.array(np.broadcast_to(array.reshape(len(array), -1), (len(array), n)))
     wrong = ~(rows >= low) | (np.isinf(rows) & (not limit))
     if wrong.any():
         lane, joint = np.argwhere(wrong)[0]
-        what = f"a number of {low:g} or more" if low == 0.0 else f"a number above {np.nextafter(low, 0):g}"
-        where = f" in lane {lane}" if isinstance(value, Batch) else ""
-        raise ScenarioError(
-            f"{law}: {name} of joint {arm.names[joint]!r}{where} is {rows[lane, joint]:g}; expected {what}"
-        )
+        expected = f"a number of {low:g} or more" if low == 0.0 else f"a number above {np.nextafter(low, 0):g}"
+        place = f"{law}.{name} of joint {arm.names[joint]!r}"
+        place += f" of lane {lane}" if isinstance(value, Batch) else ""
+        raise ScenarioError(place=place, value=float(rows[lane, joint]), expected=expected)
     return Batch(rows) if isinstance(value, Batch) else rows[0]
 
 
@@ -58,7 +57,7 @@ def check_model(law: str, model: Any) -> None:
         ScenarioError: names it.
     """
     if model is not None and not isinstance(model, Model):
-        raise ScenarioError(f"{law}: model = {model!r}: expected an arm, as aw.load(name) gives, or none")
+        raise ScenarioError(place=f"{law}.model", value=model, expected="an arm, as aw.load(name) gives, or none")
 
 
 def check_whole(law: str, name: str, value: Any, low: int, expected: str) -> None:
@@ -68,7 +67,7 @@ def check_whole(law: str, name: str, value: Any, low: int, expected: str) -> Non
         ScenarioError: names it and what was expected.
     """
     if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < low:
-        raise ScenarioError(f"{law}: {name} = {value!r}: expected {expected}")
+        raise ScenarioError(place=f"{law}.{name}", value=value, expected=expected)
 
 
 def check_time(law: str, name: str, value: Any) -> None:
@@ -78,4 +77,4 @@ def check_time(law: str, name: str, value: Any) -> None:
         ScenarioError: names it.
     """
     if isinstance(value, bool) or not isinstance(value, numbers.Real) or not 0.0 < float(value) < np.inf:
-        raise ScenarioError(f"{law}: {name} = {value!r}: expected a number above 0")
+        raise ScenarioError(place=f"{law}.{name}", value=value, expected="a number above 0")

@@ -68,7 +68,7 @@ class JointPID:
         check_whole("JointPID", "delay_ticks", self.delay_ticks, 0, "a whole number of ticks, 0 or more")
         check_model("JointPID", self.model)
         if not isinstance(self.gravity, (bool, np.bool_)):
-            raise ScenarioError(f"JointPID: gravity = {self.gravity!r}: expected true or false")
+            raise ScenarioError(place="JointPID.gravity", value=self.gravity, expected="true or false")
         if self.cutoff_hz is not None:
             check_time("JointPID", "cutoff_hz", self.cutoff_hz)
         check_tracking("JointPID", self.anti_windup, self.tracking_time)
@@ -124,10 +124,9 @@ def check_tracking(law: str, rule: str, tracking_time: float | None) -> None:
         ScenarioError: says which of the two is missing.
     """
     if (rule == "back-calculation") != (tracking_time is not None):
+        expected = "a time [s] with anti_windup = 'back-calculation', none with other rules"
         raise ScenarioError(
-            f"{law}: tracking_time goes with anti_windup = 'back-calculation', not {rule!r}"
-            if tracking_time is not None
-            else f"{law}: back-calculation needs tracking_time: expected a time in s"
+            f"anti_windup = {rule!r}", place=f"{law}.tracking_time", value=tracking_time, expected=expected
         )
     if tracking_time is not None:
         check_time(law, "tracking_time", tracking_time)

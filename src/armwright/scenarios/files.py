@@ -45,7 +45,7 @@ class Files:
         bare = record.model_copy(
             update={"links": tuple(link.model_copy(update={"visuals": ()}) for link in record.links)}
         )
-        self.read[name] = to_toml(bare)  # what it looks like has no say in how it moves
+        self.read[name] = to_toml(bare)  # meshes do not change the motion
         return record
 
     def table(self, name: str) -> Path:
@@ -64,7 +64,7 @@ class Files:
         try:
             self.read[name] = path.read_text(encoding="utf-8")
         except OSError as error:
-            raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from None
+            raise ScenarioError(f"cannot be read: {error.strerror}", file=path) from None
         except UnicodeDecodeError as error:
-            raise ScenarioError(f"{path}: byte {error.start} is no UTF-8 text") from None
+            raise ScenarioError(f"byte {error.start} is not UTF-8 text", file=path) from None
         return path

@@ -307,9 +307,8 @@ class Lanes(Record):
             beyond = ~np.isfinite(columns[name])
             if beyond.any():
                 lane = int(np.argmax(beyond))
-                raise ScenarioError(
-                    f"lanes.vary: {name} = {columns[name][lane]:g} in lane {lane}: expected a narrower distribution"
-                )
+                place, value = f"lanes.vary[{name!r}] of lane {lane}", float(columns[name][lane])
+                raise ScenarioError(place=place, value=value, expected="a narrower distribution")
         return columns
 
 

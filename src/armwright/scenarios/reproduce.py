@@ -1,4 +1,4 @@
-"""A run done again from what it kept: to the last bit where processor and versions are those it ran with."""
+"""Bit-exact reproduction of a run from the scenario that it keeps, where processor and versions are those it ran with."""
 
 from __future__ import annotations
 
@@ -58,15 +58,13 @@ def reproduce(path: str | os.PathLike[str], progress: Progress | None = None) ->
     old = load_run(path)
     document = old.attrs.get("scenario")
     if not document:
-        raise RunError(
-            f"{path}: keeps no scenario, since it was made by a Scenario in Python, or by a file's that Python changed; "
-            "expected a run of a scenario file as it is read"
-        )
+        what = "keeps no scenario, since it was made by a Scenario in Python, or by a file's that Python changed"
+        raise RunError(what, file=path, expected="a run of a scenario file as it is read")
     try:
         kept: dict[str, Any] = json.loads(document)
         table, texts = tomllib.loads(kept["scenario"]), dict(kept.get("files", {}))
     except (ValueError, KeyError, TypeError) as error:
-        raise RunError(f"{path}: the scenario that it keeps cannot be read: {error}") from None
+        raise RunError(f"the scenario that it keeps cannot be read: {error}", file=path) from None
     now, then = provenance(), _made_with(path, old.attrs.get("made_with", "{}"))
     files = Files(Path(path).parent, kept=texts)
     try:
@@ -84,13 +82,13 @@ def reproduce(path: str | os.PathLike[str], progress: Progress | None = None) ->
 
 
 def _made_with(path: str | os.PathLike[str], text: Any) -> dict[str, Any]:
-    """What a run says it was made with."""
+    """Versions by name with which a run was made."""
     try:
         then = json.loads(text)
     except (ValueError, TypeError):
         then = None
     if not isinstance(then, dict):
-        raise RunError(f"{path}: made_with = {str(text)[:60]!r}: expected versions by name, as a run keeps them")
+        raise RunError(place="made_with", value=str(text), expected="versions by name, as a run keeps them", file=path)
     return then
 
 

@@ -79,7 +79,7 @@ class LoopRunner:
             )
         if self._started is not None:
             self.notes += self._begun_anew(self._started)
-        self.rows = {name: landing_rows(held, self.period) for name, held in self.inputs.items()}
+        self.rows = {name: landing_rows(schedule, self.period) for name, schedule in self.inputs.items()}
         if self.reference is not None and self.reference.rows is not None:
             self.rows["r"] = landing_rows(self.reference.rows, self.period)
         self._solver = self._cvodes() if scenario.solver.integrator == "cvodes" else None
@@ -121,7 +121,10 @@ class LoopRunner:
                 0 if scenario.started is None else scenario.started.tick
             )  # the rows count from there; the last one stays
             reference = np.asarray(reference)[np.clip(numbers - begun, 0, len(reference) - 1)]
-        return LoopReference.of(self.arm, reference, start, numbers, self.period)
+        try:
+            return LoopReference.of(self.arm, reference, start, numbers, self.period)
+        except ScenarioError as error:
+            raise error.within("loop" if scenario.sampled else "recording") from None
 
     def _configured(self) -> tuple[LoopConfig, Initialisation]:
         """What a tick is made of, and how its lanes begin."""
@@ -130,9 +133,8 @@ class LoopRunner:
         if self.reduction is not None:
             check_known(self.reduction, self.arm, plant.outputs(plant.initial(np.zeros(n), np.zeros(n)), np.zeros(n)))
             if self.reference is not None and "q" not in self.reference.layout:
-                raise ScenarioError(
-                    "reduce: the reference has no signal q; expected a reference of the joints beside reduce"
-                )
+                what, expected = "has no signal q", "a reference of the joints beside recording.reduce"
+                raise ScenarioError(what, place="loop.reference", expected=expected)
         layouts = {"x": plant.layout}
         if scenario.loop is not None:
             assert self.reference is not None
@@ -147,7 +149,7 @@ class LoopRunner:
             scenario.solver.integrator,
             scenario.solver.adaptivity,
             scenario.solver.substeps if scenario.sampled else 1,
-            inputs={name: all_rows(held).shape[1] for name, held in scenario.input_schedules.items()},
+            inputs={name: all_rows(schedule).shape[1] for name, schedule in scenario.input_schedules.items()},
             payload_frames=scenario.payload_frames,
             recorded={name: layouts[name] for name in stored},
             reduction=self.reduction,
@@ -265,10 +267,11 @@ class LoopRunner:
         if state is None or not state.measured:
             return False
         if len(self.loop.loops) == 1:
-            raise ScenarioError(
-                f"start: the state at t = {state.time:g} s has its measurement already; expected one from before "
-                "`measurement` was asked, such as after `step`, for a controller that is compiled"
+            what = f"the state at t = {state.time:g} s has its measurement already"
+            expected = (
+                "one from before `measurement` was asked, such as after `step`, for a controller that is compiled"
             )
+            raise ScenarioError(what, place="start", expected=expected)
         return True
 
     def _begun_anew(self, state: LoopState) -> list[str]:

@@ -154,10 +154,9 @@ class Simulation(LoopRunner):
         try:
             return np.empty(shape)
         except (MemoryError, ValueError):
-            raise ScenarioError(
-                f"the run would record {shape[0]} rows of {self.count} lanes, {8e-9 * np.prod(shape, dtype=float):.3g} GB, more "
-                f"than there is memory for; expected a shorter one, or recording.every above {self.scenario.recording.every}"
-            ) from None
+            size = f"{shape[0]} rows of {self.count} lanes, {8e-9 * np.prod(shape, dtype=float):.3g} GB"
+            what, every = f"the run would record {size}, more than there is memory for", self.scenario.recording.every
+            raise ScenarioError(what, expected=f"a shorter one, or recording.every above {every}") from None
 
     # Stepping.
 
@@ -166,22 +165,21 @@ class Simulation(LoopRunner):
 
         Args:
             command: (n,) [V | A | N m | N], or a `Batch` of such: what a simulation without controller, schedule and
-                constant commands is told in this tick. It passes through the command's delays and limits.
+                constant commands takes in this tick. It passes through the command's delays and limits.
         Raises:
             ScenarioError: a command beside another one that drives the arm, none where none does, or one of another shape.
             DivergenceError: a single lane left the finite numbers; of several, those that do are frozen.
         """
         if (command is None) == self.scenario.external:
-            raise ScenarioError(
-                "step: no command; expected one, since nothing else drives the arm"
-                if command is None
-                else "step: a command beside the scenario's own; expected a scenario without commands and controller"
-            )
+            if command is None:
+                raise ScenarioError("missing", place="command", expected="one, since nothing else drives the arm")
+            expected = "a scenario without commands and controller"
+            raise ScenarioError("beside the scenario's commands or controller", place="command", expected=expected)
         lanes = self._stepped()
         if command is not None:
             rows = lane_numbers("command", command, self.arm.names)
             if len(rows) not in (1, self.count):
-                raise ScenarioError(f"step: commands of {len(rows)} lanes; expected 1 or {self.count}")
+                raise ScenarioError(f"{len(rows)} lanes", place="command", expected=f"1 or {self.count}")
             self._measure(lanes)
             lanes.set("u_asked", rows)
         self._reach_ahead()
@@ -235,9 +233,8 @@ class Simulation(LoopRunner):
     def _sampled(self, asked: str) -> Lanes:
         """The lanes of a sampled loop, measured."""
         if self.config.sampling is None:
-            raise ScenarioError(
-                f"{asked}: the loop is not sampled; expected a scenario with a controller or without commands"
-            )
+            expected = "a scenario with a controller or without commands"
+            raise ScenarioError("the loop is not sampled", place=asked, expected=expected)
         lanes = self._stepped()
         self._measure(lanes)
         return lanes
@@ -267,7 +264,7 @@ class Simulation(LoopRunner):
         """
         state = self.scenario.continued(state)
         if state.lanes not in (1, self.count):
-            raise ScenarioError(f"restore: a state of {state.lanes} lanes; expected {self.count}")
+            raise ScenarioError(f"{state.lanes} lanes", place="state", expected=str(self.count))
         measured = self.measured_in(state)
         self.tick = self.origin = state.tick
         self._started, self._measured = state, measured

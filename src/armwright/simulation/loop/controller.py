@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import HiddenStateError, ScenarioError
+from armwright.errors import HiddenStateError, ScenarioError, shown
 from armwright.interfaces import JointReference, called
 from armwright.kernels.stages import NEXT
 from armwright.model import Model
@@ -76,15 +76,14 @@ class ControllerAdapter:
         return self.pair(control.step(t, r, y, s)) if hasattr(control, "step") else (control(t, r, y), s)
 
     def pair(self, result: Any) -> tuple[Any, Any]:
-        """What `step` returned, if it is two things.
+        """The command and the next state that `step` returned.
 
         Raises:
-            ScenarioError: it is not.
+            ScenarioError: it returned something else.
         """
         if not isinstance(result, tuple) or len(result) != 2:
-            raise ScenarioError(
-                f"controller {self.name!r}: step returned no pair; expected (u, s), the commands and the next state"
-            )
+            expected = "(u, s), the commands and the next state"
+            raise ScenarioError("step returned no pair", place=place_of(self.name), expected=expected)
         return result
 
 
@@ -96,25 +95,29 @@ def configured(control: ControlLaw, arm: Model, period: float) -> LaneFields:
     """
     if hasattr(control, "configure"):
         control = control.configure(arm, period)
-    return LaneFields.of(control, "controller")
+    return LaneFields.of(control, "loop.controller")
+
+
+def place_of(name: str) -> str:
+    """The controller as errors name it."""
+    return f"loop.controller {name!r}"
 
 
 def hidden_state(name: str) -> ScenarioError:
-    """What a controller is refused with that remembers on its own."""
-    return ScenarioError(
-        f"controller {name!r}: keeps hidden state: two calls with the same arguments compute different things; "
-        "expected all memory in s, which step takes and returns"
-    )
+    """The error of a controller that has memory outside of its state."""
+    what = "keeps hidden state: two calls with the same arguments compute different things"
+    expected = "all memory in s, which step takes and returns"
+    return ScenarioError(what, place=place_of(name), expected=expected)
 
 
-def wrong_shape(name: str, what: str, value: Any, expected: tuple[int, ...]) -> ScenarioError:
-    """What a controller is refused with that returns something else than its commands or its state."""
+def wrong_shape(name: str, output: str, value: Any, expected: tuple[int, ...]) -> ScenarioError:
+    """The error of a controller that returns other things than its commands or its state."""
     try:
         shape = np.shape(value)
     except ValueError:  # rows of unequal length
         shape = None
-    told = f"= {value!r}" if value is None or shape in (None, expected) else f"of shape {shape}"
-    return ScenarioError(f"controller {name!r}: returned {what} {told}, expected {expected}")
+    description = f"= {shown(value)}" if value is None or shape in (None, expected) else f"of shape {shape}"
+    return ScenarioError(f"returned {output} {description}", place=place_of(name), expected=str(expected))
 
 
 def check_controller(control: Any) -> None:
@@ -124,24 +127,23 @@ def check_controller(control: Any) -> None:
         ScenarioError: names it, and what was expected.
     """
     if isinstance(control, type):
-        raise ScenarioError(
-            f"controller is the class {control.__name__}; expected a controller that it makes, {control.__name__}(…)"
-        )
+        expected = f"a controller that it makes, {control.__name__}(…)"
+        raise ScenarioError("a class", place="loop.controller", value=control.__name__, expected=expected)
     if not callable(control) and not callable(getattr(control, "step", None)):
-        raise ScenarioError(f"controller = {control!r}: expected {LAW}")
+        raise ScenarioError(place="loop.controller", value=control, expected=LAW)
     for part, names in TAKEN.items():
         function = getattr(control, part, None) if part else None if hasattr(control, "step") else control
         if function is None:
             continue
         try:
             taken = inspect.signature(function)
-        except ValueError:  # a built-in function that does not tell
+        except ValueError:  # a built-in function without a signature
             continue
         try:
             taken.bind(*names)
         except TypeError:
-            place = f"{called(control)}.{part}" if part else called(control)
-            raise ScenarioError(f"controller {place!r}: takes {taken}, expected ({', '.join(names)})") from None
+            place = place_of(f"{called(control)}.{part}" if part else called(control))
+            raise ScenarioError(f"takes {taken}", place=place, expected=f"({', '.join(names)})") from None
 
 
 def traced_controller(adapter: ControllerAdapter, arm: Model, period: float, states: int) -> Program:
@@ -154,9 +156,9 @@ def traced_controller(adapter: ControllerAdapter, arm: Model, period: float, sta
 
     def control(tick: Array, r: Array, y: Array, s: Array, c: Array) -> tuple[Array, Array]:
         u, following = adapter.step(tick[0] * period, r, y, s, c)
-        given = {"u": (u, (arm.n,)), "s": (following, (states,))}
-        arrays = {name: scalar.array(value) for name, (value, _) in given.items()}
-        for name, (value, expected) in given.items():
+        returned = {"u": (u, (arm.n,)), "s": (following, (states,))}
+        arrays = {name: scalar.array(value) for name, (value, _) in returned.items()}
+        for name, (value, expected) in returned.items():
             if value is None or arrays[name].shape != expected:
                 raise wrong_shape(adapter.name, name, value, expected)
         return arrays["u"], arrays["s"]

@@ -16,7 +16,14 @@ from armwright import scalar
 from armwright.errors import ArmwrightError, ScenarioError, SymbolError
 from armwright.kernels.loop import Lanes
 from armwright.model import Model
-from armwright.simulation.loop.controller import ControlLaw, ControllerAdapter, hidden_state, reference_of, wrong_shape
+from armwright.simulation.loop.controller import (
+    ControlLaw,
+    ControllerAdapter,
+    hidden_state,
+    place_of,
+    reference_of,
+    wrong_shape,
+)
 from armwright.simulation.loop.sensor_set import measurement_of
 
 ELSEWHERE = 1e-3  # [rad | m] and so on: how far measurements are moved to ask a law something else
@@ -52,14 +59,14 @@ class PythonController:
 
     def memories(self, groups: Sequence[Lanes]) -> dict[int, Any]:
         """What is remembered of every lane; by the first lane of a group where a group's memory has no row a lane."""
-        found: dict[int, Any] = {}
+        memories: dict[int, Any] = {}
         for lanes in groups:
             whole = self.states.get(lanes.first)
             if self.adapter.vectorised and isinstance(whole, np.ndarray) and len(whole) == lanes.count:
-                found |= {lanes.first + k: row.copy() for k, row in enumerate(whole)}
+                memories |= {lanes.first + k: row.copy() for k, row in enumerate(whole)}
             else:
-                found |= {lane: copy.deepcopy(self.states[lane]) for lane, _ in self._calls(lanes)}
-        return found
+                memories |= {lane: copy.deepcopy(self.states[lane]) for lane, _ in self._calls(lanes)}
+        return memories
 
     def restore(self, lanes: Lanes, memories: Mapping[int, Any]) -> None:
         """Takes what is remembered of the lanes of a group, as `memories` gave it."""
@@ -100,11 +107,11 @@ class PythonController:
     def _answer(self, lane: int, t: float, r: np.ndarray, y: np.ndarray, s: Any) -> tuple[np.ndarray, Any]:
         """Commands, of the shape that they ought to have, and the next state."""
         control = self._controls[lane]
-        told = reference_of(self.adapter.r, r), measurement_of(self.adapter.y, y)
+        signals = reference_of(self.adapter.r, r), measurement_of(self.adapter.y, y)
         if hasattr(control, "step"):
-            u, following = self.adapter.pair(self._ask(control.step, t, *told, s))
+            u, following = self.adapter.pair(self._ask(control.step, t, *signals, s))
         else:
-            u, following = self._ask(control, t, *told), s
+            u, following = self._ask(control, t, *signals), s
         if scalar.is_symbolic(np.asarray(u, dtype=object)):  # of the trace that was tried before
             raise hidden_state(self.adapter.name)
         try:
@@ -128,10 +135,9 @@ class PythonController:
         except ArmwrightError:
             raise
         except Exception as error:
-            raise ScenarioError(
-                f"controller {self.adapter.name!r}: {type(error).__name__}: {_first_line(error)}{_place(error)}; "
-                "expected commands from t, r (q, qd, qdd) and y (q, qd, current, applied)"
-            ) from error
+            what = f"{type(error).__name__}: {_first_line(error)}{_place(error)}"
+            expected = "commands from t, r (q, qd, qdd) and y (q, qd, current, applied)"
+            raise ScenarioError(what, place=place_of(self.adapter.name), expected=expected) from error
 
     def _check_memory(self, lane: int, r: np.ndarray, y: np.ndarray) -> None:
         """Asks the law the same before and after something else; nothing is kept of the answers.
@@ -153,7 +159,7 @@ class PythonController:
 
 
 def _same(a: Any, b: Any) -> bool:
-    """Whether two answers have the same bits; what is no numbers cannot be told apart."""
+    """True for two answers with the same bits, and for answers that are not numbers."""
     try:
         return np.array_equal(np.asarray(a, dtype=float), np.asarray(b, dtype=float), equal_nan=True)
     except (TypeError, ValueError):
@@ -165,13 +171,13 @@ def _first_line(error: Exception) -> str:
 
 
 def _place(error: Exception) -> str:
-    """Where in the user's own file it happened."""
+    """File and line of the user's code where it happened."""
     step = error.__traceback__
     step = None if step is None else step.tb_next  # behind our own call
     if step is None:
         return ""
-    own, line = step.tb_frame.f_code.co_filename, step.tb_lineno
+    file, line = step.tb_frame.f_code.co_filename, step.tb_lineno
     while step is not None:
-        line = step.tb_lineno if step.tb_frame.f_code.co_filename == own else line
+        line = step.tb_lineno if step.tb_frame.f_code.co_filename == file else line
         step = step.tb_next
-    return f" ({own}:{line})"
+    return f" ({file}:{line})"

@@ -31,7 +31,7 @@ class LoopReference:
     """The reference of a loop, in block "r".
 
     Attributes:
-        layout: of r.   table: (ticks + 1, size), where all lanes share it.   rows: held by each lane for itself.
+        layout: of r.   table: (ticks + 1, size), where all lanes share it.   rows: of each lane.
         program: (tick, parameters) → r, of a trajectory with batches.   values: (lanes, k) of its parameters.
         final: (lanes or 1, n) positions at the end; None of a reference without q.   notes: for the user.
     """
@@ -68,10 +68,9 @@ class LoopReference:
             try:
                 table = np.ascontiguousarray(reference_rows(arm, reference, ticks * period, notes))
             except MemoryError:
-                raise ScenarioError(
-                    f"the reference of {len(ticks) - 1} ticks of {period:g} s takes {8e-9 * layout.size * len(ticks):.3g} GB, "
-                    "more than there is memory for; expected a shorter run"
-                ) from None
+                size = f"{len(ticks) - 1} ticks of {period:g} s take {8e-9 * layout.size * len(ticks):.3g} GB"
+                what = f"{size}, more than there is memory for"
+                raise ScenarioError(what, place="reference", expected="a shorter run") from None
             if "qdd" in layout:
                 notes += reference_notes(arm, table, ticks * period)
             return cls(layout, table, final=layout.part(table[-1:], "q") if "q" in layout else None, notes=tuple(notes))
@@ -86,10 +85,9 @@ class LoopReference:
         except UNTRACEABLE as error:
             if isinstance(error, ScenarioError):
                 raise
-            raise ScenarioError(
-                f"reference {called(reference)!r}: with a Batch it must be compiled, and cannot be ({why(error)}); "
-                "expected a trajectory written with armwright.scalar"
-            ) from None
+            what = f"with a Batch it must be compiled, and cannot be ({why(error)})"
+            expected = "a trajectory written with armwright.scalar"
+            raise ScenarioError(what, place=f"reference {called(reference)!r}", expected=expected) from None
         final = interpret(program, ticks[-1:].astype(float), lanes.values)
         return cls(
             layout, program=program, values=lanes.values, final=layout.part(final, "q") if "q" in layout else None
@@ -113,16 +111,16 @@ def reference_layout(arm: Model, reference: Any) -> Layout:
     try:
         return Layout.of(reference.signals(arm))
     except (ShapeError, TypeError, AttributeError) as error:
-        raise ScenarioError(f"reference {called(reference)!r}: signals: {error}; expected aw.Signal objects") from None
+        place = f"reference {called(reference)!r}"
+        raise ScenarioError(f"signals: {error}", place=place, expected="aw.Signal objects") from None
 
 
-def _lane_rows(arm: Model, given: Batch) -> InputSchedule:
+def _lane_rows(arm: Model, batch: Batch) -> InputSchedule:
     """Poses, or schedules of poses, one for each lane, as rows of positions, speeds and accelerations."""
-    if given.shape is None and not all(isinstance(each, Schedule) for each in given.values):
-        raise ScenarioError(
-            f"reference = {given!r}: expected a batch of poses or schedules; of a trajectory, its fields may be batches"
-        )
-    rows, n = input_schedule("reference", given, arm.names), arm.n
+    if batch.shape is None and not all(isinstance(each, Schedule) for each in batch.values):
+        expected = "a batch of poses or schedules; of a trajectory, its fields may be batches"
+        raise ScenarioError(place="reference", value=batch, expected=expected)
+    rows, n = input_schedule("reference", batch, arm.names), arm.n
     if isinstance(rows, np.ndarray):
         return np.pad(rows, ((0, 0), (0, 2 * n)))
     names = tuple(f"{name} {signal}" for signal in ("q", "qd", "qdd") for name in arm.names)
@@ -137,35 +135,35 @@ def reference_rows(arm: Model, reference: Any, t: np.ndarray, notes: list[str] |
         arm: the model.
         reference: a pose (n,); rows (k, n) or (k, 3n), one for each time; a Schedule of poses, held from row to row; or a
             trajectory, a function of time.
-        t: times of the ticks [s].   notes: takes a line of what a user should know of how it was read.
+        t: times of the ticks [s].   notes: takes notes for the user on how it was read.
     Raises:
-        ScenarioError: names what was given and what was expected.
+        ScenarioError: names its shape or value, and what was expected.
     """
     n, layout = arm.n, reference_layout(arm, reference)
     rows = np.zeros((len(t), layout.size))
     if isinstance(reference, Schedule):
-        held = np.searchsorted(reference.times, t * (1.0 + 1e-12), side="right") - 1
-        rows[:, :n] = in_order("reference", reference, arm.names).commands[np.maximum(held, 0)]
+        row = np.searchsorted(reference.times, t * (1.0 + 1e-12), side="right") - 1
+        rows[:, :n] = in_order("reference", reference, arm.names).commands[np.maximum(row, 0)]
     elif callable(reference):
         rows = _of_function(arm, layout, reference, t, [] if notes is None else notes)
     else:
         try:
-            given = np.asarray(reference, dtype=float)
+            values = np.asarray(reference, dtype=float)
         except (TypeError, ValueError):
-            given = np.full(0, np.nan)
-        if given.shape == (n,):
-            rows[:, :n] = given
-        elif given.shape in ((len(t), n), (len(t), 3 * n)):
-            rows[:, : given.size // len(t)] = given
+            values = np.full(0, np.nan)
+        if values.shape == (n,):
+            rows[:, :n] = values
+        elif values.shape in ((len(t), n), (len(t), 3 * n)):
+            rows[:, : values.size // len(t)] = values
         else:
-            raise ScenarioError(
-                f"reference of shape {given.shape}: expected a pose ({n},), rows ({len(t)}, {n}) or ({len(t)}, {3 * n}), "
-                "a Schedule, or a function of time"
-            )
+            poses = f"a pose ({n},), rows ({len(t)}, {n}) or ({len(t)}, {3 * n})"
+            expected = f"{poses}, a Schedule, or a function of time"
+            raise ScenarioError(f"shape {values.shape}", place="reference", expected=expected)
     if not np.isfinite(rows).all():
         k, column = np.argwhere(~np.isfinite(rows))[0]
         where = arm.names[column % n] if "qdd" in layout else f"entry {column}"
-        raise ScenarioError(f"reference: {where} is {rows[k, column]} at t = {t[k]:g} s; expected numbers")
+        place = f"reference of {where} at t = {t[k]:g} s"
+        raise ScenarioError(place=place, value=float(rows[k, column]), expected="finite numbers")
     return rows
 
 
@@ -181,17 +179,19 @@ def _of_function(
         if isinstance(error, ScenarioError):
             raise
         reason = why(error)
-    rows, alone, n = np.zeros((len(t), layout.size)), False, arm.n
+    rows, only_positions, n = np.zeros((len(t), layout.size)), False, arm.n
     for k, time in enumerate(t):
         value = function(float(time))
-        told = _given(arm, layout, value)
-        alone |= told is None
-        rows[k] = np.concatenate([_pose(arm, value), np.zeros(2 * n)]) if told is None else told
-    speeds = (
-        "its speeds and accelerations are taken as 0" if alone else "with the speeds and accelerations that it gave"
-    )
-    more = "; written with armwright.scalar it is differentiated, or let it give (q, qd, qdd)" if alone else ""
-    notes.append(f"reference {called(function)!r} cannot be traced ({reason}): called tick by tick, {speeds}{more}")
+        motion = _motion(arm, layout, value)
+        only_positions |= motion is None
+        rows[k] = np.concatenate([_pose(arm, value), np.zeros(2 * n)]) if motion is None else motion
+    speeds = "with the speeds and accelerations that it gave"
+    if only_positions:
+        speeds = (
+            "its speeds and accelerations are taken as 0; written with armwright.scalar it is differentiated, "
+            "or let it give (q, qd, qdd)"
+        )
+    notes.append(f"reference {called(function)!r} cannot be traced ({reason}): called tick by tick, {speeds}")
     return rows
 
 
@@ -203,19 +203,19 @@ def _check_arguments(function: Callable[[Any], Any]) -> None:
     """
     try:
         taken = inspect.signature(function)
-    except ValueError:  # a built-in function that does not tell
+    except ValueError:  # a built-in function without a signature
         return
     try:
         taken.bind("t")
     except TypeError:
-        raise ScenarioError(f"reference {called(function)!r}: takes {taken}, expected (t)") from None
+        raise ScenarioError(f"takes {taken}", place=f"reference {called(function)!r}", expected="(t)") from None
 
 
 def _values(arm: Model, layout: Layout, function: Callable[[Any], Any], t: Scalar) -> np.ndarray:
     """r (size,) of a trajectory at a time; positions alone are differentiated."""
-    found = _given(arm, layout, function(t))
-    if found is not None:
-        return found
+    motion = _motion(arm, layout, function(t))
+    if motion is not None:
+        return motion
 
     def position(x: Array) -> np.ndarray:
         return _pose(arm, function(x[0]))
@@ -227,15 +227,15 @@ def _values(arm: Model, layout: Layout, function: Callable[[Any], Any], t: Scala
     return scalar.array(np.concatenate([position(at), speed(at), scalar.jacobian(speed, at)[:, 0]]))
 
 
-def _given(arm: Model, layout: Layout, value: Any) -> np.ndarray | None:
-    """r (size,) of what a trajectory gave; None where it gave positions alone."""
+def _motion(arm: Model, layout: Layout, value: Any) -> np.ndarray | None:
+    """r (size,) from the value of a trajectory; None where it gave positions alone."""
     if isinstance(value, JointReference):
         value = (value.q, value.qd, value.qdd)
     if isinstance(value, Mapping):
         try:
             return layout.vector(value)
         except ShapeError as error:
-            raise ScenarioError(f"reference: {error}") from None
+            raise ScenarioError(str(error), place="reference") from None
     if isinstance(value, tuple) and len(value) == 3 and all(np.shape(part) == (arm.n,) for part in value):
         return scalar.array(np.concatenate([scalar.array(part) for part in value]))
     return None
@@ -243,9 +243,8 @@ def _given(arm: Model, layout: Layout, value: Any) -> np.ndarray | None:
 
 def _pose(arm: Model, value: Any) -> np.ndarray:
     if np.shape(value) != (arm.n,):
-        raise ScenarioError(
-            f"reference: the function gave shape {np.shape(value)}; expected q ({arm.n},) or (q, qd, qdd)"
-        )
+        what, expected = f"the function gave shape {np.shape(value)}", f"q ({arm.n},) or (q, qd, qdd)"
+        raise ScenarioError(what, place="reference", expected=expected)
     return scalar.array(value)
 
 

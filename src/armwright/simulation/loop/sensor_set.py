@@ -38,14 +38,14 @@ class SensorSet:
 
     @classmethod
     def of(cls, plant: Plant, sensors: tuple[Sensor, ...], *, wrench: bool = False) -> SensorSet:
-        """The sensors of a plant; wrench: whether one acts on its tip.
+        """The sensors of a plant; wrench: true where one acts on its tip.
 
         Raises:
             ShapeError: two signals of one name; names it.
         """
         arm, n = plant.model, plant.model.n
         draws = tuple(_draws(sensor, arm) for sensor in sensors)
-        lanes = tuple(LaneFields.of(sensor, "sensors") for sensor in sensors)
+        lanes = tuple(LaneFields.of(sensor, "loop.sensors") for sensor in sensors)
         sensors = tuple(each.with_values(each.values[0]) for each in lanes)
         layout = Layout.of(signal for sensor in sensors for signal in sensor.signals(arm))
         inputs = PlantInputs(np.zeros(n), np.zeros(6) if wrench else None)
@@ -71,7 +71,7 @@ class SensorSet:
         return self.layout + Layout((joint_signal(self.arm, "applied", "u", "what the drives did"),))
 
     def memory(self, view: PlantView) -> np.ndarray:
-        """What they remember before the first tick, one behind the other."""
+        """Memories before the first tick, one behind the other."""
         parts = [_memory(sensor, view) for sensor in self.sensors]
         return scalar.array(np.concatenate(parts)) if parts else np.zeros(0)
 
@@ -83,28 +83,26 @@ class SensorSet:
         Returns:
             values: as `layout`.   memory: for the next time.
         Raises:
-            ScenarioError: a sensor that gives other signals than it told, or remembers another number of values.
+            ScenarioError: a sensor that gives other signals than those it names, or remembers another number of values.
         """
-        found, following, at, draw = {}, [], 0, 0
+        measured, following, at, draw = {}, [], 0, 0
         for sensor, size, taken in zip(self.sensors, self.memories, self.draws, strict=True):
             values, kept = sensor.measure(view, memory[at : at + size], w[draw : draw + taken])
             kept, at, draw = scalar.array(kept), at + size, draw + taken
             names = [signal.name for signal in sensor.signals(self.arm)]
             if sorted(values) != sorted(names) or kept.shape != (size,):
-                told = f"{', '.join(values)} and a memory of shape {kept.shape}"
-                raise ScenarioError(
-                    f"sensor {called(sensor)!r}: measure returned {told}; expected {', '.join(names)} and ({size},)"
-                )
+                what = f"measure returned {', '.join(values)} and a memory of shape {kept.shape}"
+                expected = f"{', '.join(names)} and ({size},)"
+                raise ScenarioError(what, place=f"loop.sensors {called(sensor)!r}", expected=expected)
             for name in names:
-                if np.shape(values[name]) != self.layout[name].shape:
-                    raise ScenarioError(
-                        f"sensor {called(sensor)!r}: {name} has shape {np.shape(values[name])}; "
-                        f"expected {self.layout[name].shape}"
-                    )
-            found |= values
+                shape = np.shape(values[name])
+                if shape != self.layout[name].shape:
+                    place, expected = f"loop.sensors {called(sensor)!r}", str(self.layout[name].shape)
+                    raise ScenarioError(f"{name} has shape {shape}", place=place, expected=expected)
+            measured |= values
             following.append(kept)
         kept = scalar.array(np.concatenate(following)) if following else np.zeros(0)
-        return self.layout.vector(found), kept
+        return self.layout.vector(measured), kept
 
     def without_noise(self) -> SensorSet:
         """The same sensors, exact where they have a method `exact` that says how."""
@@ -124,5 +122,5 @@ def _memory(sensor: Sensor, view: PlantView) -> np.ndarray:
 def measurement_of(layout: Layout, y: Array) -> Measurement:
     """A measurement from vectors y (…, size) of a layout."""
     parts = layout.parts(y)
-    own = {name: parts.pop(name) for name in ("q", "qd", "current", "applied")}
-    return Measurement(**own, further=parts)
+    joints = {name: parts.pop(name) for name in ("q", "qd", "current", "applied")}
+    return Measurement(**joints, further=parts)

@@ -30,13 +30,13 @@ class LoopState:
     """State of all lanes of a loop between two ticks.
 
     Attributes:
-        tick: that comes next.   period: [s] of a tick.   single: whether the loop has one lane without a lane axis.
+        tick: that comes next.   period: [s] of a tick.   single: true for one lane without a lane axis.
         entries: names of the plant's states, such as "qd elbow", in the order of block "x".
         blocks: (lanes, entries) by name: plant, sensors, controller, commands on their way; read-only.
         rings: (lanes, length, entries) of delays by name.
-        python: what a controller in Python remembers, by lane, or by the first lane of those that are called at once.
+        python: memory of a controller in Python, by lane, or by the first lane of those that are called at once.
         controller: name of the controller; "" without one.
-        measured: whether the measurement of this tick is taken already, as in a loop that is commanded from outside.
+        measured: true where the measurement of this tick is taken already, as in a loop that is commanded from outside.
     """
 
     tick: int
@@ -82,7 +82,8 @@ class LoopState:
         for lane, memory in self.python.items():
             array = np.asarray(memory)
             if array.dtype.kind not in "iuf":
-                raise ScenarioError(f"controller {self.controller!r}: its memory {memory!r:.60} is no array of numbers")
+                place = f"memory of controller {self.controller!r}"
+                raise ScenarioError(place=place, value=memory, expected="an array of numbers")
             arrays[f"python {lane}"] = array
         about = self._about() | {"single": self.single, "measured": self.measured}
         room = io.BytesIO()
@@ -100,17 +101,17 @@ class LoopState:
         try:
             with np.load(path, allow_pickle=False) as archive:
                 about = json.loads(str(archive["about"]))
-                found: dict[str, dict[str, np.ndarray]] = {"block": {}, "ring": {}, "python": {}}
+                arrays: dict[str, dict[str, np.ndarray]] = {"block": {}, "ring": {}, "python": {}}
                 for name in archive.files:
                     kind, _, key = name.partition(" ")
                     if key:
-                        found[kind][key] = archive[name]
+                        arrays[kind][key] = archive[name]
         except OSError as error:
-            raise RunError(f"{path}: cannot be read: {error.strerror or error}") from None
+            raise RunError(f"cannot be read: {error.strerror or error}", file=path) from None
         except (ValueError, KeyError, TypeError):
-            raise RunError(f"{path}: expected the state of a simulation, as LoopState.save writes it") from None
-        python = {int(lane): memory for lane, memory in found["python"].items()}
-        return cls(**about, blocks=found["block"], rings=found["ring"], python=python)
+            raise RunError(file=path, expected="the state of a simulation, as LoopState.save writes it") from None
+        python = {int(lane): memory for lane, memory in arrays["python"].items()}
+        return cls(**about, blocks=arrays["block"], rings=arrays["ring"], python=python)
 
     def _about(self) -> dict[str, Any]:
         return {"tick": self.tick, "period": self.period, "entries": self.entries, "controller": self.controller}
@@ -148,19 +149,19 @@ class LoopState:
         try:
             times, end = np.atleast_1d(run["time"].values), run[LOOP_STATE].attrs[LOOP_END]
             if not times.size or times[-1] != end:
-                told = f"to t = {times[-1]:g} s" if times.size else "without rows"
-                raise ScenarioError(f"start: part of a run, {told}; expected it with its end at t = {end:g} s")
+                what = f"part of a run, {f'to t = {times[-1]:g} s' if times.size else 'without rows'}"
+                raise ScenarioError(what, place="start", expected=f"it with its end at t = {end:g} s")
             about = json.loads(run[LOOP_STATE].attrs["layout"])
             rows, parts = np.atleast_2d(run[LOOP_STATE].values), about.pop("parts")
             ends = np.cumsum([int(np.prod(shape)) for _, _, shape in parts])
-            found: dict[str, dict[str, np.ndarray]] = {"block": {}, "ring": {}, "python": {}}
+            arrays: dict[str, dict[str, np.ndarray]] = {"block": {}, "ring": {}, "python": {}}
             for (kind, name, shape), values in zip(parts, np.split(rows, ends[:-1], axis=1), strict=True):
-                found[kind][name] = values.reshape(len(rows), *shape)
-            python = dict(enumerate(found["python"].get("", [])))
+                arrays[kind][name] = values.reshape(len(rows), *shape)
+            python = dict(enumerate(arrays["python"].get("", [])))
             single = "lane" not in run[LOOP_STATE].dims
-            return cls(**about, single=single, blocks=found["block"], rings=found["ring"], python=python)
+            return cls(**about, single=single, blocks=arrays["block"], rings=arrays["ring"], python=python)
         except (ValueError, KeyError, TypeError) as error:
-            raise ScenarioError(f"start: the run's {LOOP_STATE} cannot be read: {error}") from None
+            raise ScenarioError(f"the run's {LOOP_STATE} cannot be read: {error}", place="start") from None
 
 
 def state_to_continue(start: Any, arm: Model, period: float, *, brakes: bool) -> LoopState:
