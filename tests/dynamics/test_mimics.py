@@ -147,7 +147,7 @@ def test_kernels_are_the_plain_functions(kernel):
     """Compiled, in frames aligned and parameters regrouped, the gripper is the same."""
     model, signature = arm("gripper"), SIGNATURES[kernel]
     if kernel == "operational_inertia":
-        with pytest.raises(ModelError, match="six joints"):
+        with pytest.raises(ModelError, match="expected six or more"):
             signature.function(model, np.zeros(model.n))
         return
     inputs = [np.random.default_rng(7).normal(size=argument.sized(model)) for argument in signature.inputs]
@@ -203,13 +203,13 @@ def test_held_masters_hold_their_followers():
     np.testing.assert_allclose(
         mass_matrix(held, q), mass_matrix(model, whole)[:3, :3], rtol=0, atol=1e-12 * np.abs(mass_matrix(held, q)).max()
     )
-    with pytest.raises(DescriptionError, match="the joint mimics 'left'; expected that one held"):
+    with pytest.raises(DescriptionError, match="the joint mimics 'left'; expected that one locked"):
         model.with_locked({"right": 0.0})
 
 
 def test_a_part_without_its_master_is_refused():
     model = arm("gripper")
-    with pytest.raises(DescriptionError, match="'right' mimics 'left', which does not move between the two"):
+    with pytest.raises(DescriptionError, match="'right': it mimics 'left', which does not move between the two"):
         model.subchain("base", "right_link")
     freed = model.with_locked({"left": 0.0}).subchain("base", "right_link")
     assert freed.names == ["joint1", "joint2", "joint3"]

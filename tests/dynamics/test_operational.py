@@ -41,8 +41,9 @@ def test_fewer_than_six_joints_are_refused():
     """Λ⁻¹ is singular everywhere then."""
     for name, carried in (("two-link", 2), ("workshop", 3)):
         model = arm(name)
-        with pytest.raises(ModelError, match=rf"operational_inertia needs six joints .*{model.tip}.* has {carried}"):
+        with pytest.raises(ModelError, match="expected six or more") as error:
             operational_inertia(model, np.zeros(model.n))
+        assert (error.value.place, error.value.value) == (f"joints that carry {model.tip!r}", carried)
 
 
 def test_singular_position_shows():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import re
 
 import numpy as np
 import pytest
@@ -37,10 +36,11 @@ def test_another_shape_is_refused(name, shape):
     """Too many numbers, too few, a batch, a column, a single number: for every argument in turn."""
     given = _arguments(name, 6)
     for argument in given:
-        told = re.escape(f"{name}: {argument} has shape {shape}, expected (6,), one number for each joint of puma560")
-        with pytest.raises(ShapeError, match=told) as error:
+        with pytest.raises(ShapeError) as error:
             getattr(aw, name)(arm("puma560"), **given | {argument: np.zeros(shape)})
-        assert ("for many states at once see aw.compile" in str(error.value)) == (len(shape) == 2)
+        batch = "; for many states at once see aw.compile" if len(shape) == 2 else ""
+        assert (error.value.place, error.value.what) == (f"{name}: {argument}", f"shape {shape}")
+        assert error.value.expected == f"(6,), one number for each joint of puma560{batch}"
 
 
 @pytest.mark.parametrize("name", PLAIN)
@@ -51,14 +51,14 @@ def test_something_else_than_an_arm_is_refused(name):
 
 def test_the_wrench_has_six_numbers():
     model, q = arm("two-link"), np.zeros(2)
-    with pytest.raises(ShapeError, match=r"bias_torques: wrench has shape \(2,\), expected \(6,\), force and moment"):
+    with pytest.raises(ShapeError, match=r"bias_torques: wrench: shape \(2,\); expected \(6,\), force and moment"):
         aw.bias_torques(model, q, q, q)
     np.testing.assert_array_equal(aw.bias_torques(model, q, q, None), aw.bias_torques(model, q, q, np.zeros(6)))
 
 
 def test_rows_of_unequal_length_are_refused_and_lists_taken():
     model = arm("two-link")
-    with pytest.raises(ShapeError, match="q has rows of unequal length"):
+    with pytest.raises(ShapeError, match="q: rows of unequal length"):
         aw.gravity_torques(model, [[0.0], [0.0, 0.0]])  # type: ignore[arg-type]
     np.testing.assert_array_equal(
         aw.gravity_torques(model, [0.1, 0.2]), aw.gravity_torques(model, np.array([0.1, 0.2]))

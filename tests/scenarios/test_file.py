@@ -143,7 +143,10 @@ def test_a_run_of_python_keeps_no_scenario(tmp_path):
         (PID + "[loop.timing]\npreset = 'onetick'\n", "did you mean one-tick"),
         (PID + "[loop.timing]\ncommand_delay_s = -1e-3\n", "expected a time of 0 s or more"),
         (PID + "[loop.sensors]\nvelocity = 'observer'\n", "cutoff_hz"),
-        (PID + "[lanes]\nkind = 'grid'\n[lanes.vary]\n'link6.mass' = { values = [1] }\n", "no parameter 'link6.mass'"),
+        (
+            PID + "[lanes]\nkind = 'grid'\n[lanes.vary]\n'link6.mass' = { values = [1] }\n",
+            "'link6.mass': no such parameter",
+        ),
         (
             PID + "[lanes]\nkind = 'grid'\n[lanes.vary]\n'loop.controller.kx' = { values = [1] }\n",
             r"did you mean loop.controller.kp",

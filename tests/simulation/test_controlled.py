@@ -253,7 +253,7 @@ def test_wrong_shapes_are_refused(law, said):
         ({"duration": None}, "a controller does not say when to stop"),
         ({"step": 1e-3, "period": 3e-3}, r"solver\.step = 0\.001"),
         ({"command": np.zeros(6)}, "loop: beside a command"),
-        ({"vary": {"link6.mas_kg": 1.0}}, "no parameter 'link6.mas_kg'"),
+        ({"vary": {"link6.mas_kg": 1.0}}, "vary = 'link6.mas_kg': no such parameter"),
         (
             {"timing": Timing(command_delay=aw.Batch([0.0, 1e-3])), "q0": aw.Batch(np.zeros((3, 6)))},
             r"start\.q: 3 lanes; expected 2, as loop\.timing\.command_delay has",

@@ -26,7 +26,7 @@ def centre_of_mass(model: Model, q: Array) -> np.ndarray:
     """
     total = sum(body.mass for body in model.bodies)
     if not scalar.is_symbolic(total) and not total > 0.0:
-        raise ModelError(f"{model.name}: centre_of_mass needs mass; the moving links have {total} kg")
+        raise ModelError(place="mass of the moving links [kg]", value=total, expected="more than 0", file=model.name)
     placed = body_placements(model, q)
     first = sum(placed[i].rotation @ body.first_moment + body.mass * placed[i].position for i, body in model.outward())
     return scalar.array(first * (1.0 / total))

@@ -31,7 +31,7 @@ def operational_inertia(model: Model, q: Array, frame: str | None = None) -> np.
     carried = len(path if model.mimics is None else {model.mimics.coordinate[i] for i in path})
     if carried < 6:
         raise ModelError(
-            f"{model.name}: operational_inertia needs six joints behind {frame or model.tip!r}, which has {carried}"
+            place=f"joints that carry {frame or model.tip!r}", value=carried, expected="six or more", file=model.name
         )
     factors = scalar.factor_symmetric(mass_matrix(model, q))
     half = scalar.solve_lower(factors, jacobian(model, q, frame).T)  # Λ⁻¹ = halfᵀ D⁻¹ half

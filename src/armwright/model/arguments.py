@@ -1,4 +1,4 @@
-"""What the plain functions are given: an arm, and arrays that hold one state of it."""
+"""Checks of what plain functions get: an arm, and arrays that hold one state of it."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def check_arm(arm: Any) -> None:
-    """Refuses what is no arm, such as the name of one.
+    """Refuses a value that is no arm, such as the name of one.
 
     Raises:
         ModelError: it is no `Model`.
     """
     if not isinstance(arm, Model):
-        raise ModelError(f"{arm!r:.60}: expected an arm; load it first: aw.load(NAME or PATH)")
+        raise ModelError(value=arm, expected="an arm; load it first: aw.load(NAME or PATH)")
 
 
 def one_state(function: Function) -> Function:
@@ -45,7 +45,7 @@ def one_state(function: Function) -> Function:
         for name, value in (*zip(names, arrays, strict=False), *named.items()):
             expected = (model.n,) if name in JOINTS else WRENCH if name == "wrench" else None
             if expected is not None and value is not None and _shape(value) != expected:
-                raise ShapeError(_refusal(function.__name__, model, name, value, expected))
+                raise _wrong_shape(f"{function.__name__}: {name}", model, name, value, expected)
         return function(model, *arrays, **named)
 
     return checked  # type: ignore[return-value]
@@ -58,9 +58,9 @@ def _shape(value: Any) -> tuple[int, ...] | None:
         return None
 
 
-def _refusal(place: str, model: Model, name: str, value: Any, expected: tuple[int, ...]) -> str:
+def _wrong_shape(place: str, model: Model, name: str, value: Any, expected: tuple[int, ...]) -> ShapeError:
     shape = _shape(value)
-    found = "rows of unequal length" if shape is None else f"shape {shape}"
-    what = f"one number for each joint of {model.name}" if name in JOINTS else "force and moment"
+    entries = f"one number for each joint of {model.name}" if name in JOINTS else "force and moment"
     batch = "; for many states at once see aw.compile" if shape and len(shape) > 1 else ""
-    return f"{place}: {name} has {found}, expected {expected}, {what}{batch}"
+    what = "rows of unequal length" if shape is None else f"shape {shape}"
+    return ShapeError(what, place=place, expected=f"{expected}, {entries}{batch}")

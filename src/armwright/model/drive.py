@@ -119,8 +119,9 @@ class Drive:
         """
         if self.coupling:
             raise ModelError(
-                f"a motor that {self.coupling[0][0]!r} turns as well has its inertia between joints: "
-                "only the simulator (Plant) knows coupled motors"
+                f"{self.coupling[0][0]!r} turns this motor too, so its inertia is between joints; "
+                "only the simulator (Plant) knows coupled motors",
+                place="motor.coupling",
             )
         return self.reflected
 

@@ -42,7 +42,7 @@ class Model(Tree):
         """
         if self.description is None:
             raise ModelError(
-                f"{self.name} was not made from a description, so it has no parameters, sources or variants"
+                "was not made from a description, so it has no parameters, sources or variants", value=self.name
             )
         return self.description
 

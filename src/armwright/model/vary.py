@@ -1,4 +1,4 @@
-"""Numbers of the record as inputs: an arm told with some of its parameters left open. Design section 2.
+"""Numbers of the record as inputs: an arm with some of its parameters left open. Design section 2.
 
 `Varied(arm, ["link6.mass_kg"])` names them; `.model(values)` is the arm with other values, numbers or symbols, through the
 same map from record to model as ever; `.check(values)` refuses values that no record could hold.
@@ -6,6 +6,7 @@ same map from record to model as ever; `.check(values)` refuses values that no r
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
@@ -21,7 +22,7 @@ from armwright.model.parameter_table import Parameter, parameters_of
 from armwright.scalar import Array
 from armwright.spatial import pseudo_inertia
 
-TAKEN_AWAY = {  # by `arm.replace`: what is then no longer there to be varied
+TAKEN_AWAY = {  # by `arm.replace`: the parameters that no longer count
     "friction": ".friction.",
     "rotors": ".motor.rotor_inertia_kg_m2",
     "efficiency": ".motor.gear_efficiency",
@@ -49,25 +50,27 @@ class Varied:
                 numbers are no longer the record's.
         """
         if arm.description is None:
-            raise ModelError(f"{arm.name}: vary needs the record, and this model was not made from a description")
+            raise ModelError("this model was not made from a description", place="vary", file=arm.name)
         if isinstance(names, str) or not all(isinstance(name, str) for name in names):
-            raise ModelError(f"vary = {names!r}: expected a list of names of parameters")
+            raise ModelError(place="vary", value=names, expected="a list of names of parameters")
         self.arm, self._record = arm, arm.description
         self._table = parameters_of(arm.description)
         self._numbers = {path: quantity.value for path, quantity, _ in quantities(arm.description, pictures=False)}
         self.parameters = tuple(p for name in names for p in self._named(name))
-        given = [p.name for p in self.parameters]
-        twice = sorted({name for name in given if given.count(name) > 1})
-        if twice:
-            raise ModelError(f"vary: {twice[0]!r} comes twice")
+        twice = next((name for name, count in Counter(self.names).items() if count > 1), None)
+        if twice is not None:
+            raise ModelError("named twice", place="vary", value=twice)
         self.nominal = np.array([p.value for p in self.parameters], dtype=float)
         if list(_numbers(self.model(self.nominal))) != list(_numbers(arm)):
-            raise ModelError(f"{arm.name}: vary needs an arm as its record has it; change it with arm.replace")
+            expected = "an arm with the numbers of its record; change others with arm.replace"
+            raise ModelError(
+                "numbers of the model differ from its record", place="vary", expected=expected, file=arm.name
+            )
         self._links = list(self._varied_links())
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What varies, in the order of the values."""
+        """Names of the varied parameters, in the order of the values."""
         return tuple(p.name for p in self.parameters)
 
     def _named(self, name: str) -> Iterator[Parameter]:
@@ -77,37 +80,41 @@ class Varied:
         value = self._numbers.get(path)
         size = len(value) if isinstance(value, tuple) else 1
         if value is None or (entry is not None and (not isinstance(value, tuple) or entry >= size)):
-            raise ModelError(f"{self.arm.name}: no parameter {name!r}; {self._alternatives(path)}")
+            raise ModelError(
+                "no such parameter", place="vary", value=name, expected=self._alternatives(path), file=self.arm.name
+            )
         for change, part in TAKEN_AWAY.items():
             if change in self.arm.changes and part in path:
-                raise ModelError(f"{self.arm.name}: {name!r} cannot vary, arm.replace({change}=…) has replaced it")
+                raise ModelError(
+                    f"arm.replace({change}=…) has replaced it", place="vary", value=name, file=self.arm.name
+                )
         if isinstance(value, tuple):
             yield from (self._table[f"{path}[{k}]"] for k in (range(size) if entry is None else [entry]))
         else:
             yield self._table[path]
 
     def _alternatives(self, path: str) -> str:
-        """What exists: the parameters of the same link or joint, or the links and joints."""
+        """Parameters of the same link or joint, or else the names of links and joints."""
         head = path.split(".", 1)[0]
-        own = [known for known in self._numbers if known.split(".", 1)[0] == head]
-        if own:
-            return f"{head} has {', '.join(known.removeprefix(f'{head}.') for known in own)}"
-        return f"the record has {', '.join(dict.fromkeys(known.split('.', 1)[0] for known in self._numbers))}"
+        siblings = [known for known in self._numbers if known.split(".", 1)[0] == head]
+        if siblings:
+            return f"{head}.X, X one of {', '.join(known.removeprefix(f'{head}.') for known in siblings)}"
+        return f"a parameter of {', '.join(dict.fromkeys(known.split('.', 1)[0] for known in self._numbers))}"
 
     def model(self, values: Array) -> Model:
         """The arm with these values (k,), numbers or symbols, unchecked; what `arm.replace` changed stays changed."""
-        return assembled(self._told(values)).replace(**self.arm.changes)
+        return assembled(self._with(values)).replace(**self.arm.changes)
 
-    def _told(self, values: Array) -> RobotDescription:
-        told: dict[str, Any] = {}
+    def _with(self, values: Array) -> RobotDescription:
+        by_path: dict[str, Any] = {}
         for p, value in zip(self.parameters, values, strict=True):
             if p.entry is None:
-                told[p.path] = value
+                by_path[p.path] = value
             else:
-                whole = list(told.get(p.path, self._numbers[p.path]))
+                whole = list(by_path.get(p.path, self._numbers[p.path]))
                 whole[p.entry] = value
-                told[p.path] = tuple(whole)
-        return with_values(self._record, told)
+                by_path[p.path] = tuple(whole)
+        return with_values(self._record, by_path)
 
     def check(self, values: np.ndarray) -> None:
         """Refuses values (…, k) that the record could not hold.
@@ -127,7 +134,7 @@ class Varied:
             if not fits.all():
                 lane = int(np.argmin(fits))
                 expected = p.reading.expected if single else "a finite number"
-                raise ModelError(f"parameters: {p.name} = {column[lane]:g} in lane {lane}: expected {expected}")
+                raise ModelError(place=f"parameters[{lane}] {p.name}", value=float(column[lane]), expected=expected)
         for link, entries in self._links:
             self._check_link(link, [rows[:, e.column] if isinstance(e, _Column) else e for e in entries])
 
@@ -164,13 +171,14 @@ class Varied:
             if not fits.all():
                 lane = int(np.argmin(fits))
                 raise ModelError(
-                    f"parameters: in lane {lanes[lane]} link {link!r} has an impossible inertia: its pseudo-inertia has the "
-                    f"eigenvalue {np.linalg.eigvalsh(body[lane])[0]:.4g}, expected none below {-IMPOSSIBLE:g} of the largest"
+                    f"an impossible inertia: its pseudo-inertia has the eigenvalue {np.linalg.eigvalsh(body[lane])[0]:.4g}",
+                    place=f"parameters[{lanes[lane]}] link {link!r}",
+                    expected=f"none below {-IMPOSSIBLE:g} of the largest",
                 )
 
 
 def _pseudo_inertias(numbers: np.ndarray) -> np.ndarray:
-    """(lanes, 4, 4) of (10, lanes) numbers in the order of `BODY`: what `pseudo_inertia` is of one body, of many."""
+    """(lanes, 4, 4) of (10, lanes) numbers in the order of `BODY`: `pseudo_inertia` for many bodies."""
     mass, com, (xx, xy, xz, yy, yz, zz) = numbers[0], numbers[1:4], numbers[4:]
     about_com = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     body = np.empty((4, 4, len(mass)))
@@ -182,7 +190,7 @@ def _pseudo_inertias(numbers: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Column:
-    """Which column of the values a number is."""
+    """Column of the values that holds a number."""
 
     column: int
 

@@ -1,4 +1,4 @@
-"""Records made in Python, refused in our words."""
+"""Steps shared by variants of a description: records from fields, checked names, the tip."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any, TypeVar
 
 from armwright.description.robot import RobotDescription
-from armwright.errors import DescriptionError, nearest
+from armwright.errors import DescriptionError
 from armwright.quantity import Quantity, Record
 from armwright.validation import validated
 
@@ -14,7 +14,7 @@ CHOSEN = "definition"  # the source of a number that whoever made the variant ga
 SomeRecord = TypeVar("SomeRecord", bound=Record)
 
 
-def made(record: type[SomeRecord], place: str, **fields: Any) -> SomeRecord:
+def checked(record: type[SomeRecord], place: str, **fields: Any) -> SomeRecord:
     """A record of these fields.
 
     Raises:
@@ -42,14 +42,14 @@ def chosen(*numbers: Any) -> Quantity:
 
 
 def check_name(robot: RobotDescription, place: str, name: str, known: Iterable[str]) -> None:
-    """Refuses a name that is not there.
+    """Refuses an unknown name.
 
     Raises:
-        DescriptionError: names the nearest.
+        DescriptionError: with the known names.
     """
     known = list(known)
     if name not in known:
-        raise DescriptionError(f"{robot.name}: {place}: no {name!r}; {nearest(str(name), known)}")
+        raise DescriptionError("unknown", place=place, value=name, choices=known, file=robot.name)
 
 
 def tip_of(robot: RobotDescription) -> str | None:

@@ -1,4 +1,4 @@
-"""An arm some of whose joints are held."""
+"""An arm with some joints locked."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from armwright.description.robot import (
     RobotDescription,
 )
 from armwright.errors import DescriptionError
-from armwright.model.variants.edits import check_name, chosen, made, replaced
+from armwright.model.variants.edits import check_name, checked, chosen, replaced
 from armwright.quantity import Quantity
 from armwright.spatial import roll_pitch_yaw, rotation_rpy, rotation_to_axis, rotation_z
 
@@ -43,47 +43,48 @@ def with_locked(robot: RobotDescription, positions: Mapping[str, Any]) -> RobotD
         if not isinstance(joint, FixedJoint) and joint.mimic is not None
     }
     for name, position in positions.items():
-        place = f"with_locked({{{name!r}: {position!r}}})"
-        check_name(robot, place, name, moving)
+        check_name(robot, "with_locked: joint", name, moving)
+        place = f"with_locked: joint {name!r}"
         number = isinstance(position, (int, float, np.integer, np.floating)) and not isinstance(position, bool)
         if not number or not isfinite(position):
-            raise DescriptionError(f"{robot.name}: {place}: expected a finite number [rad | m]")
+            raise DescriptionError(place=place, value=position, expected="a finite number [rad | m]", file=robot.name)
         if name in masters:
-            raise DescriptionError(
-                f"{robot.name}: {place}: the joint mimics {masters[name].joint!r}; expected that one held, which holds both"
-            )
-    everyone = _with_followers(positions, masters)
-    if moving and all(name in everyone for name in moving):
-        raise DescriptionError(f"{robot.name}: with_locked: all joints are held; expected one that moves")
-    return replaced(robot, "with_locked", joints=tuple(_held(robot, joint, everyone) for joint in robot.joints))
+            expected = "that one locked, which locks both"
+            what = f"the joint mimics {masters[name].joint!r}"
+            raise DescriptionError(what, place=place, expected=expected, file=robot.name)
+    all_positions = _with_followers(positions, masters)
+    if moving and all(name in all_positions for name in moving):
+        raise DescriptionError("all joints are locked", place="with_locked", expected="one that moves", file=robot.name)
+    return replaced(robot, "with_locked", joints=tuple(_locked(robot, joint, all_positions) for joint in robot.joints))
 
 
 def _with_followers(positions: Mapping[str, Any], masters: Mapping[str, Any]) -> dict[str, float]:
-    """The positions, and those of the joints that mimic what is held."""
-    found = {name: float(position) for name, position in positions.items()}
+    """The positions, and those of the joints that mimic locked ones."""
+    locked = {name: float(position) for name, position in positions.items()}
     for _ in masters:  # as long as the longest chain can be
         for name, mimic in masters.items():
-            if mimic.joint in found:
-                found[name] = float(mimic.multiplier) * found[mimic.joint] + float(mimic.offset)
-    return found
+            if mimic.joint in locked:
+                locked[name] = float(mimic.multiplier) * locked[mimic.joint] + float(mimic.offset)
+    return locked
 
 
-def _held(robot: RobotDescription, joint: Joint, positions: Mapping[str, float]) -> Joint:
-    """The joint, fixed where it is one of those that are held, and otherwise no longer turned by them."""
+def _locked(robot: RobotDescription, joint: Joint, positions: Mapping[str, float]) -> Joint:
+    """The joint: fixed if it is locked, otherwise without locked joints that turn its motor."""
     if isinstance(joint, FixedJoint) or joint.name not in positions:
         return uncoupled(joint, positions)
-    q = positions[joint.name]
+    q, place = positions[joint.name], f"with_locked: joint {joint.name!r}"
     others = [] if joint.motor is None else [c.joint for c in joint.motor.coupling if c.joint not in positions]
     if others:
         raise DescriptionError(
-            f"{robot.name}: with_locked: the motor of joint {joint.name!r} is turned by {others[0]!r} as well; "
-            f"expected {others[0]!r} held too, or none of the two"
+            f"{others[0]!r} turns its motor too",
+            place=place,
+            expected=f"{others[0]!r} locked too, or none of the two",
+            file=robot.name,
         )
-    place = f"with_locked({joint.name!r})"
     names = {key: getattr(joint, key) for key in ("source", "name", "parent", "child")}
-    way = next(way for way in ("frame", "dh", "modified_dh") if getattr(joint, way) is not None)
-    placed = _moved_frame(joint, q) if way == "frame" else _moved_row(getattr(joint, way), q, place)
-    return made(FixedJoint, place, type="fixed", **names, **{way: placed})
+    key = next(key for key in ("frame", "dh", "modified_dh") if getattr(joint, key) is not None)
+    placed = _moved_frame(joint, q) if key == "frame" else _moved_row(getattr(joint, key), q, place)
+    return checked(FixedJoint, place, type="fixed", **names, **{key: placed})
 
 
 def _moved_row(row: Any, q: float, place: str) -> FixedDH:
@@ -91,7 +92,7 @@ def _moved_row(row: Any, q: float, place: str) -> FixedDH:
     turns = hasattr(row, "offset_rad")
     theta = _moved(row.offset_rad, q) if turns else row.theta_rad
     r = row.r_m if turns else _moved(row.offset_m, q)
-    return made(FixedDH, place, source=row.source, alpha_rad=row.alpha_rad, a_m=row.a_m, theta_rad=theta, r_m=r)
+    return checked(FixedDH, place, source=row.source, alpha_rad=row.alpha_rad, a_m=row.a_m, theta_rad=theta, r_m=r)
 
 
 def _moved(offset: Quantity, q: float) -> Quantity:
@@ -108,9 +109,9 @@ def _moved_frame(joint: MovingJoint, q: float) -> JointFrame:
     rotation = rotation_rpy(*np.array(frame.rpy_rad))
     if isinstance(joint, PrismaticJoint):
         moved = np.array(frame.xyz_m) + rotation @ turn[:, 2] * q
-        return made(JointFrame, joint.name, source=frame.source, rpy_rad=frame.rpy_rad, xyz_m=chosen(*moved))
+        return checked(JointFrame, joint.name, source=frame.source, rpy_rad=frame.rpy_rad, xyz_m=chosen(*moved))
     angles = roll_pitch_yaw(rotation @ turn @ rotation_z(q) @ turn.T)
-    return made(JointFrame, joint.name, source=frame.source, xyz_m=frame.xyz_m, rpy_rad=chosen(*angles))
+    return checked(JointFrame, joint.name, source=frame.source, xyz_m=frame.xyz_m, rpy_rad=chosen(*angles))
 
 
 def uncoupled(joint: Joint, names: Container[str]) -> Joint:

@@ -1,4 +1,4 @@
-"""An arm with something in its hand."""
+"""An arm with a payload."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from armwright.description.robot import FixedJoint, Inertia, JointFrame, Link, RobotDescription
 from armwright.errors import DescriptionError
-from armwright.model.variants.edits import CHOSEN, check_name, made, replaced, tip_of
+from armwright.model.variants.edits import CHOSEN, check_name, checked, replaced, tip_of
 
 
 def with_payload(
@@ -37,24 +37,24 @@ def with_payload(
     ends = [*(frame.name for frame in robot.frames), *(link.name for link in robot.links), robot.base]
     if frame is None and tip is None:
         raise DescriptionError(
-            f"{robot.name}: {place}: the arm names no tip; expected frame = one of {', '.join(ends)}"
+            "the arm names no tip", place=f"{place} frame", expected="a frame", choices=ends, file=robot.name
         )
     at = frame if frame is not None else tip
     assert at is not None
     check_name(robot, place, at, ends)
     if name in ends or name in {joint.name for joint in robot.joints}:
-        raise DescriptionError(f"{robot.name}: {place}: there is a {name!r} already; expected another name")
+        raise DescriptionError("the arm has this name already", place=place, expected="another name", file=robot.name)
     tensor = _tensor(place, inertia)
     entries = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
-    moments = made(Inertia, place, **{entry: float(tensor[i, j]) for entry, (i, j) in entries.items()})
-    link = made(Link, place, name=name, mass_kg=mass, com_m=com, inertia_kg_m2=moments, source=source)
+    moments = checked(Inertia, place, **{entry: float(tensor[i, j]) for entry, (i, j) in entries.items()})
+    link = checked(Link, place, name=name, mass_kg=mass, com_m=com, inertia_kg_m2=moments, source=source)
     placed = next((frame for frame in robot.frames if frame.name == at), None)
     if placed is None:
-        where = made(JointFrame, place, xyz_m=(0.0, 0.0, 0.0), rpy_rad=(0.0, 0.0, 0.0), source=CHOSEN)
+        where = checked(JointFrame, place, xyz_m=(0.0, 0.0, 0.0), rpy_rad=(0.0, 0.0, 0.0), source=CHOSEN)
     else:
-        where = made(JointFrame, place, **{key: getattr(placed, key) for key in ("source", "xyz_m", "rpy_rad")})
+        where = checked(JointFrame, place, **{key: getattr(placed, key) for key in ("source", "xyz_m", "rpy_rad")})
     carrier = at if placed is None else placed.link
-    mount = made(FixedJoint, place, name=f"{name}_mount", type="fixed", parent=carrier, child=name, frame=where)
+    mount = checked(FixedJoint, place, name=f"{name}_mount", type="fixed", parent=carrier, child=name, frame=where)
     return replaced(robot, place, joints=(*robot.joints, mount), links=(*robot.links, link), tip=tip)
 
 
@@ -66,6 +66,6 @@ def _tensor(place: str, inertia: Any) -> np.ndarray:
         tensor = np.zeros(0)
     tensor = np.diag(tensor) if tensor.shape == (3,) else tensor
     if tensor.shape != (3, 3) or not np.isfinite(tensor).all() or not np.allclose(tensor, tensor.T, rtol=1e-9, atol=0):
-        told = "expected a symmetric (3, 3) tensor or three moments [kg m²]; zeros for a point mass"
-        raise DescriptionError(f"{place}: inertia = {inertia!r:.80}: {told}")
+        expected = "a symmetric (3, 3) tensor or three moments [kg m²]; zeros for a point mass"
+        raise DescriptionError(place=f"{place} inertia", value=inertia, expected=expected)
     return 0.5 * (tensor + tensor.T)

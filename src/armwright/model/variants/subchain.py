@@ -1,4 +1,4 @@
-"""A part of an arm, from one frame to another, as an arm of its own."""
+"""A part of an arm, from one frame to another, as a complete arm."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from armwright.description.robot import FixedJoint, JointFrame, Link, NamedFrame
 from armwright.errors import DescriptionError
 from armwright.model.build import STANDARD_GRAVITY, tree_of
 from armwright.model.tree import BASE, Tree
-from armwright.model.variants.edits import CHOSEN, check_name, chosen, made, replaced
+from armwright.model.variants.edits import CHOSEN, check_name, checked, chosen, replaced
 from armwright.model.variants.locked import uncoupled
 from armwright.spatial import Frozen, Placement, roll_pitch_yaw, rotated, rotation_rpy, rotation_z
 
@@ -59,8 +59,10 @@ def subchain(robot: RobotDescription, base: str, tip: str) -> Subchain:
         mimic = getattr(joint, "mimic", None)
         if mimic is not None and mimic.joint in names:
             raise DescriptionError(
-                f"{robot.name}: {place}: joint {joint.name!r} mimics {mimic.joint!r}, which does not move between the two; "
-                f"expected {mimic.joint!r} held first, with with_locked"
+                f"it mimics {mimic.joint!r}, which does not move between the two",
+                place=f"{place} joint {joint.name!r}",
+                expected=f"{mimic.joint!r} locked first, by with_locked",
+                file=robot.name,
             )
     at = _at_zero(tree_of(robot), base)
     part = replaced(
@@ -72,7 +74,7 @@ def subchain(robot: RobotDescription, base: str, tip: str) -> Subchain:
         frames=tuple(frame for frame in robot.frames if frame.link in kept and frame.name != base),
         tip=tip,
         gravity_m_s2=_gravity(robot, at),
-        remarks=(*robot.remarks, *_told(robot, left, place)),
+        remarks=(*robot.remarks, *_remarks(robot, left, place)),
     )
     return Subchain(part, at)
 
@@ -83,31 +85,31 @@ def _way(robot: RobotDescription, place: str, start: str, end: str) -> set[str]:
     way, moves = {start, end}, False
     while end != start:
         if end not in mover:
-            raise DescriptionError(f"{robot.name}: {place}: expected a tip that hangs on the base")
+            raise DescriptionError(place=place, expected="a tip that hangs on the base", file=robot.name)
         moves |= not isinstance(mover[end], FixedJoint)
         end = mover[end].parent
         way.add(end)
     if not moves:
-        raise DescriptionError(f"{robot.name}: {place}: no joint moves between the two; expected one")
+        raise DescriptionError("no joint moves between the two", place=place, expected="one that does", file=robot.name)
     return way
 
 
 def _rigid_with(robot: RobotDescription, way: set[str]) -> set[str]:
     """The links on the way and those that are fixed to them."""
-    kept, more = way, way
-    while more:
-        more = {j.child for j in robot.joints if isinstance(j, FixedJoint) and j.parent in kept} - kept
-        kept = kept | more
+    kept, added = way, way
+    while added:
+        added = {j.child for j in robot.joints if isinstance(j, FixedJoint) and j.parent in kept} - kept
+        kept = kept | added
     return kept
 
 
 def _standing(place: str, base: NamedFrame) -> FixedJoint:
-    """From a frame that has become the base to the link that carries it."""
+    """Fixed joint from a frame that has become the base to the link that carries it."""
     back = Placement(rotation_rpy(*np.array(base.rpy_rad)), np.array(base.xyz_m)).inverse()
     pose = {"xyz_m": chosen(*back.position), "rpy_rad": chosen(*roll_pitch_yaw(back.rotation))}
-    frame = made(JointFrame, place, source=base.source, **pose)
+    frame = checked(JointFrame, place, source=base.source, **pose)
     name = f"{base.name}_to_{base.link}"
-    return made(FixedJoint, place, name=name, type="fixed", parent=base.name, child=base.link, frame=frame)
+    return checked(FixedJoint, place, name=name, type="fixed", parent=base.name, child=base.link, frame=frame)
 
 
 def _carrier(robot: RobotDescription, place: str, start: str) -> Link:
@@ -115,7 +117,7 @@ def _carrier(robot: RobotDescription, place: str, start: str) -> Link:
     if start != robot.base:
         return robot.link(start)
     zero = dict.fromkeys(("xx", "xy", "xz", "yy", "yz", "zz"), 0.0)
-    return made(Link, place, name=start, source=CHOSEN, mass_kg=0.0, com_m=(0.0, 0.0, 0.0), inertia_kg_m2=zero)
+    return checked(Link, place, name=start, source=CHOSEN, mass_kg=0.0, com_m=(0.0, 0.0, 0.0), inertia_kg_m2=zero)
 
 
 def _at_zero(model: Tree, name: str) -> Placement:
@@ -130,15 +132,15 @@ def _at_zero(model: Tree, name: str) -> Placement:
 
 
 def _gravity(robot: RobotDescription, base: Placement) -> Any:
-    """In the axes of the new base; as the description has it where these are the old ones."""
+    """Gravity in the axes of the new base; unchanged, None too, if these are the old ones."""
     if (base.rotation == np.eye(3)).all():
         return robot.gravity_m_s2
     gravity = STANDARD_GRAVITY if robot.gravity_m_s2 is None else np.array(robot.gravity_m_s2)
     return chosen(*rotated(base.rotation.T, gravity))
 
 
-def _told(robot: RobotDescription, left: list[Any], place: str) -> list[str]:
-    """What hung on the way and moved."""
+def _remarks(robot: RobotDescription, left: list[Any], place: str) -> list[str]:
+    """A remark on the links left out: those that moved with respect to the subchain."""
     behind = {joint.child for joint in left}
     for _ in robot.joints:
         behind |= {joint.child for joint in robot.joints if joint.parent in behind}
@@ -146,4 +148,4 @@ def _told(robot: RobotDescription, left: list[Any], place: str) -> list[str]:
         return []
     mass = sum(float(link.mass_kg) for link in robot.links if link.name in behind)
     names = ", ".join(joint.name for joint in left)
-    return [f"{place} left out what hangs behind {names}: {len(behind)} links of {mass:.4g} kg"]
+    return [f"{place} left out the links behind {names}: {len(behind)} links of {mass:.4g} kg"]

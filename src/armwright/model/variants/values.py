@@ -1,17 +1,19 @@
-"""An arm with other numbers."""
+"""An arm with other values of some numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from armwright.description.paths import quantities, reading_at
 from armwright.description.robot import RobotDescription
-from armwright.errors import DescriptionError, nearest
+from armwright.errors import DescriptionError, Problem
 from armwright.model.variants.edits import CHOSEN, replaced
 from armwright.quantity import Quantity, Record
+from armwright.validation import Invalid
 
 
 def with_values(robot: RobotDescription, values: Mapping[str, Any], source: str = CHOSEN) -> RobotDescription:
@@ -25,26 +27,26 @@ def with_values(robot: RobotDescription, values: Mapping[str, Any], source: str 
         DescriptionError: no number at a path, or a value that cannot stand there.
     """
     known = {path: quantity for path, quantity, _ in quantities(robot)}
-    told: dict[str, Quantity] = {}
+    changes: dict[str, Quantity] = {}
     for name, value in values.items():
-        place = f"{robot.name}: with_values({{{name!r}: {value!r:.60}}})"
         path, entry = _split(name, known)
         if path not in known:
-            raise DescriptionError(f"{place}: no number at {path!r}; {nearest(path, known)}")
+            raise DescriptionError("no such number", place="with_values", value=path, choices=known, file=robot.name)
         whole = value
         if entry is not None:
-            old = told.get(path, known[path]).value
+            old = changes.get(path, known[path]).value
             if not isinstance(old, tuple) or entry >= len(old):
-                raise DescriptionError(f"{place}: {path} has no entry {entry}")
+                raise DescriptionError("no such entry", place="with_values", value=name, file=robot.name)
             whole = (*old[:entry], value, *old[entry + 1 :])
         try:
             read = reading_at(robot, path)(whole.tolist() if isinstance(whole, np.ndarray) else whole)
         except ValueError as error:
-            raise DescriptionError(f"{place}: {error}") from None
-        told[path] = Quantity(**{"source": source, **(read if isinstance(read, dict) else dict(read))})
-    fields = {name: _with(getattr(robot, name), told, name) for name in ("gravity_m_s2", "supply")}
+            problem = replace(error.problem if isinstance(error, Invalid) else Problem(str(error)), value=value)
+            raise DescriptionError.of(problem.within(f"with_values: {name}", robot.name)) from None
+        changes[path] = Quantity(**{"source": source, **(read if isinstance(read, dict) else dict(read))})
+    fields = {name: _with(getattr(robot, name), changes, name) for name in ("gravity_m_s2", "supply")}
     lists = {
-        name: tuple(_with(item, told, item.name) for item in getattr(robot, name))
+        name: tuple(_with(item, changes, item.name) for item in getattr(robot, name))
         for name in ("joints", "links", "frames")
     }
     return replaced(robot, "with_values", **fields, **lists)
@@ -58,18 +60,18 @@ def _split(name: str, known: Mapping[str, Any]) -> tuple[str, int | None]:
     return name, None
 
 
-def _with(value: Any, told: Mapping[str, Quantity], path: str) -> Any:
+def _with(value: Any, changes: Mapping[str, Quantity], path: str) -> Any:
     """A record or list with other quantities, checked from the inside out."""
     if isinstance(value, Quantity):
-        return told.get(path, value)
+        return changes.get(path, value)
     if isinstance(value, tuple):
-        return tuple(_with(item, told, f"{path}[{k}]") for k, item in enumerate(value))
-    if not isinstance(value, Record) or not any(name.startswith(f"{path}.") for name in told):
+        return tuple(_with(item, changes, f"{path}[{k}]") for k, item in enumerate(value))
+    if not isinstance(value, Record) or not any(name.startswith(f"{path}.") for name in changes):
         return value
     fields = {name: getattr(value, name) for name in type(value).model_fields}
-    new = {name: _with(item, told, f"{path}.{name}") for name, item in fields.items()}
+    new = {name: _with(item, changes, f"{path}.{name}") for name, item in fields.items()}
     changed = {name: item for name, item in new.items() if item is not fields[name]}
     try:
         return value.replace(**changed) if changed else value
     except DescriptionError as error:
-        raise DescriptionError(f"with_values: {path}: {str(error).removeprefix('replace: ')}") from None
+        raise error.within(f"with_values: {path}") from None

@@ -55,7 +55,7 @@ class PlantFlow:
 
     @cached_property
     def stiff(self) -> tuple[int, ...]:
-        """Places in x of what is integrated exactly."""
+        """Places in x of the states that are integrated exactly."""
         places = [self.layout.place(name) for name in self.layout.names if name in STIFF]
         return tuple(k for place in places for k in range(place.start, place.stop))
 
@@ -66,12 +66,12 @@ class PlantFlow:
             ScenarioError: the plant has no such part.
         """
         if name not in self.layout:
-            raise ScenarioError(f"{self.model.name}: no state {name!r}; it has {', '.join(self.layout.names)}")
+            raise ScenarioError("no such state", value=name, choices=self.layout.names, file=self.model.name)
         return x[..., self.layout.place(name)]
 
     @cached_property
     def contacts(self) -> tuple[int, ...]:
-        """How many contacts every joint can make: two of its stops, two of a gear with play."""
+        """Number of contacts that each joint can make: two of its stops, two of a gear with play."""
         return tuple(contacts_of(body) for body in self.model.coordinates)
 
     @cached_property

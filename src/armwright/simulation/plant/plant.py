@@ -52,8 +52,10 @@ class Plant(PlantReadings):
         for body in model.coordinates:
             if body.elasticity is not None and _is_zero(body.drive.rotor_inertia):
                 raise ModelError(
-                    f"{model.name}: the motor of joint {body.joint!r} has no inertia before its elastic gear; "
-                    "expected an arm with its rotors"
+                    "its motor has no inertia before its elastic gear",
+                    place=f"joint {body.joint!r}",
+                    expected="an arm with its rotors",
+                    file=model.name,
                 )
         own = brakes and any(body.brake is not None for body in model.coordinates)
         return cls(model, state_layout(model, own), own)
