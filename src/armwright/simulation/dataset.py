@@ -17,7 +17,7 @@ from armwright.results.reducers import Ends, reducer
 from armwright.signals import Signal
 from armwright.simulation.batch_runner import Reached
 from armwright.simulation.inputs.input_schedule import values_at_ticks
-from armwright.simulation.integrate.stepping import Account
+from armwright.simulation.integrate.stepping import LaneStatus
 from armwright.simulation.loop.config import LoopConfig
 from armwright.simulation.loop.tick import USUAL
 from armwright.simulation.loop_runner import LoopRunner
@@ -50,7 +50,7 @@ class Recorded:
 
     Attributes:
         rows: (rows, lanes in whole tiles, entries); None: nothing was recorded.   every: ticks from row to row.
-        ticks: of the whole run.   reached: which lanes came how far.   account: what became of them.   reduced: (lanes,
+        ticks: of the whole run.   reached: which lanes came how far.   status: what became of them.   reduced: (lanes,
             k) by the reducers.
         origin: the tick of the first row.
     """
@@ -59,7 +59,7 @@ class Recorded:
     every: int
     ticks: int
     reached: Reached
-    account: Account
+    status: LaneStatus
     reduced: np.ndarray
     origin: int
 
@@ -101,8 +101,8 @@ def run_dataset(simulation: LoopRunner, recorded: Recorded) -> xarray.Dataset:
         dataset = dataset.assign_coords(lane=("lane", numbers + scenario.first_lane, dataset["lane"].attrs))
     if reached.ticks == recorded.ticks and simulation.reduction is not None:
         _reduced(simulation, dataset, recorded)
-    account = recorded.account.of_lanes(reached.lanes)
-    account.tell(dataset, simulation.period, scenario.solver.adaptivity, scenario.lane_count is None)
+    status = recorded.status.of_lanes(reached.lanes)
+    status.add_to(dataset, simulation.period, scenario.solver.adaptivity, scenario.lane_count is None)
     return dataset
 
 
@@ -192,7 +192,7 @@ def _reduced(simulation: LoopRunner, dataset: xarray.Dataset, recorded: Recorded
     lanes, scenario = recorded.reached.lanes, simulation.scenario
     first, final = scenario.initial_state[:, : simulation.arm.n], simulation.reference.final
     held, first, final = (v if len(v) in (1, len(lanes)) else v[lanes] for v in (recorded.reduced, first, final))
-    stopped = recorded.account.frozen[lanes][:, None] >= 0.0
+    stopped = recorded.status.frozen[lanes][:, None] >= 0.0
     ends = Ends(held[:, -1:], simulation.period, first, final, stopped)
     for name, values in simulation.reduction.results(held, ends).items():
         about = reducer(name)

@@ -20,7 +20,7 @@ from armwright.simulation.batch_runner import Progress, Work, handed_out, run_gr
 from armwright.simulation.checks import check_whole
 from armwright.simulation.dataset import Recorded, run_dataset
 from armwright.simulation.inputs.input_schedule import lane_numbers
-from armwright.simulation.integrate.stepping import Account
+from armwright.simulation.integrate.stepping import LaneStatus
 from armwright.simulation.loop.compiled import CompiledLoop
 from armwright.simulation.loop.controller import reference_of
 from armwright.simulation.loop.sensor_set import measurement_of
@@ -97,7 +97,7 @@ class Simulation(LoopRunner):
             self.reference = self.reference_of_ticks(ticks)
         every, width = scenario.recording.every or ticks, self.loop.loops[0].target.width
         record = self._room(ticks, every, width) if self.config.recorded else None
-        account = Account.of(self.count, len(scenario.solver.events))
+        status = LaneStatus.of(self.count, len(scenario.solver.events))
         reduced = np.zeros((self.count, 0 if self.reduction is None else self.reduction.size))
         origin, began = self.origin, clock.perf_counter()
         groups: dict[int, LoopState] = {}
@@ -122,7 +122,7 @@ class Simulation(LoopRunner):
                     self.advance(lanes, last, last + 1, last, own, every)  # the last row, in whose tick nothing moves
 
             def finish() -> None:
-                account.read(lanes)
+                status.read(lanes)
                 if self.reduction is not None:
                     reduced[first : first + count] = lanes.get("reduced")
 
@@ -132,9 +132,9 @@ class Simulation(LoopRunner):
         workers = 1 if in_python or real_time else threads or os.cpu_count() or 1
         whole = self._in_python is not None and self.controller.vectorised
         reached = run_groups(self.count, width, ticks, begin, progress, workers, whole=whole)
-        recorded, end = Recorded(record, every, ticks, reached, account, reduced, origin), None
+        recorded, end = Recorded(record, every, ticks, reached, status, reduced, origin), None
         if scenario.lane_count is None:
-            account.check(self.arm.name, self.period, recorded.last_row(self))
+            status.check(self.arm.name, self.period, recorded.last_row(self))
         if keep_state and not reached.stopped:
             self._started = end = _joined(groups)
             self.tick, self._measured = origin + ticks, False
@@ -187,9 +187,9 @@ class Simulation(LoopRunner):
         self.advance(lanes, self.tick, self.tick + 1, self.tick + 2, room, ENDLESS, measured=measured)
         self.tick, self._measured = self.tick + 1, False
         if self.scenario.lane_count is None and lanes.get("frozen")[0, 0] >= 0.0:
-            account = Account.of(1, len(self.scenario.solver.events))
-            account.read(lanes)
-            account.check(self.arm.name, self.period)
+            status = LaneStatus.of(1, len(self.scenario.solver.events))
+            status.read(lanes)
+            status.check(self.arm.name, self.period)
 
     def _stepped(self) -> Lanes:
         """The lanes of a loop that is stepped, all in one group."""

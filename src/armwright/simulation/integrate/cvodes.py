@@ -28,15 +28,14 @@ METHODS = ("adams", "bdf")  # of high order where nothing is stiff; and where so
 
 
 def check_lanes(lanes: int) -> None:
-    """Refuses what would take hours.
+    """Refuses numbers of lanes that would take hours.
 
     Raises:
         ScenarioError: too many lanes.
     """
     if lanes > MOST_LANES:
-        raise ScenarioError(
-            f"integrator = 'cvodes': {lanes} lanes; expected at most {MOST_LANES}, or integrator = 'rk45' with a small rtol"
-        )
+        expected = f"at most {MOST_LANES}, or integrator = 'rk45' with a small rtol"
+        raise ScenarioError(f"{lanes} lanes", place="solver.integrator", value="cvodes", expected=expected)
 
 
 class Cvodes:
@@ -56,10 +55,10 @@ class Cvodes:
         stiff: bool,
         watched: Watched | None = None,
     ):
-        held = {} if watched is None else watched.block
-        self._f = trace("plant", derivative, {**shapes, **held}, ("xd",)).graph
+        contacts = {} if watched is None else watched.block
+        self._f = trace("plant", derivative, {**shapes, **contacts}, ("xd",)).graph
         self._landing = switching_programs(watched, shapes)
-        self._more = {name: int(np.prod(shape)) for name, shape in shapes.items() if name not in ("x", "u")}
+        self._other_sizes = {name: int(np.prod(shape)) for name, shape in shapes.items() if name not in ("x", "u")}
         self._adaptivity = adaptivity
         self._methods = METHODS[::-1] if stiff else METHODS
         self._solvers: dict[tuple[int, str], casadi.Function] = {}
@@ -82,82 +81,78 @@ class Cvodes:
 
     def _block(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, span: float, count: int) -> np.ndarray | None:
         """Up to `count` states, at least one: those before something switches, or the one behind it."""
-        given = np.concatenate([u, p])
+        constant = np.concatenate([u, p])
         if not self._landing:
-            return self._solved(x, given, span, count)
-        touching = self._told("touching", x, given)
-        states = self._solved(x, np.concatenate([given, touching]), span, count)
+            return self._solved(x, constant, span, count)
+        touching = self._switching("touching", x, constant)[0]
+        states = self._solved(x, np.concatenate([constant, touching]), span, count)
         if states is None:
             return None
         rows = [x, *states]
         for k in range(count):
-            ended = bool((self._told("touching", rows[k], given) != touching).any())  # at that very row
-            if ended or self._told("switched", rows[k], rows[k + 1], given, touching)[0]:
+            ended = bool((self._switching("touching", rows[k], constant)[0] != touching).any())  # at that very row
+            if ended or self._switching("switched", rows[k], rows[k + 1], constant, touching)[0][0]:
                 break
         else:
             return states
         if k:
             return states[:k]
-        end = self._through(x, given, span)
+        end = self._through(x, constant, span)
         return None if end is None else end[None]
 
-    def _through(self, x: np.ndarray, given: np.ndarray, span: float) -> np.ndarray | None:
+    def _through(self, x: np.ndarray, constant: np.ndarray, span: float) -> np.ndarray | None:
         """The state `span` seconds later, in pieces that end where something switches; as `kernels.stages` says."""
         left = span
         for _ in range(MOST_PIECES):
-            touching = self._told("touching", x, given)
-            held = np.concatenate([given, touching])
-            step = partial(self._step, x, held)
+            touching = self._switching("touching", x, constant)[0]
+            with_contacts = np.concatenate([constant, touching])
+            step = partial(self._step, x, with_contacts)
             end = step(left)
-            if end is None or not self._told("switched", x, end, given, touching)[0]:
+            if end is None or not self._switching("switched", x, end, constant, touching)[0][0]:
                 return end
-            weights, bracket, part = self._asked("bracket", x, end, given, touching)
+            weights, bracket, part = self._switching("bracket", x, end, constant, touching)
             for _ in range(SECANTS):
                 tried = step(part[0] * left)
                 if tried is None:
                     return None
-                bracket, part = self._asked("narrow", tried, given, touching, weights, bracket, part)
+                bracket, part = self._switching("narrow", tried, constant, touching, weights, bracket, part)
             end = step(bracket[1] * left)
             if end is None:
                 return None
             x, left = end, left - bracket[1] * left
         return None
 
-    def _told(self, name: str, *given: np.ndarray) -> np.ndarray:
-        """What a program of `switching` says that says one thing."""
-        return self._asked(name, *given)[0]
-
-    def _asked(self, name: str, *given: np.ndarray) -> list[np.ndarray]:
-        """What a program of `switching` says: of states, what is held beside them, and what else it takes."""
-        program, numbers = self._landing[name], np.concatenate(given)
+    def _switching(self, name: str, *inputs: np.ndarray) -> list[np.ndarray]:
+        """Outputs of a program of `switching`, for states, constant inputs and whatever else it takes."""
+        program, numbers = self._landing[name], np.concatenate(inputs)
         ends = np.cumsum([port.size for port in program.inputs])
         return [np.asarray(each).ravel() for each in program.graph.call(np.split(numbers, ends[:-1]))]
 
-    def _step(self, x: np.ndarray, given: np.ndarray, span: float) -> np.ndarray | None:
-        states = self._solved(x, given, span, 1)
+    def _step(self, x: np.ndarray, constant: np.ndarray, span: float) -> np.ndarray | None:
+        states = self._solved(x, constant, span, 1)
         return None if states is None else states[0]
 
-    def _solved(self, x: np.ndarray, given: np.ndarray, span: float, count: int) -> np.ndarray | None:
-        """`count` states, all that is given held."""
+    def _solved(self, x: np.ndarray, constant: np.ndarray, span: float, count: int) -> np.ndarray | None:
+        """The states at `count` times, the inputs constant."""
         if not np.isfinite(x).all():
             return None
         for method in self._methods:
             try:
-                found = self._solver(count, method)(x0=x, p=np.concatenate([given, [span]]))["xf"]
-            except RuntimeError:  # CVODES gave up; it has told why on its own stream, which is silenced
+                solution = self._solver(count, method)(x0=x, p=np.concatenate([constant, [span]]))["xf"]
+            except RuntimeError:  # CVODES gave up; it prints the reason on its own stream, which is silenced
                 continue
-            states = np.array(found).T
+            states = np.array(solution).T
             if np.isfinite(states).all():
                 return states
         return None
 
     def _solver(self, count: int, method: str) -> casadi.Function:
-        """Over `count` units of time, each as long as the last parameter says."""
+        """Solver over `count` units of time; the last parameter is the length of the unit [s]."""
         if (count, method) not in self._solvers:
             sizes = [self._f.size1_in(k) for k in range(self._f.n_in())]
-            x, *given = (casadi.SX.sym(f"i{k}", size) for k, size in enumerate(sizes))  # type: ignore[arg-type]
+            x, *constant = (casadi.SX.sym(f"i{k}", size) for k, size in enumerate(sizes))  # type: ignore[arg-type]
             span = casadi.SX.sym("span")  # type: ignore[arg-type]
-            rate = span * self._f(x, *given)
+            rate = span * self._f(x, *constant)
             options = {
                 "reltol": self._adaptivity.rtol,
                 "abstol": self._adaptivity.atol,
@@ -167,59 +162,59 @@ class Cvodes:
                 "show_eval_warnings": False,
                 "disable_internal_warnings": True,
             }
-            problem = {"x": x, "p": casadi.vertcat(*given, span), "ode": rate}
+            problem = {"x": x, "p": casadi.vertcat(*constant, span), "ode": rate}
             times = [float(k) for k in range(1, count + 1)]
             self._solvers[count, method] = casadi.integrator("plant", "cvodes", problem, 0.0, times, options)
         return self._solvers[count, method]
 
     def extend(self, lanes: Lanes) -> None:
         """Adds the blocks that `tick` needs, none of the lanes frozen, where the loop has not made them."""
-        for name, entries in self._more.items():
+        for name, entries in self._other_sizes.items():
             lanes.blocks.setdefault(name, np.zeros((lanes.tiles, entries, lanes.width)))
         names = ("frozen", "see_at") if "x_seen" in lanes.blocks else ("frozen",)
         for name in names:
             lanes.blocks.setdefault(name, np.full((lanes.tiles, 1, lanes.width), -1.0))
 
     def tick(self, lanes: Lanes, k: int, h: float, schedules: Mapping[str, Schedules], steady: int = 1) -> None:
-        """What `kernels.stages.Integrate` does in tick k of h seconds, on the same blocks.
+        """Does the work of `kernels.stages.Integrate` in tick k of h seconds, on the same blocks.
 
         Args:
             lanes, k, h: as there.   schedules: of the loop's rows, by block.
             steady: ticks, this one included, in which nothing but rows changes a command: they are solved in one go.
         """
-        names = [*self._more, *schedules, *(f"{name}.{part}" for name in schedules for part in CURSOR)]
+        names = [*self._other_sizes, *schedules, *(f"{name}.{part}" for name in schedules for part in CURSOR)]
         values = {name: lanes.get(name).copy() for name in dict.fromkeys(["x", "u", "frozen", *names])}
         empty = np.zeros((lanes.count, 0))
         plan, begins = (lanes.get(name) if name in lanes.blocks else empty for name in ("u_plan", "u_from"))
         seen = lanes.get("x_seen").copy() if "x_seen" in lanes.blocks else None
         see_at = np.full((lanes.count, 1), h) if seen is None else lanes.get("see_at")
         for lane in np.flatnonzero(values["frozen"][:, 0] < 0):
-            own = {name: value[lane] for name, value in values.items()}
-            commands = plan[lane].reshape(-1, len(own["u"]))
-            rows = _rows_within(own, k, schedules)
+            lane_values = {name: value[lane] for name, value in values.items()}
+            commands = plan[lane].reshape(-1, len(lane_values["u"]))
+            rows = _rows_within(lane_values, k, schedules)
             edges = sorted({h, *(t for t in (*begins[lane], *see_at[lane], *(at for at, _, _ in rows)) if 0.0 < t < h)})
-            calm = 1 if len(edges) > 1 else _calm(own, k, schedules, steady)
+            calm = 1 if len(edges) > 1 else _calm(lane_values, k, schedules, steady)
             for begin, end in zip([0.0, *edges], edges, strict=False):
                 for s, command in enumerate(commands):
                     if s == 0 or begins[lane, s - 1] <= begin:
-                        own["u"][:] = command
+                        lane_values["u"][:] = command
                 for _, name, row in (row for row in rows if row[0] == begin):
-                    own[name][:] = row
-                x = self._next(lanes.first + int(lane), own, end - begin, calm)
+                    lane_values[name][:] = row
+                x = self._next(lanes.first + int(lane), lane_values, end - begin, calm)
                 if x is None:
-                    own["frozen"][:] = k
+                    lane_values["frozen"][:] = k
                     break
-                own["x"][:] = x
+                lane_values["x"][:] = x
                 if seen is not None and end == see_at[lane, 0]:
                     seen[lane] = x
         for name, value in [*values.items(), *([] if seen is None else [("x_seen", seen)])]:
             lanes.set(name, value)
 
-    def _next(self, lane: int, own: Mapping[str, np.ndarray], span: float, count: int) -> np.ndarray | None:
+    def _next(self, lane: int, lane_values: Mapping[str, np.ndarray], span: float, count: int) -> np.ndarray | None:
         """The state `span` seconds later, and those `count` times as much later put by."""
         if not self._ahead.get(lane):
-            p = np.concatenate([own[name] for name in self._more]) if self._more else np.zeros(0)
-            states = self.after(own["x"], own["u"], p, span, count)
+            p = np.concatenate([lane_values[name] for name in self._other_sizes]) if self._other_sizes else np.zeros(0)
+            states = self.after(lane_values["x"], lane_values["u"], p, span, count)
             self._ahead[lane] = [] if states is None else list(states[::-1])
             if states is None:
                 return None
@@ -227,22 +222,22 @@ class Cvodes:
 
 
 def _rows_within(
-    own: Mapping[str, np.ndarray], k: int, schedules: Mapping[str, Schedules]
+    lane_values: Mapping[str, np.ndarray], k: int, schedules: Mapping[str, Schedules]
 ) -> list[tuple[float, str, np.ndarray]]:
     """Rows of a lane that come inside tick k, [s] behind it, with the blocks they fill; its cursors move past them."""
-    found = []
+    rows_within = []
     for name, rows in schedules.items():
-        tick, offset, row, end = (own[f"{name}.{part}"] for part in CURSOR)
+        tick, offset, row, end = (lane_values[f"{name}.{part}"] for part in CURSOR)
         while tick[0] == k:
-            found.append((float(offset[0]), name, rows.values[int(row[0])]))
+            rows_within.append((float(offset[0]), name, rows.values[int(row[0])]))
             row += 1.0
-            more = row[0] < end[0]
-            tick[0] = rows.tick[int(row[0])] if more else NEVER
-            offset[0] = rows.offset[int(row[0])] if more else offset[0]
-    return sorted(found, key=lambda row: row[0])
+            another = row[0] < end[0]
+            tick[0] = rows.tick[int(row[0])] if another else NEVER
+            offset[0] = rows.offset[int(row[0])] if another else offset[0]
+    return sorted(rows_within, key=lambda row: row[0])
 
 
-def _calm(own: Mapping[str, np.ndarray], k: int, schedules: Mapping[str, Schedules], steady: int) -> int:
+def _calm(lane_values: Mapping[str, np.ndarray], k: int, schedules: Mapping[str, Schedules], steady: int) -> int:
     """Ticks up to the lane's next row, at most so many."""
-    due = min((float(own[f"{name}.{CURSOR[0]}"][0]) for name in schedules), default=NEVER)
+    due = min((float(lane_values[f"{name}.{CURSOR[0]}"][0]) for name in schedules), default=NEVER)
     return int(min(steady, max(due - k, 1.0)))

@@ -57,12 +57,11 @@ def event_values(events: Mapping[str, EventFunction], layout: Layout, t: Scalar,
         try:
             value = scalar.array(function(t, state))
         except UNTRACEABLE as error:
-            raise ScenarioError(
-                f"events: {name!r} cannot be compiled: {why(error)}; "
-                "expected a function (t, x) written with armwright.scalar"
-            ) from None
+            expected = "a function (t, x) written with armwright.scalar"
+            what = f"cannot be compiled: {why(error)}"
+            raise ScenarioError(what, place=f"solver.events {name!r}", expected=expected) from None
         if value.size != 1 or value.ndim > 1:
-            raise ScenarioError(f"events: {name!r} gave shape {value.shape}; expected one number")
+            raise ScenarioError(f"gave shape {value.shape}", place=f"solver.events {name!r}", expected="one number")
         values.append(value.ravel()[0])
     return scalar.array(values)
 

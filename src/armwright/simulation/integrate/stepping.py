@@ -1,4 +1,4 @@
-"""The stage that moves a plant in steps which each lane chooses for itself, and what its lanes begin and end with."""
+"""The stage that moves a plant in steps of each lane's own length; initial blocks and final status of its lanes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MOST_STEPS = 1000  # trials in one tick, if nothing else is said
 
 @dataclass(frozen=True)
 class Adaptivity:
-    """How a rule chooses its steps.
+    """Settings by which a rule chooses its steps.
 
     Attributes:
         rtol, atol: each entry of the state may be wrong by atol + rtol |x| in a step, in its own unit.
@@ -46,29 +46,31 @@ class Adaptivity:
     def of(
         cls, integrator: str, substeps: int, rtol: Any, atol: Any, max_steps: Any, events: Mapping[str, EventFunction]
     ) -> Adaptivity | None:
-        """What a scenario says about it; None where the integrator's step is fixed.
+        """The settings of a scenario's solver; None if the integrator's step is fixed.
 
         Raises:
             ScenarioError: names the field, its value and what was expected.
         """
         chooses, lands = integrator in TOLERANCES, integrator == "rk45"
-        for name, value in (("rtol", rtol), ("atol", atol)):
-            if value is not None and not chooses:
-                raise ScenarioError(f"{name} goes with integrator = 'rk45' or 'cvodes', not {integrator!r}")
-            if value is not None and not (_is_number(value) and 0.0 < value < 1.0):
-                raise ScenarioError(f"{name} = {value!r}: expected a tolerance above 0 and below 1")
-        if max_steps is not None and not lands:
-            raise ScenarioError(f"max_steps goes with integrator = 'rk45', not {integrator!r}")
-        if max_steps is not None and not (
-            isinstance(max_steps, Integral) and _is_number(max_steps) and int(max_steps) > 0
-        ):
-            raise ScenarioError(f"max_steps = {max_steps!r}: expected a whole number, 1 or more")
+        whole = isinstance(max_steps, Integral) and _is_number(max_steps) and int(max_steps) > 0
+        checks = (  # name, value, needed integrator, whether it may stand there, expected
+            ("rtol", rtol, chooses, _is_tolerance(rtol), "a tolerance above 0 and below 1"),
+            ("atol", atol, chooses, _is_tolerance(atol), "a tolerance above 0 and below 1"),
+            ("max_steps", max_steps, lands, whole, "a whole number, 1 or more"),
+        )
+        for name, value, fits, allowed, expected in checks:
+            if value is not None and not fits:
+                needed = "'rk45'" if name == "max_steps" else "'rk45' or 'cvodes'"
+                what = f"goes with integrator = {needed}, not {integrator!r}"
+                raise ScenarioError(what, place=f"solver.{name}", value=value)
+            if value is not None and not allowed:
+                raise ScenarioError(place=f"solver.{name}", value=value, expected=expected)
         if not isinstance(events, Mapping) or not all(callable(each) for each in events.values()):
-            raise ScenarioError(f"events = {events!r}: expected functions (t, x) by name")
+            raise ScenarioError(place="solver.events", value=events, expected="functions (t, x) by name")
         if events and not lands:
-            raise ScenarioError(f"events go with integrator = 'rk45', not {integrator!r}")
+            raise ScenarioError(f"go with integrator = 'rk45', not {integrator!r}", place="solver.events")
         if chooses and substeps != 1:
-            raise ScenarioError(f"substeps = {substeps!r}: {integrator} chooses its own; expected 1")
+            raise ScenarioError(f"{integrator} chooses its own", place="solver.substeps", value=substeps, expected="1")
         if not chooses:
             return None
         relative, absolute = TOLERANCES[integrator]
@@ -82,6 +84,10 @@ class Adaptivity:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _is_tolerance(value: Any) -> bool:
+    return _is_number(value) and 0.0 < value < 1.0
 
 
 def speed_pairs(layout: Layout) -> Pairs:
@@ -137,8 +143,8 @@ def begin_adaptive(lanes: Lanes, adaptivity: Adaptivity, layout: Layout, x0: np.
 
 
 @dataclass(frozen=True, eq=False)
-class Account:
-    """What the lanes of a run tell at its end: (lanes, …) each.
+class LaneStatus:
+    """Status of the lanes at the end of a run: (lanes, …) each.
 
     Attributes:
         frozen: tick in which a lane stopped, -1: none.   stalled: whether for want of steps.   trials: steps tried.
@@ -152,8 +158,8 @@ class Account:
     count: np.ndarray
 
     @classmethod
-    def of(cls, lanes: int, events: int) -> Account:
-        """Of nothing that happened."""
+    def of(cls, lanes: int, events: int) -> LaneStatus:
+        """Status of lanes to which nothing has happened yet."""
         return cls(
             np.full(lanes, -1.0),
             np.zeros(lanes, dtype=bool),
@@ -163,7 +169,7 @@ class Account:
         )
 
     def read(self, lanes: Lanes) -> None:
-        """Takes over what a group of lanes tells."""
+        """Takes over the status of a group of lanes from their blocks."""
         group = slice(lanes.first, lanes.first + lanes.count)
         for name, values in (("frozen", self.frozen), ("stalled", self.stalled), ("trials", self.trials)):
             if name in lanes.blocks:
@@ -172,30 +178,27 @@ class Account:
             self.first[group] = lanes.get("event_first")
             self.count[group] = lanes.get("event_count")
 
-    def of_lanes(self, lanes: np.ndarray) -> Account:
-        """What some of the lanes tell."""
+    def of_lanes(self, lanes: np.ndarray) -> LaneStatus:
+        """Status of some of the lanes."""
         every = (self.frozen, self.stalled, self.trials, self.first, self.count)
-        return self if len(lanes) == len(self.frozen) else Account(*(values[lanes] for values in every))
+        return self if len(lanes) == len(self.frozen) else LaneStatus(*(values[lanes] for values in every))
 
-    def check(self, name: str, tick: float, told: str = "") -> None:
-        """Refuses to hand out a single run that stopped.
+    def check(self, name: str, tick: float, last_row: str = "") -> None:
+        """Refuses a single run that stopped.
 
         Raises:
-            DivergenceError: says when and why.
+            DivergenceError: with the time, the reason and the last row.
         """
         if self.frozen[0] < 0:
             return
-        when = f"t = {self.frozen[0] * tick:g} s"
-        more = f"; {told}" if told else ""
-        if self.stalled[0]:
-            raise DivergenceError(
-                f"{name}: the integrator ran out of steps in the tick at {when}{more}; "
-                "expected looser tolerances, more max_steps, or integrator = 'cvodes'"
-            )
-        raise DivergenceError(f"{name}: the simulation left the finite numbers at {when}{more}")
+        stalled = bool(self.stalled[0])
+        what = "the integrator ran out of steps in the tick" if stalled else "the simulation left the finite numbers"
+        what += f" at t = {self.frozen[0] * tick:g} s{'; ' * bool(last_row)}{last_row}"
+        expected = "looser tolerances, a larger max_steps, or integrator = 'cvodes'" if stalled else ""
+        raise DivergenceError(what, expected=expected, file=name)
 
-    def tell(self, run: xarray.Dataset, tick: float, adaptivity: Adaptivity | None, single: bool) -> None:
-        """Adds to a run: when lanes left the finite numbers or stalled, steps tried, events."""
+    def add_to(self, run: xarray.Dataset, tick: float, adaptivity: Adaptivity | None, single: bool) -> None:
+        """Adds variables to a run: times at which lanes diverged or stalled, steps tried, events."""
 
         def put(name: str, dims: tuple[str, ...], values: np.ndarray, unit: str, about: str) -> None:
             attrs: dict[str, Any] = {"units": unit, "long_name": about}
