@@ -114,12 +114,12 @@ class ArmwrightError(Exception):
 
     @property
     def value(self) -> Any:
-        """What stands there, or ABSENT."""
+        """The value, or ABSENT."""
         return self.problems[0].value
 
     @property
     def expected(self) -> str:
-        """What may stand there."""
+        """Description of the allowed values."""
         return self.problems[0].expected
 
     @property

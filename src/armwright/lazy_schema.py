@@ -24,7 +24,7 @@ class Later:
 
     @property
     def kind(self) -> Any:
-        """What it is."""
+        """The type itself."""
         return getattr(importlib.import_module(self.module), self.name)
 
     def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:

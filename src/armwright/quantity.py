@@ -79,7 +79,7 @@ Date = Annotated[str, BeforeValidator(_written_date)]
 
 
 class Source(Record):
-    """Where numbers come from: `[sources.KEY]` of a robot file, named elsewhere as `source = "KEY"`."""
+    """Source of numbers: `[sources.KEY]` of a robot file, named elsewhere as `source = "KEY"`."""
 
     kind: SourceKind = Field(description="What sort of evidence it is.")
     text: str = Field(min_length=1, description="The citation, drawing number or reasoning, for a reader to follow.")
@@ -175,7 +175,7 @@ def _points(value: Any) -> tuple[tuple[float, ...], ...]:
 
 @dataclass(frozen=True)
 class Reading:
-    """What a file may give for a quantity: `read` understands its value, `test` allows it, `expected` says so in errors.
+    """Values that a file may give for a quantity: `read` understands one, `test` allows it, `expected` says so in errors.
 
     A single number's test takes arrays of them as well; `bounds` are those of what it allows.
     """
@@ -190,7 +190,7 @@ class Reading:
         return core_schema.no_info_before_validator_function(self, handler(kind))
 
     def __call__(self, given: Any) -> Any:
-        """What a file gives, as the fields of a quantity."""
+        """The value from a file as the fields of a quantity."""
         if isinstance(given, dict) and "value" not in given:
             return given  # refused for that
         value = self.read(given["value"] if isinstance(given, dict) else getattr(given, "value", given))

@@ -154,7 +154,7 @@ class Layout:
         return tuple(names)
 
     def place(self, name: str) -> slice:
-        """Where a signal stands in the vector.
+        """Place of a signal in the vector.
 
         Raises:
             ShapeError: no signal has that name.

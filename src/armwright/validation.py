@@ -37,7 +37,7 @@ EXPECTED = {  # by pydantic's kinds of errors
 
 
 class Invalid(ValueError):
-    """What a record's validator raises; `place` is seen from the record, and empty for the validated field itself."""
+    """Error that a record's validator raises; `place` is seen from the record, and empty for the validated field itself."""
 
     def __init__(
         self,

@@ -12,7 +12,7 @@ from armwright.scalar import Scalar
 
 @dataclass(frozen=True, eq=False)
 class Transmitted:
-    """What the spring between motor and link does, all of it referred to the joint."""
+    """Torques of the spring between motor and link, all on the joint side."""
 
     torque: Scalar  # on the link [N m | N]
     slope: Scalar  # ∂δ/∂θ, by which the torque acts back on the motor [-]

@@ -11,7 +11,7 @@ from armwright.scalar import Scalar
 
 @dataclass(frozen=True, eq=False)
 class Stopped:
-    """What the stops of a joint do."""
+    """Torque of a joint's stops and its parts."""
 
     torque: Scalar  # on the joint [N m | N]
     loss: Scalar  # [W]

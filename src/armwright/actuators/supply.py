@@ -11,7 +11,7 @@ from armwright.scalar import Scalar
 
 @dataclass(frozen=True, eq=False)
 class Bus:
-    """What happens on the bus."""
+    """State of the supply's bus."""
 
     speed: Scalar  # V̇ [V/s]
     rate: Scalar  # its part that is linear in V [1/s], never above 0

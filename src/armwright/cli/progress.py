@@ -29,7 +29,7 @@ def progress(words: str, unit: str = "") -> Iterator[Callable[[int, int], None]]
     from rich.text import Text
 
     class Rate(ProgressColumn):
-        """How many a second."""
+        """Units of work per second."""
 
         def render(self, task: Task) -> Text:
             return Text(rate(task.speed, unit), style="progress.data.speed")
@@ -51,7 +51,7 @@ def progress(words: str, unit: str = "") -> Iterator[Callable[[int, int], None]]
 
 
 def rate(speed: float | None, unit: str) -> str:
-    """How many a second, in words: `rate(2.4e6, "steps")` → "2.4 M steps/s"."""
+    """Units of work per second, in words: `rate(2.4e6, "steps")` → "2.4 M steps/s"."""
     if speed is None:
         return ""
     for least, letter in ((1e9, "G "), (1e6, "M "), (1e3, "k ")):

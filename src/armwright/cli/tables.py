@@ -56,7 +56,7 @@ def table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], left:
 
 
 def end_state(run: xr.Dataset) -> Group | None:
-    """Where joints are at the end of a run, what motors do there, and what reducers came to; of lanes, statistics."""
+    """Joint positions and motor values at the end of a run, and the reducers' results; of lanes, statistics."""
     from rich.console import Group
 
     from armwright.results.recording import run_units
@@ -74,7 +74,7 @@ def end_state(run: xr.Dataset) -> Group | None:
 
 
 def lanes_that_stopped(run: xr.Dataset) -> int:
-    """How many lanes left the finite numbers, or ran out of steps."""
+    """Number of lanes that diverged or ran out of steps."""
     return sum(int(run[name].notnull().sum()) for name in ("diverged_at", "stalled_at") if name in run)
 
 

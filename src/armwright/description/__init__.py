@@ -1,4 +1,4 @@
-"""What people write about a robot, as plain data with units and sources: no algorithms."""
+"""Robot descriptions as plain data with units and sources: no algorithms."""
 
 from armwright.description.database import builtin_names, read_description
 from armwright.description.robot import RobotDescription

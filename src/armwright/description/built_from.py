@@ -34,7 +34,7 @@ class BuiltFrom(Record):
     )
 
     def changed(self, folder: str | os.PathLike[str]) -> list[str]:
-        """Which of the files are others by now, seen from that folder; one that is not there says nothing."""
+        """Files that have changed, seen from that folder; absent files are left out."""
         beside = Path(folder) if self.file.startswith(BUILTIN) else (Path(folder) / self.file).parent
         files = {self.file: (Path(folder), self.sha256)}
         files |= {name: (beside, was) for name, was in (*self.meshes.items(), *self.libraries.items())}

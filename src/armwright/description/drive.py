@@ -1,4 +1,4 @@
-"""What turns a joint: motor and gear, friction, limits. Plain records; the equations are in `actuators`."""
+"""Drive of a joint: motor and gear, friction, limits. Plain records; the equations are in `actuators`."""
 
 from __future__ import annotations
 
@@ -209,7 +209,7 @@ class LinearFriction(Record):
 
 
 class RotaryLimits(Record):
-    """What a revolute joint and its drive can do. Absent: no limit is known."""
+    """Limits of a revolute joint and its drive. Absent: no limit is known."""
 
     source: str | None = None
     position_rad: Range | None = Field(default=None, description="[lowest, highest].")
@@ -225,7 +225,7 @@ class RotaryLimits(Record):
 
 
 class LinearLimits(Record):
-    """What a prismatic joint and its drive can do. Absent: no limit is known."""
+    """Limits of a prismatic joint and its drive. Absent: no limit is known."""
 
     source: str | None = None
     position_m: Range | None = Field(default=None, description="[lowest, highest].")

@@ -35,7 +35,7 @@ PLACEHOLDER = 1.0  # the reduction that tools write where nobody gave one
 
 
 class JointDrive(Record):
-    """What drives one joint."""
+    """Drive of one joint."""
 
     source: str | None = None
     command: Command | None = Field(default=None, description="What its drive is told; absent: the file's.")
@@ -49,7 +49,7 @@ class JointDrive(Record):
 
 
 class DriveFile(Record):
-    """What another format cannot say of a robot's drives."""
+    """Drives of a robot, for formats that cannot hold them."""
 
     source: str | None = Field(default=None, description="Source of every number below that names none of its own.")
     sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: where numbers come from.")

@@ -24,7 +24,7 @@ ENDINGS: dict[Dimension, tuple[str, str]] = {  # of keys, in a record in N m and
 
 @dataclass(frozen=True)
 class FrictionKeys:
-    """What a law reads of a record beside viscous friction and offset.
+    """Fields of a record that a law reads, beside viscous friction and offset.
 
     Attributes:
         own: keys that only this law has, without their unit, and the dimension of each; it needs all of them.

@@ -1,4 +1,4 @@
-"""Where a mesh is that a robot file names: `package://NAME/…`, `file://…` or a path, and never outside the search path."""
+"""Path of a mesh that a robot file names: `package://NAME/…`, `file://…` or a path, and never outside the search path."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def find_mesh(element: Element, name: str, file: Path, folders: tuple[Path, ...]
 
 
 def _roots(package: str, file: Path, folders: tuple[Path, ...]) -> list[Path]:
-    """Where a package of that name may be: a folder called so, or one in a folder of packages.
+    """Folders that may hold a package of that name: a folder called so, or one in a folder of packages.
 
     Of the file's parents only those below the home folder and the disk's top folders count, and as folders of packages only
     up to the one that the file's own package stands in.
@@ -90,7 +90,7 @@ def _in_package(element: Element, name: str, package: str, rest: str, roots: lis
 
 
 def _given(file: Path, folders: tuple[Path, ...]) -> int:
-    """How many of the folders are not just parents of the file."""
+    """Number of the folders that are not just parents of the file."""
     return len(folders) - len(file.resolve().parents)
 
 

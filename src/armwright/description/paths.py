@@ -64,7 +64,7 @@ def unit_at(path: str) -> str:
 
 
 def reading_at(record: Record, path: str) -> Reading:
-    """What may stand at the path of a quantity."""
+    """Reading of the quantity at a path: the allowed values."""
     parent, field = next(_fields(record, path, ""))
     info = type(parent).model_fields[field]
     annotations = (info.metadata, *(getattr(kind, "__metadata__", ()) for kind in get_args(info.annotation)))
@@ -82,7 +82,7 @@ def _fields(value: Any, wanted: str, path: str) -> Iterator[tuple[Record, str]]:
 
 
 def below(value: Any, path: str) -> Iterator[tuple[str, Any]]:
-    """What stands directly below a record or a list, by path. Links, joints and frames go by their own names."""
+    """Items directly below a record or a list, by path. Links, joints and frames go by their own names."""
     if isinstance(value, Record):
         for name in type(value).model_fields:
             yield f"{path}.{name}" if path else name, getattr(value, name)

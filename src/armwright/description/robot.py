@@ -300,7 +300,7 @@ class RobotDescription(Record):
         return sum(float(link.mass_kg) for link in self.links)
 
     def provenance(self, path: str) -> Source:
-        """Where a number comes from: `provenance("link3.mass_kg")`.
+        """Source of a number: `provenance("link3.mass_kg")`.
 
         Raises:
             DescriptionError: there is no number at that path.

@@ -1,4 +1,4 @@
-"""Where the arm's mass is."""
+"""Centre of mass of the arm."""
 
 from __future__ import annotations
 

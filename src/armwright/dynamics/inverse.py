@@ -69,7 +69,7 @@ def behind_gear(
 
 @on_tree(Mimics.torques)
 def rotor_torques(model: Model, qdd: Array) -> np.ndarray:
-    """What the rotors ask for:  Nᵀ J_m N q̈  (n,) [N m | N]."""
+    """Torques that accelerate the rotors:  Nᵀ J_m N q̈  (n,) [N m | N]."""
     return scalar.array([body.drive.armature * qdd[i] for i, body in model.outward()])
 
 

@@ -112,7 +112,7 @@ def _equation(doc: str) -> list[str]:
 
 
 def described(doc: str, name: str) -> str:
-    """What a docstring says of an argument or a result besides its shape and unit; nothing where it has several units.
+    """Text of a docstring on an argument or a result beside its shape and unit; empty where it has several units.
 
     `tau: (n,) [N m | N] motor torque.   u: …` → "motor torque"
     """

@@ -35,7 +35,7 @@ def _vectors(
     part = ROUNDINGS * _EPSILON[real]
 
     def lost(result: np.ndarray) -> float:
-        """How many times larger an error may be for the condition of the matrix that was inverted."""
+        """Factor by which an error may be larger, from the condition of the inverted matrix."""
         return float(np.linalg.cond(result)) if function.form.signature.inverted else 1.0
 
     vectors = []

@@ -95,7 +95,7 @@ def tip_of(robot: RobotDescription) -> str | None:
 
 
 def is_identity(placement: Placement) -> bool:
-    """Whether a frame is the other one, to the bit."""
+    """True if two frames are equal, to the bit."""
     return bool((placement.rotation == np.eye(3)).all() and not placement.position.any())
 
 

@@ -1,4 +1,4 @@
-"""Where the arm is: placements of its bodies and frames in the base."""
+"""Placements of the arm's bodies and frames in the base."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a frame accelerates by although no joint does."""
+"""Acceleration of a frame while no joint accelerates."""
 
 from __future__ import annotations
 

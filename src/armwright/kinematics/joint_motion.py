@@ -1,4 +1,4 @@
-"""How one joint carries its body: a constant placement, then a turn about or a slide along the body's z axis."""
+"""Motion of a body by its joint: a constant placement, then a turn about or a slide along the body's z axis."""
 
 from __future__ import annotations
 

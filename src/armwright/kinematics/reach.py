@@ -1,4 +1,4 @@
-"""How far the tip can be from the base."""
+"""Bound on the distance of the tip from the base."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class InertialFiller:
     heaviest_kg: float = np.inf
 
     def matches(self, mass: float, tensor: np.ndarray) -> bool:
-        """Whether mass [kg] and tensor about the centre of mass (3, 3) [kg m²] are this filler."""
+        """True if mass [kg] and tensor about the centre of mass (3, 3) [kg m²] are this filler."""
         if self.masses_kg and not any(np.isclose(mass, known, rtol=MATCH, atol=0.0) for known in self.masses_kg):
             return False
         return mass <= self.heaviest_kg and np.allclose(

@@ -134,12 +134,12 @@ def _gyration(mass: float, tensor: np.ndarray | None) -> float:
 
 
 def is_fit(robot: RobotDescription, link: Link) -> bool:
-    """Whether the tensor was identified: such numbers need only move the arm right, not be a body's own."""
+    """True if the tensor was identified: such numbers need only move the arm right, not be a body's own."""
     return "fit" in _kinds(robot, link)
 
 
 def is_import(robot: RobotDescription, link: Link) -> bool:
-    """Whether the tensor came out of another program's file; a point mass in a file of ours is meant."""
+    """True if the tensor came out of another program's file; a point mass in a file of ours is meant."""
     return "import" in _kinds(robot, link)
 
 

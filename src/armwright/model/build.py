@@ -116,7 +116,7 @@ def _screw_z(theta: Scalar, r: Scalar) -> Placement:
 
 
 def joint_placement(joint: Any) -> tuple[Placement, Placement]:
-    """Where the joint's axis frame stands in the parent link, and where the child link's frame stands in that."""
+    """Placements of the joint's axis frame in the parent link and of the child link's frame in the axis frame."""
     if joint.frame is not None:
         placed = Placement(rotation_rpy(*vector(joint.frame.rpy_rad)), vector(joint.frame.xyz_m))
         if isinstance(joint, FixedJoint):

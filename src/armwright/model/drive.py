@@ -83,7 +83,7 @@ class Brake:
 
 @dataclass(frozen=True, eq=False)
 class Supply:
-    """What feeds all drives. Equations in `actuators.supply`."""
+    """Supply of all drives. Equations in `actuators.supply`."""
 
     voltage: Scalar  # [V] without load
     resistance: Scalar  # of the source [Ω]
@@ -133,7 +133,7 @@ class Drive:
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What a joint and its drive can do; infinite where no limit is known."""
+    """Limits of a joint and its drive; infinite where unknown."""
 
     position: tuple[float, float] = (-np.inf, np.inf)  # [rad | m]
     velocity: float = np.inf  # [rad/s | m/s]

@@ -23,7 +23,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 @dataclass(frozen=True, eq=False)
 class Mimics:
-    """How every joint of a tree follows from the coordinates:  q_i = factor_i · q[coordinate_i] + offset_i.
+    """Dependence of every joint of a tree on the coordinates:  q_i = factor_i · q[coordinate_i] + offset_i.
 
     Attributes:
         drivers: (n,) the joints that are coordinates, by index, in the order of q.

@@ -90,7 +90,7 @@ STEPS = (aligned_frames, base_parameters)
 
 
 def _slides(model: Model) -> list[float]:
-    """How far [m] each body's origin slides along its axis: to the common normal with its parent's axis.
+    """Distance [m] that each body's origin slides along its axis: to the common normal with its parent's axis.
 
     Distal bodies have the smallest moments, so the offset along an axis is best left to the next joint's placement.
     """
@@ -134,7 +134,7 @@ def _turns(model: Model, slide: list[float]) -> list[float]:
 
 
 def _varies(body: Body) -> bool:
-    """Whether the body's place in its parent holds symbols."""
+    """True if the body's placement in its parent holds symbols."""
     return scalar.is_symbolic(body.placement.rotation, body.placement.position)
 
 

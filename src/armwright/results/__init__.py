@@ -1,1 +1,1 @@
-"""What a run leaves: rows and reducers, datasets, files, statistics, pictures."""
+"""Results of a run: rows and reducers, datasets, files, statistics, pictures."""

@@ -8,7 +8,7 @@ QUANTITIES = {
     "theta": "q", "omega": "qd", "alpha": "qdd", "torque": "tau", "voltage": "voltage", "current": "current",
     "command": "u", "reference": "q_reference", "measured": "q_measured",
 }  # fmt: skip
-"""What the session calls it → the run's variable."""
+"""Variables of a run by their names in the session."""
 
 LOOP_STATE = "loop_state"  # variable of a run: the state of the loop at its end, as numbers of no unit
 LOOP_END = "time_s"  # attribute of that variable: the run's last time

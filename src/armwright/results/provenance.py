@@ -1,4 +1,4 @@
-"""What a run was made with: versions and processor, on which its last bits depend."""
+"""Origin of a run: versions and processor, on which its last bits depend."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from armwright.spatial.rotation import cross, skew
 
 @dataclass(frozen=True, eq=False)
 class ArticulatedInertia:
-    """What force f and moment n an acceleration asks for, about the frame's origin, in its axes:  f = M a + Hᵀ α,  n = H a + J α.
+    """Force f and moment n of an acceleration, about the frame's origin, in its axes:  f = M a + Hᵀ α,  n = H a + J α.
 
     Args:
         linear: M (3, 3) symmetric [kg].   coupling: H (3, 3) [kg m].   angular: J (3, 3) symmetric [kg m²].
@@ -45,7 +45,7 @@ class ArticulatedInertia:
         return self.linear[:, 2], self.coupling[:, 2]
 
     def without(self, kind: str, share: tuple[Array, Array], rotor: Scalar) -> ArticulatedInertia:
-        """What is left where the joint gives way:  I - u uᵀ/D,  D = u_z + rotor;  `share` is u/D.
+        """Inertia seen through a joint that moves freely:  I - u uᵀ/D,  D = u_z + rotor;  `share` is u/D.
 
         In the joint's own row  u_z - u_z u_z/D = rotor u_z/D,  and so on: rotor times `share`, exactly 0 without a rotor.
         """

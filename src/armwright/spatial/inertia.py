@@ -77,7 +77,7 @@ def pseudo_inertia(mass: Scalar, com: Array, inertia_com: Array) -> np.ndarray:
 
 
 def displaced_inertia(m: Scalar, h: Array, p: Array) -> np.ndarray:
-    """What a tensor about the origin gains when the body is displaced by p:  (2 h·p + m p·p) 1 - h pᵀ - p hᵀ - m p pᵀ.
+    """Change of a tensor about the origin when the body is displaced by p:  (2 h·p + m p·p) 1 - h pᵀ - p hᵀ - m p pᵀ.
 
     With k = h + ½ m p it is  2 (k·p) 1 - k pᵀ - p kᵀ.
 

@@ -149,5 +149,5 @@ def check_model(file: Path, mujoco: Any, model: Any) -> None:
 
 
 def _any(model: Any, key: str, i: int) -> bool:
-    """Whether a field that not every version of MuJoCo has holds something for entry i."""
+    """True if a field holds something for entry i; not every version of MuJoCo has all fields."""
     return bool(np.any(getattr(model, key)[i])) if hasattr(model, key) else False

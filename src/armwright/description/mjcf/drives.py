@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass
 class Actuation:
-    """What drives one joint."""
+    """Drive of one joint."""
 
     gear: float = 1.0
     torque: float = inf  # [N m | N], either way

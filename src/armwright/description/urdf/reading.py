@@ -95,7 +95,7 @@ class UrdfReading:
         self.remarks.add(kind, name, Problem(what))
 
     def drive_of(self, joint: str) -> JointDrive | None:
-        """What the drive file says of a joint."""
+        """The drive file's fields for a joint."""
         return None if self.drives is None else self.drives.joints.get(joint)
 
     def check_children(self, element: Element) -> None:

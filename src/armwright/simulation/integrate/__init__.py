@@ -1,1 +1,1 @@
-"""How time goes on: rules of fixed step, steps that adapt, events, and CVODES."""
+"""Integration in time: rules of fixed step, steps that adapt, events, and CVODES."""

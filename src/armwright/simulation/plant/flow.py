@@ -1,4 +1,4 @@
-"""What happens in one state of a plant: every joint's drive by itself, then the arm that they move."""
+"""Derivative of a plant's state: every joint's drive by itself, then the arm that they move."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class PlantFlow:
     def _of_drives(
         self, x: Array, joints: list[DrivenJoint]
     ) -> tuple[dict[str, list[Scalar]], list[Scalar], Bus | None]:
-        """How the parts of the state behind q and q̇ change, λ of the stiff ones, and what happens on the bus."""
+        """Derivatives of the parts of the state behind q and q̇, λ of the stiff ones, and the state of the bus."""
         change: dict[str, list[Scalar]] = {}
         rates: list[Scalar] = []
         fed = None
@@ -132,7 +132,7 @@ class PlantFlow:
         return change, rates, fed
 
     def inertia(self, q: Array) -> np.ndarray:
-        """What torques on the joints accelerate: links and the rotors of rigid gears, coupled or not.
+        """Accelerations by torques on the joints, of links and of the rotors of rigid gears, coupled or not.
 
         Args:
             q: (n,) [rad | m].
@@ -146,7 +146,7 @@ class PlantFlow:
 
     @cached_property
     def shares(self) -> Shares:
-        """Which other joints turn each motor."""
+        """Other joints that turn each motor."""
         return shares_of(self.model)
 
     def _motors(self, x: Array) -> tuple[Array, Array]:
@@ -162,14 +162,14 @@ class PlantFlow:
         return scalar.array(q), scalar.array(qd)
 
     def _motions(self, x: Array) -> list[JointMotion]:
-        """How every joint stands and moves."""
+        """Positions and speeds of every joint and its motor."""
         n = self.model.n
         q, qd = x[:n], x[n : 2 * n]
         columns = (q, qd, *self._motors(x), to_motors(self.shares, q), to_motors(self.shares, qd))
         return [JointMotion(*row) for row in zip(*columns, strict=True)]
 
     def _states(self, x: Array, joint: int) -> JointStates:
-        """What the drive of one joint has of the state."""
+        """The state of one joint's drive."""
         own = {
             part.name: self.part(x, part.name)[part.joints.index(joint)]
             for part in self.layout.signals[2:]

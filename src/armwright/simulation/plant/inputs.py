@@ -11,7 +11,7 @@ from armwright.scalar import Array
 
 @dataclass(frozen=True, eq=False)
 class PlantInputs:
-    """What acts on a plant in one instant.
+    """Inputs of a plant at one time.
 
     Attributes:
         command: (n,) [V | A | N m | N].   wrench: (6,) [N, N m] of the environment on the tip, in base axes; None: none.

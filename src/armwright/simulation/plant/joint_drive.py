@@ -26,7 +26,7 @@ STANDING = 1e-9  # of the speed that friction is smoothed over: a joint that is 
 
 @dataclass(frozen=True, eq=False)
 class JointStates:
-    """What a joint's drive has of the state, None where it has it not."""
+    """State of a joint's drive; None for parts that it lacks."""
 
     current: Scalar | None = None  # [A]
     bristle: Scalar | None = None  # [rad | m]
@@ -37,7 +37,7 @@ class JointStates:
 
 @dataclass(frozen=True, eq=False)
 class JointMotion:
-    """How one joint and its motor stand and move; motors as θ_motor / n, referred to their joint."""
+    """Positions and speeds of one joint and its motor; of the motor as θ_motor / n, on the joint side."""
 
     q: Scalar  # of the joint [rad | m]
     qd: Scalar  # [rad/s | m/s]
@@ -49,7 +49,7 @@ class JointMotion:
 
 @dataclass(frozen=True, eq=False)
 class DrivenJoint:
-    """What a joint's drive does."""
+    """Torques, derivatives and electrical values of a joint's drive."""
 
     tau: Scalar  # n Kt i [N m | N]
     voltage: Scalar  # [V]
@@ -78,7 +78,7 @@ class SwitchingFunction:
 
 
 def contact_depths(body: Body, at: JointMotion) -> list[Scalar]:
-    """How far the joint is in its stops, upper and lower, and flanks of its gear in each other, forward and back [rad | m]."""
+    """Depths [rad | m] in the joint's stops, upper and lower, and of its gear's flanks, forward and back."""
     found: list[Scalar] = []
     if body.stops is not None:
         found += stop_depths(*body.limits.position, at.q)
@@ -171,7 +171,7 @@ def _turning(body: Body, speed: Scalar) -> SwitchingFunction:
 
 
 def _winding(body: Body, states: JointStates, speed: Scalar, u: Scalar, volts: Scalar | None) -> Winding:
-    """What the command makes of the motor at its present temperature and supply."""
+    """Motor values for the command at the present temperature and supply."""
     check_command(body)
     drive, supply = body.drive, body.limits.voltage
     if volts is not None:

@@ -1,4 +1,4 @@
-"""What is told of a plant's state: outputs, what sensors see, what drives do, and where power goes."""
+"""Outputs of a plant in a state: signals, values of exact sensors, motor quantities, powers."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ TOLD = ("motor_q", "motor_qd", "bristle", "brake", "winding_temperature", "housi
 
 @dataclass(frozen=True, eq=False)
 class PlantReadings(PlantFlow):
-    """What follows from a state."""
+    """A plant's outputs in a state."""
 
     @cached_property
     def is_plain(self) -> bool:
-        """Whether the drives have neither states nor effects: then q, q̇, torque, voltage and current say all."""
+        """True if the drives have neither states nor effects: then q, q̇, torque, voltage and current say all."""
         return len(self.layout.signals) == 2 and not any(has_effect(body) for body in self.model.coordinates)
 
     def outputs(self, x: Array, inputs: PlantInputs | Array) -> dict[str, np.ndarray]:
-        """What is known beside the state, each (n,) but for the bus; NaN for joints whose record cannot say it.
+        """Signals beside the state, each (n,) except the bus; NaN for joints whose record lacks the numbers for one.
 
         Args:
             x: (size,).   inputs: as `derivative`.
@@ -65,7 +65,7 @@ class PlantReadings(PlantFlow):
         return {name: scalar.array(list(values)) for name, values in rows.items()}
 
     def measured(self, x: Array, u: Array, side: str = "link") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What exact sensors would see.
+        """Values of exact sensors.
 
         Args:
             x: (size,).   u: (n,) commands, which decide the currents of motors without inductance.
@@ -78,7 +78,7 @@ class PlantReadings(PlantFlow):
         return scalar.array(list(q)), scalar.array(list(qd)), self._done(x, u).current
 
     def of_joints(self, q: Array, qd: Array, side: str) -> tuple[Array, Array]:
-        """What sensors of that side say of the joints: encoders of coupled motors tell several joints together.
+        """Joint values from sensors of that side: encoders of coupled motors measure several joints together.
 
         Args:
             q: (n,) [rad | m], qd: (n,) [rad/s | m/s]: as `measured`.   side: "link" or "motor".
@@ -89,7 +89,7 @@ class PlantReadings(PlantFlow):
         return from_motors(shares, q), from_motors(shares, qd)
 
     def applied(self, x: Array, u: Array) -> np.ndarray:
-        """What the drives really do with their commands, within limits and supply.
+        """Torque, voltage and current that the drives produce for their commands, within limits and supply.
 
         Args:
             x: (size,).   u: (n,) commands.
@@ -105,7 +105,7 @@ class PlantReadings(PlantFlow):
         return DriveOutput(*(scalar.array(list(column)) for column in columns))
 
     def _link_torques(self, flow: Flow) -> Array:
-        """What leaves the gears (n,), referred to the joints."""
+        """Torques (n,) that leave the gears, on the joint side."""
         motors = to_motors(self.shares, flow.qdd)
         rigid = [body.elasticity is None for body in self.model.coordinates]
         leaves = [

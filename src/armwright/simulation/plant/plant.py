@@ -176,7 +176,7 @@ def plant_derivative(model: Model, x: Array, u: Array) -> np.ndarray:
 
 
 def plant_outputs(model: Model, x: Array, u: Array) -> tuple[np.ndarray, ...]:
-    """What is recorded beside the state: q̈, motor torque, and voltage and current of the motors.
+    """Recorded values beside the state: q̈, motor torque, and voltage and current of the motors.
 
     Args:
         model: the arm.   x: (size,).   u: (n,) [V | A | N m | N].

@@ -44,13 +44,13 @@ def state_layout(model: Model, brakes: bool) -> Layout:
 
 
 def contacts_of(body: Body) -> int:
-    """How many contacts a joint can make: with its two stops, and between the flanks of a gear with play."""
+    """Number of contacts that a joint can make: with its two stops, and between the flanks of a gear with play."""
     plays = body.elasticity is not None and body.elasticity.backlash is not None
     return 2 * (body.stops is not None) + 2 * plays
 
 
 def has_effect(body: Body) -> bool:
-    """Whether a joint's drive has an effect that `forward_dynamics` does not know, be it with a state or without."""
+    """True if a joint's drive has an effect that `forward_dynamics` does not know, be it with a state or without."""
     friction, drive = body.friction, body.drive
     rising = friction is not None and friction.load_coefficient is not None
     told = (body.elasticity, body.stops, drive.cogging, drive.thermal)

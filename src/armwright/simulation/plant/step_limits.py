@@ -256,7 +256,7 @@ def _linear(slope: np.ndarray, rate: np.ndarray, x: np.ndarray, u: np.ndarray) -
 
 
 def _is_loaded(body: Body) -> bool:
-    """Whether a joint loses torque by its load: in its gear, or in friction that rises with it."""
+    """True if a joint loses torque by its load: in its gear, or in friction that rises with it."""
     return body.drive.efficiency is not None or (
         body.friction is not None and body.friction.load_coefficient is not None
     )

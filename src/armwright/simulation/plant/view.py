@@ -62,7 +62,7 @@ class PlantView:
 
     @cached_property
     def outputs(self) -> dict[str, np.ndarray]:
-        """What the plant's drives and joints do, by name: qdd, tau, tau_link, voltage, heat, …"""
+        """Outputs of the plant's drives and joints, by name: qdd, tau, tau_link, voltage, heat, …"""
         return self._plant.outputs(self._x, self._inputs)
 
     def pose(self, frame: str | None = None) -> np.ndarray:
