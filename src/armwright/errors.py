@@ -30,8 +30,8 @@ class Problem:
     file: str = ""
 
     def __str__(self) -> str:
-        given = "" if self.value is ABSENT else shown(self.value)
-        subject = f"{self.place} = {given}" if self.place and given else self.place or given
+        value = "" if self.value is ABSENT else shown(self.value)
+        subject = f"{self.place} = {value}" if self.place and value else self.place or value
         reasons = [self.what, f"expected {self.expected}" if self.expected else ""]
         if self.choices or not any(reasons):
             is_key = self.value is ABSENT or self.what == UNKNOWN_KEY
@@ -133,8 +133,8 @@ class ArmwrightError(Exception):
         return self.problems[0].file
 
     def __str__(self) -> str:
-        more = f" (and {len(self.problems) - 1} more)" if len(self.problems) > 1 else ""
-        return f"{self.problems[0]}{more}"
+        rest = f" (and {len(self.problems) - 1} more)" if len(self.problems) > 1 else ""
+        return f"{self.problems[0]}{rest}"
 
 
 class DescriptionError(ArmwrightError):

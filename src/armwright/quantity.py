@@ -189,16 +189,16 @@ class Reading:
         """A quantity that is read before it is checked; as `BeforeValidator`, which looks at signatures for a while first."""
         return core_schema.no_info_before_validator_function(self, handler(kind))
 
-    def __call__(self, given: Any) -> Any:
+    def __call__(self, entry: Any) -> Any:
         """The value from a file as the fields of a quantity."""
-        if isinstance(given, dict) and "value" not in given:
-            return given  # refused for that
-        value = self.read(given["value"] if isinstance(given, dict) else getattr(given, "value", given))
+        if isinstance(entry, dict) and "value" not in entry:
+            return entry  # refused for that
+        value = self.read(entry["value"] if isinstance(entry, dict) else getattr(entry, "value", entry))
         if not self.test(value):
             raise Invalid(expected=self.expected)
-        if isinstance(given, Quantity):
-            return given
-        return {**given, "value": value} if isinstance(given, dict) else {"value": value}
+        if isinstance(entry, Quantity):
+            return entry
+        return {**entry, "value": value} if isinstance(entry, dict) else {"value": value}
 
 
 Number = Annotated[Quantity, Reading("a number", _one)]

@@ -45,10 +45,10 @@ class Signal:
             raise ShapeError(f"signal {self.name!r}: expected a name of letters, digits and _")
         units = (self.units,) * self.size if isinstance(self.units, str) else tuple(self.units)
         object.__setattr__(self, "units", units)
-        for name, given in (("units", units), ("joints", self.joints)):
-            if given is not None and len(given) != self.size:
+        for name, entries in (("units", units), ("joints", self.joints)):
+            if entries is not None and len(entries) != self.size:
                 raise ShapeError(
-                    f"signal {self.name!r}: {len(given)} {name} for {self.size} entries; expected one each"
+                    f"signal {self.name!r}: {len(entries)} {name} for {self.size} entries; expected one each"
                 )
         if self.labels is not None and len(self.labels) != (self.shape or (1,))[-1]:
             raise ShapeError(f"signal {self.name!r}: {len(self.labels)} labels for shape {self.shape}")
@@ -147,10 +147,10 @@ class Layout:
         """
         names = []
         for signal in self.signals:
-            own = signal.labels if signal.joints is None else [joints[j] for j in signal.joints]
-            if own is None or len(own) != signal.size:
-                own = [str(k) if signal.size > 1 else "" for k in range(signal.size)]
-            names += [f"{signal.name} {each}".strip() for each in own]
+            labels = signal.labels if signal.joints is None else [joints[j] for j in signal.joints]
+            if labels is None or len(labels) != signal.size:
+                labels = [str(k) if signal.size > 1 else "" for k in range(signal.size)]
+            names += [f"{signal.name} {each}".strip() for each in labels]
         return tuple(names)
 
     def place(self, name: str) -> slice:

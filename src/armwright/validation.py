@@ -115,8 +115,8 @@ def _problem(error: Any, data: Any, record: type[pydantic.BaseModel]) -> Problem
         return Problem("missing", expected=_expected(name, _fields_at(location, record).get(name)))
     if kind == "value_error":
         raised = error["ctx"]["error"]
-        found = raised.problem if isinstance(raised, Invalid) else Problem(str(raised))
-        return found if found.place or found.value is not ABSENT else Problem(**{**vars(found), "value": value})
+        problem = raised.problem if isinstance(raised, Invalid) else Problem(str(raised))
+        return problem if problem.place or problem.value is not ABSENT else Problem(**{**vars(problem), "value": value})
     if kind in ("union_tag_not_found", "union_tag_invalid"):
         return _wrong_tag(error, record)
     if kind == "tuple_type":

@@ -72,7 +72,7 @@ def reflected_inertia(model: Model, shares: Shares) -> np.ndarray:
     for i, body in enumerate(model.coordinates):
         if body.elasticity is None:
             row = [(i, 1.0), *shares[i]]
-            for a, own in row:
-                for b, other in row:
-                    inertia[a, b] = inertia[a, b] + body.drive.reflected * own * other
+            for a, ratio_a in row:
+                for b, ratio_b in row:
+                    inertia[a, b] = inertia[a, b] + body.drive.reflected * ratio_a * ratio_b
     return scalar.array(inertia)

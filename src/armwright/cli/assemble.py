@@ -118,25 +118,25 @@ def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | 
         raise ScenarioError("an arm as .toml needs --task FILE to find the best", file=output, expected=".csv")
     with progress(f"{library.name}: assembling") as tell:
         if wanted is None:
-            found = aw.enumerate_assemblies(library, **rules, progress=tell)
-            heads, rows = _figures(found.candidates)
-            best, open_ = found.candidates[0].assembly, found.total
+            result = aw.enumerate_assemblies(library, **rules, progress=tell)
+            heads, rows = _figures(result.candidates)
+            best, open_ = result.candidates[0].assembly, result.total
         else:
-            found = aw.rank_assemblies(library, wanted, **rules, progress=tell)
-            heads, rows = _ranks(found.ranked)
-            if not found.ranked:
-                what = f"none of the {found.total} arms is long enough for its furthest pose"
+            result = aw.rank_assemblies(library, wanted, **rules, progress=tell)
+            heads, rows = _ranks(result.ranked)
+            if not result.ranked:
+                what = f"none of the {result.total} arms is long enough for its furthest pose"
                 raise ScenarioError(what, place=wanted.name)
-            best, open_ = found.ranked[0].assembly, found.long_enough
-            if output is not None and output.suffix == ".toml" and not found.ranked[0].feasible:
-                what = f"no arm does it; the best, {best.name}: {found.ranked[0].why_not}"
+            best, open_ = result.ranked[0].assembly, result.long_enough
+            if output is not None and output.suffix == ".toml" and not result.ranked[0].feasible:
+                what = f"no arm does it; the best, {best.name}: {result.ranked[0].why_not}"
                 raise ScenarioError(what, place=wanted.name)
         if output is not None:
             _write(output, library, best, heads, rows)
     console = console_for_tables()
     console.print(
         table(
-            f"{library.name}: {len(rows)} of {found.total} arms",
+            f"{library.name}: {len(rows)} of {result.total} arms",
             heads,
             [[_cell(value) for value in row] for row in rows[: max(show, 0)]],
             left=("modules", "verdict"),
@@ -145,12 +145,12 @@ def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | 
     )
     if len(rows) > show > 0:
         console.print(f"… and {len(rows) - show} more (--show {len(rows)}, or -o FILE.csv)")
-    if open_ < found.total:
-        console.print(f"{found.total - open_} are too short for the furthest pose")
+    if open_ < result.total:
+        console.print(f"{result.total - open_} are too short for the furthest pose")
     if len(rows) < open_:
         order = "others" if task is not None else "longer ones"
         console.print(f"{open_ - len(rows)} {order} were not computed (--limit {rules['limit']})")
-    for name, reason in found.left_out.items():
+    for name, reason in result.left_out.items():
         print(f"armwright: note: module {name} is left out: {reason}", file=sys.stderr)
     if output is not None:
         console.print(f"wrote {output}")
@@ -169,8 +169,8 @@ def _ranks(ranked: Any) -> tuple[tuple[str, ...], list[list[Any]]]:
     heads = ("modules", "joints", "mass [kg]", "poses", "torque left [1]", "weakest joint", "a round [s]", "verdict")
     rows = []
     for r in ranked:
-        told = (len(r.reached), r.torque_margin, r.weakest, r.cycle_time, r.why_not or "feasible")
-        rows.append([r.assembly.name, r.joints, r.mass, *told])
+        figures = (len(r.reached), r.torque_margin, r.weakest, r.cycle_time, r.why_not or "feasible")
+        rows.append([r.assembly.name, r.joints, r.mass, *figures])
     return heads, rows
 
 

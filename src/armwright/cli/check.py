@@ -32,9 +32,9 @@ def check(
     report = aw.check(robot)
     console = console_for_tables()
     rows = []
-    for name, told in CHECKS.items():
-        found = [finding.level for finding in report.findings if finding.check == name]
-        rows.append([name, told, _counted(found)])
+    for name, about in CHECKS.items():
+        levels = [finding.level for finding in report.findings if finding.check == name]
+        rows.append([name, about, _counted(levels)])
     moving = f"{_plural(report.joints, 'joint')} that {'moves' if report.joints == 1 else 'move'}"
     console.print(table(f"{report.name}: {_plural(report.links, 'link')}, {moving}", HEADS, rows, HEADS))
     for level, style in (("error", "red"), ("warning", "yellow")):

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 import typer
 
 
-def _file(metavar: str, told: str) -> Any:
-    return typer.Argument(metavar=metavar, help=told, show_default=False)
+def _file(metavar: str, help_text: str) -> Any:
+    return typer.Argument(metavar=metavar, help=help_text, show_default=False)
 
 
 def convert(
@@ -40,7 +40,7 @@ def convert(
     done = aw.convert(source, target, **({} if smoothing is None else {"smoothing": smoothing}))
     for path in done.written:
         typer.echo(f"wrote {path}")
-    for told in done.lost:
-        typer.echo(f"lost: {told}")
-    for told in done.notes:
-        typer.echo(f"note: {told}")
+    for line in done.lost:
+        typer.echo(f"lost: {line}")
+    for line in done.notes:
+        typer.echo(f"note: {line}")

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 
 def _arm(which: str) -> Any:
-    told = f"The {which}: name of a built-in arm, or path of a robot's TOML, URDF or MJCF file."
-    return typer.Argument(metavar="A" if which == "first" else "B", help=told, show_default=False)
+    help_text = f"The {which}: name of a built-in arm, or path of a robot's TOML, URDF or MJCF file."
+    return typer.Argument(metavar="A" if which == "first" else "B", help=help_text, show_default=False)
 
 
 def diff(a: Annotated[str, _arm("first")], b: Annotated[str, _arm("second")]) -> None:
@@ -32,31 +32,31 @@ def diff(a: Annotated[str, _arm("first")], b: Annotated[str, _arm("second")]) ->
     """
     import armwright as aw
 
-    found = aw.diff(a, b)
+    difference = aw.diff(a, b)
     console = console_for_tables()
-    if not found:
-        console.print(f"{found.a} and {found.b}: every parameter and every source is the same")
+    if not difference:
+        console.print(f"{difference.a} and {difference.b}: every parameter and every source is the same")
         return
-    values = [change for change in found.changes if not change.is_source_only]
+    values = [change for change in difference.changes if not change.is_source_only]
     rows = [_row(change) for change in values]
-    console.print(f"{found.a} → {found.b}", style="bold")
+    console.print(f"{difference.a} → {difference.b}", style="bold")
     for part in (
         table("Parameters", ("parameter", "A", "B", "change", "source"), rows, left=("A", "B", "source")),
-        _sources([change for change in found.changes if change.is_source_only]),
-        None if found.effect is None else _effect(found.effect),
+        _sources([change for change in difference.changes if change.is_source_only]),
+        None if difference.effect is None else _effect(difference.effect),
     ):
         if part is not None:
             console.print()
             console.print(part)
-    if found.effect is None:
+    if difference.effect is None:
         console.print("\nno joint is in both: gravity torques and inertias are not compared")
 
 
 def _row(change: Change) -> list[str]:
     sources = [_source(source) for source in (change.source_before, change.source_after) if source is not None]
-    told = " → ".join(dict.fromkeys(sources))
+    origins = " → ".join(dict.fromkeys(sources))
     values = (_value(change.before, change.std_before), _value(change.after, change.std_after))
-    return [change.path, *values, _relative(change.before, change.after), told]
+    return [change.path, *values, _relative(change.before, change.after), origins]
 
 
 def _source(source: Source) -> str:
@@ -73,10 +73,10 @@ def _value(value: Any, std: Any) -> str:
         return "absent"
     numbers = isinstance(value, (int, float)) and not isinstance(value, bool)
     if isinstance(value, tuple):
-        told = f"[{', '.join(_value(item, None) for item in value)}]"
+        text = f"[{', '.join(_value(item, None) for item in value)}]"
     else:
-        told = f"{value + 0.0:.7g}".replace("-", "−") if numbers else str(value)
-    return told if std is None else f"{told} ± {_value(std, None)}"
+        text = f"{value + 0.0:.7g}".replace("-", "−") if numbers else str(value)
+    return text if std is None else f"{text} ± {_value(std, None)}"
 
 
 def _relative(before: Any, after: Any) -> str:
@@ -96,33 +96,35 @@ def _sources(changes: list[Change]) -> Any:
     """Numbers that stayed, and come from elsewhere now: one row for each pair of sources."""
     groups: dict[tuple[str, str], list[str]] = {}
     for change in changes:
-        groups.setdefault((_told(change, "before"), _told(change, "after")), []).append(change.path)
+        groups.setdefault((_origin(change, "before"), _origin(change, "after")), []).append(change.path)
     rows = [[_named(paths), *pair] for pair, paths in groups.items()]
     return table("Same value, other source or deviation", ("parameters", "A", "B"), rows, left=("A", "B"))
 
 
 def _named(paths: list[str], most: int = 3) -> str:
-    more = f" and {len(paths) - most} more" if len(paths) > most else ""
-    return f"{', '.join(paths[:most])}{more}"
+    rest = f" and {len(paths) - most} more" if len(paths) > most else ""
+    return f"{', '.join(paths[:most])}{rest}"
 
 
-def _told(change: Change, which: str) -> str:
+def _origin(change: Change, which: str) -> str:
     source, std = getattr(change, f"source_{which}"), getattr(change, f"std_{which}")
     spread = "" if std is None else f"± {_value(std, None)}, "
     return spread + ("" if source is None else _source(source))
 
 
-def _effect(found: DynamicEffect) -> Any:
+def _effect(effect: DynamicEffect) -> Any:
     heads = ("joint", "gravity A [N m | N]", "gravity B", "change", "inertia A [kg m² | kg]", "inertia B", "change ")
-    least = 1e-12 * max(float(abs(found.gravity).max()), 1.0)
+    least = 1e-12 * max(float(abs(effect.gravity).max()), 1.0)
     rows = []
-    for k, joint in enumerate(found.joints):
-        gravity = [float(abs(found.gravity[arm, :, k]).max()) for arm in (0, 1)]
-        gravity = [number(value if value > least else 0.0) for value in (*gravity, abs(float(found.gravity_change[k])))]
-        inertia = [number(found.inertia[arm, :, k].max()) for arm in (0, 1)]
-        share = float(found.inertia_change[k])
+    for k, joint in enumerate(effect.joints):
+        gravity = [float(abs(effect.gravity[arm, :, k]).max()) for arm in (0, 1)]
+        gravity = [
+            number(value if value > least else 0.0) for value in (*gravity, abs(float(effect.gravity_change[k])))
+        ]
+        inertia = [number(effect.inertia[arm, :, k].max()) for arm in (0, 1)]
+        share = float(effect.inertia_change[k])
         percent = "—" if share != share else _percent(1.0, 1.0 + share)
         rows.append([joint, *gravity, *inertia, percent])
-    one, other = found.mass
+    one, other = effect.mass
     mass = f"mass {number(one)} → {number(other)} kg{f' ({_percent(one, other)})' if one else ''}"
-    return table(f"What it does, the largest of {len(found.poses)} poses; {mass}", heads, rows)
+    return table(f"What it does, the largest of {len(effect.poses)} poses; {mass}", heads, rows)

@@ -187,9 +187,9 @@ def _friction(record: RobotDescription) -> Group | None:
         friction = getattr(joint, "friction", None)
         if friction is None:
             continue
-        given = [name for name in type(friction).model_fields if name not in ("source", "side", "law")]
-        said = [f"{name} {number(getattr(friction, name))}" for name in given if getattr(friction, name) is not None]
-        rows.append([joint.name, friction.law, friction.side, ", ".join(said)])
+        names = [name for name in type(friction).model_fields if name not in ("source", "side", "law")]
+        values = [f"{name} {number(getattr(friction, name))}" for name in names if getattr(friction, name) is not None]
+        rows.append([joint.name, friction.law, friction.side, ", ".join(values)])
     return table("Friction", ("joint", "law", "side", "numbers"), rows, left=("law", "side", "numbers"))
 
 
@@ -247,10 +247,10 @@ def _operations(arm: Model) -> Any:
             model = step(model) if step in signature.steps else model
             programs.append(trace_kernel(model, signature, steps=()))
         counts = [program.operation_counts() for program in programs]
-        told = [f"{sum(c[o] for o in PRODUCTS)}, {sum(c[o] for o in SUMS)}" for c in counts]
+        cells = [f"{sum(c[o] for o in PRODUCTS)}, {sum(c[o] for o in SUMS)}" for c in counts]
         last = programs[-1].instructions
         left = [i for i in optimised(last) if i.operation not in ("INPUT", "OUTPUT", "CONST")]
         trigonometry = f"{counts[-1]['SIN']}, {counts[-1]['COS']}"
-        rows.append([name, *told, trigonometry, str(sum(counts[-1].values())), str(len(left))])
+        rows.append([name, *cells, trigonometry, str(sum(counts[-1].values())), str(len(left))])
     counted = table(f"{arm.name}: operations a state", columns, rows)
     return Group(*(part for part in (counted, *(Text(line, style="dim") for line in lacking)) if part is not None))

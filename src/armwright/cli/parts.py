@@ -42,8 +42,8 @@ def build(file: File, output: Arm, audit: Audit = None) -> None:
 
     with progress(f"weighing {file.name}"):
         built = write_parts(file, output, audit)
-    for told in built.overrides:
-        typer.echo(f"measured: {told}", err=True)
+    for line in built.overrides:
+        typer.echo(f"measured: {line}", err=True)
     for warning in built.warnings:
         typer.echo(f"warning: {warning}", err=True)
     arm = built.description

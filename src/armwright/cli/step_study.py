@@ -89,9 +89,9 @@ def step_study(
         )
     with progress(f"trying steps for {scenario.arm.name}"):
         start = time.perf_counter()
-        found = aw.step_study(scenario, steps=steps, accuracies=_accuracies(accuracy))
+        study = aw.step_study(scenario, steps=steps, accuracies=_accuracies(accuracy))
         spent = time.perf_counter() - start
-    _show(found, spent)
+    _show(study, spent)
 
 
 def _accuracies(text: str) -> list[float]:
@@ -107,13 +107,13 @@ def _accuracies(text: str) -> list[float]:
         raise ScenarioError(place="--accuracy", value=text, expected=expected) from None
 
 
-def _show(found: StepStudy, spent: float) -> None:
+def _show(study: StepStudy, spent: float) -> None:
     from armwright.cli.tables import console_for_tables, number, table
 
     console = console_for_tables()
-    title = f"{found.name}: {found.integrator} (order {found.order}) against CVODES, in {spent:.1f} s"
+    title = f"{study.name}: {study.integrator} (order {study.order}) against CVODES, in {spent:.1f} s"
     heads = ["step [ms]", "error in q [rad | m]", "error in qd [rad/s | m/s]", "order seen", "evaluations a second"]
-    parted = any(isfinite(trial.apart) for trial in found.trials)
+    parted = any(isfinite(trial.apart) for trial in study.trials)
     rows = [
         [
             f"{1e3 * trial.step:.4g}",
@@ -123,16 +123,16 @@ def _show(found: StepStudy, spent: float) -> None:
             f"{trial.evaluations:,.0f}",
             *([number(trial.apart)] if parted else []),
         ]
-        for trial in found.trials
+        for trial in study.trials
     ]
     console.print(table(title, [*heads, *(["other counts from [s]"] if parted else [])], rows))
     if parted:
         console.print(
             "Where a count is another one than in CVODES' run, as the smallest error makes it, rows behind are not compared."
         )
-    if found.floor > 0.0 and found.floor > 0.25 * min(trial.error for trial in found.trials):
-        console.print(f"CVODES itself is no nearer than about {found.floor:.0e}.")
-    for accuracy, trial in found.recommended.items():
+    if study.floor > 0.0 and study.floor > 0.25 * min(trial.error for trial in study.trials):
+        console.print(f"CVODES itself is no nearer than about {study.floor:.0e}.")
+    for accuracy, trial in study.recommended.items():
         advice = "no step that was tried" if trial is None else f"a step of {1e3 * trial.step:.4g} ms"
-        more = f" ({trial.substeps} substeps)" if trial is not None and trial.substeps > 1 else ""
-        console.print(f"for an accuracy of {accuracy:g}: {advice}{more}")
+        suffix = f" ({trial.substeps} substeps)" if trial is not None and trial.substeps > 1 else ""
+        console.print(f"for an accuracy of {accuracy:g}: {advice}{suffix}")

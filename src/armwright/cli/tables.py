@@ -93,11 +93,11 @@ def _of_joints(run: xr.Dataset, shown: Mapping[str, Sequence[str]], title: str) 
     lanes, stopped = run.sizes["lane"], lanes_that_stopped(run)
     if stopped == lanes:
         return Group(Text(f"{title}: none of the {lanes} lanes came to its end", style="bold"))
-    told = statistics(run[[*shown, *({"diverged_at", "stalled_at"} & set(run.data_vars))]], ()).sel(
+    figures = statistics(run[[*shown, *({"diverged_at", "stalled_at"} & set(run.data_vars))]], ()).sel(
         statistic=list(OVER_LANES)
     )
     rows = [
-        [joint if k == 0 else "", name, *(number(told[each].values[k][j]) for each in shown)]
+        [joint if k == 0 else "", name, *(number(figures[each].values[k][j]) for each in shown)]
         for j, joint in enumerate(joints)
         for k, name in enumerate(OVER_LANES)
     ]

@@ -52,14 +52,14 @@ def built_from(path: Path, meshes: Iterable[str] = (), folder: Path | None = Non
     """
     hashes = {}
     for mesh in sorted(set(meshes)):
-        found = _hash(path.parent / mesh)
-        if found is None:
+        digest = _hash(path.parent / mesh)
+        if digest is None:
             at = path.parent / mesh
             why = "a folder" if at.is_dir() else "cannot be read" if at.exists() else "no such file"
             raise DescriptionError(
                 why, place="mesh", value=mesh, expected=f"a mesh file below {path.parent.as_posix()!r}"
             )
-        hashes[mesh] = found
+        hashes[mesh] = digest
     name = path.name if folder is None else _relative(path, folder)
     return BuiltFrom(file=name, sha256=_hash(path) or "", meshes=hashes)
 

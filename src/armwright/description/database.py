@@ -74,8 +74,8 @@ def _read_xml_robot(path: Path, reading: dict[str, Any]) -> RobotDescription:
     return read(path, **reading)
 
 
-def _check_options(file: str, given: dict[str, Any], known: tuple[str, ...]) -> None:
-    for option in given:
+def _check_options(file: str, options: dict[str, Any], known: tuple[str, ...]) -> None:
+    for option in options:
         if option not in known:
             raise DescriptionError("unknown option", place=option, choices=known, file=file)
 

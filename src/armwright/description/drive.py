@@ -90,9 +90,9 @@ class Motor(Record):
     @model_validator(mode="after")
     def _torque_constant(self) -> Motor:
         electrical = ("resistance_ohm", "inductance_h", "back_emf_constant_v_s_per_rad")
-        given = [key for key in electrical if getattr(self, key) is not None]
-        if given and self.torque_constant_n_m_per_a is None:
-            raise Invalid("needs torque_constant_n_m_per_a beside it", place=given[0])
+        present = [key for key in electrical if getattr(self, key) is not None]
+        if present and self.torque_constant_n_m_per_a is None:
+            raise Invalid("needs torque_constant_n_m_per_a beside it", place=present[0])
         if self.thermal is not None and self.resistance_ohm is None:
             raise Invalid("needs resistance_ohm, whose heat warms the winding", place="thermal")
         if self.inductance_h is not None and self.resistance_ohm is None:

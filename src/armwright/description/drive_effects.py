@@ -105,13 +105,13 @@ class LinearElasticity(Record):
         return _checked_elasticity(self, "m", "n")
 
 
-def _checked_elasticity(given: Any, length: str, force: str) -> Any:
-    cubic, gap = getattr(given, f"cubic_{force}_per_{length}3"), getattr(given, f"backlash_{length}")
+def _checked_elasticity(record: Any, length: str, force: str) -> Any:
+    cubic, gap = getattr(record, f"cubic_{force}_per_{length}3"), getattr(record, f"backlash_{length}")
     if cubic is not None and gap is not None:
         expected = f"cubic_{force}_per_{length}3 or backlash_{length}, not both: a stiffening gear has no play"
         raise Invalid(expected=expected)
-    check_together(given, f"error_{length}", "error_phase_rad")
-    return given
+    check_together(record, f"error_{length}", "error_phase_rad")
+    return record
 
 
 class RotaryStops(Record):

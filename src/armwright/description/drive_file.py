@@ -89,29 +89,29 @@ def add_drives(path: Path, drives: DriveFile, robot: dict[str, Any], reductions:
             than the other file's, a number without a source.
     """
     moving = {joint["name"]: joint for joint in robot["joints"] if joint["type"] != "fixed"}
-    for name, given in drives.joints.items():
+    for name, drive in drives.joints.items():
         if name not in moving:
             raise DescriptionError("does not move or is not there", place=f"joints.{name}", choices=moving, file=path)
-        joint, source = moving[name], given.source or drives.source
+        joint, source = moving[name], drive.source or drives.source
         slides = joint["type"] == "prismatic"
-        if given.command is not None:
-            joint["command"] = given.command
-        if given.bus_period_s is not None:
-            joint |= _sourced({"bus_period_s": given.bus_period_s}, source)
-        if given.motor is not None:
-            motor = _with_reduction(path, name, given.motor, reductions.get(name), robot["source"])
+        if drive.command is not None:
+            joint["command"] = drive.command
+        if drive.bus_period_s is not None:
+            joint |= _sourced({"bus_period_s": drive.bus_period_s}, source)
+        if drive.motor is not None:
+            motor = _with_reduction(path, name, drive.motor, reductions.get(name), robot["source"])
             joint["motor"] = _part(path, f"joints.{name}.motor", Motor, motor, source)
-        if given.friction is not None:
-            on_motor = given.friction.get("side") == "motor"
+        if drive.friction is not None:
+            on_motor = drive.friction.get("side") == "motor"
             kind = LinearFriction if slides and not on_motor else RotaryFriction
-            joint["friction"] = _part(path, f"joints.{name}.friction", kind, given.friction, source)
-        if given.limits is not None:
+            joint["friction"] = _part(path, f"joints.{name}.friction", kind, drive.friction, source)
+        if drive.limits is not None:
             place, kind = f"joints.{name}.limits", LinearLimits if slides else RotaryLimits
-            limits = _part(path, place, kind, given.limits, source)
+            limits = _part(path, place, kind, drive.limits, source)
             joint["limits"] = {**joint.get("limits", {}), **_sourced(limits, source)}
         for part in PARTS:
-            if getattr(given, part) is not None:
-                joint[part] = _table(path, f"joints.{name}.{part}", getattr(given, part), source)
+            if getattr(drive, part) is not None:
+                joint[part] = _table(path, f"joints.{name}.{part}", getattr(drive, part), source)
     if drives.supply is not None:
         robot["supply"] = _table(path, "supply", drives.supply, drives.source)
     robot["sources"] |= drives.sources

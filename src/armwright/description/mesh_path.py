@@ -13,7 +13,7 @@ from armwright.errors import DescriptionError
 SCHEMES = ("package://", "model://")
 
 
-def package_folders(file: Path, given: Iterable[str | os.PathLike[str]] = ()) -> tuple[Path, ...]:
+def package_folders(file: Path, packages: Iterable[str | os.PathLike[str]] = ()) -> tuple[Path, ...]:
     """Folders in which packages are looked for: those given, ROS_PACKAGE_PATH, and the parents of the file.
 
     Args:
@@ -22,7 +22,7 @@ def package_folders(file: Path, given: Iterable[str | os.PathLike[str]] = ()) ->
         DescriptionError: a given folder is none.
     """
     folders = []
-    for folder in given:
+    for folder in packages:
         if not Path(folder).is_dir():
             raise DescriptionError("no such folder", place="packages", value=os.fspath(folder))
         folders.append(Path(folder).resolve())
@@ -52,7 +52,9 @@ def find_mesh(element: Element, name: str, file: Path, folders: tuple[Path, ...]
     elif "://" in name:
         raise element.error("nothing is fetched", value=name, expected="package://, file:// or a path")
     path = _resolved(file.resolve().parent / name)
-    if not any(path.is_relative_to(root) for root in (_package_of(file), *folders[: _given(file, folders)])):
+    if not any(
+        path.is_relative_to(root) for root in (_package_of(file), *folders[: _count_of_searched(file, folders)])
+    ):
         what = f"leads out of {str(_package_of(file))!r}"
         raise element.error(what, value=name, expected="a path below it, or packages = [FOLDER]")
     return path if path.is_file() else None
@@ -64,11 +66,11 @@ def _roots(package: str, file: Path, folders: tuple[Path, ...]) -> list[Path]:
     Of the file's parents only those below the home folder and the disk's top folders count, and as folders of packages only
     up to the one that the file's own package stands in.
     """
-    given, top = folders[: _given(file, folders)], _package_of(file).parent
-    parents = [folder for folder in folders[len(given) :] if not _is_everybodys(folder)]
-    own = [folder for folder in (*given, *parents) if folder.name == package]
-    holding = [*given, *(folder for folder in parents if folder.is_relative_to(top))]
-    return [*own, *(folder / package for folder in holding)]
+    searched, top = folders[: _count_of_searched(file, folders)], _package_of(file).parent
+    parents = [folder for folder in folders[len(searched) :] if not _is_everybodys(folder)]
+    named = [folder for folder in (*searched, *parents) if folder.name == package]
+    holding = [*searched, *(folder for folder in parents if folder.is_relative_to(top))]
+    return [*named, *(folder / package for folder in holding)]
 
 
 def _is_everybodys(folder: Path) -> bool:
@@ -89,7 +91,7 @@ def _in_package(element: Element, name: str, package: str, rest: str, roots: lis
     return None
 
 
-def _given(file: Path, folders: tuple[Path, ...]) -> int:
+def _count_of_searched(file: Path, folders: tuple[Path, ...]) -> int:
     """Number of the folders that are not just parents of the file."""
     return len(folders) - len(file.resolve().parents)
 

@@ -19,10 +19,10 @@ def quantities(record: Record, *, pictures: bool = True) -> Iterator[tuple[str, 
         if isinstance(value, Quantity):
             yield path, value, value.source or source
         else:
-            own = getattr(value, "source", None) or source if isinstance(value, Record) else source
+            nearest_source = getattr(value, "source", None) or source if isinstance(value, Record) else source
             for name, child in below(value, path):
                 if pictures or not name.endswith(".visuals"):
-                    yield from walk(child, name, own)
+                    yield from walk(child, name, nearest_source)
 
     yield from walk(record, "", None)
 
@@ -51,15 +51,15 @@ def unit_at(path: str) -> str:
     """The unit that a key states: `unit_at("joint2.friction.viscous_n_m_s_per_rad")` → "N m s/rad"; "1" where it states none."""
     for key in reversed(path.split("[")[0].split(".")):
         over, _, under = key.partition("_per_")
-        words, found = over.split("_"), []
+        words, units = over.split("_"), []
         while len(words) > 1 and words[-1] in UNITS:
-            found.insert(0, UNITS[words.pop()])
+            units.insert(0, UNITS[words.pop()])
         if under:
-            return f"{' '.join(found) or '1'}/{' '.join(UNITS.get(word, word) for word in under.split('_'))}"
-        if found == ["m", "s²"]:  # of an acceleration, in the report's way
+            return f"{' '.join(units) or '1'}/{' '.join(UNITS.get(word, word) for word in under.split('_'))}"
+        if units == ["m", "s²"]:  # of an acceleration, in the report's way
             return "m/s²"
-        if found:
-            return " ".join(found)
+        if units:
+            return " ".join(units)
     return "1"
 
 

@@ -36,7 +36,11 @@ def to_toml(description: RobotDescription, folder: str | os.PathLike[str] | None
         OutputError: a mesh that is not below the folder.
     """
     place = None if folder is None else Path(folder).resolve()
-    head = {name: value for name, value in _given(description).items() if name not in (*LISTS, "sources", "built_from")}
+    head = {
+        name: value
+        for name, value in _present_fields(description).items()
+        if name not in (*LISTS, "sources", "built_from")
+    }
     blocks = ["".join(_lines(head, place))]
     if description.built_from is not None:
         blocks.append(_table("[built_from]", description.built_from, place))
@@ -68,7 +72,7 @@ def write_toml(description: RobotDescription, path: str | os.PathLike[str]) -> P
     return path
 
 
-def _given(record: Record) -> dict[str, Any]:
+def _present_fields(record: Record) -> dict[str, Any]:
     """Fields that are not at their defaults, names first."""
     fields = type(record).model_fields
     names = [*(name for name in FIRST if name in fields), *(name for name in fields if name not in FIRST)]
@@ -84,10 +88,10 @@ def _given(record: Record) -> dict[str, Any]:
 
 def _table(heading: str, record: Record, place: Path | None, path: str = "") -> str:
     """A table under its heading, and the tables within it under theirs."""
-    given = _given(record)
-    inner = {name: value for name, value in given.items() if name in TABLES}
-    many = {name: value for name, value in given.items() if name == "visuals"}
-    plain = {name: value for name, value in given.items() if name not in (*inner, *many)}
+    fields = _present_fields(record)
+    inner = {name: value for name, value in fields.items() if name in TABLES}
+    many = {name: value for name, value in fields.items() if name == "visuals"}
+    plain = {name: value for name, value in fields.items() if name not in (*inner, *many)}
     blocks = [f"{heading}\n{''.join(_lines(plain, place))}"]
     blocks += [_table(f"[{path}.{name}]", value, place) for name, value in inner.items()]
     blocks += [_table(f"[[{path}.{name}]]", item, place) for name, items in many.items() for item in items]
@@ -102,13 +106,13 @@ def _lines(values: dict[str, Any], place: Path | None) -> Iterator[str]:
 def _inline(value: Any, place: Path | None) -> str:
     """A value in one line."""
     if isinstance(value, Quantity):
-        given = _given(value)
-        value = given if len(given) > 1 or "source" in given else value.value
+        fields = _present_fields(value)
+        value = fields if len(fields) > 1 or "source" in fields else value.value
         if isinstance(value, dict):
             value = {"value": value.pop("value"), **value}
     elif isinstance(value, Record):
-        given = _given(value)
-        value = {**given, "file": _relative(value, place)} if isinstance(value, Mesh) else given
+        fields = _present_fields(value)
+        value = {**fields, "file": _relative(value, place)} if isinstance(value, Mesh) else fields
     if isinstance(value, dict):
         return f"{{ {', '.join(f'{_key(name)} = {_inline(inner, place)}' for name, inner in value.items())} }}"
     if isinstance(value, (tuple, list)):

@@ -54,10 +54,10 @@ class Element:
         Raises:
             DescriptionError: there are two.
         """
-        found = self.all(tag)
-        if len(found) > 1:
-            raise found[1].error(f"a second one in one <{self.tag}>", expected="one at most")
-        return found[0] if found else None
+        elements = self.all(tag)
+        if len(elements) > 1:
+            raise elements[1].error(f"a second one in one <{self.tag}>", expected="one at most")
+        return elements[0] if elements else None
 
     def needed(self, tag: str, what: str = "") -> Element:
         """The only child of that tag.
@@ -65,10 +65,10 @@ class Element:
         Raises:
             DescriptionError: there is none, or there are two.
         """
-        found = self.one(tag)
-        if found is None:
+        element = self.one(tag)
+        if element is None:
             raise self.error("missing", place=f"{what or f'<{self.tag}>'} <{tag}>")
-        return found
+        return element
 
     def word(self, name: str, what: str = "") -> str:
         """An attribute that must be there and not be empty.

@@ -67,8 +67,8 @@ def articulated_accelerations(
         a[i], wd[i] = axial[i].acceleration_to_body(a[body.parent], wd[body.parent])
         k, kn = share[i]
         qdd[i] = freely[i] - (k @ a[i] + kn @ wd[i])
-        own = scalar.array([0.0, 0.0, qdd[i]])
-        a[i], wd[i] = (a[i], wd[i] + own) if body.kind == "revolute" else (a[i] + own, wd[i])
+        along_axis = scalar.array([0.0, 0.0, qdd[i]])
+        a[i], wd[i] = (a[i], wd[i] + along_axis) if body.kind == "revolute" else (a[i] + along_axis, wd[i])
     return scalar.array(qdd)
 
 

@@ -35,8 +35,8 @@ def regressor(model: Model, q: Array, qd: Array, qdd: Array) -> np.ndarray:
     """
 
     def torques(parameters: np.ndarray) -> np.ndarray:
-        told = (body.with_inertial_parameters(parameters[10 * i : 10 * i + 10]) for i, body in model.outward())
-        return newton_euler(replace(model, bodies=tuple(told)), q, qd, qdd)
+        bodies = (body.with_inertial_parameters(parameters[10 * i : 10 * i + 10]) for i, body in model.outward())
+        return newton_euler(replace(model, bodies=tuple(bodies)), q, qd, qdd)
 
     return scalar.jacobian(torques, scalar.zeros(10 * model.n))
 
@@ -66,10 +66,10 @@ def _drive(body: Body, parameters: Array, speed: Scalar, acceleration: Scalar) -
     """Rotor and friction of one joint, from its `drive_parameters`."""
     armature, viscous, offset, positive, negative, stribeck, *linear = parameters
     known = Friction() if body.friction is None else body.friction
-    own = list(known.parameters)
+    coefficients = list(known.parameters)
     for value, (law, place) in zip(linear, LINEAR, strict=True):
         if known.law == law:
-            own[place] = value
+            coefficients[place] = value
     friction = replace(
         known,
         viscous=viscous,
@@ -77,6 +77,6 @@ def _drive(body: Body, parameters: Array, speed: Scalar, acceleration: Scalar) -
         coulomb_positive=positive,
         coulomb_negative=negative,
         stribeck=None if known.stribeck is None else stribeck,
-        parameters=tuple(own),
+        parameters=tuple(coefficients),
     )
     return armature * acceleration + joint_friction(friction, speed)

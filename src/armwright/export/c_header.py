@@ -99,8 +99,8 @@ def _documented(arm: Model, function: CFunction, stack: int) -> str:
     for k, (name, shape, argument) in enumerate(zip(names, shapes, function.form.arguments, strict=True)):
         side = "out" if k >= len(function.program.inputs) else "in"
         rows.append(f"  {side:3}  {name:{wide}}  {shape:{long}}  [{argument.unit}]")
-        if said := described(doc, argument.name):
-            rows.append(f"       {'':{wide}}  {said}")
+        if text := described(doc, argument.name):
+            rows.append(f"       {'':{wide}}  {text}")
     return comment([*_equation(doc), *fixed, "", *rows, "", f"Stack: about {stack} bytes."])
 
 
@@ -116,8 +116,8 @@ def described(doc: str, name: str) -> str:
 
     `tau: (n,) [N m | N] motor torque.   u: …` → "motor torque"
     """
-    said = re.search(rf"(?:^|\s{{3,}}){name}: \([^)]*\)(.*?)(?=\.?\s{{3,}}\w+: |\n\s*\w+:\s|\Z)", doc, re.S | re.M)
-    before, _, behind = " ".join(said[1].split() if said else ()).partition("[")
+    match = re.search(rf"(?:^|\s{{3,}}){name}: \([^)]*\)(.*?)(?=\.?\s{{3,}}\w+: |\n\s*\w+:\s|\Z)", doc, re.S | re.M)
+    before, _, behind = " ".join(match[1].split() if match else ()).partition("[")
     return (before or ("" if "[" in behind else behind.partition("]")[2])).strip(" ,;.")
 
 

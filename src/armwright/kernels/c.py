@@ -262,11 +262,11 @@ def c_text(unit: Unit, include: Iterable[str] = ()) -> str:
     }
     helpers = [text.format(prefix=unit.prefix, **words) for name, text in _BITS.items() if unit.uses(name)]
     functions = list(unit.functions.values())
-    apart = [_APART] if any(text.startswith(unit.dialect.apart) for text in functions) else []
+    no_inline = [_APART] if any(text.startswith(unit.dialect.apart) for text in functions) else []
     headers = [*include, "<float.h>", "<math.h>"]
-    headers += ["<stdint.h>"] * bool(helpers) + ["<string.h>"] * bool(helpers or apart)
+    headers += ["<stdint.h>"] * bool(helpers) + ["<string.h>"] * bool(helpers or no_inline)
     includes = "".join(f"#include {name}\n" for name in headers)
-    return "\n".join([includes, _RULES, *apart, *helpers, *(f"{text}\n" for text in functions)])
+    return "\n".join([includes, _RULES, *no_inline, *helpers, *(f"{text}\n" for text in functions)])
 
 
 def c_source(program: Program, real: str = "double") -> str:

@@ -94,11 +94,11 @@ class CMachine(Machine):
 
     def call_program(self, name: str, program: Program, arguments: Sequence[Value]) -> list[Value]:
         """All results of a program's function, through arrays."""
-        real, given = self.dialect.real, iter(arguments)
+        real, values = self.dialect.real, iter(arguments)
         arrays, lines, results = [], [], []
         for port in program.inputs:
             arrays.append(self._fresh("v"))
-            entries = ", ".join(next(given) for _ in range(port.size))
+            entries = ", ".join(next(values) for _ in range(port.size))
             lines.append(f"const {real} {arrays[-1]}[{port.size}] = {{{entries}}};")
         for port in program.outputs:
             arrays.append(self._fresh("v"))

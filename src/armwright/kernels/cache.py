@@ -182,9 +182,9 @@ def cache_folder() -> Path | None:
         _say_if_named("no home of that user is known")
         return None
     if not _ours_alone(about):
-        found = f"mode {stat.S_IMODE(about.st_mode):o}, owner {about.st_uid}"
+        rights = f"mode {stat.S_IMODE(about.st_mode):o}, owner {about.st_uid}"
         _say_once(
-            f"{str(place)!r}: {found}; compiled code is kept only in a folder that you own and nobody else can write"
+            f"{str(place)!r}: {rights}; compiled code is kept only in a folder that you own and nobody else can write"
         )
         return None
     return place
@@ -196,8 +196,8 @@ def _usual_folder() -> Path:
         return (Path(local) if local else Path.home() / "AppData" / "Local") / "armwright"
     if sys.platform == "darwin":
         return Path.home() / "Library" / "Caches" / "armwright"
-    given = Path(os.environ.get("XDG_CACHE_HOME") or "~")
-    return (given if given.is_absolute() else Path.home() / ".cache") / "armwright"
+    base = Path(os.environ.get("XDG_CACHE_HOME") or "~")
+    return (base if base.is_absolute() else Path.home() / ".cache") / "armwright"
 
 
 def _say_if_named(why: str) -> None:
@@ -215,8 +215,8 @@ def _say_once(sentence: str) -> None:
 def _trim(folder: Path) -> None:
     """Takes the least recently used entries away until the rest fits, and what dead writers left behind."""
     entries = []
-    with contextlib.suppress(OSError), os.scandir(folder) as found:
-        for file in found:
+    with contextlib.suppress(OSError), os.scandir(folder) as files:
+        for file in files:
             with contextlib.suppress(OSError):
                 about = file.stat(follow_symlinks=False)
                 if file.name.endswith(".tmp") and about.st_mtime < time.time() - STALE:

@@ -59,8 +59,8 @@ class CompiledArm:
 
     def __reduce__(self) -> tuple[Any, ...]:
         vary = () if self.varied is None else self.varied.names
-        asked = self._asked, vary, self.format.name
-        return _again, (type(self), self.arm, *asked, self._threads)  # without the native code
+        settings = self._asked, vary, self.format.name
+        return _again, (type(self), self.arm, *settings, self._threads)  # without the native code
 
     @property
     def threads(self) -> int:

@@ -164,11 +164,11 @@ class CudaKernel:
         ports = self.program.inputs
         if len(arrays) != len(ports):
             raise wrong_count(self.program.name, arrays, ports)
-        given = [cupy.asarray(array, dtype=np.float64) for array in arrays]
-        lead = common_lead(self.program.name, given, [(port.name, port.shape) for port in ports])
+        inputs = [cupy.asarray(array, dtype=np.float64) for array in arrays]
+        lead = common_lead(self.program.name, inputs, [(port.name, port.shape) for port in ports])
         count = math.prod(lead)
         values: list[Any] = [np.int64(count)]
-        for array, port in zip(given, ports, strict=True):
+        for array, port in zip(inputs, ports, strict=True):
             if array.size == port.size:
                 values += [cupy.ascontiguousarray(array), np.int64(0)]
             else:

@@ -265,10 +265,10 @@ class Module:
 
         return call
 
-    def _define(self, name: str, program: Program, m: LlvmMachine, *more: str) -> None:
+    def _define(self, name: str, program: Program, m: LlvmMachine, *extra_parameters: str) -> None:
         parameters = [f"ptr noalias readonly %in{k}" for k in range(len(program.inputs))]
         parameters += [f"ptr noalias %out{k}" for k in range(len(program.outputs))]
-        parameters += more
+        parameters += extra_parameters
         # alignstack: LLVM does not align the stack for spilled vectors by itself, and split ones cost up to half the speed
         head = f"define internal void @{name}({', '.join(parameters)}) noinline nounwind alignstack({min(m.bytes, 64)})"
         head += " {\nentry:"

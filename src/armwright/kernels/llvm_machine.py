@@ -107,10 +107,10 @@ class LlvmMachine(Machine):
         place = len(self.lines)
         yield counter
         following = self.emit(f"add i64 {counter}, 1")
-        more = self.emit(f"icmp ult i64 {following}, {times}")
+        again = self.emit(f"icmp ult i64 {following}, {times}")
         # Only now is it known from which basic block the loop comes back.
         self.lines.insert(place, f"  {counter} = phi i64 [ 0, %{before} ], [ {following}, %{self.block} ]")
-        self.branch(more, label, f"{label}.done")
+        self.branch(again, label, f"{label}.done")
         self.begin(f"{label}.done")
 
     def entry(self, pointer: str, entry: int) -> Value:

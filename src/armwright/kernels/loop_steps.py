@@ -61,8 +61,8 @@ class StepPrinter(BlockPrinter):
         m, (_, switched, bracket, narrow) = self.m, stage.switching
         self._program(switched)
         none = m.lt(m.constant(0.0), m.constant(0.0))
-        found = m.both(where, m.lt(m.constant(0.0), self._load("switched")))
-        some = m.emit(f"and i1 {m.any(found)}, {allowed}")
+        switches = m.both(where, m.lt(m.constant(0.0), self._load("switched")))
+        some = m.emit(f"and i1 {m.any(switches)}, {allowed}")
         before = m.block
         m.branch(some, f"{label}.bracket", f"{label}.cut")
         m.begin(f"{label}.bracket")
@@ -72,12 +72,12 @@ class StepPrinter(BlockPrinter):
             self._program(stage.step)
             self._program(narrow)
             self._replace_blocks(narrow)
-        self._store("h", 0, m.select(found, m.mul(self._load("bracket", 1), length), length))
+        self._store("h", 0, m.select(switches, m.mul(self._load("bracket", 1), length), length))
         self._program(stage.step)
         last = m.block
         m.jump(f"{label}.cut")
         m.begin(f"{label}.cut")
-        return m.emit(f"phi {m.mask} [ {none}, %{before} ], [ {found}, %{last} ]")
+        return m.emit(f"phi {m.mask} [ {none}, %{before} ], [ {switches}, %{last} ]")
 
     def _accept(self, where: Value | None = None) -> None:
         """The state after a step, in lanes that move and stay finite; the others that move are frozen."""
@@ -129,9 +129,9 @@ class StepPrinter(BlockPrinter):
         error, grow = self._load("error"), self._load("grow")
         good = m.both(active, m.le(error, one))
         then = m.select(ends, edge, m.add(now, s))
-        found = None
+        crossed = None
         if stage.events:
-            good, found = self._find_events(stage, label, now, then, active, good)
+            good, crossed = self._find_events(stage, label, now, then, active, good)
         measured = m.le(error, m.constant(sys.float_info.max))
         grow = m.select(measured, grow, m.constant(LOST))
         # Behind a step that was refused, the next one does not grow.
@@ -140,8 +140,8 @@ class StepPrinter(BlockPrinter):
         # A step that was cut short does not shorten the next.
         short = m.both(good, m.both(m.lt(s, wanted), m.lt(following, wanted)))
         following = m.select(short, wanted, following)
-        if found is not None:
-            following = m.select(found, wanted, following)
+        if crossed is not None:
+            following = m.select(crossed, wanted, following)
         self._store("h_try", 0, m.select(active, following, wanted))
         self._store("rejected", 0, m.truth(m.both(active, m.inverse(m.le(error, one)))))
         tried = m.add(self._load("tried"), m.truth(active))
@@ -175,8 +175,8 @@ class StepPrinter(BlockPrinter):
         for k in range(self.sizes["crossed"]):
             crossed = self._load("crossed", k)
             some = m.select(m.lt(some, crossed), crossed, some)
-        found = m.both(m.both(good, m.inverse(landing)), m.lt(m.constant(0.0), some))
-        m.branch(m.any(found), f"{label}.locate", f"{label}.note")
+        located = m.both(m.both(good, m.inverse(landing)), m.lt(m.constant(0.0), some))
+        m.branch(m.any(located), f"{label}.locate", f"{label}.note")
         m.begin(f"{label}.locate")
         for k in range(self.sizes["upper"]):
             self._store("lower", k, m.constant(0.0))
@@ -186,18 +186,18 @@ class StepPrinter(BlockPrinter):
             self._replace_blocks(halve)
         self._program(choose)
         shorter = m.mul(self._load("part"), self._load("h"))
-        self._store("h_land", 0, m.select(found, shorter, self._load("h_land")))
+        self._store("h_land", 0, m.select(located, shorter, self._load("h_land")))
         for k in range(self.sizes["hit"]):
-            self._store("hit", k, m.select(found, self._load("hit_new", k), self._load("hit", k)))
+            self._store("hit", k, m.select(located, self._load("hit_new", k), self._load("hit", k)))
         m.jump(f"{label}.note")
         m.begin(f"{label}.note")
-        good = m.both(good, m.inverse(found))
+        good = m.both(good, m.inverse(located))
         self._store("moved", 0, m.truth(good))
         self._program(note)
         self._replace_blocks(note)
         # A step to an event that was refused is searched anew.
-        self._store("landed", 0, m.select(active, m.truth(found), self._load("landed")))
-        return good, found
+        self._store("landed", 0, m.select(active, m.truth(located), self._load("landed")))
+        return good, located
 
     def _segment(self, stage: Integrate | Adapt, label: str) -> tuple[Value, Value]:
         """Time of each lane in the tick, and its next change after that; rows that are due have come into force."""
@@ -220,8 +220,8 @@ class StepPrinter(BlockPrinter):
         for entry in range(commands):
             chosen = self._load("u_plan", entry)
             for s in range(1, stage.planned):
-                begun = m.le(self._load("u_from", s - 1), t)
-                chosen = m.select(begun, self._load("u_plan", s * commands + entry), chosen)
+                has_begun = m.le(self._load("u_from", s - 1), t)
+                chosen = m.select(has_begun, self._load("u_plan", s * commands + entry), chosen)
             self._store("u", entry, chosen)
         return t, edge
 

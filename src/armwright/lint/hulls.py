@@ -35,7 +35,7 @@ def implausible_shapes(robot: RobotDescription) -> list[Problem]:
     Returns:
         findings: among them meshes that cannot be opened.
     """
-    found: list[Problem] = []
+    findings: list[Problem] = []
     unread: dict[str, list[str]] = {}
     for link in robot.links:
         if float(link.mass_kg) <= LIGHTEST or not link.visuals:
@@ -47,11 +47,11 @@ def implausible_shapes(robot: RobotDescription) -> list[Problem]:
             continue
         if hull is not None:
             problems = _of_link(link, hull, is_fit=is_fit(robot, link))
-            found += [problem.within(f"link {link.name!r}") for problem in problems]
+            findings += [problem.within(f"link {link.name!r}") for problem in problems]
     if unread:
         names = ", ".join(repr(name) for names in unread.values() for name in names)
-        found.append(Problem(f"the visuals are not looked at: {next(iter(unread))}", f"links {names}"))
-    return found
+        findings.append(Problem(f"the visuals are not looked at: {next(iter(unread))}", f"links {names}"))
+    return findings
 
 
 def _of_link(link: Link, hull: trimesh.Trimesh, *, is_fit: bool) -> Iterator[Problem]:

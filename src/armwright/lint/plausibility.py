@@ -50,7 +50,7 @@ def implausible_values(robot: RobotDescription, places: dict[str, list[np.ndarra
         robot: the description.
         places: for every link that moves, where it bears joints, (3,) [m] each in the link's frame.
     """
-    found = Findings()
+    findings = Findings()
     long = []
     for link in robot.links:
         mass, com, tensor = float(link.mass_kg), np.array(link.com_m), link.inertia_kg_m2.matrix()
@@ -58,7 +58,7 @@ def implausible_values(robot: RobotDescription, places: dict[str, list[np.ndarra
             possible = is_possible(pseudo_inertia(0.0, np.zeros(3), tensor))  # feasibility reports what is not
             if tensor.any() and possible and not is_fit(robot, link):
                 what = "a tensor of inertia and no mass: a mass that was forgotten?"
-                found.add("link", link.name, Problem(what, "mass_kg", mass))
+                findings.add("link", link.name, Problem(what, "mass_kg", mass))
             continue
         if link.name not in places:
             continue
@@ -68,23 +68,23 @@ def implausible_values(robot: RobotDescription, places: dict[str, list[np.ndarra
             long.append(link.name)
         if mass > LIGHTEST and not tensor.any() and is_import(robot, link):
             what = "a tensor of inertia of 0, that of a point: one that was forgotten?"
-            found.add("link", link.name, Problem(what, "inertia_kg_m2"))
+            findings.add("link", link.name, Problem(what, "inertia_kg_m2"))
         for problem in _of_body(_Body(mass, com, tensor, size), is_fit=is_fit(robot, link)):
-            found.add("link", link.name, problem)
-    return [*found.problems(), *implausible_units(robot, long), *_of_efforts(robot)]
+            findings.add("link", link.name, problem)
+    return [*findings.problems(), *implausible_units(robot, long), *_of_efforts(robot)]
 
 
 def _of_body(body: _Body, *, is_fit: bool) -> list[Problem]:
     fillers, _ = known_placeholders()
-    found = [Problem(f"these are {f.name}: {f.why}") for f in fillers if f.matches(body.mass, body.tensor)]
+    findings = [Problem(f"these are {f.name}: {f.why}") for f in fillers if f.matches(body.mass, body.tensor)]
     if body.mass > HEAVIEST:
         is_wide = _gyration(body.mass, body.tensor) > WIDE
-        found.append(Problem(MILLIMETRES if is_wide else GRAMS, "mass_kg", body.mass))
+        findings.append(Problem(MILLIMETRES if is_wide else GRAMS, "mass_kg", body.mass))
     if body.size > LONGEST:
-        found.append(Problem(f"{body.size:.4g} m across its joints and centre of mass: {MILLIMETRES}"))
-    if not is_fit and body.mass > LIGHTEST and not found:
-        found += [problem for problem in (_of_size(body), _of_origin(body)) if problem][:1]
-    return found
+        findings.append(Problem(f"{body.size:.4g} m across its joints and centre of mass: {MILLIMETRES}"))
+    if not is_fit and body.mass > LIGHTEST and not findings:
+        findings += [problem for problem in (_of_size(body), _of_origin(body)) if problem][:1]
+    return findings
 
 
 def _of_size(body: _Body) -> Problem | None:
@@ -168,19 +168,19 @@ def implausible_units(robot: RobotDescription, long_links: Collection[str] = ())
     Args:
         robot: the description.   long_links: links that are already reported as too long.
     """
-    found = Findings()
+    findings = Findings()
     for joint in robot.joints:
         way = next(key for key in ("frame", "dh", "modified_dh") if getattr(joint, key) is not None)
         known = bool({joint.parent, joint.child} & set(long_links))
         for problem in _of_place(getattr(joint, way), is_known=known):
-            found.add("joint", joint.name, problem.within(way))
+            findings.add("joint", joint.name, problem.within(way))
         if not isinstance(joint, FixedJoint):
             for problem in _of_limits(joint):
-                found.add("joint", joint.name, problem)
+                findings.add("joint", joint.name, problem)
     for frame in robot.frames:
         for problem in _of_place(frame, is_known=frame.link in long_links):
-            found.add("frame", frame.name, problem)
-    return found.problems()
+            findings.add("frame", frame.name, problem)
+    return findings.problems()
 
 
 def _of_place(place: Any, *, is_known: bool) -> Iterator[Problem]:

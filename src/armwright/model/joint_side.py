@@ -43,20 +43,20 @@ def drive_of(joint: MovingJoint, command: Any) -> Drive:
     )
 
 
-def _thermal_of(given: Any) -> Thermal | None:
-    if given is None:
+def _thermal_of(record: Any) -> Thermal | None:
+    if record is None:
         return None
     bodies = {
-        body: _numbers(given, f"{body}_capacity_j_per_k", f"{body}_resistance_k_per_w")
+        body: _numbers(record, f"{body}_capacity_j_per_k", f"{body}_resistance_k_per_w")
         for body in ("winding", "housing")
     }
     return Thermal(
-        ambient=given.ambient_c.number,
-        reference=given.reference_c.number,
+        ambient=record.ambient_c.number,
+        reference=record.reference_c.number,
         winding=bodies["winding"],
-        housing=None if given.housing_capacity_j_per_k is None else bodies["housing"],
-        resistance_temperature_coefficient=_number(given.resistance_temperature_coefficient_per_k),
-        magnet_temperature_coefficient=_number(given.magnet_temperature_coefficient_per_k),
+        housing=None if record.housing_capacity_j_per_k is None else bodies["housing"],
+        resistance_temperature_coefficient=_number(record.resistance_temperature_coefficient_per_k),
+        magnet_temperature_coefficient=_number(record.magnet_temperature_coefficient_per_k),
     )
 
 
@@ -82,12 +82,12 @@ def _lossy(efficiency: Quantity | None) -> Scalar | None:
 def _smoothing(joint: MovingJoint) -> Scalar | None:
     """Speed of the joint over which friction and gear loss are smoothed; one on the motor side is divided by |n|."""
     if isinstance(joint.friction, LinearFriction):
-        given, ratio = joint.friction.smoothing_m_per_s, 1.0
+        speed, ratio = joint.friction.smoothing_m_per_s, 1.0
     elif isinstance(joint.friction, RotaryFriction):
-        given, ratio = joint.friction.smoothing_rad_per_s, _side_ratio(joint)
+        speed, ratio = joint.friction.smoothing_rad_per_s, _side_ratio(joint)
     else:
         return None
-    return None if given is None else given.number / ratio
+    return None if speed is None else speed.number / ratio
 
 
 def _side_ratio(joint: MovingJoint) -> Scalar:
@@ -98,14 +98,14 @@ def _side_ratio(joint: MovingJoint) -> Scalar:
 
 def friction_of(joint: MovingJoint) -> Friction | None:
     """Referred to the joint: torques by |n|, viscous by n², speeds by 1/|n|. Signs are the joint's on either side."""
-    given, n = joint.friction, _side_ratio(joint)
-    if given is None:
+    record, n = joint.friction, _side_ratio(joint)
+    if record is None:
         return None
-    linear = isinstance(given, LinearFriction)
+    linear = isinstance(record, LinearFriction)
     factors = {"torque": n, "speed": 1.0 / n, "slope": n, "stiffness": n * n, "damping": n * n}
 
     def referred(stem: str, dimension: Dimension, absent: Any = 0.0) -> Scalar:
-        quantity = getattr(given, key_of(stem, dimension, linear))
+        quantity = getattr(record, key_of(stem, dimension, linear))
         return absent if quantity is None else quantity.number * factors[dimension]
 
     return Friction(
@@ -116,57 +116,57 @@ def friction_of(joint: MovingJoint) -> Friction | None:
         stribeck=referred("stribeck_torque", "torque", absent=None),
         stribeck_speed=referred("stribeck_speed", "speed", absent=1.0),
         smoothing=_smoothing(joint),
-        law=given.law,
-        parameters=tuple(referred(*key) for key in LAWS[given.law].own),
-        on_motor=given.side == "motor",
-        load_coefficient=_number(given.load_coefficient),
-        viscous_fall=_number(given.viscous_fall_k),
+        law=record.law,
+        parameters=tuple(referred(*key) for key in LAWS[record.law].own),
+        on_motor=record.side == "motor",
+        load_coefficient=_number(record.load_coefficient),
+        viscous_fall=_number(record.viscous_fall_k),
     )
 
 
 def elasticity_of(joint: MovingJoint) -> Elasticity | None:
     """The gear's elasticity, which the record gives at the joint."""
-    given, (angle, force) = joint.elasticity, _units(joint)
-    if given is None:
+    record, (angle, force) = joint.elasticity, _units(joint)
+    if record is None:
         return None
-    stiffness, damping = _numbers(given, f"stiffness_{force}_per_{angle}", f"damping_{force}_s_per_{angle}")
+    stiffness, damping = _numbers(record, f"stiffness_{force}_per_{angle}", f"damping_{force}_s_per_{angle}")
     cubic, gap, *error = _numbers(
-        given, f"cubic_{force}_per_{angle}3", f"backlash_{angle}", f"error_{angle}", "error_phase_rad"
+        record, f"cubic_{force}_per_{angle}3", f"backlash_{angle}", f"error_{angle}", "error_phase_rad"
     )
     return Elasticity(stiffness, damping, cubic, gap, None if error[0] is None else (error[0], error[1]))
 
 
 def stops_of(joint: MovingJoint) -> Stops | None:
     """End stops of a joint."""
-    given, (angle, force) = joint.stops, _units(joint)
+    record, (angle, force) = joint.stops, _units(joint)
     return (
         None
-        if given is None
-        else Stops(*_numbers(given, f"stiffness_{force}_per_{angle}", f"damping_{force}_s_per_{angle}"))
+        if record is None
+        else Stops(*_numbers(record, f"stiffness_{force}_per_{angle}", f"damping_{force}_s_per_{angle}"))
     )
 
 
 def brake_of(joint: MovingJoint) -> Brake | None:
     """The holding brake referred to the joint: torques by |n|, stiffness and damping by n²."""
-    given = joint.brake
-    if given is None:
+    record = joint.brake
+    if record is None:
         return None
-    on_motor = given.side == "motor"
+    on_motor = record.side == "motor"
     n = scalar.abs(joint.motor.gear_ratio.number) if on_motor and joint.motor is not None else 1.0
-    if hasattr(given, "holding_torque_n_m"):
+    if hasattr(record, "holding_torque_n_m"):
         keys = ("holding_torque_n_m", "stiffness_n_m_per_rad", "damping_n_m_s_per_rad")
     else:
         keys = ("holding_force_n", "stiffness_n_per_m", "damping_n_s_per_m")
-    holding, stiffness, damping = _numbers(given, *keys)
-    return Brake(holding * n, stiffness * n * n, damping * n * n, given.release_time_s.number, on_motor)
+    holding, stiffness, damping = _numbers(record, *keys)
+    return Brake(holding * n, stiffness * n * n, damping * n * n, record.release_time_s.number, on_motor)
 
 
-def supply_of(given: Any) -> Supply | None:
+def supply_of(record: Any) -> Supply | None:
     """The supply that all drives share."""
-    if given is None:
+    if record is None:
         return None
-    chopper = _numbers(given, "chopper_voltage_v", "chopper_band_v", "chopper_resistance_ohm")
-    plain = _numbers(given, "voltage_v", "source_resistance_ohm", "capacitance_f")
+    chopper = _numbers(record, "chopper_voltage_v", "chopper_band_v", "chopper_resistance_ohm")
+    plain = _numbers(record, "voltage_v", "source_resistance_ohm", "capacitance_f")
     return Supply(plain[0], plain[1], plain[2], None if chopper[0] is None else (chopper[0], chopper[1], chopper[2]))
 
 
@@ -177,7 +177,7 @@ def _units(joint: MovingJoint) -> tuple[str, str]:
 
 def limits_of(joint: MovingJoint) -> Limits:
     """Limits of a joint, infinite where the record gives none."""
-    given = joint.limits
+    record = joint.limits
     if isinstance(joint, RevoluteJoint):
         position, velocity, torque = joint.limits.position_rad, joint.limits.velocity_rad_per_s, joint.limits.torque_n_m
         acceleration = joint.limits.acceleration_rad_per_s2
@@ -195,6 +195,6 @@ def limits_of(joint: MovingJoint) -> Limits:
         velocity=bound(velocity),
         acceleration=bound(acceleration),
         torque=bound(torque),
-        voltage=bound(given.voltage_v, factor.voltage),
-        current=bound(given.current_a, factor.current),
+        voltage=bound(record.voltage_v, factor.voltage),
+        current=bound(record.current_a, factor.current),
     )

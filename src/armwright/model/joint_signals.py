@@ -48,8 +48,10 @@ def joint_signal(
         about: what it is.   joints: those that have it, by number; default: all.
     """
     quantity = quantity or name
-    units, own = joint_units(arm, quantity), tuple(range(arm.n)) if joints is None else joints
-    return Signal(name, tuple(units[i] for i in own), (len(own),), own, about=about or LONG_NAMES.get(quantity, ""))
+    units, places = joint_units(arm, quantity), tuple(range(arm.n)) if joints is None else joints
+    return Signal(
+        name, tuple(units[i] for i in places), (len(places),), places, about=about or LONG_NAMES.get(quantity, "")
+    )
 
 
 def motion_layout(arm: Model) -> Layout:

@@ -37,17 +37,17 @@ class Mimics:
     offset: tuple[Scalar, ...]
 
     @classmethod
-    def of(cls, names: Sequence[str], told: Mapping[str, Any]) -> Mimics | None:
+    def of(cls, names: Sequence[str], mimic_of: Mapping[str, Any]) -> Mimics | None:
         """From the names of all joints and the records of those that follow, by name; None where none does."""
-        if not told:
+        if not mimic_of:
             return None
-        drivers = tuple(i for i, name in enumerate(names) if name not in told)
+        drivers = tuple(i for i, name in enumerate(names) if name not in mimic_of)
         place = {names[i]: k for k, i in enumerate(drivers)}
         rows = []
         for name in names:
             factor, offset = 1.0, 0.0
-            while name in told:
-                mimic = told[name]
+            while name in mimic_of:
+                mimic = mimic_of[name]
                 factor, offset = factor * mimic.multiplier.number, offset + factor * mimic.offset
                 name = mimic.joint
             rows.append((place[name], factor, offset))
@@ -111,11 +111,11 @@ def on_tree(project: Callable[[Mimics, Any], Any] | None = None) -> Callable[[Fu
             mimics = model.mimics
             if mimics is None:
                 return function(model, *arrays, **named)
-            given = {**dict(zip(names, arrays, strict=False)), **named}
-            for name, value in given.items():
+            values = {**dict(zip(names, arrays, strict=False)), **named}
+            for name, value in values.items():
                 if value is not None and name in (*POSITIONS, *RATES):
-                    given[name] = (mimics.positions if name in POSITIONS else mimics.rates)(value)
-            result = function(model.tree, **given)
+                    values[name] = (mimics.positions if name in POSITIONS else mimics.rates)(value)
+            result = function(model.tree, **values)
             return result if project is None else project(mimics, result)
 
         return on_all_joints  # type: ignore[return-value]

@@ -42,19 +42,23 @@ def aligned_frames(model: Model) -> Model:
     A placement that holds symbols stays as it is.
     """
     slide = _slides(model)
-    own = [
+    displacements = [
         Placement(rotation_z(angle), scalar.array([0.0, 0.0, way]))
         for angle, way in zip(_turns(model, slide), slide, strict=True)
     ]
     bodies = []
     for i, body in model.outward():
-        told = _reframed(body, own[i])
-        placement = told.placement if body.parent == BASE else own[body.parent].inverse() @ told.placement
+        reframed = _reframed(body, displacements[i])
+        placement = (
+            reframed.placement if body.parent == BASE else displacements[body.parent].inverse() @ reframed.placement
+        )
         aligned = body.kind == "revolute" and not _varies(body)
         placement, offset = _split(placement) if aligned else (placement, 0.0)
-        bodies.append(_snapped(replace(told, placement=placement, offset=body.offset + offset)))
+        bodies.append(_snapped(replace(reframed, placement=placement, offset=body.offset + offset)))
     frames = {
-        name: frame if frame.body == BASE else Frame(frame.body, _clean(own[frame.body].inverse() @ frame.placement))
+        name: frame
+        if frame.body == BASE
+        else Frame(frame.body, _clean(displacements[frame.body].inverse() @ frame.placement))
         for name, frame in model.frames.items()
     }
     return replace(model, bodies=tuple(bodies), frames=frames)
@@ -69,9 +73,9 @@ def base_parameters(model: Model) -> Model:
     """
     bodies = list(model.bodies)
     for i, body in model.inward():
-        own = bodies[i]
-        moved, left = _line(own) if body.kind == "revolute" else _tensor(own)
-        bodies[i] = replace(own, **left)
+        link = bodies[i]
+        moved, left = _line(link) if body.kind == "revolute" else _tensor(link)
+        bodies[i] = replace(link, **left)
         if body.parent != BASE:
             m, h, tensor = moved
             rotation, p = body.placement.rotation, body.placement.position

@@ -40,15 +40,15 @@ def limit_notes(
         if unreal.any():
             reached.append(f"beyond {UNREAL:g} at {first(unreal)}; from there on these numbers mean nothing")
         if outputs and _only_limits(body, coupled):
-            asked, applied = u[..., j], outputs["tau" if command == "torque" else command][..., j]
-            finite = np.isfinite(asked) & np.isfinite(applied)  # lanes that diverged may command anything
-            asked, applied = np.where(finite, asked, 0.0), np.where(finite, applied, 0.0)
-            clipped = np.abs(applied - asked) > ROUNDING * max(np.abs(asked).max(), np.abs(applied).max())
+            commanded, applied = u[..., j], outputs["tau" if command == "torque" else command][..., j]
+            finite = np.isfinite(commanded) & np.isfinite(applied)  # lanes that diverged may command anything
+            commanded, applied = np.where(finite, commanded, 0.0), np.where(finite, applied, 0.0)
+            clipped = np.abs(applied - commanded) > ROUNDING * max(np.abs(commanded).max(), np.abs(applied).max())
             if clipped.any():
                 unit = command_unit(command, body.kind == "prismatic")
                 reached.append(
                     f"the drive's limits clipped its {command} in {clipped.mean():.0%} of the rows, first at {first(clipped)} "
-                    f"(asked for up to {np.abs(asked[clipped]).max():.4g} {unit})"
+                    f"(asked for up to {np.abs(commanded[clipped]).max():.4g} {unit})"
                 )
         low, high = body.limits.position
         outside = (position < low) | (position > high)

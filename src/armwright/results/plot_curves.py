@@ -233,18 +233,18 @@ class _Drawing:
                 units, known = run_units(run, _plain(quantity)), _is_known(run, quantity)
                 for joint in np.flatnonzero(known):
                     sharing.setdefault((quantity, units[joint]), []).append((int(joint), k))
-        return tuple(self._panel(*key, sorted(own), quantities is None) for key, own in sharing.items())
+        return tuple(self._panel(*key, sorted(places), quantities is None) for key, places in sharing.items())
 
-    def _panel(self, quantity: str, unit: str, own: list[tuple[int, int]], references: bool) -> Panel:
+    def _panel(self, quantity: str, unit: str, places: list[tuple[int, int]], references: bool) -> Panel:
         curves = []
-        for joint, k in own:
+        for joint, k in places:
             curves += self._curves(quantity, joint, k)
             if references and f"{quantity}_reference" in self.runs[k]:
                 curves += self._reference(f"{quantity}_reference", joint, k)
-        joint, run = own[0][0], self.runs[own[0][1]]
+        joint, run = places[0][0], self.runs[places[0][1]]
         long_name = str(run[quantity].attrs.get("long_name", quantity))
         titles = TITLES.get(quantity) or 2 * (long_name[:1].upper() + long_name[1:],)
-        commands = {str(self.runs[k]["command"].values[joint]) for joint, k in own}
+        commands = {str(self.runs[k]["command"].values[joint]) for joint, k in places}
         stepped = quantity in ("u", "u_issued") or commands == {COMMANDED.get(quantity)}
         linear = str(run["kind"].values[joint]) == "prismatic"
         return Panel(titles[linear], SYMBOLS.get(_plain(quantity), quantity), unit, stepped, tuple(curves))
@@ -257,7 +257,10 @@ class _Drawing:
             return [Curve(name, k, self._series("median", k), style, middle, bands)]
         if len(lanes) > 1:
             style = replace(style, width=0.8, opacity=0.7)
-        return [Curve(name, k, self._series("lanes" if len(lanes) > 1 else "", k), style, own) for own in lanes]
+        return [
+            Curve(name, k, self._series("lanes" if len(lanes) > 1 else "", k), style, curve_lanes)
+            for curve_lanes in lanes
+        ]
 
     def _reference(self, quantity: str, joint: int, k: int) -> list[Curve]:
         """The reference, if all lanes share it."""

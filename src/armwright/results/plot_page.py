@@ -115,7 +115,7 @@ def page(
         data: results of `packed`, `embedded` or `Numbers.text`.
     """
     joined = {"script": scripts, "style": styles}
-    inside = {name: "\n".join(file.read_text(encoding="utf-8") for file in own) for name, own in joined.items()}
+    inside = {name: "\n".join(file.read_text(encoding="utf-8") for file in files) for name, files in joined.items()}
     texts = {key: escape(word) for key, word in words.items()}
     whole = "".join(file.read_text(encoding="utf-8") for file in (PAGES / "head.html", template))
     return Template(whole).substitute(inside | data | texts)

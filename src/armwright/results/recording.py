@@ -56,10 +56,10 @@ def make_dataset(
             the motors' constants are known of no joint, and NaN for joints without.
     """
     dims = ("lane", "time", "joint") if np.ndim(q) == 3 else ("time", "joint")
-    given = {"q": q, "qd": qd, "qdd": qdd, "u": u, "tau": tau, "voltage": voltage, "current": current}
+    arrays = {"q": q, "qd": qd, "qdd": qdd, "u": u, "tau": tau, "voltage": voltage, "current": current}
     known = {"voltage": _known(arm, "resistance", "torque_constant"), "current": _known(arm, "torque_constant")}
     variables = {}
-    for name, values in given.items():
+    for name, values in arrays.items():
         if values is None or not np.any(known.get(name, True)):
             continue
         values = np.asarray(values, dtype=float)

@@ -211,9 +211,9 @@ class Reduction:
             *rest: Array,
         ) -> Array:
             values = dict(zip(config.plant_blocks, rest, strict=True))
-            own = config.plant(values)
-            outputs = own.outputs(x, config.plant_inputs(u, values))
-            row = Row(tick[0], own.part(x, "q"), layout.part(r, "q"), u, first, final, outputs, own.applied(x, u))
+            plant = config.plant(values)
+            outputs = plant.outputs(x, config.plant_inputs(u, values))
+            row = Row(tick[0], plant.part(x, "q"), layout.part(r, "q"), u, first, final, outputs, plant.applied(x, u))
             values, start = [], 0
             for each in self.reducers.values():
                 stop = start + n * len(each.begin)
@@ -236,12 +236,12 @@ class Reduction:
 
     def results(self, memory: np.ndarray, ends: Ends) -> dict[str, np.ndarray]:
         """By name (lanes, n), from the block at the end (lanes, size)."""
-        found, start = {}, 0
+        values, start = {}, 0
         for name, each in self.reducers.items():
             stop = start + self.n * len(each.begin)
-            found[name] = each.end(memory[:, start:stop].reshape(len(memory), -1, self.n), ends)
+            values[name] = each.end(memory[:, start:stop].reshape(len(memory), -1, self.n), ends)
             start = stop
-        return found
+        return values
 
 
 def check_known(reduction: Reduction, arm: Model, outputs: Mapping[str, Any]) -> None:

@@ -51,23 +51,23 @@ def statistics(run: xr.Dataset, percentiles: Sequence[float] = PERCENTILES) -> x
     if not whole.any():
         raise RunError(f"none of the {len(whole)} lanes reached its end", expected="at least one for statistics")
     names = ["mean", "std", "min", "max", *(f"p{share:g}" for share in shares)]
-    found = {}
+    variables = {}
     for name, variable in run.data_vars.items():
         if "lane" in variable.dims and variable.dtype.kind == "f" and name not in NO_STATISTICS:
             rest = [dim for dim in variable.dims if dim != "lane"]
             values = variable.transpose("lane", *rest).values[whole]
-            found[name] = (("statistic", *rest), _over_lanes(values, shares), variable.attrs)
+            variables[name] = (("statistic", *rest), _over_lanes(values, shares), variable.attrs)
     coordinates = {name: value for name, value in run.coords.items() if "lane" not in value.dims}
     lanes = {"lanes": int(whole.sum()), "lanes_left_out": int((~whole).sum())}
     about = ("statistic", names, {"long_name": "statistic over the lanes"})
-    return xr.Dataset(found, {**coordinates, "statistic": about}, {**run.attrs, **lanes})
+    return xr.Dataset(variables, {**coordinates, "statistic": about}, {**run.attrs, **lanes})
 
 
 def _over_lanes(values: np.ndarray, shares: np.ndarray) -> np.ndarray:
     """(statistics, …) from (lanes, …), some columns at a time."""
     shape = values.shape[1:]
     flat = values.reshape(len(values), -1)
-    found = np.empty((4 + len(shares), flat.shape[1]))
+    table = np.empty((4 + len(shares), flat.shape[1]))
     width = max(1, PIECE // len(values))
     for start in range(0, flat.shape[1], width):
         part = flat[:, start : start + width]
@@ -75,5 +75,5 @@ def _over_lanes(values: np.ndarray, shares: np.ndarray) -> np.ndarray:
             warnings.simplefilter("ignore", RuntimeWarning)
             spread = np.nanstd(part, axis=0, ddof=1) if len(part) > 1 else np.full(part.shape[1], np.nan)
             rows = [np.nanmean(part, axis=0), spread, np.nanmin(part, axis=0), np.nanmax(part, axis=0)]
-            found[:, start : start + width] = [*rows, *np.nanpercentile(part, shares, axis=0)]
-    return found.reshape(len(found), *shape)
+            table[:, start : start + width] = [*rows, *np.nanpercentile(part, shares, axis=0)]
+    return table.reshape(len(table), *shape)

@@ -18,14 +18,14 @@ class Actuation:
 
 def actuations(mujoco: Any, model: Any) -> dict[int, Actuation]:
     """By joint. A motor's force is gear · gain · ctrl; a servo's is limited by its force range alone."""
-    found: dict[int, Actuation] = {}
+    by_joint: dict[int, Actuation] = {}
     for i in range(model.nu):
         joint = int(model.actuator_trnid[i, 0])
-        if joint in found:
-            found[joint].remarks.append("has several actuators: their gears and limits are not used")
-            found[joint].gear, found[joint].torque = 1.0, inf
+        if joint in by_joint:
+            by_joint[joint].remarks.append("has several actuators: their gears and limits are not used")
+            by_joint[joint].gear, by_joint[joint].torque = 1.0, inf
             continue
-        actuation = found[joint] = Actuation(gear=float(model.actuator_gear[i, 0]) or 1.0)
+        actuation = by_joint[joint] = Actuation(gear=float(model.actuator_gear[i, 0]) or 1.0)
         bounds = []
         if model.actuator_forcelimited[i]:
             bounds.append(model.actuator_forcerange[i])
@@ -46,7 +46,7 @@ def actuations(mujoco: Any, model: Any) -> dict[int, Actuation]:
                 )
             limit = min(abs(low), abs(high)) * abs(actuation.gear)
             actuation.torque = min(actuation.torque, limit or inf)
-    return found
+    return by_joint
 
 
 def masters(mujoco: Any, model: Any) -> dict[int, int]:

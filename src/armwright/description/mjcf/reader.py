@@ -152,8 +152,8 @@ class _Reader:
         inertial = self.inside[i] @ _placement(model.body_ipos[i], model.body_iquat[i])
         tensor = inertial.rotation @ np.diag(model.body_inertia[i]) @ inertial.rotation.T
         mass = float(model.body_mass[i])
-        own = {"mass_kg": mass, "com_m": inertial.position.tolist(), "inertia_kg_m2": _tensor(tensor)}
-        self.links.append({"name": self.bodies[i], **own})
+        mass_properties = {"mass_kg": mass, "com_m": inertial.position.tolist(), "inertia_kg_m2": _tensor(tensor)}
+        self.links.append({"name": self.bodies[i], **mass_properties})
 
     def _between(self, body: str, k: int) -> str:
         name = f"{body}_{k}"

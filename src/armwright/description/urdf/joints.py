@@ -97,11 +97,11 @@ def _limits(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]:
         if attribute in LIMITS_ELSEWHERE:
             reading.ignored[f"limit {attribute}"] += 1
     limit.only_attributes("lower", "upper", "effort", "velocity", *LIMITS_ELSEWHERE)
-    found: dict[str, Any] = {}
+    limits: dict[str, Any] = {}
     lower, upper = (_limit(limit, side) for side in ("lower", "upper"))
     if kind != "continuous":
         if lower is not None and upper is not None and lower < upper:
-            found[f"position_{unit}"] = [lower, upper]
+            limits[f"position_{unit}"] = [lower, upper]
         elif lower is not None and upper is not None and lower > upper:
             raise limit.error(place=f"joint {name!r} lower", value=lower, expected=f"a number below upper = {upper:g}")
         else:
@@ -114,10 +114,10 @@ def _limits(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]:
                 place=f"joint {name!r} <limit {attribute}>", value=value, expected="a number of 0 or more"
             )
         if value:
-            found[key] = value
+            limits[key] = value
         elif attribute in limit.attributes and reading.drive_of(name) is None:
             reading.remark("joint", name, f"{attribute} limit 0 or infinite: read as unknown")
-    return found
+    return limits
 
 
 def _limit(limit: Element, attribute: str) -> float | None:

@@ -68,10 +68,10 @@ def _turned(entries: list[float], rotation: np.ndarray) -> list[float]:
 def _check_oddities(reading: UrdfReading, link: Element, what: str) -> None:
     """Tags of other formats that some files carry along: harmless while they change nothing."""
     for tag, harmless in (("gravity", ("1", "true")), ("kinematic", ("0", "false"))):
-        found = link.one(tag)
-        if found is not None:
-            if found.text.strip().lower() not in harmless:
-                raise found.error(place=f"{what} <{tag}>", value=found.text.strip(), expected=harmless[0])
+        element = link.one(tag)
+        if element is not None:
+            if element.text.strip().lower() not in harmless:
+                raise element.error(place=f"{what} <{tag}>", value=element.text.strip(), expected=harmless[0])
             reading.ignored[f"link/{tag}"] += 1
     origin = link.one("origin")
     if origin is not None:
@@ -84,12 +84,12 @@ def _check_oddities(reading: UrdfReading, link: Element, what: str) -> None:
 
 def colours(robot: Element) -> Colours:
     """Colours [red, green, blue] of the materials that a robot names, wherever it defines them."""
-    found: Colours = {}
+    by_name: Colours = {}
     for material in (*robot.all("material"), *_materials(robot)):
         colour = material.one("color")
         if colour is not None and material.attributes.get("name"):
-            found[material.attributes["name"]] = _rgb(colour)
-    return found
+            by_name[material.attributes["name"]] = _rgb(colour)
+    return by_name
 
 
 def visuals(reading: UrdfReading, link: Element, named: Colours) -> list[dict[str, Any]]:
@@ -152,8 +152,8 @@ def _materials(robot: Element) -> list[Element]:
 def _colour(material: Element | None, named: Colours) -> list[float] | None:
     if material is None:
         return None
-    own = material.one("color")
-    return _rgb(own) if own is not None else named.get(material.attributes.get("name", ""))
+    inner = material.one("color")
+    return _rgb(inner) if inner is not None else named.get(material.attributes.get("name", ""))
 
 
 def _rgb(colour: Element) -> list[float]:

@@ -15,7 +15,7 @@ def reductions(reading: UrdfReading, robot: Element) -> dict[str, float]:
         DescriptionError: a reduction that is no number other than 0, two transmissions for a joint that disagree, or a tag
             that nobody would read.
     """
-    found: dict[str, float] = {}
+    by_joint: dict[str, float] = {}
     known = {joint.attributes.get("name") for joint in robot.all("joint")}
     for transmission in robot.all("transmission"):
         name = transmission.attributes.get("name", "")
@@ -40,11 +40,11 @@ def reductions(reading: UrdfReading, robot: Element) -> dict[str, float]:
             reading.ignored["transmission of several joints"] += 1
             continue
         ratio = ratios[0] if ratios else 1.0
-        if found.get(joints[0], ratio) != ratio:
-            expected = f"{found[joints[0]]:g}, as in the transmission before"
+        if by_joint.get(joints[0], ratio) != ratio:
+            expected = f"{by_joint[joints[0]]:g}, as in the transmission before"
             raise transmission.error(place=f"joint {joints[0]!r} mechanicalReduction", value=ratio, expected=expected)
-        found[joints[0]] = ratio
-    return found
+        by_joint[joints[0]] = ratio
+    return by_joint
 
 
 def _check(reading: UrdfReading, element: Element, name: str, read: tuple[str, ...] = ()) -> None:

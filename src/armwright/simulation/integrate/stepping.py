@@ -121,9 +121,9 @@ def adaptive_stage(
     events = dict(adaptivity.events)
 
     def trial(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
-        *more, h = rest
+        *constant, h = rest
         new, error, grow, path = trial_step(
-            lambda x, u: call(whole, x, u, *more), x, u, h, adaptivity.rtol, adaptivity.atol
+            lambda x, u: call(whole, x, u, *constant), x, u, h, adaptivity.rtol, adaptivity.atol
         )
         return (new, error, grow, path) if events else (new, error, grow)
 

@@ -170,12 +170,12 @@ class PlantFlow:
 
     def _states(self, x: Array, joint: int) -> JointStates:
         """The state of one joint's drive."""
-        own = {
+        entries = {
             part.name: self.part(x, part.name)[part.joints.index(joint)]
             for part in self.layout.signals[2:]
             if part.joints is not None and joint in part.joints and not part.name.startswith("motor")
         }
-        return JointStates(**own)
+        return JointStates(**entries)
 
     def _links(self, *, rotors: bool) -> Model:
         """The arm without the rotors of its coordinates; `rotors`: with those that turn with one joint, behind rigid gears."""

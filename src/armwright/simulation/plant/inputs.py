@@ -28,9 +28,9 @@ class PlantInputs:
     payload: Array | None = None
 
     @classmethod
-    def of(cls, given: PlantInputs | Any) -> PlantInputs:
+    def of(cls, command: PlantInputs | Any) -> PlantInputs:
         """Inputs as they are, or those of commands (n,) alone."""
-        return given if isinstance(given, PlantInputs) else cls(given)
+        return command if isinstance(command, PlantInputs) else cls(command)
 
     @classmethod
     def named(cls, command: Array, values: Mapping[str, Array]) -> PlantInputs:

@@ -79,13 +79,13 @@ class SwitchingFunction:
 
 def contact_depths(body: Body, at: JointMotion) -> list[Scalar]:
     """Depths [rad | m] in the joint's stops, upper and lower, and of its gear's flanks, forward and back."""
-    found: list[Scalar] = []
+    depths: list[Scalar] = []
     if body.stops is not None:
-        found += stop_depths(*body.limits.position, at.q)
+        depths += stop_depths(*body.limits.position, at.q)
     if body.elasticity is not None and body.elasticity.backlash is not None:
         deflection, _ = bent(body.elasticity, body.drive.gear_ratio, at.motor, at.link)
-        found += flank_depths(deflection, body.elasticity.backlash)
-    return found
+        depths += flank_depths(deflection, body.elasticity.backlash)
+    return depths
 
 
 def driven_joint(
@@ -130,19 +130,19 @@ def driven_joint(
     before, behind, rubbed = _friction(
         body, states, at, driven if spring is None else spring.torque, warming, change, rates
     )
-    own, loss = behind, loss + rubbed
+    link_friction, loss = behind, loss + rubbed
     if body.friction is not None and has_corner(body.friction):
         switching.append(_turning(body, at.motor_speed if body.friction.on_motor else at.qd))
     if applied is not None:
         assert body.brake is not None
         speed = at.motor_speed if body.brake.on_motor else at.qd
         switching.append(_turning(body, speed))
-        held = holding(body.brake, speed, states.brake, applied)
-        change["brake"], rates["brake"], loss = held.speed, held.rate, loss + held.torque * speed
+        brake = holding(body.brake, speed, states.brake, applied)
+        change["brake"], rates["brake"], loss = brake.speed, brake.rate, loss + brake.torque * speed
         if body.brake.on_motor:
-            before = before + held.torque
+            before = before + brake.torque
         else:
-            behind = behind + held.torque
+            behind = behind + brake.torque
     if body.stops is not None:
         stop = stopped(body.stops, *body.limits.position, at.q, at.qd, (touching[0], touching[1]))
         behind, loss = behind - stop.torque, loss + stop.loss
@@ -152,7 +152,7 @@ def driven_joint(
         referred = (driven - before - spring.slope * spring.torque) / body.drive.reflected
         acceleration, gear, before = body.drive.gear_ratio * referred, spring.torque, 0.0
     return DrivenJoint(
-        winding.torque, winding.voltage, winding.current, winding.power, winding.heat, gear, before, behind, own,
+        winding.torque, winding.voltage, winding.current, winding.power, winding.heat, gear, before, behind, link_friction,
         loss, acceleration, change, rates, switching,
     )  # fmt: skip
 

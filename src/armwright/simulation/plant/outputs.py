@@ -112,8 +112,8 @@ class PlantReadings(PlantFlow):
             joint.gear - joint.motor_resisting - body.drive.reflected * motors[i] if rigid[i] else joint.gear
             for i, (joint, body) in enumerate(zip(flow.joints, self.model.coordinates, strict=True))
         ]
-        own = [joint.friction if rigid[i] else 0.0 for i, joint in enumerate(flow.joints)]
-        return to_joints(self.shares, leaves) - scalar.array(own)
+        friction = [joint.friction if rigid[i] else 0.0 for i, joint in enumerate(flow.joints)]
+        return to_joints(self.shares, leaves) - scalar.array(friction)
 
     def energy_rates(self, x: Array, inputs: PlantInputs | Array) -> dict[str, Scalar]:
         """Powers [W]; what comes in is  electrical = heat + friction + mechanical + d/dt `stored_energy`.

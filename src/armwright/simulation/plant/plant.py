@@ -57,8 +57,8 @@ class Plant(PlantReadings):
                     expected="an arm with its rotors",
                     file=model.name,
                 )
-        own = brakes and any(body.brake is not None for body in model.coordinates)
-        return cls(model, state_layout(model, own), own)
+        braked = brakes and any(body.brake is not None for body in model.coordinates)
+        return cls(model, state_layout(model, braked), braked)
 
     def contact_depths(self, x: Array) -> np.ndarray:
         """Depth of every contact, (contacts,) [rad | m]: a joint in its stops, flanks in each other; below 0 outside."""
@@ -122,13 +122,15 @@ class Plant(PlantReadings):
             inputs = replace(inputs, contacts=self.active_contacts(x))
         split = self.program(inputs).split if scalar.is_symbolic(x, inputs.command, h) else self.split
 
-        def held(command: Array) -> PlantInputs:
+        def inputs_at(command: Array) -> PlantInputs:
             return replace(inputs, command=command)
 
         if not self.stiff:
-            return rule.step(lambda at, command: split(at, held(command))[0], x, inputs.command, h)
+            return rule.step(lambda at, command: split(at, inputs_at(command))[0], x, inputs.command, h)
         exact = Split(
-            lambda at, command: split(at, held(command)), lambda at, command: self.fast(at, held(command)), self.stiff
+            lambda at, command: split(at, inputs_at(command)),
+            lambda at, command: self.fast(at, inputs_at(command)),
+            self.stiff,
         )
         return rule.exponential(exact, x, inputs.command, h)
 

@@ -49,9 +49,9 @@ class PlantProgram:
 
     def split(self, x: Array, inputs: PlantInputs) -> tuple[Array, Array]:
         """As the plant's own, by a call."""
-        given = [x, *(getattr(inputs, port.name) for port in self.program.inputs[1:] if port.name != FREE)]
+        arguments = [x, *(getattr(inputs, port.name) for port in self.program.inputs[1:] if port.name != FREE)]
         free = [np.array(self.free, dtype=object)] if self.free else []
-        results = call(self.program, *given, *free)
+        results = call(self.program, *arguments, *free)
         if len(self.program.outputs) == 1:
             return results, self.rates
         derivative, rates = results

@@ -18,7 +18,7 @@ def state_layout(model: Model, brakes: bool) -> Layout:
     every, elastic = which(lambda body: True), which(lambda body: body.elasticity is not None)
     wound = which(lambda body: body.drive.inductance is not None)
     bristle = which(lambda body: body.friction is not None and body.friction.law == "lugre")
-    held = which(lambda body: brakes and body.brake is not None)
+    braked = which(lambda body: brakes and body.brake is not None)
     warm = which(lambda body: body.drive.thermal is not None)
     housed = which(lambda body: body.drive.thermal is not None and body.drive.thermal.housing is not None)
     rows = (
@@ -33,7 +33,7 @@ def state_layout(model: Model, brakes: bool) -> Layout:
         ("motor_qd", "rad/s", elastic, "velocity of the motor behind its elastic gear"),
         ("current", "current", wound, ""),
         ("bristle", "q", bristle, "deflection of the bristles"),
-        ("brake", "q", held, "how far the brake gave way"),
+        ("brake", "q", braked, "how far the brake gave way"),
         ("winding_temperature", "°C", warm, "temperature of the motor's winding"),
         ("housing_temperature", "°C", housed, "temperature of the motor's housing"),
     )
@@ -53,5 +53,5 @@ def has_effect(body: Body) -> bool:
     """True if a joint's drive has an effect that `forward_dynamics` does not know, be it with a state or without."""
     friction, drive = body.friction, body.drive
     rising = friction is not None and friction.load_coefficient is not None
-    told = (body.elasticity, body.stops, drive.cogging, drive.thermal)
-    return rising or drive.coasts or bool(drive.coupling) or any(part is not None for part in told)
+    effects = (body.elasticity, body.stops, drive.cogging, drive.thermal)
+    return rising or drive.coasts or bool(drive.coupling) or any(part is not None for part in effects)

@@ -55,8 +55,8 @@ class StepLimit:
     def _linearised(self, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Slopes (m, size, size) and λ (m, k) at those of the states that have finite ones, brakes applied."""
         brakes = [np.ones(len(self.plant.braked))] if self.plant.brakes else []
-        found = interpret(self._jacobian, self.states, command, *brakes, *self._values)
-        slopes, fast = found if isinstance(found, tuple) else (found, np.zeros((len(found), 0)))
+        result = interpret(self._jacobian, self.states, command, *brakes, *self._values)
+        slopes, fast = result if isinstance(result, tuple) else (result, np.zeros((len(result), 0)))
         finite = np.isfinite(slopes).all(axis=(1, 2))
         return slopes[finite], fast[finite]
 
@@ -208,9 +208,9 @@ class VariedStepLimit:
         _, first = np.unique(self.values[lanes], axis=0, return_index=True)
         lanes = lanes[np.sort(first)]
         if len(lanes) > 2 * FULLY:
-            found = self._modes(slopes, lanes)
-            swings = -np.real(found) <= np.abs(np.imag(found))
-            speeds = [np.where(kind, np.abs(found), 0.0).max(axis=1) for kind in (swings, ~swings)]
+            eigenvalues = self._modes(slopes, lanes)
+            swings = -np.real(eigenvalues) <= np.abs(np.imag(eigenvalues))
+            speeds = [np.where(kind, np.abs(eigenvalues), 0.0).max(axis=1) for kind in (swings, ~swings)]
             lanes = lanes[np.unique([np.argsort(-speed, kind="stable")[:FULLY] for speed in speeds])]
         return [int(lane) for lane in lanes]
 
@@ -220,8 +220,8 @@ class VariedStepLimit:
         plant, states = nominal.plant, nominal.states[:: max(1, len(nominal.states) // STATES)]
         brakes = [np.ones(len(plant.braked))] if plant.brakes else []
         command, values = np.zeros(self.varied.arm.n), self.values[lanes][:, None, :]
-        found = interpret(slopes, states, command, *brakes, values)
-        slope = found[0] if isinstance(found, tuple) else found
+        result = interpret(slopes, states, command, *brakes, values)
+        slope = result[0] if isinstance(result, tuple) else result
         kept = np.setdiff1d(np.arange(plant.size), plant.stiff)
         slope = slope[..., kept[:, None], kept]
         slope = np.where(np.isfinite(slope).all(axis=(2, 3), keepdims=True), slope, 0.0)
@@ -236,9 +236,9 @@ def linearised(model: Model, varied: Varied | None = None) -> Program:
     names |= {} if varied is None else {"p": (len(varied.names),)}
 
     def plant(x: Array, u: Array, *rest: Array) -> tuple[np.ndarray, np.ndarray]:
-        told = dict(zip(list(names)[2:], rest, strict=True))
-        own = bare if varied is None else Plant.of(varied.model(told["p"]), brakes=True)
-        return own.split(x, PlantInputs.named(u, told))
+        arguments = dict(zip(list(names)[2:], rest, strict=True))
+        built = bare if varied is None else Plant.of(varied.model(arguments["p"]), brakes=True)
+        return built.split(x, PlantInputs.named(u, arguments))
 
     split = trace("plant", plant, names, ("xd", "fast"))
     symbols = [casadi.SX.sym(name, shape[0]) for name, shape in names.items()]  # type: ignore[arg-type]

@@ -56,37 +56,37 @@ def switching_programs(watched: Watched | None, shapes: Mapping[str, tuple[int, 
     if watched is None:
         return {}
     deep = trace("depths", watched.depths, shapes, noinline=True)
-    size, held = shapes["x"], {**{name: shape for name, shape in shapes.items() if name != "x"}, **watched.block}
+    size, constant = shapes["x"], {**{name: shape for name, shape in shapes.items() if name != "x"}, **watched.block}
 
-    def touching(x: Array, *held: Array) -> Array:
-        return scalar.array([scalar.less_equal(0.0, depth) for depth in call(deep, x, *held)])
+    def touching(x: Array, *inputs: Array) -> Array:
+        return scalar.array([scalar.less_equal(0.0, depth) for depth in call(deep, x, *inputs)])
 
-    def values(x: Array, *given: Array) -> tuple[list[Scalar], Array]:
-        switching, least = watched.functions(x, *given)
-        return [*call(deep, x, *given[:-1]), *switching], least
+    def values(x: Array, *inputs: Array) -> tuple[list[Scalar], Array]:
+        switching, least = watched.functions(x, *inputs)
+        return [*call(deep, x, *inputs[:-1]), *switching], least
 
-    def changes(x: Array, after: Array, *given: Array) -> tuple[list[Scalar], list[Scalar], list[Scalar]]:
-        (begins, least), (ends, _) = values(x, *given), values(after, *given)
-        entered = given[-1]
+    def changes(x: Array, after: Array, *inputs: Array) -> tuple[list[Scalar], list[Scalar], list[Scalar]]:
+        (begins, least), (ends, _) = values(x, *inputs), values(after, *inputs)
+        entered = inputs[-1]
         changed = [scalar.less((it - 0.5) * b, 0.0) for it, b in zip(entered, ends, strict=False)]
         for a, b, little in zip(begins[len(changed) :], ends[len(changed) :], least, strict=True):
             changed.append(scalar.less(a * b, -(little * little)))
         return changed, begins, ends
 
-    def switched(x: Array, after: Array, *given: Array) -> Array:
-        return scalar.array([sum(changes(x, after, *given)[0])])
+    def switched(x: Array, after: Array, *inputs: Array) -> Array:
+        return scalar.array([sum(changes(x, after, *inputs)[0])])
 
-    def begin(x: Array, after: Array, *given: Array) -> tuple[Array, Array, Array]:
-        changed, begins, ends = changes(x, after, *given)
+    def begin(x: Array, after: Array, *inputs: Array) -> tuple[Array, Array, Array]:
+        changed, begins, ends = changes(x, after, *inputs)
         weights = scalar.array([scalar.where(it, 1.0 / b, 0.0) for it, b in zip(changed, ends, strict=True)])
         below = scalar.minimum(_furthest(weights, begins), 0.0)
         bracket = [0.0, 1.0, below, 1.0, 0.0]  # its ends θ, g there, and which moved last: 1 the upper, -1 the lower
         return weights, scalar.array(bracket), scalar.array([_guess(bracket)])
 
     def narrow(after: Array, *rest: Array) -> tuple[Array, Array]:
-        *given, weights, bracket, part = rest
+        *inputs, weights, bracket, part = rest
         lower, upper, below, above, last = bracket
-        g = _furthest(weights, values(after, *given)[0])
+        g = _furthest(weights, values(after, *inputs)[0])
         beyond = scalar.less(0.0, g)
         bracket = [
             scalar.where(beyond, lower, part[0]),
@@ -98,14 +98,14 @@ def switching_programs(watched: Watched | None, shapes: Mapping[str, tuple[int, 
         return scalar.array(bracket), scalar.array([_guess(bracket)])
 
     after = {f"x{NEXT}": size}
-    arguments = (scalar.zeros(*shape) for shape in (size, *held.values()))
+    arguments = (scalar.zeros(*shape) for shape in (size, *constant.values()))
     searched = {"weights": (watched.contacts + len(watched.functions(*arguments)[1]),), "bracket": (5,), "part": (1,)}
     return {
         "touching": trace("touching", touching, shapes, noinline=True),
-        "switched": trace("switched", switched, {"x": size, **after, **held}, noinline=True),
-        "bracket": trace("bracket", begin, {"x": size, **after, **held}, tuple(searched), noinline=True),
+        "switched": trace("switched", switched, {"x": size, **after, **constant}, noinline=True),
+        "bracket": trace("bracket", begin, {"x": size, **after, **constant}, tuple(searched), noinline=True),
         "narrow": trace(
-            "narrow", narrow, {**after, **held, **searched}, (f"bracket{NEXT}", f"part{NEXT}"), noinline=True
+            "narrow", narrow, {**after, **constant, **searched}, (f"bracket{NEXT}", f"part{NEXT}"), noinline=True
         ),
     }
 
