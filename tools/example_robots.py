@@ -42,7 +42,7 @@ FAULTS = (
     (r"its axis is not of length 1", "axis not of length 1: {n}"),
     (r"is not on the search path|is no \.stl", "{n} with meshes that are not found or read"),
     (r"capsule is not drawn", "{n} with capsules"),
-    (r"move no mass", "joints that move no mass"),
+    (r"moves? no mass", "joints that move no mass"),
 )
 
 

@@ -231,4 +231,4 @@ def test_a_mesh_that_cannot_be_opened_is_told(tmp_path):
 
 def test_a_joint_that_moves_nothing(tmp_path):
     told = aw.load(written(tmp_path, one_joint(moved=""))).warnings
-    assert any("joints j1 move no mass: forward dynamics cannot be computed" in sentence for sentence in told)
+    assert any("joint 'j1': moves no mass: forward dynamics cannot be computed" in sentence for sentence in told)

@@ -13,7 +13,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.description.robot import FixedJoint, Link, MovingJoint, PrismaticJoint, RevoluteJoint, RobotDescription
-from armwright.errors import DescriptionError
+from armwright.errors import DescriptionError, Problem
 from armwright.model.joint_side import brake_of, drive_of, elasticity_of, friction_of, limits_of, stops_of, supply_of
 from armwright.model.mimics import Mimics
 from armwright.model.tree import BASE, Body, Frame, Tree
@@ -38,8 +38,8 @@ def places_of_joints(robot: RobotDescription, model: Tree) -> dict[str, list[Any
     return places
 
 
-def massless(model: Tree) -> list[str]:
-    """Warning that names joints that move no mass: their acceleration has no solution."""
+def massless(model: Tree) -> list[Problem]:
+    """Warning about joints that move no mass: their acceleration has no solution."""
     carried = [
         float(body.mass) + float(np.trace(body.inertia)) + abs(float(body.drive.reflected)) for body in model.bodies
     ]
@@ -49,7 +49,10 @@ def massless(model: Tree) -> list[str]:
     if model.mimics is not None:
         carried = list(model.mimics.moved(carried))
     names = [name for name, moved in zip(model.names, carried, strict=True) if moved == 0.0]
-    return [f"joints {', '.join(names)} move no mass: forward dynamics cannot be computed"] if names else []
+    if not names:
+        return []
+    place, verb = ("joint", "moves") if len(names) == 1 else ("joints", "move")
+    return [Problem(f"{verb} no mass: forward dynamics cannot be computed", f"{place} {', '.join(map(repr, names))}")]
 
 
 def tree_of(robot: RobotDescription) -> Tree:

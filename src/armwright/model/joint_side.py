@@ -104,20 +104,20 @@ def friction_of(joint: MovingJoint) -> Friction | None:
     linear = isinstance(record, LinearFriction)
     factors = {"torque": n, "speed": 1.0 / n, "slope": n, "stiffness": n * n, "damping": n * n}
 
-    def referred(stem: str, dimension: Dimension, absent: Any = 0.0) -> Scalar:
+    def on_joint_side(stem: str, dimension: Dimension, absent: Any = 0.0) -> Scalar:
         quantity = getattr(record, key_of(stem, dimension, linear))
         return absent if quantity is None else quantity.number * factors[dimension]
 
     return Friction(
-        viscous=referred("viscous", "damping"),
-        coulomb_positive=referred("coulomb_positive", "torque"),
-        coulomb_negative=referred("coulomb_negative", "torque"),
-        offset=referred("offset", "torque"),
-        stribeck=referred("stribeck_torque", "torque", absent=None),
-        stribeck_speed=referred("stribeck_speed", "speed", absent=1.0),
+        viscous=on_joint_side("viscous", "damping"),
+        coulomb_positive=on_joint_side("coulomb_positive", "torque"),
+        coulomb_negative=on_joint_side("coulomb_negative", "torque"),
+        offset=on_joint_side("offset", "torque"),
+        stribeck=on_joint_side("stribeck_torque", "torque", absent=None),
+        stribeck_speed=on_joint_side("stribeck_speed", "speed", absent=1.0),
         smoothing=_smoothing(joint),
         law=record.law,
-        parameters=tuple(referred(*key) for key in LAWS[record.law].own),
+        parameters=tuple(on_joint_side(*key) for key in LAWS[record.law].own),
         on_motor=record.side == "motor",
         load_coefficient=_number(record.load_coefficient),
         viscous_fall=_number(record.viscous_fall_k),

@@ -159,4 +159,4 @@ def build_model(robot: RobotDescription, *, on_impossible: str = "error") -> Mod
     findings = [*check_bodies(robot, on_impossible), *check_drives(robot)]
     model = assembled(robot)
     findings += implausible_values(robot, places_of_joints(robot, model))
-    return dataclasses.replace(model, warnings=(*robot.remarks, *map(str, findings), *massless(model)))
+    return dataclasses.replace(model, warnings=(*robot.remarks, *map(str, (*findings, *massless(model)))))

@@ -149,8 +149,8 @@ def driven_joint(
         switching += _felt(stop.pushes, touching)
     acceleration, gear = None, driven
     if spring is not None:
-        referred = (driven - before - spring.slope * spring.torque) / body.drive.reflected
-        acceleration, gear, before = body.drive.gear_ratio * referred, spring.torque, 0.0
+        at_joint = (driven - before - spring.slope * spring.torque) / body.drive.reflected
+        acceleration, gear, before = body.drive.gear_ratio * at_joint, spring.torque, 0.0
     return DrivenJoint(
         winding.torque, winding.voltage, winding.current, winding.power, winding.heat, gear, before, behind, link_friction,
         loss, acceleration, change, rates, switching,

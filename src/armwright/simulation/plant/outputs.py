@@ -22,7 +22,7 @@ TOLD = ("motor_q", "motor_qd", "bristle", "brake", "winding_temperature", "housi
 
 
 @dataclass(frozen=True, eq=False)
-class PlantReadings(PlantFlow):
+class PlantOutputs(PlantFlow):
     """A plant's outputs in a state."""
 
     @cached_property

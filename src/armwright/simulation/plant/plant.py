@@ -26,13 +26,13 @@ from armwright.simulation.integrate.integrators import Integrator
 from armwright.simulation.plant.flow import STIFF
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.joint_drive import at_rest, contact_depths
-from armwright.simulation.plant.outputs import PlantReadings
+from armwright.simulation.plant.outputs import PlantOutputs
 from armwright.simulation.plant.program import PlantProgram
 from armwright.simulation.plant.state import state_layout
 
 
 @dataclass(frozen=True, eq=False)
-class Plant(PlantReadings):
+class Plant(PlantOutputs):
     """An arm with its drives, as its record describes them.
 
     Attributes:
