@@ -33,7 +33,7 @@ np.testing.assert_allclose(friction_torques(tanh, qd) - friction_torques(smooth,
 assert max(np.abs(change)) > 0.1
 found = aw.compile(tanh).inverse_dynamics(zero, qd, zero)
 np.testing.assert_allclose(found, aw.inverse_dynamics(tanh, zero, qd, zero), atol=1e-9)
-run = aw.simulate(aw.Scenario(tanh, command=np.full(tanh.n, 0.5), step=1e-4, duration=0.05))
+run = aw.simulate(aw.Scenario(tanh, command=np.full(tanh.n, 0.5), solver=aw.Solver(step=1e-4), duration=0.05))
 assert np.isfinite(run.q.values).all()
 print(aw.__file__)
 """
