@@ -31,8 +31,10 @@ reference = aw.inverse_dynamics(arm, q[77], qd[77], qdd[77])
 print(f"alone = in the batch, bit for bit: {np.array_equal(one, out[77])}")
 print(f"against the float reference:       {np.abs(one - reference).max():.1e} N m")
 
-# Leading axes broadcast as everywhere in NumPy: a grid of shoulder and elbow angles, one wrench for all of it.
+# Leading axes broadcast as in NumPy: a grid of shoulder and elbow angles, one wrench for all of it.
 grid = np.zeros((61, 41, arm.n))
 grid[..., 1], grid[..., 2] = np.linspace(-1.5, 1.5, 61)[:, None], np.linspace(-2, 2, 41)
-held = dyn.bias_torques(grid, np.zeros(arm.n), wrench=[0, 0, -20.0, 0, 0, 0])
-print(f"largest shoulder torque with 20 N pulling down: {np.abs(held[..., 1]).max():.1f} N m, of {held.shape} values")
+torques = dyn.bias_torques(grid, np.zeros(arm.n), wrench=[0, 0, -20.0, 0, 0, 0])
+print(
+    f"largest shoulder torque with 20 N pulling down: {np.abs(torques[..., 1]).max():.1f} N m, of {torques.shape} values"
+)

@@ -19,7 +19,7 @@ for path in ("rod.mass_kg", "shoulder.motor.resistance_ohm"):
     source = arm.provenance(path)
     print(f"  {path}: {source.kind}, {source.text}")
 
-# Which voltage keeps the quill where it is? Joint torques in N m, the quill's force in N.
+# Voltages that hold the arm still. Joint torques in N m, the quill's force in N.
 q, still = np.array([0.3, -0.8, 0.05, 0.0]), np.zeros(4)
 holding = aw.motor_voltage(arm, still, aw.gravity_torques(arm, q))
 print("holding voltages:", np.round(holding, 3), "V")
@@ -35,6 +35,6 @@ run = aw.simulate(aw.Scenario(arm, command=schedule, duration=0.8, start=q))
 print("ends at q =", np.round(run.q.values[-1], 3), "rad, rad, m, rad")
 aw.plot(run, folder / "own_robot.png")
 
-# Variants are made, never edited in: the same arm without friction and with lossless gears.
+# An arm is never changed; `replace` returns another one: here without friction and with lossless gears.
 ideal = aw.simulate(aw.Scenario(arm.replace(friction=None, efficiency=None), command=schedule, duration=0.8, start=q))
 print("without friction and gear loss q =", np.round(ideal.q.values[-1], 3))

@@ -1,4 +1,4 @@
-"""A thousand simulations at once: how far do motor voltages that are 5 % off, and a late switch, carry the arm astray?
+"""A thousand simulations at once: the spread of the motion if motor voltages are 5 % wrong and the switch is late.
 
 Run it:  python examples/05_lanes.py [FOLDER]
 """

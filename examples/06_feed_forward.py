@@ -17,10 +17,10 @@ dyn = aw.compile(arm)
 
 start = np.array([0.0, 0.35, 0.0, 0.6, 0.0, 0.4])  # [rad]
 goal = np.array([1.2, -0.5, 0.6, 1.2, -0.8, -0.6])
-length, held = 1.6, 0.02  # [s] of the motion, and how long the DAC holds a voltage
+length, hold = 1.6, 0.02  # [s] of the motion, and of one voltage of the DAC
 
-rows = np.arange(0.0, 2.0, held)
-t = rows + held / 2  # each voltage is that of the middle of its period
+rows = np.arange(0.0, 2.0, hold)
+t = rows + hold / 2  # each voltage is that of the middle of its period
 s = np.minimum(t / length, 1.0)  # a quintic: speed and acceleration 0 at both ends
 path = 10 * s**3 - 15 * s**4 + 6 * s**5
 speed = (30 * s**2 - 60 * s**3 + 30 * s**4) / length

@@ -1,4 +1,4 @@
-"""What the site says from the source itself, so that it cannot drift: `<!-- generated: NAME -->` in a page becomes a table
+"""Parts of the site generated from the source, so that they cannot drift: `<!-- generated: NAME -->` in a page becomes a table
 made from the kernels' signatures, the record types, the robots' files or the command line. Docstrings become reST here.
 """
 
@@ -19,17 +19,17 @@ SEVERAL = re.compile(r" {3}(?=\w+: )")  # between two arguments on one line
 
 
 def fill(app, name: str, content: list[str]) -> None:
-    """Puts what is generated in the place of its marks."""
+    """Replaces marks by generated text."""
     content[0] = MARK.sub(lambda mark: GENERATORS[mark[1]](*filter(None, [mark[2]])), content[0])
 
 
 def outdated(app, env, added: set[str], changed: set[str], removed: set[str]) -> list[str]:
-    """Every page, always: what is generated in it may have changed where the page has not."""
+    """All pages: generated text may change although the page does not."""
     return sorted(env.found_docs)
 
 
 def docstring(app, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
-    """A docstring of the house as reST: code in backticks, equations as they are, one argument a line, keys as links."""
+    """Rewrites a docstring as reST: code in backticks, equations as they are, one argument in each line, keys as links."""
     lines[:] = list(_rewritten(lines))
 
 
@@ -53,7 +53,7 @@ def _rewritten(lines: Sequence[str]) -> Iterable[str]:
 
 
 def _escaped(line: str) -> str:
-    """Only backticks mean something in our docstrings; what reST would read into the rest is taken literally."""
+    """A line with backticks as literals and everything else escaped, since our docstrings have no other markup."""
     parts = line.split("`")
     for k, part in enumerate(parts):
         if k % 2:
@@ -66,7 +66,7 @@ def _escaped(line: str) -> str:
 
 
 def setup(app) -> dict[str, bool]:
-    """What Sphinx calls."""
+    """Connects the functions above to Sphinx."""
     app.connect("env-get-outdated", outdated)
     app.connect("source-read", fill)
     app.connect("autodoc-process-docstring", docstring, priority=100)  # before napoleon, which has 500

@@ -139,19 +139,19 @@ SOURCE = "Source of the numbers in this table that name none of their own."
 
 
 def unit(key: str) -> str:
-    """What a key's ending says: kg for `mass_kg`."""
+    """Unit by the ending of a key: kg for `mass_kg`."""
     if key in INERTIA:
         return "kg m²"
     return next((text for ending, text in UNITS.items() if key.endswith(ending)), "")
 
 
 def meaning(name: str, field: FieldInfo) -> str:
-    """What a key means."""
+    """Meaning of a key."""
     return field.description or (SOURCE if name == "source" else "")
 
 
 def expected(annotation: Any, metadata: Sequence[Any] = ()) -> str:
-    """What a key takes, in words."""
+    """Values that a key takes, in words."""
     words = _noted(metadata) or _noted(
         note for part in _parts(annotation) for note in getattr(part, "__metadata__", ())
     )
@@ -163,7 +163,7 @@ def expected(annotation: Any, metadata: Sequence[Any] = ()) -> str:
 
 
 def _told(kind: Any) -> str:
-    """What one kind of value is called."""
+    """Name of a type of value."""
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
     inner = tuple(float if getattr(part, "__origin__", None) is float else part for part in inner)  # strict ones too
     if origin is typing.Literal:
@@ -182,7 +182,7 @@ def _told(kind: Any) -> str:
 
 
 def _kinds(annotation: Any) -> list[Any]:
-    """What may stand there: the parts of a union, but for nothing at all."""
+    """Alternatives of a type: the members of a union except None."""
     if typing.get_origin(annotation) is typing.Annotated:
         kind, *notes = typing.get_args(annotation)
         return _kinds(next((note.kind for note in notes if isinstance(note, Later)), kind))
@@ -205,7 +205,7 @@ def _parts(annotation: Any) -> list[Any]:
 
 
 def _noted(notes: Iterable[Any]) -> str:
-    """What a reading says that it expects."""
+    """Expectation that a reading states."""
     return next((note.expected for note in notes if hasattr(note, "expected")), "")
 
 

@@ -21,7 +21,7 @@ def _cited(text: str) -> str:
 
 
 def variables() -> str:
-    """A row a variable."""
+    """Table of variables, one in each row."""
     rows = []
     for variable in VARIABLES:
         unit = variable.unit or " | ".join(dict.fromkeys(UNITS[variable.quantity or ""]))
@@ -33,13 +33,13 @@ def variables() -> str:
 
 
 def units() -> str:
-    """What may stand behind a value."""
+    """Table of units that may follow a value."""
     rows = [[kept, ", ".join(f"`{name}`" for name in names)] for kept, names in ACCEPTED.items()]
     return table(("kept in", "may be typed"), rows)
 
 
 def commands() -> str:
-    """A section a command."""
+    """Sections, one for each command."""
     return "\n\n".join(_section(command) for command in COMMANDS)
 
 

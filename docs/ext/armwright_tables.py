@@ -47,7 +47,7 @@ def kernels() -> str:
 
 
 def results() -> str:
-    """What a run holds."""
+    """Table of the variables of a run."""
     rows = []
     for name, text in LONG_NAMES.items():
         units = ["V", "A", "N m", "N"] if name == "u" else list(dict.fromkeys(UNITS[name]))
@@ -89,7 +89,7 @@ def _robot(name: str) -> str:
 
 
 def _joints(arm: Any) -> str:
-    """One row a moving joint; columns without any entry are left out."""
+    """Table with one row for each moving joint, without empty columns."""
     columns: dict[str, list[str]] = {"joint": [body.joint for body in arm.bodies], "mass [kg]": []}
     for body in arm.bodies:
         columns["mass [kg]"].append(number(body.mass))
