@@ -1,6 +1,6 @@
 """A proportional-integral stage with limits, whose integrator does not wind up.  [AstromHagglund2006]
 
-u = clip(kp e + I + more, ±limit); then the integrator goes on by one of
+u = clip(kp e + I + feedforward, ±limit); then the integrator goes on by one of
 
     none              I⁺ = I + ki e T
     clamping          the same, but not while the output is cut off and the error would drive it further
@@ -22,7 +22,7 @@ ROUNDING = 1e-6  # of a command: a drive that realised it but for this did reali
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """What a stage gives: its output (n,), where it is cut off (n,) as -1, 0 or 1, and the integrator's next value (n,)."""
+    """Result of a stage: its output (n,), where it is cut off (n,) as -1, 0 or 1, and the integrator's next value (n,)."""
 
     output: Array
     cut: Array
@@ -52,7 +52,7 @@ def limited_stage(
     rule: str,
     tracking_time: float | None,
     *,
-    more: Array | float = 0.0,
+    feedforward: Array | float = 0.0,
     missing: Array | float = 0.0,
     ahead: Array | float = 0.0,
 ) -> Stage:
@@ -61,24 +61,24 @@ def limited_stage(
     Args:
         error: (n,).   integral: (n,), in units of the output.   kp, ki, limit: (n,).
         period: [s] since its last tick.   rule: one of `RULES`.   tracking_time: [s] Tt of back-calculation.
-        more: (n,) what else is put out, such as a feed-forward.
+        feedforward: (n,) added to the output.
         missing: (n,) by how much the output was not realised the last time, as `shortfall` tells.
         ahead: (n,) where a stage behind this one is cut off, -1, 0 or 1: its limit is this one's too.
     """
-    asked = kp * error + integral + more
+    asked = kp * error + integral + feedforward
     output = within(asked, limit)
     lost = (output - asked) + missing
     cut = scalar.sign(-1.0 * lost)
-    held = scalar.where(scalar.equal(cut, 0.0), ahead + 0.0 * cut, cut)
+    limited = scalar.where(scalar.equal(cut, 0.0), ahead + 0.0 * cut, cut)
     step = ki * error * period
     if rule == "none":
         following = integral + step
     else:
-        outward = scalar.less(0.0, held * error)
+        outward = scalar.less(0.0, limited * error)
         if rule == "clamping":
             following = integral + scalar.where(outward, 0.0 * step, step)
         else:
             assert tracking_time is not None
             blocked = scalar.less(0.0, ahead * error)
             following = integral + scalar.where(blocked, 0.0 * step, step) + (period / tracking_time) * lost
-    return Stage(scalar.array(output), scalar.array(held), scalar.array(following))
+    return Stage(scalar.array(output), scalar.array(limited), scalar.array(following))

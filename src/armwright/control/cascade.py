@@ -106,8 +106,8 @@ class Cascade:
     def init(self, arm: Model, y: Measurement) -> Array:
         """Integrators at 0, no speed asked for, and the commands that were in force."""
         n = arm.n
-        held = y.applied if self.current_kp is None else y.current
-        parts = [scalar.zeros(n), scalar.zeros(n), self.signs * held, scalar.zeros(n), scalar.zeros(n)]
+        output = y.applied if self.current_kp is None else y.current
+        parts = [scalar.zeros(n), scalar.zeros(n), self.signs * output, scalar.zeros(n), scalar.zeros(n)]
         return scalar.array(np.concatenate([*parts, *[y.applied] * (1 + self.delay_ticks)]))
 
     def step(self, t: Scalar, r: JointReference, y: Measurement, s: Array) -> tuple[Array, Array]:

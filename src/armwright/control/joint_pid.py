@@ -104,14 +104,14 @@ class JointPID:
             speed = keep * rest[n:] + (1.0 - keep) * (y.q - rest[:n]) / h
             rest = np.concatenate([y.q, speed])
         slope = (r.qd - speed) if self.derivative == "error" else -1.0 * speed
-        more = self.kd * slope + self.speed_feedforward * r.qd + self.acceleration_feedforward * r.qdd
+        feedforward = self.kd * slope + self.speed_feedforward * r.qd + self.acceleration_feedforward * r.qdd
         if self.gravity:
             weight = gravity_torques(simplified(self.model), y.q)
-            more = more + signs * torque_commands(self.model, scalar.zeros(n), weight)
+            feedforward = feedforward + signs * torque_commands(self.model, scalar.zeros(n), weight)
         missing = signs * shortfall(y.applied, asked[:n], self.slack)
         stage = limited_stage(
             r.q - y.q, integral, self.kp, self.ki, self.limit, h, self.anti_windup, self.tracking_time,
-            more=more, missing=missing,
+            feedforward=feedforward, missing=missing,
         )  # fmt: skip
         u = scalar.array(signs * stage.output)
         return u, scalar.array(np.concatenate([stage.integral, asked[n:], u, rest]))

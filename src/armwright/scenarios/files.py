@@ -1,4 +1,4 @@
-"""Where a scenario's files come from: a folder, or what a run has kept of them."""
+"""Files of a scenario: in a folder, or as texts that a run has kept."""
 
 from __future__ import annotations
 

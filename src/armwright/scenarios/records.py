@@ -19,12 +19,12 @@ Whole = Annotated[int, Strict()]
 Numbers = tuple[Number, ...]
 
 
-def counted(count: int, told: str) -> BeforeValidator:
+def counted(count: int, description: str) -> BeforeValidator:
     """Refuses a list of another length, in words."""
 
     def check(value: Any) -> Any:
         if isinstance(value, (list, tuple)) and len(value) != count:
-            raise ValueError(f"expected {count} numbers, not {len(value)}: {told}")
+            raise ValueError(f"expected {count} numbers, not {len(value)}: {description}")
         return value
 
     return BeforeValidator(check)
@@ -77,7 +77,7 @@ class Kind(Record):
 
 
 class SensorsTable(Record):
-    """What is measured, and how well; see `armwright.Sensors`. Absent: everything exactly."""
+    """Sensors of the joints and their errors; see `armwright.Sensors`. Absent: everything exactly."""
 
     counts: Number | tuple[Number, ...] | None = Field(
         default=None, description="Encoder counts in one turn; absent: not quantised."
@@ -161,7 +161,7 @@ class LoopTable(Record):
 
 
 class InputsTable(Record):
-    """What acts on the arm beside its commands; see `armwright.Inputs`."""
+    """Inputs of the arm beside its commands; see `armwright.Inputs`."""
 
     wrench: Wrench | None = Field(
         default=None,
@@ -178,7 +178,7 @@ class InputsTable(Record):
 
 
 class SolverTable(Record):
-    """How the motion is integrated; see `armwright.Solver`."""
+    """Integrator and its steps; see `armwright.Solver`."""
 
     integrator: str = Field(default="rk3", description="rk3, rk4, semi_implicit_euler, rk45 or cvodes.")
     step_s: Number | None = Field(default=None, description="Absent: period_s / substeps in a loop, else 1e-3.")
@@ -191,7 +191,7 @@ class SolverTable(Record):
 
 
 class RecordingTable(Record):
-    """What is kept of the run; see `armwright.Recording`."""
+    """Rows and numbers that a run keeps; see `armwright.Recording`."""
 
     every: Whole = Field(default=1, ge=0, description="Ticks from one row to the next; 0: the first and the last only.")
     what: Literal["all", "state", "none"] = Field(default="all", description="All, q and qd alone, or no rows at all.")
@@ -202,7 +202,7 @@ class RecordingTable(Record):
 
 
 class Values(Record):
-    """What one number is in the lanes: one of these ways."""
+    """Values of one number in the lanes, in one of these ways."""
 
     values: Numbers | None = Field(
         default=None, min_length=1, description="These, one a lane (or one a row of the grid)."
@@ -222,14 +222,14 @@ class Values(Record):
         ways = [name for name in ("values", "normal", "uniform", "lognormal") if getattr(self, name) is not None]
         ways += ["start"] if line else []
         if len(ways) != 1:
-            told = " and ".join(ways) or "none"
+            listed = " and ".join(ways) or "none"
             raise ValueError(
-                f"expected one of values, start with stop and count, normal, uniform, lognormal, not {told}"
+                f"expected one of values, start with stop and count, normal, uniform, lognormal, not {listed}"
             )
         for name in ("normal", "lognormal"):
-            given = getattr(self, name)
-            if given is not None and given[1] < 0:
-                raise ValueError(f"{name} = {list(given)}: expected a standard deviation of 0 or more")
+            pair = getattr(self, name)
+            if pair is not None and pair[1] < 0:
+                raise ValueError(f"{name} = {list(pair)}: expected a standard deviation of 0 or more")
         if self.uniform is not None and not 0.0 <= self.uniform[1] - self.uniform[0] < np.inf:
             raise ValueError(
                 f"uniform = {list(self.uniform)}: expected a lower and then an upper bound, a finite way apart"
@@ -238,12 +238,12 @@ class Values(Record):
 
     @property
     def drawn(self) -> bool:
-        """Whether chance has a say."""
+        """True for random values."""
         return self.values is None and self.start is None
 
     @property
     def size(self) -> int:
-        """How many values are stated."""
+        """Number of values in the file."""
         return len(self.values) if self.values is not None else self.count or 1
 
     def listed(self) -> np.ndarray:
@@ -263,7 +263,7 @@ class Values(Record):
 
 
 class Lanes(Record):
-    """How numbers of the file vary from lane to lane."""
+    """Numbers of the file that vary from lane to lane."""
 
     kind: Literal["list", "grid", "draws"] = Field(
         description="'list': all lists are as long as there are lanes; 'grid': every combination; 'draws': at random."
@@ -287,8 +287,8 @@ class Lanes(Record):
         lengths = {name: v.size for name, v in self.vary.items() if not v.drawn}
         wanted = {self.count} if self.kind == "draws" else set(lengths.values())
         if self.kind != "grid" and (len(wanted) > 1 or any(length not in wanted for length in lengths.values())):
-            told = ", ".join(f"{length} of {name}" for name, length in lengths.items())
-            raise ValueError(f"lists of unequal length: {told}")
+            listed = ", ".join(f"{length} of {name}" for name, length in lengths.items())
+            raise ValueError(f"lists of unequal length: {listed}")
         if self.kind == "grid" and math.prod(lengths.values()) > MOST_LANES:
             raise ValueError(f"a grid of {math.prod(lengths.values()):.3g} lanes; expected at most {MOST_LANES:.0e}")
         return self

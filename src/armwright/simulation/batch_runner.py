@@ -25,12 +25,12 @@ Work = tuple[Callable[[int, int], None], Callable[[], None]]
 
 
 @dataclass(frozen=True, eq=False)
-class Reached:
-    """How far the lanes of a run came.
+class Finished:
+    """Lanes and ticks of a run that were finished.
 
     Attributes:
         lanes: (k,) numbers of those that came to the end, or of all where they are one group.
-        ticks: that these came through.   stopped: whether Ctrl-C ended the run before all of them did.
+        ticks: that these came through.   stopped: true where Ctrl-C ended the run before all of them did.
     """
 
     lanes: np.ndarray
@@ -38,41 +38,41 @@ class Reached:
     stopped: bool
 
     def rows(self, every: int, recorded: int) -> slice:
-        """Which of the recorded rows are there: one is written as its tick begins, the last one in a tick of its own."""
+        """The recorded rows that were written: one is written as its tick begins, the last one in a tick of its own."""
         return slice(min(recorded, (self.ticks - 1) // every + 1 + (self.ticks == (recorded - 1) * every)))
 
 
-def handed_out(run: xarray.Dataset, reached: Reached, ticks: int, lanes: int) -> xarray.Dataset:
+def handed_out(run: xarray.Dataset, finished: Finished, ticks: int, lanes: int) -> xarray.Dataset:
     """The run; or, where Ctrl-C ended it, an exception that holds what there is of it.
 
     Raises:
         Interrupted: says how far it came.
     """
-    if not reached.stopped:
+    if not finished.stopped:
         return run
-    told = (
-        f"{len(reached.lanes)} of {lanes} lanes"
-        if reached.ticks == ticks
-        else f"{reached.ticks} of {ticks} ticks of {'the run' if lanes == 1 else 'all lanes'}"
+    extent = (
+        f"{len(finished.lanes)} of {lanes} lanes"
+        if finished.ticks == ticks
+        else f"{finished.ticks} of {ticks} ticks of {'the run' if lanes == 1 else 'all lanes'}"
     )
-    note = f"stopped by Ctrl-C after {told}"
+    note = f"stopped by Ctrl-C after {extent}"
     run.attrs["notes"] = "\n".join(filter(None, [note, str(run.attrs.get("notes", ""))]))
     raise Interrupted(note, run)
 
 
 def run_groups(
     lanes: int, width: int, ticks: int, begin: Group, progress: Progress | None, workers: int, *, whole: bool = False
-) -> Reached:
+) -> Finished:
     """Takes all lanes through all ticks.
 
-    Ctrl-C ends it after the pieces that are under way; what was finished until then is told, be it lanes or, where all
+    Ctrl-C ends it after the pieces that are under way; what was finished until then is returned, be it lanes or, where all
     lanes are one group, ticks.
 
     Args:
         lanes: how many.   width: of a tile.   ticks: how many.
         begin: (first lane, count) of a group → (advance, end): advance(first tick, last tick), and what to do behind the last.
         progress: called now and then with the lane-ticks done and those there are.
-        workers: threads that share the groups.   whole: whether all lanes are one group.
+        workers: threads that share the groups.   whole: true where all lanes are one group.
     Raises:
         KeyboardInterrupt: Ctrl-C came before anything was finished.
     """
@@ -114,8 +114,8 @@ def run_groups(
             try:
                 waiting = {pool.submit(work) for _ in range(min(workers, len(starts)))}
                 while waiting:
-                    finished, waiting = wait(waiting, timeout=PIECE, return_when=FIRST_EXCEPTION)
-                    for future in finished:
+                    ended_jobs, waiting = wait(waiting, timeout=PIECE, return_when=FIRST_EXCEPTION)
+                    for future in ended_jobs:
                         future.result()
                     if progress is not None and waiting:
                         progress(sum(done), lanes * ticks)
@@ -132,5 +132,5 @@ def run_groups(
         if not kept or not reached:
             raise
         numbers = np.concatenate([np.arange(first, min(first + size, lanes)) for first in kept])
-        return Reached(numbers, reached, True)
-    return Reached(np.arange(lanes), ticks, False)
+        return Finished(numbers, reached, True)
+    return Finished(np.arange(lanes), ticks, False)

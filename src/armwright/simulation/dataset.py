@@ -1,4 +1,4 @@
-"""What a run leaves: what was recorded, what follows from it, and what reducers came to, as one dataset."""
+"""The dataset of a run: recorded rows, the signals that follow from them, and results of reducers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from armwright.results.notes import limit_notes
 from armwright.results.recording import bare_dataset, make_dataset
 from armwright.results.reducers import Ends, reducer
 from armwright.signals import Signal
-from armwright.simulation.batch_runner import Reached
+from armwright.simulation.batch_runner import Finished
 from armwright.simulation.inputs.input_schedule import values_at_ticks
 from armwright.simulation.integrate.stepping import LaneStatus
 from armwright.simulation.loop.config import LoopConfig
@@ -46,7 +46,7 @@ WHOLE = ("bus_voltage",)  # of the whole arm, not of a joint
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """What the compiled loop left of a run.
+    """Results of the compiled loop.
 
     Attributes:
         rows: (rows, lanes in whole tiles, entries); None: nothing was recorded.   every: ticks from row to row.
@@ -58,7 +58,7 @@ class Recorded:
     rows: np.ndarray | None
     every: int
     ticks: int
-    reached: Reached
+    finished: Finished
     status: LaneStatus
     reduced: np.ndarray
     origin: int
@@ -85,23 +85,23 @@ def _parts(simulation: LoopRunner, rows: np.ndarray) -> dict[str, np.ndarray]:
 
 def run_dataset(simulation: LoopRunner, recorded: Recorded) -> xarray.Dataset:
     """The dataset of a run."""
-    scenario, arm, reached = simulation.scenario, simulation.arm, recorded.reached
+    scenario, arm, finished = simulation.scenario, simulation.arm, recorded.finished
     attrs: dict[str, Any] = {"integrator": scenario.solver.integrator, "step_s": scenario.integration_step}
     if scenario.sampled:
         attrs["sample_period_s"] = simulation.period
         why = simulation.untraced
         attrs["controller"] = "compiled" if why is None else f"called in Python once a tick: {why}"
     notes = [*simulation.notes, *(() if simulation.reference is None else simulation.reference.notes)]
-    numbers = None if scenario.lane_count is None else reached.lanes
+    numbers = None if scenario.lane_count is None else finished.lanes
     if recorded.rows is None:
         dataset = bare_dataset(arm, attrs | {"notes": notes}, None if numbers is None else len(numbers))
     else:
         dataset = _with_rows(simulation, recorded, recorded.rows, attrs, notes)
-    if numbers is not None and (reached.stopped or scenario.first_lane):
+    if numbers is not None and (finished.stopped or scenario.first_lane):
         dataset = dataset.assign_coords(lane=("lane", numbers + scenario.first_lane, dataset["lane"].attrs))
-    if reached.ticks == recorded.ticks and simulation.reduction is not None:
+    if finished.ticks == recorded.ticks and simulation.reduction is not None:
         _reduced(simulation, dataset, recorded)
-    status = recorded.status.of_lanes(reached.lanes)
+    status = recorded.status.of_lanes(finished.lanes)
     status.add_to(dataset, simulation.period, scenario.solver.adaptivity, scenario.lane_count is None)
     return dataset
 
@@ -110,26 +110,28 @@ def _with_rows(
     simulation: LoopRunner, recorded: Recorded, record: np.ndarray, attrs: dict[str, Any], notes: list[str]
 ) -> xarray.Dataset:
     """Rows of the lanes that came that far, with what follows from them."""
-    scenario, arm, n, reached = simulation.scenario, simulation.arm, simulation.arm.n, recorded.reached
+    scenario, arm, n, finished = simulation.scenario, simulation.arm, simulation.arm.n, recorded.finished
 
     def own(values: np.ndarray) -> np.ndarray:
-        return values[reached.lanes] if reached.stopped and len(values) > 1 else values
+        return values[finished.lanes] if finished.stopped and len(values) > 1 else values
 
-    there = reached.rows(recorded.every, len(record))
+    there = finished.rows(recorded.every, len(record))
     ticks = recorded.origin + np.arange(len(record))[there] * recorded.every
     t, rows = ticks * simulation.period, own(record[there, : simulation.count].transpose(1, 0, 2))
     parts = _parts(simulation, rows)
     x = parts["x"]
-    acting = {name: own(values_at_ticks(held, ticks, simulation.period)) for name, held in simulation.inputs.items()}
+    acting = {
+        name: own(values_at_ticks(schedule, ticks, simulation.period)) for name, schedule in simulation.inputs.items()
+    }
     u = parts.get("u", acting.pop("u", np.full((1, 1, n), np.nan)))
     u = np.broadcast_to(u, (len(rows), len(t), n))
     outputs: dict[str, np.ndarray] = {}
     if scenario.recording.what == "all":
-        given = [x, u, *(acting[name] for name in simulation.config.inputs)]
-        given += [own(scenario.parameters)[:, None, :]] if scenario.varied is not None else []
+        arguments = [x, u, *(acting[name] for name in simulation.config.inputs)]
+        arguments += [own(scenario.parameters)[:, None, :]] if scenario.varied is not None else []
         kernel = simulation.loop.outputs
         assert kernel is not None
-        outputs = dict(zip(simulation.loop.names, kernel(*given, threads=os.cpu_count() or 1), strict=True))
+        outputs = dict(zip(simulation.loop.names, kernel(*arguments, threads=os.cpu_count() or 1), strict=True))
     squeeze = (lambda v: v[0]) if scenario.lane_count is None else (lambda v: v)
     q, qd = simulation.plant.part(x, "q"), simulation.plant.part(x, "qd")
     attrs["notes"] = [*notes, *limit_notes(arm, q, qd, u, outputs, t)]
@@ -178,7 +180,7 @@ def _signal(
 
 
 def _output(arm: Model, name: str, values: np.ndarray, dims: tuple[str, ...]) -> tuple[Any, ...]:
-    """What the plant tells beside the usual as a variable: (…, n) one a joint, or (…, 1) of the whole arm."""
+    """A further signal of the plant as a variable: (…, n) one a joint, or (…, 1) of the whole arm."""
     quantity, about = FURTHER[name]
     attributes = {"units": _unit(arm, quantity), "long_name": about}
     return (dims, values[..., 0], attributes) if name in WHOLE else ((*dims, "joint"), values, attributes)
@@ -189,12 +191,12 @@ def _reduced(simulation: LoopRunner, dataset: xarray.Dataset, recorded: Recorded
     assert simulation.reduction is not None
     assert simulation.reference is not None
     assert simulation.reference.final is not None
-    lanes, scenario = recorded.reached.lanes, simulation.scenario
+    lanes, scenario = recorded.finished.lanes, simulation.scenario
     first, final = scenario.initial_state[:, : simulation.arm.n], simulation.reference.final
-    held, first, final = (v if len(v) in (1, len(lanes)) else v[lanes] for v in (recorded.reduced, first, final))
+    reduced, first, final = (v if len(v) in (1, len(lanes)) else v[lanes] for v in (recorded.reduced, first, final))
     stopped = recorded.status.frozen[lanes][:, None] >= 0.0
-    ends = Ends(held[:, -1:], simulation.period, first, final, stopped)
-    for name, values in simulation.reduction.results(held, ends).items():
+    ends = Ends(reduced[:, -1:], simulation.period, first, final, stopped)
+    for name, values in simulation.reduction.results(reduced, ends).items():
         about = reducer(name)
         attributes = {"units": _unit(simulation.arm, about.unit), "long_name": about.about}
         single = scenario.lane_count is None

@@ -127,7 +127,7 @@ class LoopRunner:
             raise error.within("loop" if scenario.sampled else "recording") from None
 
     def _configured(self) -> tuple[LoopConfig, Initialisation]:
-        """What a tick is made of, and how its lanes begin."""
+        """Parts of a tick, and initial values of its lanes."""
         scenario, n, sensors, controller = self.scenario, self.arm.n, None, None
         plant = Plant.of(self.arm, brakes=scenario.inputs.brake is not None)
         if self.reduction is not None:
@@ -198,9 +198,9 @@ class LoopRunner:
             self._solver.extend(lanes)
         values = self.initial_blocks(lanes)
         x = values["x"]
-        for name, given in values.items():
+        for name, rows in values.items():
             if name in lanes.blocks:
-                lanes.set(name, given)
+                lanes.set(name, rows)
         for name, rows in self.rows.items():
             self.loop.loops[0].begin_rows(lanes, name, rows, self.tick)
         if self.scenario.solver.adaptivity is not None:
@@ -259,7 +259,7 @@ class LoopRunner:
         return {"s"} if self.scenario.controller is not None and state.controller != self.controller.name else set()
 
     def measured_in(self, state: LoopState | None) -> bool:
-        """Whether a state to go on from has the measurement of its tick already.
+        """True for a state to go on from that has the measurement of its tick already.
 
         Raises:
             ScenarioError: it has, and this loop measures and commands in one go: sensors would measure twice.
@@ -323,7 +323,7 @@ class LoopRunner:
                 self._solver.tick(lanes, k, self.period, self.rows, steady)
 
     def given(self) -> dict[str, Any]:
-        """What compiled loops take beside lanes and ticks."""
+        """Arguments of compiled loops beside lanes and ticks."""
         table = None if self.reference is None else self.reference.table
         tables = {} if table is None else {"r": table}
         return {"origin": self.origin, "seed": self.scenario.seed, "tables": tables, "schedules": self.rows}

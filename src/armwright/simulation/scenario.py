@@ -160,10 +160,10 @@ class Scenario:
             return self
         lanes = self.lanes if isinstance(self.lanes, range) else range(self._described)
         parts["vary"] = {name: self._of_record(name, value) for name, value in self.vary.items()}
-        found = {name: resolved(part, name, self.seed, lanes) for name, part in parts.items()}
+        changes = {name: resolved(part, name, self.seed, lanes) for name, part in parts.items()}
         scenario = copy.copy(self)
         kept = {each.name: getattr(self, each.name) for each in fields(self)}  # and nothing that was computed from them
-        object.__setattr__(scenario, "__dict__", kept | found | {"lanes": len(lanes), "first_lane": lanes.start})
+        object.__setattr__(scenario, "__dict__", kept | changes | {"lanes": len(lanes), "first_lane": lanes.start})
         scenario._check_fields()
         scenario._check_values()
         return scenario
@@ -215,7 +215,7 @@ class Scenario:
 
     @property
     def reference(self) -> Any:
-        """What the controller follows, or what `reduce` measures errors from; None: the initial position."""
+        """The reference of the controller, or of the errors in `reduce`; None: the initial position."""
         return self.recording.reference if self.loop is None else self.loop.reference
 
     @cached_property
@@ -365,8 +365,8 @@ class Scenario:
         shape = () if k == 1 else (k,)
         if rows.shape[1:] != shape:
             lanes = not isinstance(value, Batch) and rows.shape[2:] == shape and rows.ndim > 1
-            more = "; values that differ by lane are a Batch" if lanes else ""
-            raise ScenarioError(place=f"vary[{name!r}]", value=value, expected=f"{expected}{more}")
+            batch = "; values that differ by lane are a Batch" if lanes else ""
+            raise ScenarioError(place=f"vary[{name!r}]", value=value, expected=f"{expected}{batch}")
         return rows.reshape(len(rows), k)
 
     @cached_property

@@ -85,7 +85,7 @@ class Loop:
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What acts on the arm beside its commands.
+    """Inputs of the arm beside its commands.
 
     Args:
         wrench: of the environment on the tip, in base axes: (6,) [N, N m], or a Schedule with the columns
@@ -114,7 +114,7 @@ class Start:
 
 @dataclass(frozen=True, eq=False)
 class Solver:
-    """How the motion is integrated.
+    """Integrator and its steps.
 
     Args:
         integrator: a name of `integrators.RULES`: "rk3", "rk4", "semi_implicit_euler"; "rk45", which chooses its own steps
@@ -154,13 +154,13 @@ class Solver:
 
     @property
     def adaptivity(self) -> Adaptivity | None:
-        """How the integrator chooses its steps; None for rules of fixed step."""
+        """Step control of the integrator; None for rules of fixed step."""
         return Adaptivity.of(self.integrator, self.substeps, self.rtol, self.atol, self.max_steps, self.events)
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What is kept of a run.
+    """Rows and numbers that a run keeps.
 
     Args:
         every: rows are kept every so many steps, or periods of a loop; 0 keeps the first and the last state only.

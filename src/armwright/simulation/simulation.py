@@ -107,7 +107,7 @@ class Simulation(LoopRunner):
         def begin(first: int, count: int) -> Work:
             lanes = Lanes(count, width, first, self.scenario.first_lane)
             self.begin(lanes, state)
-            own = None if record is None else record[:, first : first + lanes.tiles * width]
+            rows = None if record is None else record[:, first : first + lanes.tiles * width]
 
             def advance(tick: int, end: int) -> None:
                 tick, end, last = tick + origin, end + origin, origin + ticks
@@ -115,11 +115,11 @@ class Simulation(LoopRunner):
                     if real_time:
                         clock.sleep(max(began + (stop - origin) * self.period - clock.perf_counter(), 0.0))
                     measured = self._measured and start == origin
-                    self.advance(lanes, start, stop, last, own, every, measured=measured)
+                    self.advance(lanes, start, stop, last, rows, every, measured=measured)
                 if end == last:
                     if keep_state:
                         groups[first] = replace(self.state_of([lanes]), tick=last)
-                    self.advance(lanes, last, last + 1, last, own, every)  # the last row, in whose tick nothing moves
+                    self.advance(lanes, last, last + 1, last, rows, every)  # the last row, in whose tick nothing moves
 
             def finish() -> None:
                 status.read(lanes)
@@ -131,11 +131,11 @@ class Simulation(LoopRunner):
         in_python = self.untraced is not None or self._solver is not None
         workers = 1 if in_python or real_time else threads or os.cpu_count() or 1
         whole = self._in_python is not None and self.controller.vectorised
-        reached = run_groups(self.count, width, ticks, begin, progress, workers, whole=whole)
-        recorded, end = Recorded(record, every, ticks, reached, status, reduced, origin), None
+        finished = run_groups(self.count, width, ticks, begin, progress, workers, whole=whole)
+        recorded, end = Recorded(record, every, ticks, finished, status, reduced, origin), None
         if scenario.lane_count is None:
             status.check(self.arm.name, self.period, recorded.last_row(self))
-        if keep_state and not reached.stopped:
+        if keep_state and not finished.stopped:
             self._started = end = _joined(groups)
             self.tick, self._measured = origin + ticks, False
         run = run_dataset(self, recorded)
@@ -145,7 +145,7 @@ class Simulation(LoopRunner):
         begun = 0 if scenario.started is None else scenario.started.tick
         if scenario.document is not None and duration is None and origin == begun:
             run.attrs["scenario"] = scenario.document
-        return handed_out(run, reached, ticks, self.count)
+        return handed_out(run, finished, ticks, self.count)
 
     def _room(self, ticks: int, every: int, width: int) -> np.ndarray:
         """Room for what is recorded (rows, lanes in whole tiles, entries)."""

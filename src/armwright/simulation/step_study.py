@@ -1,4 +1,4 @@
-"""Which step is small enough: one scenario run with ever smaller steps, each against CVODES at tolerances near rounding.
+"""Study of the step size: one scenario run with ever smaller steps, each against CVODES at tolerances near rounding.
 
 With error e(h) ~ h^p, the order that is seen between two steps is  p = log(e₁/e₂) / log(h₁/h₂). It says nothing where the
 error is CVODES' own. Where sensors count and converters have steps, a state that is wrong by next to nothing may still be
@@ -62,7 +62,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class StepStudy:
-    """How the error of a scenario shrinks with the step.
+    """Error of a scenario against the step.
 
     Attributes:
         name: of the arm.   integrator: the rule.   order: the rule's own.   trials: largest step first.
@@ -126,9 +126,9 @@ def step_study(
         change = max(_compared(runs[-1], runs[-2], scenario)[:2])
         rest = change / (2.0**rule.order - 1.0)  # what the last one lacks, by its order
         floor = max(trials[-1].error - rest, 0.0)
-    told = [trials[0], *(replace(trial, order=_order(last, trial, floor)) for last, trial in pairwise(trials))]
-    chosen = {accuracy: _largest(told, accuracy) for accuracy in accuracies}
-    return StepStudy(scenario.arm.name, name, rule.order, tuple(told), floor, chosen)
+    ordered = [trials[0], *(replace(trial, order=_order(last, trial, floor)) for last, trial in pairwise(trials))]
+    chosen = {accuracy: _largest(ordered, accuracy) for accuracy in accuracies}
+    return StepStudy(scenario.arm.name, name, rule.order, tuple(ordered), floor, chosen)
 
 
 def _order(last: Trial, trial: Trial, floor: float) -> float:

@@ -1,4 +1,4 @@
-"""What acts on an arm over time, each row from its time until the next: commands, a wrench on its tip, its brakes.
+"""Inputs of an arm over time, each row from its time until the next: commands, a wrench on its tip, its brakes.
 
 Each is a `Schedule`, or constant numbers; a `Batch` of either for lanes. In ticks of a loop, a row within rounding of a tick is
 moved onto it; the integrator lands on other rows inside a tick.

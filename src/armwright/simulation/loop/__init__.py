@@ -1,1 +1,1 @@
-"""What happens in a tick: measure, decide, shape, delay."""
+"""The stages of a tick: measure, reference, control, filter, delay."""

@@ -1,4 +1,7 @@
-"""Command filter: rate limit, limit and resolution of what a controller commands. Design section 4, step 4."""
+"""Stages from what a controller commands to what is in force at the drives: rate limit, limit, resolution, delay, loss.
+
+Design section 4, steps 4 and 5.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,12 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import ScenarioError
+from armwright.kernels.stages import NEVER, NEXT, Call, Delay, Stage
 from armwright.model import Model
+from armwright.program import trace
 from armwright.scalar import Array
 from armwright.simulation.checks import check_numbers, one_each
+from armwright.simulation.loop.timing import Delays, lateness, planned
 
 WHOLE = 1e-9  # of a step: a limit this near a whole number of them is meant to be it
 
@@ -46,7 +52,7 @@ class CommandFilter:
 
     @property
     def remembers(self) -> bool:
-        """Whether the next command depends on this one."""
+        """True where the next command depends on this one."""
         return self.rate is not None
 
     def check(self, arm: Model) -> None:
@@ -93,5 +99,57 @@ def _finite(values: np.ndarray) -> np.ndarray:
 
 
 def _steps(limit: Any, step: Any) -> Any:
-    """How many steps lie within a limit."""
+    """Number of steps within a limit."""
     return np.floor(limit / step + WHOLE)
+
+
+def command_stages(n: int, period: float, command_filter: CommandFilter, delays: Delays) -> list[Stage]:
+    """From block "u_asked" (n,) to "u_issued", which is recorded, and "u", in force; between ticks by "u_plan" and "u_from".
+
+    Args:
+        n: joints.   period: [s] of the loop.   command_filter, delays: what becomes of commands, and when.
+    """
+    late, fractional, waits = bool(np.any(delays.commanded)), delays.fractional, delays.pending
+    issued = "u_issued" if late or fractional else "u"
+
+    def shape(asked: Array, last: Array) -> tuple[Array, ...]:
+        u, kept = command_filter.filtered(period, asked, last)
+        return (*([u] if issued == "u" else []), u, *([kept] if command_filter.remembers else []))
+
+    outputs = (
+        *(["u"] if issued == "u" else []),
+        f"u_issued{NEXT}",
+        *([f"u_kept{NEXT}"] if command_filter.remembers else []),
+    )
+    last = "u_kept" if command_filter.remembers else "u_issued"
+    stages: list[Stage] = [Call(trace("shape", shape, {"u_asked": (n,), last: (n,)}, outputs))]
+    if late:
+        stages.append(
+            Delay("u_issued", "u_queued" if fractional else "u", "d_commanded", n, int(delays.commanded.max()) + 1)
+        )
+        issued = "u_queued"
+    if not fractional:
+        return stages
+
+    def plan(tick: Array, u: Array, waiting: Array, arrivals: Array, base: Array, d: Array, w: Array):
+        late = lateness(delays, tick[0], d[0], d[1], d[2], w[0])
+        if np.any(delays.command_loss):
+            late = scalar.where(scalar.less(w[1], d[3]), NEVER, late)
+        plans, begins, waiting, arrivals, base = planned(tick[0], u, late, waiting.reshape(waits, n), arrivals, base)
+        now = plans[0]
+        for begin, command in zip(begins, plans[1:], strict=True):
+            now = scalar.where(scalar.less_equal(begin, 0.0), command, now)
+        return plans.ravel(), begins * period, waiting.ravel(), arrivals, base, scalar.array(now)
+
+    shapes = {
+        "tick": (1,),
+        issued: (n,),
+        "waiting": (waits * n,),
+        "arrivals": (waits,),
+        "u_base": (n,),
+        "d": (5,),
+        "w_timing": (3,),
+    }
+    outputs = ("u_plan", "u_from", f"waiting{NEXT}", f"arrivals{NEXT}", f"u_base{NEXT}", "u")
+    stages.append(Call(trace("plan", plan, shapes, outputs)))
+    return stages

@@ -1,4 +1,4 @@
-"""What a tick is made of: the arm, its inputs, the rule that moves it, and what a controller adds."""
+"""Configuration of a tick: the arm, its inputs, the integration rule, and the parts of a sampled loop."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from armwright.simulation.plant.plant import Plant
 
 @dataclass(frozen=True, eq=False)
 class Sampling:
-    """What a controller adds to a tick.
+    """Parts of a tick that only a sampled loop has.
 
     Attributes:
         controller: the adapter.   states: entries of its state.   sensors: all of them.
@@ -43,12 +43,12 @@ class Sampling:
 
 @dataclass(frozen=True, eq=False)
 class LoopConfig:
-    """What a tick is made of.
+    """Configuration of a tick.
 
     Attributes:
         arm: the model.   varied: the same with parameters left open, where some vary.
         integrator, adaptivity, substeps: the rule that moves the plant.
-        inputs: of the plant beside its commands, held from row to row: blocks and their entries.
+        inputs: of the plant beside its commands: blocks and their entries.
         payload_frames: names of the frames that payloads hang on, ten entries of block "payload" each.
         recorded: blocks that are stored, with their layouts.   reduction: what is computed along the way.
         reference: what is followed; None where nobody asks.   sampling: None where commands come from a schedule.

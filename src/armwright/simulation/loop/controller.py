@@ -53,12 +53,12 @@ class ControllerAdapter:
 
     @property
     def name(self) -> str:
-        """What it goes by."""
+        """Its name in errors and results."""
         return called(self.control)
 
     @property
     def vectorised(self) -> bool:
-        """Whether it asks to be called in Python, with all lanes at once."""
+        """True for a controller that asks to be called in Python, with all lanes at once."""
         return bool(getattr(self.control, "vectorised", False))
 
     def of_lane(self, c: Array) -> ControlLaw:

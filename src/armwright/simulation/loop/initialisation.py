@@ -77,8 +77,8 @@ class Initialisation:
         if sensors is not None and self._command is not None:
             shapes["u"] = (config.arm.n,)
 
-        def begin(controller: ControllerAdapter, *given: Array) -> tuple[Array, ...]:
-            start, c, p, payload, wrench, c_sensors, *command = given
+        def begin(controller: ControllerAdapter, *arguments: Array) -> tuple[Array, ...]:
+            start, c, p, payload, wrench, c_sensors, *command = arguments
             plant, n = config.plant({"p": p, "payload": payload}), config.arm.n
             arm, x = plant.model, start if self._whole else plant.initial(start[:n], start[n:])
             if sensors is None:
@@ -94,15 +94,15 @@ class Initialisation:
 
         def alone() -> Program:
             """Without the controller: where its `init` is not traced, it has a state of its own kind, which Python keeps."""
-            return trace("begin", lambda *given: begin(NO_CONTROLLER, *given), shapes, OF_PLANT + OF_LOOP)
+            return trace("begin", lambda *arguments: begin(NO_CONTROLLER, *arguments), shapes, OF_PLANT + OF_LOOP)
 
         if sensors is None:
-            return trace("begin", lambda *given: begin(NO_CONTROLLER, *given), shapes, OF_PLANT)
+            return trace("begin", lambda *arguments: begin(NO_CONTROLLER, *arguments), shapes, OF_PLANT)
         if controller.vectorised:
             self.untraced = "it asks for all lanes at once"
             return alone()
         try:
-            return trace("begin", lambda *given: begin(controller, *given), shapes, OF_PLANT + OF_LOOP)
+            return trace("begin", lambda *arguments: begin(controller, *arguments), shapes, OF_PLANT + OF_LOOP)
         except HiddenStateError:
             raise hidden_state(controller.name) from None
         except UNTRACEABLE as error:
@@ -119,11 +119,11 @@ class Initialisation:
         """
         if self._kernel is None:
             return {"x": lanes.own(self._start)}
-        given = self.arguments(lanes, payload, wrench)
-        found = self._kernel(*given)
+        arguments = self.arguments(lanes, payload, wrench)
+        values = self._kernel(*arguments)
         if sampling is None:
-            return {"x": np.asarray(found)}
-        x, u, y, memory, s = (np.asarray(each) for each in found)
+            return {"x": np.asarray(values)}
+        x, u, y, memory, s = (np.asarray(each) for each in values)
         d = sampling.delays
         numbers = [lanes.own(each) for each in (d.later, d.jitter, d.drift, d.command_loss, d.measurement_loss)]
         return {
@@ -142,8 +142,8 @@ class Initialisation:
             "arrivals": np.full((lanes.count, 1), NEVER),
             "d_commanded": lanes.own(d.commanded)[:, None],
             "d": np.stack(np.broadcast_arrays(*numbers), axis=1),
-            "c": given[1],
-            "c_sensors": given[5],
+            "c": arguments[1],
+            "c_sensors": arguments[5],
         }
 
     def arguments(self, lanes: Lanes, payload: np.ndarray, wrench: np.ndarray) -> list[np.ndarray]:

@@ -58,7 +58,7 @@ class PythonController:
                 )
 
     def memories(self, groups: Sequence[Lanes]) -> dict[int, Any]:
-        """What is remembered of every lane; by the first lane of a group where a group's memory has no row a lane."""
+        """Memory of every lane; by the first lane of a group where a group's memory has no row a lane."""
         memories: dict[int, Any] = {}
         for lanes in groups:
             whole = self.states.get(lanes.first)
@@ -92,7 +92,7 @@ class PythonController:
         lanes.set("u_asked", u)
 
     def _calls(self, lanes: Lanes) -> list[tuple[int, Any]]:
-        """What is asked at once: number, and rows of the group's blocks."""
+        """Calls of a tick: the number of each, and its rows of the group's blocks."""
         if self.adapter.vectorised:
             return [(lanes.first, slice(None))]
         return [(lanes.first + k, k) for k in range(lanes.count)]
@@ -123,7 +123,7 @@ class PythonController:
         return commands, following
 
     def _ask(self, function: Any, *arguments: Any) -> Any:
-        """What the user's code returns.
+        """The value that the user's code returns.
 
         Raises:
             ScenarioError: what it raised, and where; with nothing but numbers for arguments, a symbol is one that it kept.

@@ -30,7 +30,7 @@ SIGNALS = {"q": "position", "qd": "velocity", "current": "current"}
 
 @dataclass(frozen=True)
 class Sensors:
-    """What is measured of every joint, and how well; without arguments, everything exactly.
+    """Sensors of every joint with their errors; without arguments, everything exactly.
 
     Counts, cutoff and noise may each be a `Batch`, one for each lane.
 
@@ -163,7 +163,7 @@ class Sensors:
 
 
 def _may_be_noisy(deviation: Any) -> bool:
-    """Whether a standard deviation is above 0, in some lane."""
+    """True for a standard deviation above 0 in some lane."""
     if isinstance(deviation, Batch):
         return bool(np.any(deviation.values > 0.0))
     return scalar.is_symbolic(deviation) or deviation > 0.0

@@ -21,23 +21,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.interfaces import UNTRACEABLE, why
-from armwright.kernels.stages import NEXT, Call, Integrate, Record, Rows, Stage
+from armwright.kernels.stages import NEXT, Call, Delay, Draw, Integrate, Record, Rows, Stage
 from armwright.program import Program, trace
 from armwright.scalar import Array
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.integrate.stepping import adaptive_stage, speed_pairs
-from armwright.simulation.loop.command_path import command_stages
-from armwright.simulation.loop.config import LoopConfig
+from armwright.simulation.loop.command_filter import command_stages
+from armwright.simulation.loop.config import LoopConfig, Sampling
 from armwright.simulation.loop.controller import traced_controller
-from armwright.simulation.loop.measuring import measuring_stages
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
 from armwright.simulation.plant.switching import Watched, switching_programs
+from armwright.simulation.plant.view import PlantView
 
 USUAL = ("qdd", "tau", "voltage", "current")  # stored of every arm
 NOTHING: Mapping[str, tuple[int, ...]] = {}
+
+SENSING, TIMING = 0, 1  # channels of random numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +94,62 @@ def make_tick(config: LoopConfig) -> Tick:
     return Tick(tuple(before), (*after, *_integration(config, seen)), untraced, seen)
 
 
+def measuring_stages(config: LoopConfig, sampling: Sampling) -> tuple[list[Stage], bool]:
+    """Stages from the plant's state to block "y", and whether the plant is sampled between ticks."""
+    n, delays, sensors = config.arm.n, sampling.delays, sampling.sensors
+    draws, size = sum(sensors.draws), sensors.layout.size
+    of_view = config.plant_blocks if len(sensors.sensors) > 1 else _parameters(config)
+    seen = bool(np.any(delays.earlier))
+    late, lossy = bool(np.any(delays.measured)), bool(np.any(delays.measurement_loss))
+    state = "x_seen" if seen else "x"
+    queue = "y_new" if late or lossy else "y_now"
+    stages: list[Stage] = [Draw("w_sensors", draws, SENSING)] if draws else []
+
+    varying = sensors.values.shape[1:]
+
+    def sense(x: Array, u: Array, memory: Array, c: Array, *rest: Array) -> tuple[Array, Array]:
+        *blocks, w = rest if draws else (*rest, np.zeros(0))
+        values = dict(zip(of_view, blocks, strict=True))
+        view = PlantView(config.plant(values), x, PlantInputs.named(u, values), sampling.period)
+        return sensors.of_lane(c).measure(view, memory, w)
+
+    shapes = {
+        state: (config.bare.size,),
+        "u": (n,),
+        "m_sensors": (sum(sensors.memories),),
+        "c_sensors": varying,
+    } | of_view
+    shapes |= {"w_sensors": (draws,)} if draws else {}
+    stages.append(Call(trace("sense", sense, shapes, (queue, f"m_sensors{NEXT}"))))
+    if late:
+        stages.append(Delay(queue, "y_old", "d_measured", size, int(delays.measured.max()) + 1))
+        queue = "y_old"
+    if delays.fractional or lossy:
+        stages.append(Draw("w_timing", 3, TIMING))
+    if lossy:
+
+        def keep(y: Array, kept: Array, d: Array, w: Array) -> tuple[Array, Array]:
+            y = scalar.where(scalar.less(w[2], d[4]), kept, y)
+            return y, y
+
+        shapes = {queue: (size,), "y_kept": (size,), "d": (5,), "w_timing": (3,)}
+        stages.append(Call(trace("keep", keep, shapes, ("y_now", f"y_kept{NEXT}"))))
+        queue = "y_now"
+
+    def tell(y: Array, x: Array, u: Array, *p: Array) -> Array:
+        plant = config.plant(dict(zip(_parameters(config), p, strict=True)))
+        return scalar.array(np.concatenate([y, plant.applied(x, u)]))
+
+    shapes = {queue: (size,), "x": (config.bare.size,), "u": (n,)} | _parameters(config)
+    stages.append(Call(trace("tell", tell, shapes, ("y",))))
+    return stages, seen
+
+
+def _parameters(config: LoopConfig) -> dict[str, tuple[int, ...]]:
+    """Shape of the block of varied parameters, if the arm has any."""
+    return {name: shape for name, shape in config.plant_blocks.items() if name == "p"}
+
+
 def _integration(config: LoopConfig, seen: bool) -> list[Stage]:
     """The stage that moves the plant; none where CVODES does."""
     delays = None if config.sampling is None else config.sampling.delays
@@ -115,7 +174,7 @@ def _plant_call(config: LoopConfig, u: Array, rest: Sequence[Array]) -> tuple[Pl
 def plant_derivative(config: LoopConfig) -> tuple[Callable[..., Array], dict[str, tuple[int, ...]]]:
     """dx/dt of the arm with the lane's inputs and parameters, and the shapes of its arguments by name.
 
-    Behind them it takes which contacts count as made, where that is not to follow from x.
+    Behind them it takes the contacts that count as closed, where these do not follow from x.
     """
 
     def derivative(x: Array, u: Array, *rest: Array) -> Array:
@@ -131,15 +190,15 @@ def plant_step(config: LoopConfig, contacts: Mapping[str, tuple[int, ...]] = NOT
     _, shapes = plant_derivative(config)
 
     def step(x: Array, u: Array, *rest: Array) -> Array:
-        *given, h = rest
-        plant, inputs = _plant_call(config, u, given)
-        return plant.step(rule, x, inputs, h)
+        *inputs, h = rest
+        plant, plant_inputs = _plant_call(config, u, inputs)
+        return plant.step(rule, x, plant_inputs, h)
 
     return trace("step", step, {**shapes, **contacts, "h": ()}, (f"x{NEXT}",))
 
 
 def plant_watched(config: LoopConfig) -> Watched | None:
-    """What switches within steps; None of an arm that has no stops and no play."""
+    """The plant's switching functions within steps; None of an arm that has no stops and no play."""
 
     def depths(x: Array, u: Array, *rest: Array) -> Array:
         return _plant_call(config, u, rest)[0].contact_depths(x)
@@ -153,16 +212,16 @@ def plant_watched(config: LoopConfig) -> Watched | None:
 
 
 def plant_outputs(config: LoopConfig) -> tuple[Program, tuple[str, ...]]:
-    """What follows from state, commands, inputs and parameters, for all recorded rows at once; and its names."""
+    """Outputs from state, commands, inputs and parameters, for all recorded rows at once; and its names."""
     names: list[str] = []
 
     def outputs(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
         plant, inputs = _plant_call(config, u, rest)
-        found = plant.outputs(x, inputs)
+        outputs = plant.outputs(x, inputs)
         if config.sampling is None and plant.is_plain:  # the motors alone: what else there is follows from these
-            found = {name: values for name, values in found.items() if name in USUAL}
-        names[:] = found
-        return tuple(found.values())
+            outputs = {name: values for name, values in outputs.items() if name in USUAL}
+        names[:] = outputs
+        return tuple(outputs.values())
 
     _, shapes = plant_derivative(config)
     n = config.arm.n

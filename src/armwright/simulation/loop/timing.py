@@ -1,4 +1,4 @@
-"""When measurements are taken and commands act: delays, jitter, lost samples, the drive's own clock. Design section 4.
+"""Timing of measurements and commands: delays, jitter, lost samples, the drive's own clock. Design section 4.
 
 Time is counted in base ticks of Ts. A delay is (m + φ) Ts with whole m and 0 ≤ φ < 1. The whole part is a queue of the loop; the
 fraction of a measurement is true earlier sampling of the plant, that of a command a change between ticks.
@@ -102,13 +102,13 @@ class Delays:
             return lane_values(value).astype(float)
 
         def ticks(name: str, most: int, why: str) -> np.ndarray:
-            given = each(getattr(timing, name))
-            found = given / period
-            if found.max() > most:
-                what = f"{found.max():.6g} periods of {period:g} s, and {why}"
+            seconds = each(getattr(timing, name))
+            periods = seconds / period
+            if periods.max() > most:
+                what = f"{periods.max():.6g} periods of {period:g} s, and {why}"
                 expected = f"at most {most} periods, {most * period:g} s"
-                raise ScenarioError(what, place=f"timing.{name}", value=float(given.max()), expected=expected)
-            return found
+                raise ScenarioError(what, place=f"timing.{name}", value=float(seconds.max()), expected=expected)
+            return periods
 
         measured, earlier = _split(ticks("measurement_delay", MOST_TICKS, QUEUED))
         delay, jitter = ticks("command_delay", MOST_TICKS, QUEUED), ticks("jitter", MOST_JITTER, UNDER_WAY)
@@ -138,7 +138,7 @@ class Delays:
 
     @property
     def fractional(self) -> bool:
-        """Whether any command acts between ticks, or is lost: else the queue is all there is."""
+        """True where a command acts between ticks, or is lost; else a queue is enough."""
         return any(np.any(part) for part in (self.later, self.jitter, self.drift, self.command_loss))
 
 
@@ -174,7 +174,7 @@ def _synchronous(delay: np.ndarray, jitter: np.ndarray) -> tuple[np.ndarray, np.
 def planned(
     tick: Scalar, issued: Array, late: Scalar, waiting: Array, arrivals: Array, base: Array
 ) -> tuple[np.ndarray, ...]:
-    """Which commands act in a tick and from when, and what then still waits.
+    """Commands of a tick with their times, and the queue of those that wait.
 
     Args:
         tick: () k.   issued: (n,) the command that leaves the queue in this tick.
