@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from hypothesis import strategies as st
 
 import armwright as aw
 from armwright.errors import ArmwrightError, RunError
+from armwright.scenarios import records
 from armwright.simulation.inputs.input_schedule import all_rows
 
 HEAD = """
@@ -326,3 +329,27 @@ def test_what_cannot_act_is_refused_in_one_line(tmp_path, more, said):
     with pytest.raises(ArmwrightError, match=said) as refused:
         scenario(tmp_path, text)
     assert "\n" not in str(refused.value)
+
+
+UNITS = re.compile("_(s|m|kg|kg_m2)$")
+
+
+@pytest.mark.parametrize(
+    ("table", "group"),
+    [
+        (records.StartTable, aw.Start),
+        (records.LoopTable, aw.Loop),
+        (records.InputsTable, aw.Inputs),
+        (records.SolverTable, aw.Solver),
+        (records.RecordingTable, aw.Recording),
+        (records.PayloadTable, aw.Payload),
+        (records.TimingTable, aw.Timing),
+        (records.SensorsTable, aw.Sensors),
+        (records.CommandFilterTable, aw.CommandFilter),
+    ],
+)
+def test_tables_have_the_fields_of_the_groups_in_python(table, group):
+    """Units aside; events and the processor level of a solver are those of Python alone."""
+    names = {UNITS.sub("", name) for name in table.model_fields}
+    only_python = {"events", "target"} if group is aw.Solver else set()
+    assert names == {field.name for field in dataclasses.fields(group)} - only_python

@@ -134,15 +134,12 @@ def _without_units(table: Record) -> dict[str, Any]:
 
 
 def _loop(kind: str, fields: dict[str, Any], arm: Model) -> Loop:
-    return Loop(
-        **fields
-        | {
-            "controller": _built("controller", kind, fields["controller"], arm),
-            "sensors": Sensors(**fields["sensors"]),
-            "command_filter": CommandFilter(**fields["command_filter"]),
-            "timing": Timing(**fields["timing"]),
-        }
-    )
+    kinds = {"sensors": Sensors, "command_filter": CommandFilter, "timing": Timing}
+    try:
+        parts = {name: part(**fields[name]) for name, part in kinds.items()}
+    except ScenarioError as error:
+        raise error.within("loop") from None
+    return Loop(**fields | parts | {"controller": _built("controller", kind, fields["controller"], arm)})
 
 
 def _commands(table: ScenarioTable, arm: Model, files: Files) -> Any:

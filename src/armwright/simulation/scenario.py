@@ -113,8 +113,11 @@ class Scenario:
             check_part(name, getattr(self, name), kind)
         if self.loop is not None:
             check_part("loop", self.loop, Loop)
-            self.loop.command_filter.check(self.arm)
-            self.loop.joint_sensors.check(self.arm)
+            try:
+                self.loop.command_filter.check(self.arm)
+                self.loop.joint_sensors.check(self.arm)
+            except ScenarioError as error:
+                raise error.within("loop") from None
             if self.recording.reference is not None:
                 raise ScenarioError("beside a loop", place="recording.reference", expected="loop.reference instead")
         if not isinstance(self.vary, Mapping):

@@ -107,7 +107,7 @@ class Delays:
             if periods.max() > most:
                 what = f"{periods.max():.6g} periods of {period:g} s, and {why}"
                 expected = f"at most {most} periods, {most * period:g} s"
-                raise ScenarioError(what, place=f"timing.{name}", value=float(seconds.max()), expected=expected)
+                raise ScenarioError(what, place=f"loop.timing.{name}", value=float(seconds.max()), expected=expected)
             return periods
 
         measured, earlier = _split(ticks("measurement_delay", MOST_TICKS, QUEUED))
