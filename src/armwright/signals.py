@@ -42,16 +42,16 @@ class Signal:
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():
-            raise ShapeError(f"signal {self.name!r}: expected a name of letters, digits and _")
+            raise ShapeError(place="signal", value=self.name, expected="a name of letters, digits and _")
         units = (self.units,) * self.size if isinstance(self.units, str) else tuple(self.units)
         object.__setattr__(self, "units", units)
         for name, entries in (("units", units), ("joints", self.joints)):
             if entries is not None and len(entries) != self.size:
-                raise ShapeError(
-                    f"signal {self.name!r}: {len(entries)} {name} for {self.size} entries; expected one each"
-                )
+                expected = f"one for each of {self.size} entries"
+                raise ShapeError(f"has {len(entries)}", place=f"signal {self.name!r} {name}", expected=expected)
         if self.labels is not None and len(self.labels) != (self.shape or (1,))[-1]:
-            raise ShapeError(f"signal {self.name!r}: {len(self.labels)} labels for shape {self.shape}")
+            expected = f"one for each entry along the last axis of shape {self.shape}"
+            raise ShapeError(f"has {len(self.labels)}", place=f"signal {self.name!r} labels", expected=expected)
 
     @property
     def size(self) -> int:
@@ -100,7 +100,7 @@ class Layout:
         names = [signal.name for signal in self.signals]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise ShapeError(f"signal {twice[0]!r} comes twice; expected another name")
+            raise ShapeError("occurs twice", place="signal", value=twice[0], expected="another name")
 
     @classmethod
     def of(cls, signals: Iterable[Signal]) -> Layout:
@@ -182,14 +182,15 @@ class Layout:
         rows = []
         for signal in self.signals:
             if signal.name not in values:
-                raise ShapeError(f"no value for signal {signal.name!r}; expected {', '.join(self.names)}")
+                raise ShapeError("has no value", place=f"signal {signal.name!r}", expected=", ".join(self.names))
             row = scalar.array(values[signal.name])
             if row.shape != signal.shape:
-                raise ShapeError(f"signal {signal.name!r} of shape {row.shape}; expected {signal.shape}")
+                expected = f"shape {signal.shape}"
+                raise ShapeError(f"has shape {row.shape}", place=f"signal {signal.name!r}", expected=expected)
             rows.append(row.ravel())
         return scalar.array(np.concatenate(rows)) if rows else np.zeros(0)
 
     def _known(self, name: str) -> str:
         if name not in self._places:
-            raise ShapeError(f"no signal {name!r}; {nearest(name, self._places)}")
+            raise ShapeError("no such signal", place="signal", value=name, choices=self._places)
         return name

@@ -59,10 +59,10 @@ def test_a_scenario_takes_them():
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: Quintic(START, GOAL, 0.0), "Quintic: duration = 0.0: expected a number above 0"),
-        (lambda: Ramp(START, [1.0], 1.0), "numbers of joints do not fit together: 2 of start, 1 of goal"),
-        (lambda: Step(START, [np.nan, 0.0]), "Step: goal = .*expected finite numbers"),
-        (lambda: Sine(START, "wide", 1.0), "Sine: amplitude = 'wide'"),
+        (lambda: Quintic(START, GOAL, 0.0), r"Quintic\.duration = 0.0: expected a number above 0"),
+        (lambda: Ramp(START, [1.0], 1.0), "Ramp: numbers of joints differ: 2 of start, 1 of goal"),
+        (lambda: Step(START, [np.nan, 0.0]), "Step\\.goal = .*expected finite numbers"),
+        (lambda: Sine(START, "wide", 1.0), r"Sine\.amplitude = 'wide'"),
         (lambda: Sine(START, GOAL, True), "frequency_hz = True"),
     ],
 )

@@ -28,11 +28,12 @@ def check_poses(reference: str, **poses: Any) -> None:
         except (TypeError, ValueError):
             rows = np.zeros(0)
         if rows.ndim != 2 or not rows.size or not np.isfinite(rows).all():
-            raise ScenarioError(f"{reference}: {name} = {value!r}: expected finite numbers, one for each joint")
+            expected = "finite numbers, one for each joint"
+            raise ScenarioError(place=f"{reference}.{name}", value=value, expected=expected)
         sizes[name] = rows.shape[-1]
     if len(set(sizes.values())) > 1:
-        told = ", ".join(f"{count} of {name}" for name, count in sizes.items())
-        raise ScenarioError(f"{reference}: numbers of joints do not fit together: {told}")
+        counts = ", ".join(f"{count} of {name}" for name, count in sizes.items())
+        raise ScenarioError(f"numbers of joints differ: {counts}", place=reference)
 
 
 def check_number(reference: str, name: str, value: Any, *, above: float = -np.inf) -> None:
@@ -44,5 +45,5 @@ def check_number(reference: str, name: str, value: Any, *, above: float = -np.in
     drawn = isinstance(value, Draw)  # checked when it is
     for each in value.values if isinstance(value, Batch) else [] if drawn else [value]:
         if isinstance(each, (bool, np.bool_)) or not isinstance(each, numbers.Real) or not above < float(each) < np.inf:
-            what = "a finite number" if above == -np.inf else f"a number above {above:g}"
-            raise ScenarioError(f"{reference}: {name} = {each!r}: expected {what}")
+            expected = "a finite number" if above == -np.inf else f"a number above {above:g}"
+            raise ScenarioError(place=f"{reference}.{name}", value=each, expected=expected)
