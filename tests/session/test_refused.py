@@ -79,7 +79,7 @@ REFUSED_ELSEWHERE = [  # line, error of another room, part of its sentence
     ("open-output-file no/such/folder.txt", errors.OutputError, "there is no folder"),
     ("database-read pma560", errors.DescriptionError, "robot = 'pma560'"),
     ("database-read half.csv", errors.DescriptionError, "half.csv"),
-    ("controller joint-pid kp=-1 scale=1", errors.ScenarioError, "kp of joint 'joint1' is -1"),
+    ("controller joint-pid kp=-1 scale=1", errors.ScenarioError, "kp of joint 'joint1' = -1.0: expected"),
     ("payload 1 frame=toe", errors.DescriptionError, "toe"),
     ("pose toe", errors.ModelError, "frame = 'toe': "),
     ("restore none.nc", errors.RunError, "no such file"),

@@ -180,7 +180,7 @@ def test_rows_of_a_reference_belong_to_their_ticks():
     np.testing.assert_array_equal(simulation.reference_now.q, rows[-1])
     simulation.reset()
     np.testing.assert_array_equal(simulation.run(0.1).q.values, whole.q.values)
-    with pytest.raises(ScenarioError, match=r"reference of shape \(7, 2\): expected a pose"):
+    with pytest.raises(ScenarioError, match=r"loop\.reference: shape \(7, 2\); expected a pose"):
         aw.Simulation(two_link(reference=rows[:7]))
 
 

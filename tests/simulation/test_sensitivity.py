@@ -183,10 +183,11 @@ def test_what_has_no_derivative_is_refused():
 
 
 def test_an_unknown_parameter_is_named():
-    with pytest.raises(aw.ArmwrightError, match="rod0 has mass_kg"):
+    with pytest.raises(aw.ArmwrightError, match="X one of mass_kg") as caught:
         aw.sensitivities(
             aw.Scenario(GEARED, command=[1.0, 0.0], duration=0.01, solver=aw.Solver(step=1e-4)), ["rod0.weight"]
         )
+    assert (caught.value.place, caught.value.value) == ("vary", "rod0.weight")
 
 
 def test_laws_in_numpy_have_them_too():

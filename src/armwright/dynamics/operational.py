@@ -30,8 +30,9 @@ def operational_inertia(model: Model, q: Array, frame: str | None = None) -> np.
     path = model.path(model.frame(frame).body)
     carried = len(path if model.mimics is None else {model.mimics.coordinate[i] for i in path})
     if carried < 6:
+        place = f"joints that carry {frame or model.tip!r}"
         raise ModelError(
-            place=f"joints that carry {frame or model.tip!r}", value=carried, expected="six or more", file=model.name
+            "operational_inertia needs more", place=place, value=carried, expected="six or more", file=model.name
         )
     factors = scalar.factor_symmetric(mass_matrix(model, q))
     half = scalar.solve_lower(factors, jacobian(model, q, frame).T)  # Λ⁻¹ = halfᵀ D⁻¹ half
