@@ -45,9 +45,9 @@ def limit_notes(
             commanded, applied = np.where(finite, commanded, 0.0), np.where(finite, applied, 0.0)
             clipped = np.abs(applied - commanded) > ROUNDING * max(np.abs(commanded).max(), np.abs(applied).max())
             if clipped.any():
-                unit = command_unit(command, body.kind == "prismatic")
+                unit, share = command_unit(command, body.kind == "prismatic"), percentage(clipped.mean())
                 reached.append(
-                    f"the drive's limits clipped its {command} in {clipped.mean():.0%} of the rows, first at {first(clipped)} "
+                    f"the drive's limits clipped its {command} in {share} of the rows, first at {first(clipped)} "
                     f"(asked for up to {np.abs(commanded[clipped]).max():.4g} {unit})"
                 )
         low, high = body.limits.position
@@ -80,3 +80,8 @@ def _only_limits(body: Body, coupled: bool) -> bool:
     if drive.command == "voltage":
         return True
     return drive.inductance is None and drive.thermal is None and not (coupled and drive.command == "torque")
+
+
+def percentage(share: float) -> str:
+    """A share in percent: 0.28 → "28%", 0.003 → "0.3%"."""
+    return f"{share:.0%}" if share >= 0.01 else f"{100 * share:.1g}%"
