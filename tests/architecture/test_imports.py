@@ -15,6 +15,7 @@ PACKAGE = "armwright"
 ORDER = (
     ("errors",),
     ("scalar",),
+    ("program",),  # traced functions; it knows no robots
     ("expressions",),
     ("output",),
     ("signals",),  # named layouts of vectors
@@ -32,7 +33,6 @@ ORDER = (
     ("kinematics",),
     ("actuators",),  # above dynamics: friction and gear loss are part of the inverse dynamics
     ("dynamics",),
-    ("program",),
     ("kernels",),
     ("results",),
     ("simulation",),
@@ -119,7 +119,7 @@ def test_rooms_import_only_from_above() -> None:
             "def f():\n    import armwright.kernels.llvm",
             "model/build.py:2: `model` imports `kernels`, below",
         ),
-        ("dynamics/inverse.py", "from ..program.trace import trace", "`dynamics` imports `program`, below"),
+        ("dynamics/inverse.py", "from ..kernels.cache import load", "`dynamics` imports `kernels`, below"),
         ("dynamics/inverse.py", "from .. import scalar, kernels", "`dynamics` imports `kernels`, below"),
         ("dynamics/inverse.py", "from armwright import load", "`dynamics` imports `armwright`, below"),
         (

@@ -54,6 +54,9 @@ class CMachine(Machine):
         self._lines: list[tuple[tuple[str, ...], str]] = []  # what a statement defines, and its text
         self._printed: dict[str, str] = {}
         self._fused: set[str] = set()  # results of fma, and of functions that may end in one
+        self._called: dict[
+            str, tuple[list[Value], list[Value]]
+        ] = {}  # arguments and results of each function's last call
         self._count = 0
         self._suffix = self.format.suffix
 
@@ -93,18 +96,31 @@ class CMachine(Machine):
         return value
 
     def call_program(self, name: str, program: Program, arguments: Sequence[Value]) -> list[Value]:
-        """All results of a program's function, through arrays."""
+        """All results of a program's function, through arrays.
+
+        A call whose arguments differ from the last one's by nothing but that one's results is the next step of an iteration:
+        it is left out where these are what they were before.
+        """
         real, values = self.dialect.real, iter(arguments)
         arrays, lines, results = [], [], []
+        before, returned = self._called.get(name, ([], []))
+        changed = [k for k, pair in enumerate(zip(arguments, before, strict=False)) if pair[0] != pair[1]]
+        goes_on = bool(before) and all(arguments[k] in returned for k in changed)
         for port in program.inputs:
             arrays.append(self._fresh("v"))
             entries = ", ".join(next(values) for _ in range(port.size))
             lines.append(f"const {real} {arrays[-1]}[{port.size}] = {{{entries}}};")
+        first = 0
         for port in program.outputs:
             arrays.append(self._fresh("v"))
-            lines.append(f"{real} {arrays[-1]}[{port.size}];")
+            kept = f" = {{{', '.join(returned[first : first + port.size])}}}" if goes_on else ""
+            lines.append(f"{real} {arrays[-1]}[{port.size}]{kept};")
             results += [f"{arrays[-1]}[{e}]" for e in range(port.size)]
-        lines.append(f"{name}({', '.join(arrays)});")
+            first += port.size
+        call = f"{name}({', '.join(arrays)});"
+        differs = " || ".join(f"{arguments[k]} != {before[k]}" for k in changed)
+        lines.append(f"if ({differs}) {{\n    {call}\n}}" if goes_on else call)
+        self._called[name] = list(arguments), results
         self._lines.append((tuple(arrays), "\n".join(lines)))
         self._fused.update(results)
         return results

@@ -6,6 +6,7 @@ one vector of W lanes, so nothing is transposed between them. What Python calls 
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, field
 
 from armwright.kernels.format import DOUBLE, FORMATS, Format
@@ -249,19 +250,38 @@ class Module:
         self._define(name, program, m, "ptr noalias %work")
 
     def caller(self, m: LlvmMachine):
-        """Printer of calls of block functions for the walk: arguments and results go through the stack."""
+        """Printer of calls of block functions for the walk: arguments and results go through the stack.
+
+        A call whose arguments differ from the last one's by nothing but that one's results is the next step of an iteration.
+        It is left out where these are what they were before in every lane: the results are then the same as well.
+        """
+        last: dict[str, tuple[list[Value], list[str], list[str], list[Value]]] = {}
 
         def call(program: Program, arguments: list[Value]) -> list[Value]:
             name = self.add_block_function(program)
-            pointers, values = [], iter(arguments)
-            for port in program.inputs:
-                pointer = m.reserve(port.size)
-                for entry in range(port.size):
-                    m.store(pointer, entry, next(values))
-                pointers.append(pointer)
-            results = [m.reserve(port.size) for port in program.outputs]
+            before, pointers, results, returned = last.get(name, ([], [], [], []))
+            places = [(k, entry) for k, port in enumerate(program.inputs) for entry in range(port.size)]
+            changed = [k for k, pair in enumerate(zip(arguments, before, strict=False)) if pair[0] != pair[1]]
+            goes_on = bool(before) and all(arguments[k] in returned for k in changed)
+            step, done = m.fresh("step"), m.fresh("rest")
+            if goes_on:
+                same = [m.int_eq(m.bits(arguments[k]), m.bits(before[k])) for k in changed]
+                m.branch(m.any(m.inverse(functools.reduce(m.both, same))), step, done)
+                m.label(step)
+            else:
+                changed = list(range(len(places)))
+                pointers = [m.reserve(port.size) for port in program.inputs]
+                results = [m.reserve(port.size) for port in program.outputs]
+            for k in changed:
+                port, entry = places[k]
+                m.store(pointers[port], entry, arguments[k])
             m.lines.append(f"  call void @{name}({', '.join(f'ptr {p}' for p in [*pointers, *results])})")
-            return [m.load(p, e) for p, port in zip(results, program.outputs, strict=True) for e in range(port.size)]
+            if goes_on:
+                m.jump(done)
+                m.label(done)
+            loaded = [m.load(p, e) for p, port in zip(results, program.outputs, strict=True) for e in range(port.size)]
+            last[name] = arguments, pointers, results, loaded
+            return loaded
 
         return call
 

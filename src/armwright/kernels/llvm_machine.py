@@ -86,7 +86,7 @@ class LlvmMachine(Machine):
 
     def begin(self, label: str) -> None:
         """Start the walker's own basic block. What was computed before is no longer taken for available."""
-        self._label(label)
+        self.label(label)
         self._printed.clear()
         self.memo.clear()
 
@@ -142,7 +142,8 @@ class LlvmMachine(Machine):
         """Of one vector of lanes."""
         return self.format.bytes * self.width
 
-    def _label(self, label: str) -> None:
+    def label(self, label: str) -> None:
+        """Start a basic block before which everything is still available."""
         self.lines.append(f"{label}:")
         self.block = label
 
@@ -185,7 +186,7 @@ class LlvmMachine(Machine):
         wide, join = self.fresh("rare"), self.fresh("join")
         some, usual = self.any(mask), self.block
         self.branch(some, wide, join)
-        self._label(wide)
+        self.label(wide)
         printed = dict(self._printed)  # what is printed in this block is not available after it
         rare = [
             self.select(mask, self.call(name, *arguments), value)
@@ -193,7 +194,7 @@ class LlvmMachine(Machine):
         ]
         self._printed = printed
         self.jump(join)
-        self._label(join)
+        self.label(join)
         return tuple(
             self.emit(f"phi {self.real} [ {usual_value}, %{usual} ], [ {rare_value}, %{wide} ]")
             for usual_value, rare_value in zip(fast, rare, strict=True)
