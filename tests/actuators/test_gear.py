@@ -1,4 +1,4 @@
-"""Laws of the gear's loss: design section 3, "Gear efficiency"."""
+"""Laws of the gear's loss: design section 3, *Gear loss*."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from actuators.drives import one_joint
-from armwright.actuators import transmission
+from armwright.actuators.gear import GearLoss, gear_loss
 from armwright.model import Model
 
 ETA, SMOOTH = 0.6, 0.05
@@ -24,9 +24,16 @@ def lossy() -> Model:
 GEAR = lossy()
 
 
+def loss_at(speed: float) -> GearLoss:
+    """The gear at a speed."""
+    loss = gear_loss(GEAR.bodies[0].drive, speed)
+    assert loss is not None
+    return loss
+
+
 def transmitted(speed: float, torque: float) -> float:
-    """e tau, the torque that reaches the arm."""
-    return float(transmission(GEAR, np.array([speed]), np.array([torque]))[0]) * torque
+    """G(t), the torque that leaves the gear."""
+    return float(loss_at(speed).output(torque))
 
 
 def test_driving_and_driven_back():
@@ -62,10 +69,8 @@ def test_continuous_through_rest(torque):
 
 @given(speeds, torques)
 def test_invertible_from_either_side(speed, torque):
-    """e of the arm's torque is e of the motor's: inverse dynamics divides by what forward dynamics multiplies with."""
-    behind = transmitted(speed, torque)
-    e = float(transmission(GEAR, np.array([speed]), np.array([behind]))[0])
-    assert behind / e == pytest.approx(torque, rel=1e-14, abs=1e-300)
+    """What enters follows from what leaves: inverse dynamics divides by what forward dynamics multiplies with."""
+    assert loss_at(speed).input(transmitted(speed, torque)) == pytest.approx(torque, rel=1e-14, abs=1e-300)
 
 
 @given(speeds, torques)
@@ -77,8 +82,8 @@ def test_mirrored(speed, torque):
 def test_no_efficiency_is_no_loss():
     """η absent = 1, exactly."""
     model = one_joint(None, {"gear_ratio": 50.0, "rotor_inertia_kg_m2": 0.0})
-    assert transmission(model, np.array([3.0]), np.array([2.0])) == 1.0
-    assert transmission(GEAR.replace(efficiency=None), np.array([3.0]), np.array([2.0])) == 1.0
+    assert gear_loss(model.bodies[0].drive, 3.0) is None
+    assert gear_loss(GEAR.replace(efficiency=None).bodies[0].drive, 3.0) is None
 
 
 def test_self_locking_is_warned_of():

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import tomllib
 
+import numpy as np
 import pytest
 
 import armwright as aw
 from armwright.description.database import parse
 from armwright.description.writer import to_toml
-from armwright.errors import DescriptionError, ModelError
+from armwright.errors import DescriptionError
 from armwright.model import build_model
 from description.reports import check_report
 
@@ -138,20 +139,33 @@ def test_a_bus_needs_direct_current_constants():
     check_report(raised.value, "joint 'hinge' motor.basis", "[supply] goes with basis = 'dc'")
 
 
-def test_kernels_refuse_coupled_motors():
-    """Their inertia lies between joints, and their speed is not a joint's."""
+def test_motors_that_two_joints_turn():
+    """tau = B⁻ᵀ r + n² J_m B q̈ and V = R i + n Ke B q̇ with B written out by hand, and back again."""
     data = record()
     first, link = data["joints"][0], data["links"][0]
     second = {**first, "name": "second", "parent": "rod", "child": "tip"}
     second["motor"] = {**MOTOR, "coupling": [{"joint": "hinge", "ratio": 10.0}]}
     arm = build_model(parse({**data, "joints": [first, second], "links": [link, {**link, "name": "tip"}]}, "two"))
-    for function, arguments in (
-        (aw.mass_matrix, ([0, 0],)),
-        (aw.inverse_dynamics, ([0, 0], [0, 0], [0, 0])),
-        (aw.forward_dynamics, ([0, 0], [0, 0], [0, 0])),
-        (aw.motor_voltage, ([0, 0], [0, 0])),
-        (aw.forward_arm, ([0, 0], [0, 0], [0, 0])),
-    ):
-        with pytest.raises(ModelError, match="coupled motor"):
-            function(arm, *arguments)
+    b = np.array([[1.0, 0.0], [10.0 / MOTOR["gear_ratio"], 1.0]])
+    rotors = MOTOR["gear_ratio"] ** 2 * MOTOR["rotor_inertia_kg_m2"] * np.eye(2)
+    q, qd, qdd = np.array([0.3, -0.8]), np.array([1.5, -0.4]), np.array([3.0, 7.0])
+    links = aw.inverse_dynamics(arm.replace(rotors=None), q, qd, qdd)
+    tau = aw.inverse_dynamics(arm, q, qd, qdd)
+    np.testing.assert_allclose(tau, links + rotors @ b @ qdd, rtol=1e-13)
+    bare = build_model(
+        parse({**data, "joints": [first, {**second, "motor": MOTOR}], "links": [link, {**link, "name": "tip"}]}, "two")
+    )
+    np.testing.assert_allclose(
+        links, np.linalg.solve(b.T, aw.inverse_dynamics(bare.replace(rotors=None), q, qd, qdd)), rtol=1e-13
+    )
+    np.testing.assert_allclose(aw.forward_dynamics(arm, q, qd, tau), qdd, rtol=1e-12)
+    np.testing.assert_allclose(
+        aw.mass_matrix(arm, q), aw.mass_matrix(bare.replace(rotors=None), q) + b.T @ rotors @ b, rtol=1e-13
+    )
+    kinetic, _ = aw.energy(arm, q, qd)
+    assert kinetic == pytest.approx(0.5 * qd @ aw.mass_matrix(arm, q) @ qd, rel=1e-13)
+    volts = aw.motor_voltage(arm, qd, tau)
+    constant = MOTOR["gear_ratio"] * MOTOR["torque_constant_n_m_per_a"]
+    np.testing.assert_allclose(volts, MOTOR["resistance_ohm"] * tau / constant + constant * (b @ qd), rtol=1e-13)
+    np.testing.assert_allclose(aw.forward_arm(arm, q, qd, volts), qdd, rtol=1e-12)
     assert len(aw.gravity_torques(arm, [0, 0])) == 2

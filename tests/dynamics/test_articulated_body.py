@@ -21,8 +21,9 @@ from reference.random_trees import random_description, random_position
 
 
 def model_of(which: str | int) -> Model:
-    """A named arm, or a random tree by its seed."""
-    return arm(which) if isinstance(which, str) else build_model(random_description(which))
+    """A named arm, or a random tree by its seed, without gear loss."""
+    model = arm(which) if isinstance(which, str) else build_model(random_description(which))
+    return model.replace(efficiency=None)
 
 
 def pivots(model: Model, q: np.ndarray) -> np.ndarray:

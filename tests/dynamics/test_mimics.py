@@ -185,8 +185,10 @@ def test_friction_of_a_follower_is_felt_by_its_master():
 
 
 def test_articulated_bodies_refuse():
-    with pytest.raises(ModelError, match="articulated_body is for joints that each move by themselves"):
+    with pytest.raises(ModelError, match="not for arms with joints that follow others"):
         articulated_body(arm("gripper"), *np.zeros((3, 5)))
+    with pytest.raises(ModelError, match="not for arms with gears with loss"):
+        articulated_body(arm("workshop"), *np.zeros((3, arm("workshop").n)))
 
 
 def test_held_masters_hold_their_followers():

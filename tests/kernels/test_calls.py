@@ -41,7 +41,7 @@ def test_outputs_that_share_memory_are_refused(dyn):
 def test_as_many_outputs_as_there_are(dyn):
     with pytest.raises(ShapeError) as error:
         dyn.inverse_dynamics_derivatives(Q, Q, Q, out=(np.empty((50, 6, 6)), np.empty((50, 6, 6))))
-    assert (error.value.what, error.value.expected) == ("2 arrays", "3: dtau_dq, dtau_dqd, M")
+    assert (error.value.what, error.value.expected) == ("2 arrays", "3: dtau_dq, dtau_dqd, dtau_dqdd")
 
 
 def test_bound_arrays_that_lie_partly_over_each_other_are_refused(dyn):
@@ -53,7 +53,7 @@ def test_bound_arrays_that_lie_partly_over_each_other_are_refused(dyn):
     np.testing.assert_array_equal(bound(), dyn.gravity_torques(Q))
     both = np.empty((50, 6, 6))
     with pytest.raises(ShapeError, match="share memory"):
-        dyn.bind("inverse_dynamics_derivatives", lead=(50,), dtau_dq=both, M=both)
+        dyn.bind("inverse_dynamics_derivatives", lead=(50,), dtau_dq=both, dtau_dqdd=both)
 
 
 def test_bound_parameters_begin_at_the_records_values():

@@ -2,7 +2,6 @@
 
 from armwright.actuators.drive import DriveOutput, demanded_drive, holding_command, in_command_units, limited_drive
 from armwright.actuators.friction import friction_torques
-from armwright.actuators.gear import transmission
 from armwright.actuators.motor import drive_torque, motor_current, motor_torque, motor_voltage
 
 __all__ = [
@@ -16,5 +15,4 @@ __all__ = [
     "motor_current",
     "motor_torque",
     "motor_voltage",
-    "transmission",
 ]

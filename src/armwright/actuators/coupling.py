@@ -66,13 +66,12 @@ def _matrix(shares: Shares) -> np.ndarray:
     return scalar.array(b)
 
 
-def reflected_inertia(model: Model, shares: Shares) -> np.ndarray:
-    """Bᵀ n² J_m B (n, n) of the motors with rigid gears, in joint coordinates [kg m² | kg m | kg]."""
-    inertia = scalar.zeros(model.n, model.n)
+def coupled_inertia(model: Model) -> np.ndarray:
+    """Σ Bᵢᵀ n² J_m Bᵢ (n, n) of the motors that several joints turn, in joint coordinates [kg m² | kg m | kg]."""
+    inertia, shares = scalar.zeros(model.n, model.n), shares_of(model)
     for i, body in enumerate(model.coordinates):
-        if body.elasticity is None:
-            row = [(i, 1.0), *shares[i]]
-            for a, ratio_a in row:
-                for b, ratio_b in row:
-                    inertia[a, b] = inertia[a, b] + body.drive.reflected * ratio_a * ratio_b
+        row = [(i, 1.0), *shares[i]] if shares[i] else []
+        for a, share_a in row:
+            for b, share_b in row:
+                inertia[a, b] = inertia[a, b] + body.drive.reflected * share_a * share_b
     return scalar.array(inertia)

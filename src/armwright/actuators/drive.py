@@ -36,10 +36,10 @@ def limited_drive(model: Model, qd: Array, u: Array) -> DriveOutput:
     Raises:
         ModelError: a drive without the constants that its command needs.
     """
-    rows = []
+    rows, w = [], to_motors(shares_of(model), qd)
     for i, body in enumerate(model.coordinates):
         check_command(body)
-        winding = driven_winding(body, body.drive, qd[i], u[i], body.limits.voltage)
+        winding = driven_winding(body, body.drive, w[i], u[i], body.limits.voltage)
         rows.append((winding.torque, winding.voltage, winding.current))
     return DriveOutput(*(scalar.array(column) for column in zip(*rows, strict=True)))
 
@@ -48,12 +48,12 @@ def demanded_drive(model: Model, qd: Array, tau: Array) -> DriveOutput:
     """Voltages and currents that torques ask of the motors, eq. (11) and i = tau / (n Kt), without limits.
 
     Args:
-        model: the arm.   qd: (n, …) [rad/s | m/s].   tau: (n, …) [N m | N].
+        model: the arm.   qd: (n, …) of the joints [rad/s | m/s].
+        tau: (n, …) of the motors, each referred to its joint, as `inverse_dynamics` gives them [N m | N].
     Returns:
-        output: torque of every motor (tau itself, but for coupled ones), voltage and current, (n, …).
+        output: tau itself, voltage and current of every motor, (n, …).
     """
-    shares = shares_of(model)
-    qd, tau = to_motors(shares, qd), from_joints(shares, tau)
+    qd = to_motors(shares_of(model), qd)
     voltage, current = [], []
     for i, body in enumerate(model.coordinates):
         drive, unknown = body.drive, np.nan * tau[i]
@@ -81,5 +81,6 @@ def holding_command(model: Model, gravity_torques: Array) -> np.ndarray:
         ModelError: a drive without the constants that its command needs.
     """
     still = scalar.array(0.0 * gravity_torques)
-    wanted = in_command_units(model, demanded_drive(model, still, gravity_torques))
+    torques = from_joints(shares_of(model), gravity_torques)
+    wanted = in_command_units(model, demanded_drive(model, still, torques))
     return in_command_units(model, limited_drive(model, still, wanted))

@@ -6,12 +6,13 @@ A law of its own state stands in a file of its own (`lugre`); here it has the ma
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from armwright import scalar
-from armwright.model import Friction, Mimics, Model, on_tree
+from armwright.actuators.coupling import shares_of, to_joints, to_motors
+from armwright.model import Body, Friction, Mimics, Model, on_tree
 from armwright.scalar import Array, Scalar
 
 
@@ -100,13 +101,39 @@ def _same(a: Scalar, b: Scalar) -> bool:
     return a is b or (not scalar.is_symbolic(a, b) and a == b)
 
 
-@on_tree(Mimics.torques)
 def friction_torques(model: Model, qd: Array) -> np.ndarray:
-    """Friction of all joints, f(q̇): what the motors must give beside the links' dynamics. [OlssonEtAl1998]
+    """Friction of all joints and motors, f(q̇): what the motors must give beside the links' dynamics. [OlssonEtAl1998]
+
+    Motor-side friction acts on the motors' speeds, and on the joints by Bᵀ where motors are coupled.
 
     Args:
         model: the arm.   qd: (n,) [rad/s | m/s].
     Returns:
         f: (n,) [N m | N], joint side; 0 where the record has no friction.
     """
+    shares = shares_of(model)
+    w = to_motors(shares, qd)
+    motors = [motor_friction(body, w[i]) for i, body in enumerate(model.coordinates)]
+    return scalar.array(link_friction(model, qd) + to_joints(shares, motors))
+
+
+def motor_friction(body: Body, speed: Scalar) -> Scalar:
+    """Friction on the motor's side of a joint's gear [N m | N], by the motor's speed; both referred to the joint."""
+    return joint_friction(body.friction, speed) if body.friction is not None and body.friction.on_motor else 0.0
+
+
+def link_friction(model: Model, qd: Array) -> np.ndarray:
+    """Friction behind the gears (n,) [N m | N], and all that of joints that follow others."""
+    names = set(model.names)
+    bodies = (
+        replace(body, friction=None)
+        if body.joint in names and body.friction is not None and body.friction.on_motor
+        else body
+        for body in model.bodies
+    )
+    return _all_friction(replace(model, bodies=tuple(bodies)), qd)
+
+
+@on_tree(Mimics.torques)
+def _all_friction(model: Model, qd: Array) -> np.ndarray:
     return scalar.array([joint_friction(body.friction, qd[i]) for i, body in model.outward()])

@@ -1,6 +1,7 @@
 """The motor with back EMF, inductance neglected: equations (11) and (12) of the CMU report, referred to the joints.
 
-With n the gear ratio:   tau = n Kt i,   V = R i + Ke n q̇.
+With n the gear ratio:   tau = n Kt i,   V = R i + Ke n q̇.  Where a motor is turned by several joints, q̇ is its own speed referred
+to its joint, row i of B q̇ (`coupling`), and tau its own torque, referred likewise.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from armwright import scalar
+from armwright.actuators.coupling import shares_of, to_motors
 from armwright.description.drive import COMMAND_NEEDS
 from armwright.errors import ModelError
 from armwright.model import Body, Drive, Model, one_state
@@ -43,7 +45,8 @@ def motor_voltage(model: Model, qd: Array, tau: Array) -> np.ndarray:
         ModelError: a drive without resistance or torque constant.
     """
     _check_motors(model, "motor_voltage", *COMMAND_NEEDS["voltage"])
-    return scalar.array([joint_voltage(body.drive, qd[i], tau[i]) for i, body in enumerate(model.coordinates)])
+    w = to_motors(shares_of(model), qd)
+    return scalar.array([joint_voltage(body.drive, w[i], tau[i]) for i, body in enumerate(model.coordinates)])
 
 
 @one_state
@@ -58,7 +61,8 @@ def motor_torque(model: Model, qd: Array, voltage: Array) -> np.ndarray:
         ModelError: a drive without resistance or torque constant.
     """
     _check_motors(model, "motor_torque", *COMMAND_NEEDS["voltage"])
-    return scalar.array([joint_torque(body.drive, qd[i], voltage[i]) for i, body in enumerate(model.coordinates)])
+    w = to_motors(shares_of(model), qd)
+    return scalar.array([joint_torque(body.drive, w[i], voltage[i]) for i, body in enumerate(model.coordinates)])
 
 
 def drive_torque(model: Model, qd: Array, u: Array) -> np.ndarray:
@@ -71,11 +75,11 @@ def drive_torque(model: Model, qd: Array, u: Array) -> np.ndarray:
     Raises:
         ModelError: a drive without the constants that its command needs.
     """
-    return scalar.array([_torque_of_command(body, qd[i], u[i]) for i, body in enumerate(model.coordinates)])
+    w = to_motors(shares_of(model), qd)
+    return scalar.array([_torque_of_command(body, w[i], u[i]) for i, body in enumerate(model.coordinates)])
 
 
 def _torque_of_command(body: Body, speed: Scalar, u: Scalar) -> Scalar:
-    check_uncoupled(body, "drive_torque")
     check_command(body)
     if body.drive.command == "torque":
         return u
@@ -105,24 +109,9 @@ def check_constants(body: Body, what: str, *keys: str) -> None:
             raise ModelError(f"{what} needs it, and the record does not have it", place=f"{body.joint}.motor.{key}")
 
 
-def check_uncoupled(body: Body, what: str) -> None:
-    """Refuses a motor that several joints turn, whose speed is not that of its joint.
-
-    Raises:
-        ModelError: names the joint.
-    """
-    if body.drive.coupling:
-        other = body.drive.coupling[0][0]
-        raise ModelError(
-            f"{what} is for motors of one joint, and {other!r} turns this one too; only the simulator knows coupled motors",
-            place=f"{body.joint}.motor.coupling",
-        )
-
-
 def _check_motors(model: Model, what: str, *keys: str) -> None:
-    """Refuses an arm with coupled motors, or whose motors lack constants."""
+    """Refuses an arm whose motors lack constants."""
     for body in model.coordinates:
-        check_uncoupled(body, what)
         check_constants(body, what, *keys)
 
 

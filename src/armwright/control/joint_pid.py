@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
+from armwright.actuators.coupling import from_joints, shares_of
 from armwright.control.anti_windup import RULES, limited_stage, shortfall
 from armwright.control.commands import command_signs, torque_commands
 from armwright.control.gains import check_model, check_time, check_whole, per_joint, positive_limit
@@ -106,7 +107,7 @@ class JointPID:
         slope = (r.qd - speed) if self.derivative == "error" else -1.0 * speed
         feedforward = self.kd * slope + self.speed_feedforward * r.qd + self.acceleration_feedforward * r.qdd
         if self.gravity:
-            weight = gravity_torques(simplified(self.model), y.q)
+            weight = from_joints(shares_of(self.model), gravity_torques(simplified(self.model), y.q))
             feedforward = feedforward + signs * torque_commands(self.model, scalar.zeros(n), weight)
         missing = signs * shortfall(y.applied, asked[:n], self.slack)
         stage = limited_stage(

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from armwright import scalar
-from armwright.actuators import friction_torques, transmission
+from armwright.actuators.coupling import shares_of
+from armwright.actuators.friction import friction_torques
 from armwright.dynamics.inverse import inertial_forces
 from armwright.errors import ModelError
 from armwright.kinematics import AxialMotion, joint_motions
@@ -32,17 +33,22 @@ def articulated_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Arra
     Returns:
         qdd: (n,) [rad/s² | m/s²]; not finite where the mass matrix is singular.
     Raises:
-        ModelError: a wrench on an arm that branches and names no tip, or joints that follow others, which move together
-            however far apart they are.
+        ModelError: a wrench on an arm that branches and names no tip; joints that follow others, coupled motors and gears with
+            loss, all of which move together however far apart they are.
     """
-    if model.mimics is not None:
-        raise ModelError(
-            "articulated_body is for joints that each move by themselves, and some mimic others",
-            value=model.name,
-            expected="forward_dynamics or composite_body",
-        )
-    driven = transmission(model, qd, tau) * tau
-    return articulated_accelerations(model, q, qd, driven, friction_torques(model, qd), wrench)
+    lossy = any(body.drive.efficiency is not None for body in model.coordinates)
+    for met, what in (
+        (model.mimics is not None, "joints that follow others"),
+        (any(shares_of(model)), "coupled motors"),
+        (lossy, "gears with loss"),
+    ):
+        if met:
+            raise ModelError(
+                f"articulated_body is not for arms with {what}",
+                value=model.name,
+                expected="forward_dynamics or composite_body",
+            )
+    return articulated_accelerations(model, q, qd, tau, friction_torques(model, qd), wrench)
 
 
 def articulated_accelerations(
@@ -84,9 +90,9 @@ def articulated_shares(
     share, d = {}, {}
     for i, body in model.inward():
         u, un = inertia[i].column(body.kind)
-        d[i] = (un if body.kind == "revolute" else u)[2] + body.drive.armature
+        d[i] = (un if body.kind == "revolute" else u)[2] + body.drive.joint_inertia
         share[i] = u / d[i], un / d[i]
         if body.parent != BASE:
-            left = inertia[i].without(body.kind, share[i], body.drive.armature)
+            left = inertia[i].without(body.kind, share[i], body.drive.joint_inertia)
             inertia[body.parent] = inertia[body.parent] + axial[i].inertia_to_parent(left)
     return share, d

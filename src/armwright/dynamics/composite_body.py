@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from armwright import scalar
-from armwright.actuators import friction_torques, transmission
+from armwright.actuators.friction import link_friction
+from armwright.dynamics.gears import Gear, motors, through_gears
 from armwright.dynamics.inverse import newton_euler
 from armwright.dynamics.mass_matrix import mass_matrix
 from armwright.model import Model, one_state
@@ -16,7 +19,8 @@ from armwright.scalar import Array
 def composite_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
     """Accelerations that motor torques give, by the mass matrix: what `forward_dynamics` gives, cheapest for short arms.
 
-    q̈ = M⁻¹ ( e tau - C q̇ - g - f + Jᵀ wrench ),  M = L D Lᵀ solved without pivots.  [WalkerOrin1982]
+    q̈ = M⁻¹ ( tau - C q̇ - g - f + Jᵀ wrench ),  M = L D Lᵀ solved without pivots; with gear loss by Newton's method on the
+    equation of `forward_dynamics`, one such solve a step.  [WalkerOrin1982]
 
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
@@ -27,13 +31,22 @@ def composite_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Array 
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    driven = transmission(model, qd, tau) * tau
-    return composite_accelerations(model, q, qd, driven, friction_torques(model, qd), wrench)
+    model, driven, gears = motors(model, qd, tau)
+    return composite_accelerations(model, q, qd, driven, link_friction(model, qd), wrench, gears)
 
 
 def composite_accelerations(
-    model: Model, q: Array, qd: Array, driven: Array, resisting: Array, wrench: Array | None = None
+    model: Model,
+    q: Array,
+    qd: Array,
+    driven: Array,
+    resisting: Array,
+    wrench: Array | None = None,
+    gears: Sequence[Gear] = (),
 ) -> np.ndarray:
     """`forward.accelerations` by the mass matrix."""
     bias = newton_euler(model, q, qd, scalar.zeros(model.n), wrench) + resisting
-    return scalar.solve_symmetric(mass_matrix(model, q), driven - bias)  # (15)
+    mass = mass_matrix(model, q)
+    if gears:
+        return through_gears(mass, bias - driven, gears)[0]
+    return scalar.solve_symmetric(mass, driven - bias)  # (15)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from armwright import scalar
+from armwright.actuators.coupling import shares_of, to_motors
 from armwright.kinematics import body_placements, joint_motions
 from armwright.model import BASE, Model, on_tree, one_state
 from armwright.scalar import Array, Scalar
@@ -22,15 +23,24 @@ def energy(model: Model, q: Array, qd: Array) -> tuple[Scalar, Scalar]:
 
 
 @one_state
-@on_tree()
 def kinetic_energy(model: Model, q: Array, qd: Array) -> Scalar:
-    """T = ½ Σ ( m |v|² + 2 v·(ω × m c) + ω·I ω ) + ½ Σ n² J_m q̇²: from the bodies' velocities, independent of the mass matrix.
+    """T = ½ Σ ( m |v|² + 2 v·(ω × m c) + ω·I ω ) + ½ Σ n² J_m w²: from the velocities of bodies and motors.
 
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
     Returns:
         T: () [J], links and rotors.
     """
+    total, shares = _kinetic_energy(model, q, qd), shares_of(model)
+    for i, (body, w) in enumerate(zip(model.coordinates, to_motors(shares, qd), strict=True)):
+        if shares[i]:
+            total = total + 0.5 * body.drive.reflected * w * w
+    return total
+
+
+@on_tree()
+def _kinetic_energy(model: Model, q: Array, qd: Array) -> Scalar:
+    """T of the links and of the rotors that one joint each turns."""
     w, v, total = {BASE: scalar.zeros(3)}, {BASE: scalar.zeros(3)}, 0.0
     for (i, body), motion in zip(model.outward(), joint_motions(model, q), strict=True):
         along_z = scalar.array([0.0, 0.0, qd[i]])
@@ -43,7 +53,7 @@ def kinetic_energy(model: Model, q: Array, qd: Array) -> Scalar:
         total = total + 0.5 * (
             v[i] @ (body.mass * v[i] + 2.0 * cross(w[i], body.first_moment))
             + w[i] @ (body.inertia @ w[i])
-            + body.drive.armature * qd[i] * qd[i]
+            + body.drive.joint_inertia * qd[i] * qd[i]
         )
     return total
 

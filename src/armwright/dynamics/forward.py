@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from armwright.actuators import drive_torque, friction_torques, transmission
+from armwright.actuators import drive_torque
+from armwright.actuators.coupling import shares_of
+from armwright.actuators.friction import link_friction
 from armwright.dynamics.articulated_body import articulated_accelerations
 from armwright.dynamics.composite_body import composite_accelerations
+from armwright.dynamics.gears import Gear, motors
 from armwright.model import Model, one_state
 from armwright.scalar import Array
 
@@ -16,40 +21,52 @@ SHORT = 5  # joints from the base to a body, itself included, on average: a chai
 
 @one_state
 def forward_dynamics(model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
-    """Accelerations that motor torques give:  q̈ = M⁻¹ ( e tau - C q̇ - g - f + Jᵀ wrench ).  [WalkerOrin1982] [Featherstone2008]
+    """Accelerations that motor torques give, the exact inverse of `inverse_dynamics`.  [WalkerOrin1982] [Featherstone2008]
 
-    The exact inverse of `inverse_dynamics`, friction and gear loss included. By `composite_body` where bodies stand at most
-    `SHORT` joints from the base on average, by `articulated_body` where they stand farther: they agree to rounding. Where
-    joints follow others, by `composite_body`.
+    Without gear loss  q̈ = M⁻¹ ( tau - C q̇ - g - f + Jᵀ wrench ).  With it  M_links q̈ + C q̇ + g + f_links - Jᵀ wrench =
+    Bᵀ G(tau - n² J_m B q̈ - f_m),  which has one solution; Newton's method finds it (`dynamics.gears`).
+
+    By `composite_body` where bodies stand at most `SHORT` joints from the base on average, and where joints follow others,
+    motors are coupled or gears lose power; else by `articulated_body`: they agree to rounding.
 
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
         tau: (n,) [N m | N] motor torque referred to the joints, before rotor, gear loss and friction.
         wrench: (6,) [N, N m] force and moment of the environment on the arm at the tip, in base axes.
     Returns:
-        qdd: (n,) [rad/s² | m/s²]; not finite where M is singular.
+        qdd: (n,) [rad/s² | m/s²]; not finite where M is singular, NaN where 12 of Newton's steps do not end.
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    return accelerations(model, q, qd, transmission(model, qd, tau) * tau, friction_torques(model, qd), wrench)
+    model, driven, gears = motors(model, qd, tau)
+    return accelerations(model, q, qd, driven, link_friction(model, qd), wrench, gears)
 
 
 def accelerations(
-    model: Model, q: Array, qd: Array, driven: Array, resisting: Array, wrench: Array | None = None
+    model: Model,
+    q: Array,
+    qd: Array,
+    driven: Array,
+    resisting: Array,
+    wrench: Array | None = None,
+    gears: Sequence[Gear] = (),
 ) -> np.ndarray:
-    """Accelerations for torques behind the gears and torques that resist, which replace the model's own gear loss and friction.
+    """Accelerations for torques that reach the joints, torques that resist there, and lossy gears that drive them as well.
 
-    q̈ = M⁻¹ ( driven - resisting - C q̇ - g + Jᵀ wrench ),  by the way that `forward_dynamics` chooses.
+    M q̈ = driven - resisting - C q̇ - g + Jᵀ wrench + Σ Bᵢᵀ Gᵢ,  by the way that `forward_dynamics` chooses. Friction and gear loss
+    of the model itself have no part.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   driven, resisting: (n,) [N m | N].
-        wrench: (6,) [N, N m] of the environment on the arm at the tip, in base axes.
+        model: the arm, without the rotors of those gears.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
+        driven, resisting: (n,) [N m | N].   wrench: (6,) [N, N m] of the environment on the arm at the tip, in base axes.
+        gears: from `gears.lossy_gears`.
     Returns:
         qdd: (n,) [rad/s² | m/s²]; not finite where M is singular.
     """
-    far = model.mimics is None and sum(len(model.path(i)) for i in range(model.n)) > SHORT * model.n
-    algorithm = articulated_accelerations if far else composite_accelerations
-    return algorithm(model, q, qd, driven, resisting, wrench)
+    far = sum(len(model.path(i)) for i in range(len(model.bodies))) > SHORT * model.n
+    if far and not gears and model.mimics is None and not any(shares_of(model)):
+        return articulated_accelerations(model, q, qd, driven, resisting, wrench)
+    return composite_accelerations(model, q, qd, driven, resisting, wrench, gears)
 
 
 @one_state

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from armwright import scalar
-from armwright.actuators import friction_torques, transmission
+from armwright.actuators.friction import friction_torques, link_friction
+from armwright.dynamics.gears import motor_torques, without_rotors
 from armwright.kinematics import JointMotion, joint_motions, origin_acceleration, turning
 from armwright.model import BASE, Mimics, Model, on_tree, one_state
 from armwright.scalar import Array
@@ -18,18 +19,27 @@ STILL = scalar.zeros(3)
 def inverse_dynamics(model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None) -> np.ndarray:
     """Motor torques that give acceleration `qdd` in state (q, qd).  [LuhWalkerPaul1980]
 
-    e tau = M(q) q̈ + C(q, q̇) q̇ + g(q) + f(q̇) - Jᵀ wrench,  M with the rotors' inertia, e the gears' transmission.
+    tau = G⁻¹(B⁻ᵀ r) + n² J_m B q̈ + f_m(B q̇),   r = M_links(q) q̈ + C(q, q̇) q̇ + g(q) + f_links(q̇) - Jᵀ wrench:  what the
+    joints need goes back through the gears G (`actuators.gear`), and the motors also accelerate their rotors and move against
+    motor-side friction. B q̇ are the motors' speeds (B = 1 but for coupled motors). Without loss and coupling
+    tau = M q̈ + C q̇ + g + f - Jᵀ wrench.
 
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
         wrench: (6,) [N, N m] force and moment of the environment on the arm at the tip, in base axes.
     Returns:
-        tau: (n,) [N m | N] motor torque referred to the joints, before rotor, gear loss and friction.
+        tau: (n,) [N m | N] torques of the motors, each referred to its joint, before rotor, gear loss and friction.
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    behind = behind_gear(model, q, qd, qdd, wrench)
-    return scalar.array(behind / transmission(model, qd, behind))
+    return inverse_torques(model, q, qd, qdd, wrench)
+
+
+def inverse_torques(
+    model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
+) -> np.ndarray:
+    """`inverse_dynamics` at positions that `nudge` moves on, as in `newton_euler`."""
+    return motor_torques(model, qd, qdd, torques_of_links(model, q, qd, qdd, wrench, nudge))
 
 
 @one_state
@@ -59,18 +69,20 @@ def gravity_torques(model: Model, q: Array) -> np.ndarray:
     return newton_euler(model, q, scalar.zeros(model.n), scalar.zeros(model.n))
 
 
-def behind_gear(
+def torques_of_links(
     model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
 ) -> np.ndarray:
-    """Torques behind the gears:  e tau = M(q) q̈ + C(q, q̇) q̇ + g(q) + f(q̇) - Jᵀ wrench  (n,) [N m | N]."""
-    torques = newton_euler(model, q, qd, qdd, wrench, nudge) + friction_torques(model, qd)
-    return torques + rotor_torques(model, qdd)
+    """Torques that the joints need behind the gears:  M_links q̈ + C q̇ + g + f_links - Jᵀ wrench  (n,) [N m | N]."""
+    torques = newton_euler(model, q, qd, qdd, wrench, nudge) + link_friction(model, qd)
+    if model.mimics is None:
+        return torques
+    followers = without_rotors(model, model.names)
+    return torques + _rotor_torques(followers, qdd)
 
 
 @on_tree(Mimics.torques)
-def rotor_torques(model: Model, qdd: Array) -> np.ndarray:
-    """Torques that accelerate the rotors:  Nᵀ J_m N q̈  (n,) [N m | N]."""
-    return scalar.array([body.drive.armature * qdd[i] for i, body in model.outward()])
+def _rotor_torques(model: Model, qdd: Array) -> np.ndarray:
+    return scalar.array([body.drive.joint_inertia * qdd[i] for i, body in model.outward()])
 
 
 @on_tree(Mimics.torques)

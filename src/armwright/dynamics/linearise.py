@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armwright import scalar
-from armwright.actuators import drive_torque, transmission
+from armwright.actuators import drive_torque
 from armwright.dynamics.derivatives import driven_derivatives
 from armwright.model import Model, one_state
 from armwright.scalar import Array
@@ -15,8 +15,9 @@ from armwright.scalar import Array
 def forward_arm_linearised(model: Model, q: Array, qd: Array, u: Array) -> tuple[np.ndarray, np.ndarray]:
     """A and B of  δẋ = A δx + B δu,  x = (q, q̇), about a state and its drive commands: the slopes of `forward_arm`.
 
-    A = [[0, 1], [∂q̈/∂q, ∂q̈/∂q̇]],  B = [[0], [M⁻¹ ∂(e tau)/∂u]],  back EMF, friction and gear loss included.
-    [CarpentierMansard2018] The state need not be an equilibrium.
+    A = [[0, 1], [∂q̈/∂q, ∂q̈/∂q̇]],  B = [[0], [∂q̈/∂u]],  back EMF, friction and gear loss included.
+    [CarpentierMansard2018] The state need not be an equilibrium. Where a slope jumps as a joint
+    turns back (lossy gears, unequal Coulomb friction), at rest it is that for motion in the positive direction.
 
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
@@ -27,15 +28,7 @@ def forward_arm_linearised(model: Model, q: Array, qd: Array, u: Array) -> tuple
     Raises:
         ModelError: a drive without the constants that its command needs.
     """
-    n = model.n
-
-    def driven(x: np.ndarray) -> np.ndarray:
-        tau = drive_torque(model, x[:n], x[n:])
-        return transmission(model, x[:n], tau) * tau
-
-    slope = scalar.jacobian(driven, np.concatenate([qd, u]))
-    by_q, by_qd, factors = driven_derivatives(model, q, qd, driven(np.concatenate([qd, u])), slope[:, :n])
-    unit, none = np.eye(n), scalar.zeros(n, n)
-    by_u = scalar.inverse_factored(factors) * slope[:, n:].diagonal()
+    by_q, by_qd, by_u = driven_derivatives(model, q, qd, u, lambda qd, u: drive_torque(model, qd, u))
+    unit, none = np.eye(model.n), scalar.zeros(model.n, model.n)
     a = np.concatenate([np.concatenate([none, unit], axis=1), np.concatenate([by_q, by_qd], axis=1)])
     return scalar.array(a), scalar.array(np.concatenate([none, by_u]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armwright import scalar
+from armwright.actuators.coupling import coupled_inertia, shares_of
 from armwright.kinematics import joint_motions
 from armwright.model import BASE, Mimics, Model, on_tree, one_state
 from armwright.scalar import Array
@@ -12,9 +13,8 @@ from armwright.spatial import cross, displaced_inertia
 
 
 @one_state
-@on_tree(Mimics.inertia)
 def mass_matrix(model: Model, q: Array) -> np.ndarray:
-    """M(q), rotors' inertia Nᵀ J_m N included:  kinetic energy = ½ q̇ᵀ M q̇.  [WalkerOrin1982]
+    """M(q), rotors' inertia Nᵀ J_m N included, of coupled motors too:  kinetic energy = ½ q̇ᵀ M q̇.  [WalkerOrin1982]
 
     All bodies behind a joint are taken as one, turning with unit acceleration: its inertial force and moment, carried
     down to the base, are one column of M. The composite is kept as mass, first moment and tensor about the frame's
@@ -25,6 +25,13 @@ def mass_matrix(model: Model, q: Array) -> np.ndarray:
     Returns:
         M: (n, n) symmetric; [kg m²] for two revolute joints, [kg m] for mixed ones, [kg] for two prismatic ones.
     """
+    inertia = _composite_bodies(model, q)
+    return scalar.array(inertia + coupled_inertia(model)) if any(shares_of(model)) else inertia
+
+
+@on_tree(Mimics.inertia)
+def _composite_bodies(model: Model, q: Array) -> np.ndarray:
+    """M of the links and of the rotors that one joint each turns."""
     motion = joint_motions(model, q)
     m = [body.mass for body in model.bodies]
     h = [body.first_moment for body in model.bodies]  # M_j c_j
@@ -32,7 +39,7 @@ def mass_matrix(model: Model, q: Array) -> np.ndarray:
     columns = scalar.zeros(model.n, model.n)
     for j, body in model.inward():
         force, moment = _unit_acceleration(body.kind, m[j], h[j], e[j])  # (19)-(22)
-        columns[j, j] = (moment if body.kind == "revolute" else force)[2] + body.drive.armature  # (23)
+        columns[j, j] = (moment if body.kind == "revolute" else force)[2] + body.drive.joint_inertia  # (23)
         at = j
         while model.bodies[at].parent != BASE:
             force, moment = motion[at].to_parent(force), motion[at].to_parent(moment)  # (24)

@@ -25,8 +25,8 @@ def regressor(model: Model, q: Array, qd: Array, qdd: Array) -> np.ndarray:
     """Y of  M_links q̈ + C q̇ + g = Y(q, q̇, q̈) π,  π = `arm.inertial_parameters`.  [AtkesonAnHollerbach1986]
 
     Columns for each moving link, in the order of joints: [m, m c_x, m c_y, m c_z, Ixx, Ixy, Ixz, Iyy, Iyz, Izz], the
-    tensor about the origin of the link's frame, in its axes, fixed links merged. All torques behind the gears, e tau,
-    are Y π + Y_d π_d, with `regressor_drive`.
+    tensor about the origin of the link's frame, in its axes, fixed links merged. Without gear loss
+    tau = Y π + Y_d π_d, with `regressor_drive`.
 
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].

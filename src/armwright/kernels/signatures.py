@@ -101,7 +101,11 @@ SIGNATURES: dict[str, Signature] = {
         Signature(
             dynamics.inverse_dynamics_derivatives,
             (Q, QD, QDD),
-            (Argument("dtau_dq", ("n", "n"), PER_POSITION), Argument("dtau_dqd", ("n", "n"), PER_SPEED), MASS),
+            (
+                Argument("dtau_dq", ("n", "n"), PER_POSITION),
+                Argument("dtau_dqd", ("n", "n"), PER_SPEED),
+                Argument("dtau_dqdd", ("n", "n"), MASS.unit),
+            ),
             (WRENCH,),
             regroup=True,
             most_joints=MOST_DIFFERENTIATED,
@@ -112,7 +116,7 @@ SIGNATURES: dict[str, Signature] = {
             (
                 Argument("dqdd_dq", ("n", "n"), "1/s² | rad/(m s²), m/(rad s²)"),
                 Argument("dqdd_dqd", ("n", "n"), "1/s | rad/(m s), m/(rad s)"),
-                Argument("M_inverse", ("n", "n"), "1/(kg m²) | 1/(kg m) | 1/kg"),
+                Argument("dqdd_dtau", ("n", "n"), "1/(kg m²) | 1/(kg m) | 1/kg"),
             ),
             (WRENCH,),
             regroup=True,

@@ -119,11 +119,15 @@ class Drive:
         """
         if self.coupling:
             raise ModelError(
-                f"{self.coupling[0][0]!r} turns this motor too, so its inertia is between joints; "
-                "only the simulator (Plant) knows coupled motors",
+                f"{self.coupling[0][0]!r} turns this motor too, so its inertia is between joints; `mass_matrix` has it",
                 place="motor.coupling",
             )
         return self.reflected
+
+    @property
+    def joint_inertia(self) -> Scalar:
+        """n² J_m of a motor that its joint alone turns, else 0 [kg m² | kg]."""
+        return 0.0 if self.coupling else self.reflected
 
     @property
     def reflected(self) -> Scalar:

@@ -27,7 +27,7 @@ def limit_notes(
         arm: the model.   q, qd, u: (lanes, rows, n), commands in force.   outputs: of the plant, the same shape; empty: only
             the motion is checked.   t: (rows,) [s].
     """
-    notes, coupled = [], any(body.drive.coupling for body in arm.coordinates)
+    notes = []
 
     def first(happened: np.ndarray) -> str:
         """The first time at which something happened in any lane."""
@@ -39,7 +39,7 @@ def limit_notes(
         unreal = (np.abs(position) > UNREAL) | (np.abs(speed) > UNREAL)
         if unreal.any():
             reached.append(f"beyond {UNREAL:g} at {first(unreal)}; from there on these numbers mean nothing")
-        if outputs and _only_limits(body, coupled):
+        if outputs and _only_limits(body):
             commanded, applied = u[..., j], outputs["tau" if command == "torque" else command][..., j]
             finite = np.isfinite(commanded) & np.isfinite(applied)  # lanes that diverged may command anything
             commanded, applied = np.where(finite, commanded, 0.0), np.where(finite, applied, 0.0)
@@ -74,12 +74,12 @@ def limit_notes_of(arm: Model, run: xr.Dataset) -> list[str]:
     return [str(note) for note in limit_notes(arm, rows["q"], rows["qd"], rows["u"], outputs, run["time"].values)]
 
 
-def _only_limits(body: Body, coupled: bool) -> bool:
-    """True if only a limit keeps this drive from its command: its winding's lag, heat and coupling do not."""
+def _only_limits(body: Body) -> bool:
+    """True if only a limit keeps this drive from its command: its winding's lag and heat do not."""
     drive = body.drive
     if drive.command == "voltage":
         return True
-    return drive.inductance is None and drive.thermal is None and not (coupled and drive.command == "torque")
+    return drive.inductance is None and drive.thermal is None
 
 
 def percentage(share: float) -> str:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from armwright.actuators import demanded_drive, drive_torque
+from armwright.actuators.coupling import shares_of, to_motors
 from armwright.actuators.motor import joint_constant, joint_torque, joint_voltage
 from armwright.errors import SessionError
 from armwright.model import Body
@@ -44,7 +45,7 @@ def _command_or_demand(state: State, quantity: str) -> np.ndarray:
 
 def with_torque(state: State, values: np.ndarray) -> State:
     """The state with the commands that give these torques (n,) [N m | N] at the present speed."""
-    joints = zip(state.arm.coordinates, state.qd, values, strict=True)
+    joints = zip(state.arm.coordinates, to_motors(shares_of(state.arm), state.qd), values, strict=True)
     return state.replace(u=np.array([_command(body, speed, value) for body, speed, value in joints]))
 
 
@@ -74,7 +75,8 @@ def _with(
 ) -> State:
     """The state with these values of a quantity, which (body, speed, value) → torque [N m | N] turns into torques."""
     commands = []
-    for body, speed, command, value in zip(state.arm.coordinates, state.qd, state.u, values, strict=True):
+    speeds = to_motors(shares_of(state.arm), state.qd)
+    for body, speed, command, value in zip(state.arm.coordinates, speeds, state.u, values, strict=True):
         if np.isnan(value):
             commands.append(command)
             continue
@@ -96,11 +98,8 @@ def _command(body: Body, speed: float, value: float) -> float:
 
 
 def _need(body: Body, quantity: str, *constants: str) -> None:
-    """Refuses a quantity that does not follow from the command of one joint."""
+    """Refuses a quantity that does not follow from a joint's command."""
     place = f"{quantity}[{body.joint}]"
-    if body.drive.coupling:
-        other = body.drive.coupling[0][0]
-        raise SessionError(f"not available: {other!r} turns this joint's motor as well", place=place)
     for constant in constants:
         if getattr(body.drive, constant) is None:
             what = f"not available: the robot file gives no motor {constant.replace('_', ' ')} for this joint"

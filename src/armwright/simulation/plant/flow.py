@@ -8,18 +8,25 @@ from functools import cached_property
 import numpy as np
 
 from armwright import scalar
-from armwright.actuators.coupling import Shares, reflected_inertia, shares_of, to_joints, to_motors
+from armwright.actuators.coupling import Shares, shares_of, to_motors
 from armwright.actuators.friction import friction_torques
 from armwright.actuators.supply import Bus, bus
 from armwright.dynamics import mass_matrix
 from armwright.dynamics.forward import accelerations
-from armwright.dynamics.inverse import newton_euler
+from armwright.dynamics.gears import lossy_gears, without_rotors
 from armwright.errors import ScenarioError
-from armwright.model import Body, Model
+from armwright.model import Model
 from armwright.scalar import Array, Scalar
 from armwright.signals import Layout
 from armwright.simulation.plant.inputs import PlantInputs
-from armwright.simulation.plant.joint_drive import DrivenJoint, JointMotion, JointStates, driven_joint
+from armwright.simulation.plant.joint_drive import (
+    STANDING,
+    DrivenJoint,
+    JointMotion,
+    JointStates,
+    SwitchingFunction,
+    driven_joint,
+)
 from armwright.simulation.plant.state import contacts_of
 
 STIFF = ("current", "bristle", "brake", "bus_voltage")  # linear in themselves, and integrated exactly
@@ -84,18 +91,28 @@ class PlantFlow:
         model, n = self.model, self.model.n
         q, qd = x[:n], x[n : 2 * n]
         joints = self._driven(x, inputs)
-        driven = to_joints(self.shares, [joint.gear for joint in joints])
-        resisting = to_joints(self.shares, [joint.motor_resisting for joint in joints])
-        resisting = resisting + scalar.array([joint.resisting for joint in joints])
+        losses = [joint.gear_loss for joint in joints]
+        links, driven, gears = lossy_gears(self._rigid, scalar.array([joint.gear for joint in joints]), losses)
+        resisting = scalar.array([joint.resisting for joint in joints])
         if model.mimics is not None:
             resisting = resisting + friction_torques(self._followers, qd)
-        if any(self.shares):
-            bias = newton_euler(self._links(rotors=True), q, qd, scalar.zeros(n), inputs.wrench) + resisting
-            qdd = scalar.solve_symmetric(self.inertia(q), driven - bias)
-        else:
-            qdd = accelerations(self._links(rotors=True), q, qd, driven, resisting, inputs.wrench)
+        qdd = accelerations(links, q, qd, driven, resisting, inputs.wrench, gears)
+        joints = self._with_gear_loss(joints, to_motors(self.shares, qd), to_motors(self.shares, qdd))
         change, rates, fed = self._of_drives(x, joints)
         return Flow(qdd, joints, {"q": list(qd), "qd": list(qdd), **change}, rates, fed)
+
+    def _with_gear_loss(self, joints: list[DrivenJoint], w: Array, wd: Array) -> list[DrivenJoint]:
+        """The joints with the loss (t - G(t)) w of rigid gears and where they bend; w, ẇ of the motors (n,)."""
+        done = []
+        for i, (body, joint) in enumerate(zip(self.model.coordinates, joints, strict=True)):
+            if joint.gear_loss is not None:
+                assert body.drive.smoothing is not None
+                t = joint.gear - body.drive.reflected * wd[i]
+                bends = SwitchingFunction(w[i], STANDING * body.drive.smoothing), SwitchingFunction(t)
+                loss = joint.loss + (t - joint.gear_loss.output(t)) * w[i]
+                joint = replace(joint, loss=loss, switching=[*joint.switching, *bends])
+            done.append(joint)
+        return done
 
     def _driven(self, x: Array, inputs: PlantInputs) -> list[DrivenJoint]:
         """Every joint's drive by itself."""
@@ -132,17 +149,14 @@ class PlantFlow:
         return change, rates, fed
 
     def inertia(self, q: Array) -> np.ndarray:
-        """Accelerations by torques on the joints, of links and of the rotors of rigid gears, coupled or not.
+        """The mass matrix of links and of the rotors of rigid gears.
 
         Args:
             q: (n,) [rad | m].
         Returns:
             M: (n, n) [kg m² | kg m | kg].
         """
-        inertia = mass_matrix(self._links(rotors=True), q)
-        if not any(self.shares):
-            return inertia
-        return scalar.array(inertia + reflected_inertia(self.model, self.shares))
+        return mass_matrix(self._rigid, q)
 
     @cached_property
     def shares(self) -> Shares:
@@ -177,18 +191,11 @@ class PlantFlow:
         }
         return JointStates(**entries)
 
-    def _links(self, *, rotors: bool) -> Model:
-        """The arm without the rotors of its coordinates; `rotors`: with those that turn with one joint, behind rigid gears."""
-        if rotors and not any(self.shares) and all(body.elasticity is None for body in self.model.coordinates):
-            return self.model
-        names = set(self.model.names)  # joints that follow others keep their rotors
-
-        def bare(body: Body) -> Body:
-            if body.joint not in names or (rotors and not any(self.shares) and body.elasticity is None):
-                return body
-            return replace(body, drive=replace(body.drive, rotor_inertia=0.0, coupling=()))
-
-        return replace(self.model, bodies=tuple(bare(body) for body in self.model.bodies))
+    @cached_property
+    def _rigid(self) -> Model:
+        """The arm without the rotors of motors behind elastic gears, which move by themselves."""
+        elastic = {body.joint for body in self.model.coordinates if body.elasticity is not None}
+        return without_rotors(self.model, elastic) if elastic else self.model
 
     @cached_property
     def _followers(self) -> Model:

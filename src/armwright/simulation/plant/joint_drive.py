@@ -12,7 +12,7 @@ from armwright.actuators.brake import holding
 from armwright.actuators.cogging import cogging_energy, cogging_torque
 from armwright.actuators.elasticity import bent, transmitted
 from armwright.actuators.friction import has_corner, joint_friction
-from armwright.actuators.gear import joint_transmission
+from armwright.actuators.gear import GearLoss, gear_loss
 from armwright.actuators.lugre import bristle_friction, sliding
 from armwright.actuators.motor import check_command
 from armwright.actuators.stops import stop_depths, stopped
@@ -56,10 +56,8 @@ class DrivenJoint:
     current: Scalar  # [A]
     power: Scalar  # into the drive [W]
     heat: Scalar | None  # in the winding [W]; None where its resistance is not known
-    gear: Scalar  # from the gear to the links, and to all joints that turn the motor [N m | N]
-    motor_resisting: (
-        Scalar  # friction and brake on the motor side of a rigid gear, felt like `gear`, against positive motion
-    )
+    gear: Scalar  # into a rigid gear, less what the rotor takes, or out of an elastic one [N m | N]
+    gear_loss: GearLoss | None  # of a rigid gear
     resisting: Scalar  # on the joint itself, against positive motion: its friction, brake and stops [N m | N]
     friction: Scalar  # of the joint itself [N m | N]
     loss: Scalar  # in gear, friction, dampers, brake [W]
@@ -117,8 +115,7 @@ def driven_joint(
     if body.drive.cogging is not None:
         ratio = body.drive.gear_ratio
         torque = torque + ratio * cogging_torque(body.drive.cogging, ratio * at.motor)
-    driven = joint_transmission(body.drive, at.motor_speed, torque) * torque
-    loss = 0.0 if body.drive.efficiency is None else (torque - driven) * at.motor_speed
+    loss = 0.0
     warming = _warming(body, states, winding.heat, change)
     spring = None
     if body.elasticity is not None:
@@ -128,7 +125,7 @@ def driven_joint(
         )
         loss, switching = loss + spring.loss, [*switching, *_felt(spring.pushes, touching[of_stops:])]
     before, behind, rubbed = _friction(
-        body, states, at, driven if spring is None else spring.torque, warming, change, rates
+        body, states, at, torque if spring is None else spring.torque, warming, change, rates
     )
     link_friction, loss = behind, loss + rubbed
     if body.friction is not None and has_corner(body.friction):
@@ -147,12 +144,16 @@ def driven_joint(
         stop = stopped(body.stops, *body.limits.position, at.q, at.qd, (touching[0], touching[1]))
         behind, loss = behind - stop.torque, loss + stop.loss
         switching += _felt(stop.pushes, touching)
-    acceleration, gear = None, driven
+    acceleration, gear, of_gear = None, torque - before, gear_loss(body.drive, at.motor_speed)
     if spring is not None:
-        at_joint = (driven - before - spring.slope * spring.torque) / body.drive.reflected
-        acceleration, gear, before = body.drive.gear_ratio * at_joint, spring.torque, 0.0
+        leaving = spring.slope * spring.torque
+        entering = leaving if of_gear is None else of_gear.input(leaving)
+        acceleration = body.drive.gear_ratio * (gear - entering) / body.drive.reflected
+        if of_gear is not None:
+            loss = loss + (entering - leaving) * at.motor_speed
+        gear, of_gear = spring.torque, None
     return DrivenJoint(
-        winding.torque, winding.voltage, winding.current, winding.power, winding.heat, gear, before, behind, link_friction,
+        winding.torque, winding.voltage, winding.current, winding.power, winding.heat, gear, of_gear, behind, link_friction,
         loss, acceleration, change, rates, switching,
     )  # fmt: skip
 

@@ -11,6 +11,7 @@ from armwright import scalar
 from armwright.actuators import DriveOutput, friction_torques, in_command_units
 from armwright.actuators.coupling import from_motors, to_joints, to_motors
 from armwright.dynamics import energy
+from armwright.dynamics.gears import without_rotors
 from armwright.kinematics import jacobian
 from armwright.scalar import Array, Scalar
 from armwright.simulation.plant.flow import Flow, PlantFlow
@@ -36,7 +37,8 @@ class PlantOutputs(PlantFlow):
         Args:
             x: (size,).   inputs: as `derivative`.
         Returns:
-            qdd [rad/s² | m/s²], tau: Nᵀ Kt i [N m | N], voltage [V] averaged over the PWM, current [A].
+            qdd [rad/s² | m/s²], tau: n Kt i of each motor, referred to its joint [N m | N], voltage [V] averaged over the PWM,
+            current [A].
             tau_link [N m | N]: what leaves the gear, as a torque sensor reads it; friction of rigid gears before it,
             behind an elastic one the joint's own friction, brake and stops behind it.
             heat [W] of the windings, friction_loss [W] of all that rubs or dampens, electrical_power [W] into the drives.
@@ -48,7 +50,7 @@ class PlantOutputs(PlantFlow):
         joints, gear = flow.joints, self._link_torques(flow)
         rows = {
             "qdd": flow.qdd,
-            "tau": to_joints(self.shares, [joint.tau for joint in joints]),
+            "tau": [joint.tau for joint in joints],
             "voltage": [joint.voltage for joint in joints],
             "current": [joint.current for joint in joints],
             "tau_link": gear,
@@ -106,13 +108,14 @@ class PlantOutputs(PlantFlow):
 
     def _link_torques(self, flow: Flow) -> Array:
         """Torques (n,) that leave the gears, on the joint side."""
-        motors = to_motors(self.shares, flow.qdd)
-        rigid = [body.elasticity is None for body in self.model.coordinates]
-        leaves = [
-            joint.gear - joint.motor_resisting - body.drive.reflected * motors[i] if rigid[i] else joint.gear
-            for i, (joint, body) in enumerate(zip(flow.joints, self.model.coordinates, strict=True))
-        ]
-        friction = [joint.friction if rigid[i] else 0.0 for i, joint in enumerate(flow.joints)]
+        wd, leaves, friction = to_motors(self.shares, flow.qdd), [], []
+        for i, (joint, body) in enumerate(zip(flow.joints, self.model.coordinates, strict=True)):
+            if body.elasticity is not None:
+                leaves, friction = [*leaves, joint.gear], [*friction, 0.0]
+                continue
+            entering = joint.gear - body.drive.reflected * wd[i]
+            leaves.append(entering if joint.gear_loss is None else joint.gear_loss.output(entering))
+            friction.append(joint.friction)
         return to_joints(self.shares, leaves) - scalar.array(friction)
 
     def energy_rates(self, x: Array, inputs: PlantInputs | Array) -> dict[str, Scalar]:
@@ -143,7 +146,7 @@ class PlantOutputs(PlantFlow):
     def stored_energy(self, x: Array) -> Scalar:
         """Energy [J] that the plant can give back: motion, height, springs, magnets, windings' fields, the bus capacitor."""
         n, model = self.model.n, self.model
-        total = sum(energy(self._links(rotors=False), x[:n], x[n : 2 * n]))
+        total = sum(energy(without_rotors(model, model.names), x[:n], x[n : 2 * n]))
         motions = self._motions(x)
         for i, body in enumerate(model.coordinates):
             total = total + stored(body, self._states(x, i), motions[i])

@@ -78,7 +78,7 @@ class Plant(PlantOutputs):
             values: (k,) how hard contacts push that there are [N m | N]; speeds of joints and motors whose friction has a corner
             at rest [rad/s | m/s].   least: (k,) in their units: one changes from a to b where a b < -least².
         """
-        functions = [each for joint in self._driven(x, PlantInputs.of(inputs)) for each in joint.switching]
+        functions = [each for joint in self._flow(x, PlantInputs.of(inputs)).joints for each in joint.switching]
         return scalar.array([each.value for each in functions]), scalar.array([each.least for each in functions])
 
     def derivative(self, x: Array, inputs: PlantInputs | Array) -> np.ndarray:

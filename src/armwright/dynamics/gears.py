@@ -1,0 +1,211 @@
+"""Torques between motors and links: rotors, motor-side friction, lossy gears, motors that several joints turn.
+
+With B the motors' speeds by the joints', w = B q̇ (B = 1 but for coupled wrists), D = n² J_m the rotors' inertia and f_m the
+motor-side friction, a gear is entered by  t = tau - D ẇ - f_m(w),  and the joints receive Bᵀ G(t)  (`actuators.gear`):
+
+    M_links q̈ + C q̇ + g + f_links(q̇) - Jᵀ wrench  =  Bᵀ G(tau - D B q̈ - f_m(B q̇))
+
+Given q̈ this is explicit. Given tau, the difference of both sides is the gradient of a strictly convex function of q̈, whose
+second derivative is M_links + Bᵀ diag(G') D B: Newton's method on it ends at the one solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armwright import scalar
+from armwright.actuators.coupling import from_joints, shares_of, to_joints, to_motors
+from armwright.actuators.friction import motor_friction
+from armwright.actuators.gear import GearLoss, gear_loss
+from armwright.model import Model
+from armwright.program import repeated
+from armwright.scalar import Array, Factored, Scalar
+
+MOST = 12  # solves: random and adversarial arms take up to four
+BOLD = (
+    5  # of them go all the way, which ends sooner; the others only as far as a convex function falls, which always ends
+)
+SETTLED = 1e-4  # of a gear's torque: an iteration that goes on leaves more of it, one that has ended only rounding
+
+
+def gear_losses(model: Model, qd: Array) -> list[GearLoss | None]:
+    """G of every motor at the joints' speeds; None for gears without loss."""
+    w = to_motors(shares_of(model), qd)
+    return [gear_loss(body.drive, w[i]) for i, body in enumerate(model.coordinates)]
+
+
+def motor_torques(model: Model, qd: Array, qdd: Array, joint_torques: Array) -> np.ndarray:
+    """Torques of the motors that give the joints these:  tau = G⁻¹(B⁻ᵀ r) + D B q̈ + f_m(B q̇)  (n,) [N m | N]."""
+    shares = shares_of(model)
+    w, wd, leaving = to_motors(shares, qd), to_motors(shares, qdd), from_joints(shares, joint_torques)
+    tau = []
+    for i, (body, loss) in enumerate(zip(model.coordinates, gear_losses(model, qd), strict=True)):
+        entering = leaving[i] if loss is None else loss.input(leaving[i])
+        tau.append(entering + motor_friction(body, w[i]) + body.drive.reflected * wd[i])
+    return scalar.array(tau)
+
+
+def joint_torques(model: Model, qd: Array, qdd: Array, tau: Array) -> np.ndarray:
+    """Torques that the motors give the joints:  Bᵀ G(tau - D B q̈ - f_m(B q̇))  (n,) [N m | N]."""
+    shares = shares_of(model)
+    w, wd = to_motors(shares, qd), to_motors(shares, qdd)
+    leaving = []
+    for i, (body, loss) in enumerate(zip(model.coordinates, gear_losses(model, qd), strict=True)):
+        entering = tau[i] - motor_friction(body, w[i]) - body.drive.reflected * wd[i]
+        leaving.append(entering if loss is None else loss.output(entering))
+    return to_joints(shares, leaving)
+
+
+@dataclass(frozen=True, eq=False)
+class Gear:
+    """A lossy gear behind a rotor, as Newton's method sees it."""
+
+    row: list[tuple[int, Scalar]]  # of B: which joints turn the motor, and by how much
+    inertia: Scalar  # D [kg m² | kg]
+    torque: Scalar  # tau - f_m(w) [N m | N]
+    loss: GearLoss
+
+    def entering(self, qdd: Array) -> Scalar:
+        """t at those accelerations."""
+        return self.torque - self.inertia * self.turned(qdd)
+
+    def turned(self, qdd: Array) -> Scalar:
+        """The motor's acceleration at those of the joints."""
+        return sum(share * qdd[j] for j, share in self.row)
+
+    def packed(self) -> np.ndarray:
+        """Its numbers, for `unpacked`."""
+        shares = [share for _, share in self.row]
+        return scalar.array([*shares, self.inertia, self.torque, *self.loss.knots, *self.loss.slopes])
+
+    def unpacked(self, values: Array) -> Gear:
+        """The same gear with other numbers."""
+        k, knots = len(self.row), len(self.loss.knots)
+        loss = GearLoss(tuple(values[k + 2 : k + 2 + knots]), tuple(values[k + 2 + knots :]))
+        row = [(j, value) for (j, _), value in zip(self.row, values, strict=False)]
+        return Gear(row, values[k], values[k + 1], loss)
+
+
+def lossy_gears(
+    model: Model, torques: Array, losses: Sequence[GearLoss | None]
+) -> tuple[Model, np.ndarray, list[Gear]]:
+    """What an arm's motors do, apart by whether the rotor's acceleration counts in the loss.
+
+    Args:
+        model: the arm.   torques: (n,) tau - f_m(w) of the motors [N m | N].   losses: of their gears.
+    Returns:
+        model: without the rotors of the gears below.   driven: (n,) what reaches the joints from all others [N m | N].
+        gears: with loss, behind rotors.
+    """
+    shares, gears, driven, rotors = shares_of(model), [], [], set()
+    for i, (body, torque, loss) in enumerate(zip(model.coordinates, torques, losses, strict=True)):
+        inertia = body.drive.reflected
+        if loss is not None and (scalar.is_symbolic(inertia) or inertia > 0.0):
+            gears.append(Gear([(i, 1.0), *shares[i]], inertia, torque, loss))
+            rotors.add(body.joint)
+            torque, loss = 0.0, None
+        driven.append(torque if loss is None else loss.output(torque))
+    return without_rotors(model, rotors) if rotors else model, to_joints(shares, driven), gears
+
+
+def motors(model: Model, qd: Array, tau: Array) -> tuple[Model, np.ndarray, list[Gear]]:
+    """`lossy_gears` of an arm whose motors give torques tau (n,) [N m | N], at the joints' speeds."""
+    w = to_motors(shares_of(model), qd)
+    torques = [tau[i] - motor_friction(body, w[i]) for i, body in enumerate(model.coordinates)]
+    return lossy_gears(model, scalar.array(torques), gear_losses(model, qd))
+
+
+def without_rotors(model: Model, joints: Collection[str]) -> Model:
+    """The arm without the rotors of those joints' motors."""
+    bodies = (
+        replace(body, drive=replace(body.drive, rotor_inertia=0.0)) if body.joint in joints else body
+        for body in model.bodies
+    )
+    return replace(model, bodies=tuple(bodies))
+
+
+def through_gears(mass: Array, bias: Array, gears: Sequence[Gear]) -> tuple[np.ndarray, Factored]:
+    """Accelerations q̈ (n,) that solve  M q̈ + b = Σ Bᵢᵀ Gᵢ(torque - D Bᵢ q̈),  and the factors of  M + Σ Bᵢᵀ G' D Bᵢ.
+
+    By Newton's method with a line search, in at most `MOST` solves; q̈ is NaN where those do not end it.
+    """
+    n = len(bias)
+    lower = [(i, j) for i in range(n) for j in range(i + 1)]
+
+    def step(state: Array, packed: Array, bias: Array, *numbers: Array) -> np.ndarray:
+        matrix = scalar.zeros(n, n)
+        for (i, j), entry in zip(lower, packed, strict=True):
+            matrix[i, j] = matrix[j, i] = entry
+        unpacked = [gear.unpacked(values) for gear, values in zip(gears, numbers, strict=True)]
+        return _newton_step(state[:n], state[n], scalar.array(matrix), bias, unpacked)
+
+    packed = scalar.array([mass[i, j] for i, j in lower])
+    arguments = (packed, scalar.array(bias), *(gear.packed() for gear in gears))
+    near = repeated("gears", step, scalar.array(scalar.zeros(n + 1)), arguments, MOST - 1)[:n]
+    matrix, right = linearised(mass, bias, gears, near)
+    factors = scalar.factor_symmetric(matrix)
+    qdd, ended = scalar.solve_factored(factors, right), 1.0
+    for gear in gears:
+        slope, offset = gear.loss.line(gear.entering(near))
+        t = gear.entering(qdd)
+        torque = gear.loss.output(t)
+        left = scalar.abs(torque - (slope * t + offset))
+        size = scalar.abs(torque) + scalar.abs(gear.torque)
+        ended = ended * scalar.less_equal(left, SETTLED * size)
+    return scalar.array(scalar.where(ended, qdd, np.nan)), factors
+
+
+def linearised(mass: Array, bias: Array, gears: Sequence[Gear], qdd: Array) -> tuple[Array, Array]:
+    """A and right side of the linear system that holds where every gear keeps the line that it has at q̈."""
+    matrix, right = np.array(mass, dtype=object), -np.array(bias, dtype=object)
+    for gear in gears:
+        slope, offset = gear.loss.line(gear.entering(qdd))
+        torque = slope * gear.torque + offset
+        for i, a in gear.row:
+            right[i] = right[i] + a * torque
+            for j, b in gear.row:
+                matrix[i, j] = matrix[i, j] + a * b * (slope * gear.inertia)
+    return scalar.array(matrix), scalar.array(right)
+
+
+def _newton_step(qdd: Array, steps: Scalar, mass: Array, bias: Array, gears: Sequence[Gear]) -> np.ndarray:
+    """Where Newton's method goes on from q̈ after so many steps, and their number then (n + 1,).
+
+    Both stay where every gear keeps its line on the way: `linearised` at q̈ then has the solution.
+    """
+    full = scalar.solve_symmetric(*linearised(mass, bias, gears, qdd))
+    move, kept, pieces, bends = full - qdd, 1.0, [], []
+    for gear in gears:
+        t, there = gear.entering(qdd), gear.entering(full)
+        lines = zip(gear.loss.line(t), gear.loss.line(there), strict=True)
+        for here, new in lines:
+            kept = kept * scalar.equal(here, new)
+        change = there - t
+        pieces.append((gear.loss, gear.turned(move), t, change))
+        bends += [(knot - t) / scalar.where(scalar.equal(change, 0.0), 1.0, change) for knot in gear.loss.knots]
+    curvature, start = move @ (mass @ move), move @ (mass @ qdd + bias)
+
+    def slope(part: Scalar) -> Scalar:
+        """Of the convex function on the way; it rises, along lines between the bends."""
+        return start + part * curvature - sum(turn * loss.output(t + part * change) for loss, turn, t, change in pieces)
+
+    low, high, at_low, at_high = 0.0, 1.0, slope(0.0), slope(1.0)
+    falling = scalar.less_equal(at_high, 0.0)
+    for bend in bends:  # the two that the lowest point lies between
+        value, inside = slope(bend), scalar.less(0.0, bend) * scalar.less(bend, 1.0)
+        before, behind = inside * scalar.less(value, 0.0), inside * scalar.less_equal(0.0, value)
+        low, at_low = (
+            scalar.where(before, scalar.maximum(low, bend), low),
+            scalar.where(before, scalar.maximum(at_low, value), at_low),
+        )
+        high, at_high = (
+            scalar.where(behind, scalar.minimum(high, bend), high),
+            scalar.where(behind, scalar.minimum(at_high, value), at_high),
+        )
+    lowest = (low * at_high - high * at_low) / scalar.where(falling, 1.0, at_high - at_low)
+    all_the_way = scalar.minimum(1.0, falling + scalar.less(steps, float(BOLD)))
+    new = qdd + scalar.where(all_the_way, 1.0, lowest) * move
+    return scalar.array([*scalar.where(kept, qdd, new), scalar.where(kept, steps, steps + 1.0)])
