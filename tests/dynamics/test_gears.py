@@ -21,6 +21,7 @@ from armwright.dynamics import (
     mass_matrix,
 )
 from armwright.model import Model, build_model
+from armwright.simulation.plant.plant import Plant
 from physics.arms import arm
 from reference.random_trees import random_description
 from simulation.energies import Balance
@@ -222,3 +223,22 @@ def test_slopes_on_both_sides_of_rest(speed):
     a, b = forward_arm_linearised(model, q, qd, tau)
     np.testing.assert_allclose(a[6:, 6:], by_speed, rtol=1e-12, atol=1e-9)
     np.testing.assert_allclose(b[6:], by_tau, rtol=1e-12, atol=1e-9)
+
+
+# --- elastic gears -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("stretch", [0.002, -0.002])
+@pytest.mark.parametrize("speed", [0.4, -0.4])
+def test_an_elastic_gear_loses_before_its_spring(stretch, speed):
+    """D a = F - G⁻¹(spring), case by case: the spring asks more of a motor that drives it, less of one that it drives."""
+    model = lift(1e-7, elasticity={"stiffness_n_per_m": 3000.0, "damping_n_s_per_m": 0.0})
+    plant, force = Plant.of(model), 5.0
+    x = np.array([0.0, 0.1, RATIO * stretch, RATIO * speed])  # q, q̇, θ_motor, its speed
+    change = plant.derivative(x, np.array([force]))
+    spring = 3000.0 * stretch
+    entering = spring / ETA if spring * speed > 0.0 else ETA * spring
+    assert change[3] / RATIO == pytest.approx((force - entering) / ROTATING, rel=1e-9)
+    assert change[1] == pytest.approx((spring - WEIGHT) / MASS, rel=1e-9)
+    rates = plant.energy_rates(x, np.array([force]))
+    assert rates["friction"] == pytest.approx((entering - spring) * speed, rel=1e-9)

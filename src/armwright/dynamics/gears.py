@@ -132,19 +132,7 @@ def through_gears(mass: Array, bias: Array, gears: Sequence[Gear]) -> tuple[np.n
 
     By Newton's method with a line search, in at most `MOST` solves; q̈ is NaN where those do not end it.
     """
-    n = len(bias)
-    lower = [(i, j) for i in range(n) for j in range(i + 1)]
-
-    def step(state: Array, packed: Array, bias: Array, *numbers: Array) -> np.ndarray:
-        matrix = scalar.zeros(n, n)
-        for (i, j), entry in zip(lower, packed, strict=True):
-            matrix[i, j] = matrix[j, i] = entry
-        unpacked = [gear.unpacked(values) for gear, values in zip(gears, numbers, strict=True)]
-        return _newton_step(state[:n], state[n], scalar.array(matrix), bias, unpacked)
-
-    packed = scalar.array([mass[i, j] for i, j in lower])
-    arguments = (packed, scalar.array(bias), *(gear.packed() for gear in gears))
-    near = repeated("gears", step, scalar.array(scalar.zeros(n + 1)), arguments, MOST - 1)[:n]
+    near = newton_steps(mass, bias, gears)[: len(bias)]
     matrix, right = linearised(mass, bias, gears, near)
     factors = scalar.factor_symmetric(matrix)
     qdd, ended = scalar.solve_factored(factors, right), 1.0
@@ -156,6 +144,27 @@ def through_gears(mass: Array, bias: Array, gears: Sequence[Gear]) -> tuple[np.n
         size = scalar.abs(torque) + scalar.abs(gear.torque)
         ended = ended * scalar.less_equal(left, SETTLED * size)
     return scalar.array(scalar.where(ended, qdd, np.nan)), factors
+
+
+def newton_steps(mass: Array, bias: Array, gears: Sequence[Gear], start: Array | None = None) -> np.ndarray:
+    """Accelerations at which every gear has the line that it has at the solution, and how many steps led there (n + 1,).
+
+    The steps begin at accelerations `start` (n,), by default 0; the solution is the same from any.
+    """
+    n = len(bias)
+    first = scalar.zeros(n) if start is None else start
+    lower = [(i, j) for i in range(n) for j in range(i + 1)]
+
+    def step(state: Array, packed: Array, bias: Array, *numbers: Array) -> np.ndarray:
+        matrix = scalar.zeros(n, n)
+        for (i, j), entry in zip(lower, packed, strict=True):
+            matrix[i, j] = matrix[j, i] = entry
+        unpacked = [gear.unpacked(values) for gear, values in zip(gears, numbers, strict=True)]
+        return _newton_step(state[:n], state[n], scalar.array(matrix), bias, unpacked)
+
+    packed = scalar.array([mass[i, j] for i, j in lower])
+    arguments = (packed, scalar.array(bias), *(gear.packed() for gear in gears))
+    return repeated("gears", step, scalar.array([*first, 0.0]), arguments, MOST - 1)
 
 
 def linearised(mass: Array, bias: Array, gears: Sequence[Gear], qdd: Array) -> tuple[Array, Array]:
