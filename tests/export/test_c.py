@@ -274,7 +274,7 @@ def test_a_long_arm_compiles_in_seconds(tmp_path):
     model = long_arm(60)
     header, source, test = write_c(model, ["inverse_dynamics"], tmp_path)
     text = source.read_text()
-    assert text.count("static APART void long60_piece") > 5
+    assert text.count("static NEVER_INLINED void long60_piece") > 5
     assert not re.search(r"\b(malloc|free|goto|while|for)\b", re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL))
     began = time.perf_counter()
     used = stack_usage([compiler("gcc"), *BITS, *STRICT], source, tmp_path)
@@ -298,11 +298,11 @@ def test_a_long_arm_compiles_in_seconds(tmp_path):
 def test_a_hundred_joints_are_printed():
     """The longest arm that is offered; what waits between the pieces is on the stack, beside copies of the inputs."""
     texts = c_library(long_arm(100), ["inverse_dynamics+wrench"], "float")
-    names = re.findall(r"static APART void (long100_piece\d+_of_inverse_dynamics_wrench)\(", texts["long100.c"])
+    names = re.findall(r"static NEVER_INLINED void (long100_piece\d+_of_inverse_dynamics_wrench)\(", texts["long100.c"])
     called = re.findall(r"^    (long100_piece\d+_of_inverse_dynamics_wrench)\(", texts["long100.c"], re.MULTILINE)
     assert len(names) > 15
     assert called == names
-    for copy in ("float own_q[100];", "float own_wrench[6];", "memcpy(own_q, q, sizeof own_q);"):
+    for copy in ("float copy_of_q[100];", "float copy_of_wrench[6];", "memcpy(copy_of_q, q, sizeof copy_of_q);"):
         assert copy in texts["long100.c"]
 
 

@@ -90,11 +90,11 @@ def test_where_a_quantiser_decides_otherwise_rows_behind_are_not_compared():
     coarse, fine = found.trials[0], found.trials[-1]
     rk3, exact = (aw.simulate(with_fields(scenario, integrator=name, every=1)) for name in ("rk3", "cvodes"))
     first = np.flatnonzero((rk3.q_measured.values != exact.q_measured.values).any(axis=1))[0]
-    assert coarse.apart == pytest.approx(first * 8e-3)
+    assert coarse.counts_differ_at == pytest.approx(first * 8e-3)
     errors = np.abs(rk3.qd - exact.qd).values.max(axis=1)
     assert coarse.error_qd == pytest.approx(errors[: first + 1].max(), rel=1e-6)
     assert errors.max() > 100.0 * coarse.error_qd
-    assert np.isnan(fine.apart)
+    assert np.isnan(fine.counts_differ_at)
     assert np.isnan(found.trials[1].order)
     assert fine.order == pytest.approx(3.0, abs=0.3)
     assert found.recommended[1e-4] == coarse

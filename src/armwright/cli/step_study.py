@@ -113,7 +113,7 @@ def _show(study: StepStudy, spent: float) -> None:
     console = console_for_tables()
     title = f"{study.name}: {study.integrator} (order {study.order}) against CVODES, in {spent:.1f} s"
     heads = ["step [ms]", "error in q [rad | m]", "error in qd [rad/s | m/s]", "order seen", "evaluations a second"]
-    parted = any(isfinite(trial.apart) for trial in study.trials)
+    parted = any(isfinite(trial.counts_differ_at) for trial in study.trials)
     rows = [
         [
             f"{1e3 * trial.step:.4g}",
@@ -121,7 +121,7 @@ def _show(study: StepStudy, spent: float) -> None:
             "" if trial.refused else f"{trial.error_qd:.1e}",
             number(round(trial.order, 2)),
             f"{trial.evaluations:,.0f}",
-            *([number(trial.apart)] if parted else []),
+            *([number(trial.counts_differ_at)] if parted else []),
         ]
         for trial in study.trials
     ]

@@ -41,11 +41,11 @@ _RULES = """\
 """
 
 # A long program is cut into functions for the compiler's sake; put back into one they would take it minutes.
-_APART = """\
+_NEVER_INLINED = """\
 #if defined(__GNUC__)
-#define APART __attribute__((noinline))
+#define NEVER_INLINED __attribute__((noinline))
 #else
-#define APART
+#define NEVER_INLINED
 #endif
 """
 
@@ -163,7 +163,7 @@ class Unit:
         ports, real = port_names(program), self.dialect.real
         sizes = {port: each.size for port, each in zip(ports, program.inputs, strict=False)}
         work = _unlike("work", ports)
-        copies = {port: _unlike(f"own_{port}", [*ports, work]) for port in sizes}
+        copies = {port: _unlike(f"copy_of_{port}", [*ports, work]) for port in sizes}
         calls, used = [], set()
         for k, piece in enumerate(parts.pieces):
             function = f"{self.prefix}piece{k}_of_{name.removeprefix(self.prefix)}"
@@ -202,7 +202,7 @@ class Unit:
         body = m.text(stores)
         used = [array for array in (*ports, work) if _mentions(body, array)]
         heads = [f"{'const ' * (array in inputs)}{self.dialect.real} *{array}" for array in used]
-        self.functions[function] = f"{self.dialect.apart}void {function}({', '.join(heads)})\n{{\n{body}\n}}"
+        self.functions[function] = f"{self.dialect.never_inlined}void {function}({', '.join(heads)})\n{{\n{body}\n}}"
         return used
 
     def _caller(self, m: CMachine) -> Callable[[Program, list[Value]], list[Value]]:
@@ -246,7 +246,7 @@ def _waiting(program: Program, parts: Cut) -> int:
 
 
 def _unlike(name: str, others: Sequence[str]) -> str:
-    """That name, longer where others have it."""
+    """A name that none of the others is: it gets underscores behind it until it differs."""
     while name in others:
         name += "_"
     return name
@@ -262,7 +262,7 @@ def c_text(unit: Unit, include: Iterable[str] = ()) -> str:
     }
     helpers = [text.format(prefix=unit.prefix, **words) for name, text in _BITS.items() if unit.uses(name)]
     functions = list(unit.functions.values())
-    no_inline = [_APART] if any(text.startswith(unit.dialect.apart) for text in functions) else []
+    no_inline = [_NEVER_INLINED] if any(text.startswith(dialect.never_inlined) for text in functions) else []
     headers = [*include, "<float.h>", "<math.h>"]
     headers += ["<stdint.h>"] * bool(helpers) + ["<string.h>"] * bool(helpers or no_inline)
     includes = "".join(f"#include {name}\n" for name in headers)

@@ -31,7 +31,7 @@ class Dialect:
     Attributes:
         format: of the reals.   integer: the unsigned type of as many bits.   literal: how a constant of it is written.
         function: what stands before a function of the file's own.   infinity, nan: as expressions.
-        apart: what stands before one that must not be put into the body of its caller.
+        never_inlined: what stands before one that must not be put into the body of its caller.
         guarded: whether a fused sum is negated by a function of the unit. GCC (12 at least) makes -fma(a, b, c) one
             instruction, -(a b) - c, which gives +0 where the other gives -0.
     """
@@ -40,7 +40,7 @@ class Dialect:
     integer: str = "uint64_t"
     literal: str = "UINT64_C(0x{:016x})"
     function: str = "static "
-    apart: str = "static APART "
+    never_inlined: str = "static NEVER_INLINED "
     infinity: str = "INFINITY"
     nan: str = "NAN"
     guarded: bool = True

@@ -40,8 +40,8 @@ class Trial:
         step: [s] of the integrator.   substeps: steps in a sample period; 1 where nothing is sampled.
         error_q: [rad | m], error_qd: [rad/s | m/s]: the largest over all rows, joints and lanes; NaN: it could not run.
         order: that is seen from the step before; NaN: none.   evaluations: of the plant, for each lane and simulated second.
-        apart: [s] when a count or a command's step is another one than in CVODES' run, in the first lane where it is; rows behind
-            it are not compared in that lane. NaN: never.
+        counts_differ_at: [s] first time at which a count or a command's step differs from CVODES' run, in the first lane where
+            one does; that lane's later rows are not compared. NaN: never.
         refused: why it could not run; None where it did.
     """
 
@@ -51,7 +51,7 @@ class Trial:
     error_qd: float
     order: float
     evaluations: float
-    apart: float = np.nan
+    counts_differ_at: float = np.nan
     refused: str | None = None
 
     @property
@@ -119,10 +119,10 @@ def step_study(
         except (ScenarioError, DivergenceError) as error:
             trials.append(Trial(step, substeps, np.nan, np.nan, np.nan, cost, refused=str(error)))
             continue
-        q, qd, apart = _compared(runs[-1], exact, scenario)
-        trials.append(Trial(step, substeps, q, qd, np.nan, cost, apart))
+        q, qd, differ_at = _compared(runs[-1], exact, scenario)
+        trials.append(Trial(step, substeps, q, qd, np.nan, cost, differ_at))
     floor = 0.0
-    if len(runs) > 1 and not any(trial.refused or np.isfinite(trial.apart) for trial in trials[-2:]):
+    if len(runs) > 1 and not any(trial.refused or np.isfinite(trial.counts_differ_at) for trial in trials[-2:]):
         change = max(_compared(runs[-1], runs[-2], scenario)[:2])
         rest = change / (2.0**rule.order - 1.0)  # what the last one lacks, by its order
         floor = max(trials[-1].error - rest, 0.0)
@@ -133,8 +133,8 @@ def step_study(
 
 def _order(last: Trial, trial: Trial, floor: float) -> float:
     """The order seen from one trial to the next; NaN where they tell none."""
-    alike = last.apart == trial.apart or (np.isnan(last.apart) and np.isnan(trial.apart))  # over the same rows
-    if not alike or not trial.error > max(SURE * floor, SMALLEST_ERROR) or not np.isfinite(last.error):
+    same_rows = np.array_equal(last.counts_differ_at, trial.counts_differ_at, equal_nan=True)
+    if not same_rows or not trial.error > max(SURE * floor, SMALLEST_ERROR) or not np.isfinite(last.error):
         return np.nan
     return log(last.error / trial.error) / log(last.step / trial.step)
 
