@@ -157,7 +157,10 @@ def test_strict_compilers_have_nothing_to_say_and_the_self_test_passes(written, 
     done = subprocess.run([program], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
     lines = done.stdout.splitlines()
-    assert [line.split()[0] for line in lines[:-1]] == [short_name(form) for form in offered(arm(name))]
+    assert [line.split()[0] for line in lines[:-1]] == [
+        "arithmetic",
+        *(short_name(form) for form in offered(arm(name))),
+    ]
     assert lines[-1] == f"{header.stem}: ok"
 
 
@@ -226,7 +229,9 @@ def test_the_self_test_passes_on_a_microcontroller(tmp_path, board, real):
     _, source, test = write_c(arm("panda"), forms, tmp_path, real)
     done = run_on_board(board, [source, test], tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert [line.split()[0] for line in done.stdout.splitlines()[:-1]] == [short_name(form) for form in forms]
+    lines = done.stdout.splitlines()[:-1]
+    assert [line.split()[0] for line in lines] == ["arithmetic", *(short_name(form) for form in forms)]
+    assert all(line.endswith(" 0 results with other bits: ok") for line in lines[1:])
     assert done.stdout.endswith("panda: ok\n")
     source.write_text(re.sub(r"\b9\.8\d*", "9.7", source.read_text()))
     done = run_on_board(board, [source, test], tmp_path)

@@ -12,6 +12,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from armwright.errors import ModelError, OutputError
+from armwright.export.c_arithmetic import arithmetic
 from armwright.export.c_function import WRITTEN, c_functions, parse_form
 from armwright.export.c_header import comment, header, prototype
 from armwright.export.c_selftest import selftest
@@ -61,6 +62,7 @@ def c_library(arm: Model, functions: Sequence[str], real: str = "double") -> dic
     unit = Unit(REALS[real], f"{name}_")
     for each in chosen:
         unit.add_function(each.program, each.name, prototype(each, real))
+    unit.functions[f"{name}_arithmetic"] = arithmetic(name, real)
     top = comment([f"{name}.c: see {name}.h, which also says how this is compiled."])
     own_header = f'"{name}.h"'
     return {

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
+from armwright.export.c_arithmetic import FAULTS
 from armwright.export.c_function import CFunction
 from armwright.kernels.c_syntax import parameters, port_names
 from armwright.model import Model
@@ -36,6 +37,7 @@ def header(arm: Model, functions: Sequence[CFunction], real: str, waiting: Mappi
         f"#ifndef {guard}\n#define {guard}",
         f"#define {_macro(name)} {arm.n}",
         '#ifdef __cplusplus\nextern "C" {\n#endif',
+        f"{_on_arithmetic()}\nint {name}_arithmetic(void);",
         *(f"{_documented(arm, f, stack(waiting[f.name], real))}\n{prototype(f, real)};" for f in functions),
         "#ifdef __cplusplus\n}\n#endif",
         "#endif",
@@ -71,8 +73,9 @@ def _top(arm: Model, name: str, real: str) -> list[str]:
         f"  gcc -std=c99 -O2 -mfma -ffp-contract=off {files} -o selftest -lm",
         f"  clang -std=c99 -O2 -mfma -ffp-contract=off {files} -o selftest -lm",
         f"  arm-none-eabi-gcc -std=c99 -O2 {_CORES[real]} -ffp-contract=off -c {name}.c",
-        "-mfma is for x86 only. Without such an instruction fma() is right but slow. Never compile with -ffast-math. The",
-        "self-test prints a line a function, and ends with 0 if all are met.",
+        "-mfma is for x86 only. Without such an instruction fma() is right but slow. Never compile with -ffast-math or parts",
+        "of it: most are refused. Compile the self-test once with the options of your firmware: it prints a line a function,",
+        "and ends with 0 if all are met, to the bit.",
         "",
         "What is said of the stack is an estimate: compilers were seen to take from a half to two and a half times as much.",
         "gcc -fstack-usage tells.",
@@ -80,6 +83,11 @@ def _top(arm: Model, name: str, real: str) -> list[str]:
         "Joints, in the order of every array over joints:",
         *(f"  [{k}] {body.joint} ({body.kind}, {_POSITION[body.kind]})" for k, body in enumerate(arm.coordinates)),
     ]
+
+
+def _on_arithmetic() -> str:
+    first = "0 if the C file was compiled by the rules of IEEE 754, on which its bits rest; else what breaks them:"
+    return comment([first, "", *(f"  {value}  {meaning}" for value, meaning in enumerate(FAULTS))])
 
 
 _POSITION = {"revolute": "rad", "prismatic": "m"}

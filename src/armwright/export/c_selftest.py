@@ -1,20 +1,25 @@
-"""The self-test of an exported C library: a program that compares it with vectors from the float reference."""
+"""The self-test of an exported C library: a program that compares it with the float reference and with the compiled kernels."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from armwright.export.c_arithmetic import FAULTS, TWO_ROUNDINGS
 from armwright.export.c_function import CFunction
 from armwright.export.c_header import comment
 from armwright.kernels.c import REALS
 from armwright.kernels.c_syntax import literal, port_names
+from armwright.kernels.compiled import CompiledArm
+from armwright.kernels.lowering import BITS_OF_LIBM
 from armwright.model import Model
 from armwright.program import interpret
 
-STATES = 5  # test vectors a function
+STATES = 5  # test vectors a function, with a tolerance
+EDGES = 3  # further ones of zeros of both signs and ones, of which only the bits are compared
 
 #: Roundings that the tolerance of a test vector allows for, in units of the type's epsilon. Some hundreds of operations
 #: stand between an input and a result; up to 8 were measured on the built-in arms.
@@ -22,71 +27,88 @@ ROUNDINGS = 64
 _EPSILON = {"double": float(np.finfo(np.float64).eps), "float": float(np.finfo(np.float32).eps)}
 
 
-def _vectors(
-    arm: Model, function: CFunction, real: str
-) -> list[tuple[list[np.ndarray], list[np.ndarray], list[float]]]:
-    """(inputs, what the float reference gives, tolerance) of some random states.
+@dataclass(frozen=True)
+class Vectors:
+    """Test vectors of one function, one array a port with a row for each state.
 
-    A tolerance is the larger of ROUNDINGS epsilons of the result and what a change of the inputs by as many epsilons
-    does to it: a solution of equations loses as many digits as their condition number has.
+    Attributes:
+        inputs: STATES random states, then EDGES.   exact: results of the compiled kernel for all of them, or None where its bits
+            are those of libm.
+        reference: results of the float reference for the first STATES.   tolerances: (STATES, outputs) of those.
     """
+
+    inputs: list[np.ndarray]
+    exact: list[np.ndarray] | None
+    reference: list[np.ndarray]
+    tolerances: np.ndarray
+
+
+def _vectors(arm: Model, function: CFunction, real: str, compiled: CompiledArm) -> Vectors:
+    """Test vectors of a function."""
     random = np.random.default_rng(0)
-    kind = np.float32 if real == "float" else np.float64
+    form, ports = function.form, function.program.inputs
+    drawn = [random.normal(size=(STATES, *port.shape)).astype(compiled.dtype).astype(float) for port in ports]
+    states = [[array[k] for array in drawn] for k in range(STATES)]
+    reference = [form.evaluate(arm, *state) for state in states]
+    tolerances = [
+        _tolerances(function, state, expected, real, random) for state, expected in zip(states, reference, strict=True)
+    ]
+    edges = [random.choice([0.0, -0.0, 1.0, -1.0], (EDGES, *port.shape)) for port in ports]
+    inputs = [np.concatenate(pair) for pair in zip(drawn, edges, strict=True)]
+    exact = None
+    if BITS_OF_LIBM.isdisjoint(function.program.operation_counts()):
+        kernel = compiled.kernel(form.signature.name, *(a.name for a in form.optional), **dict(form.options))
+        results = kernel(*(array.astype(compiled.dtype) for array in inputs))
+        exact = list(results) if isinstance(results, tuple) else [results]
+    return Vectors(inputs, exact, [np.stack(each) for each in zip(*reference, strict=True)], np.array(tolerances))
+
+
+def _tolerances(
+    function: CFunction,
+    inputs: list[np.ndarray],
+    expected: tuple[np.ndarray, ...],
+    real: str,
+    random: np.random.Generator,
+) -> list[float]:
+    """The larger of ROUNDINGS epsilons of each result and what a change of the inputs by as many epsilons does to it.
+
+    A solution of equations loses as many digits as their condition number has.
+    """
     part = ROUNDINGS * _EPSILON[real]
-
-    def lost(result: np.ndarray) -> float:
-        """Factor by which an error may be larger, from the condition of the inverted matrix."""
-        return float(np.linalg.cond(result)) if function.form.signature.inverted else 1.0
-
-    vectors = []
-    for _ in range(STATES):
-        inputs = [random.normal(size=port.shape).astype(kind).astype(float) for port in function.program.inputs]
-        expected = list(function.form.evaluate(arm, *inputs))
-        nudged = [np.stack([x * (1.0 + part * random.choice([-1.0, 1.0], x.shape)) for _ in range(8)]) for x in inputs]
-        moved = interpret(function.program, *nudged)
-        tolerances = [
-            max(part * lost(e) * float(np.abs(e).max(initial=0.0)), part, float(np.abs(m - e).max(initial=0.0)))
-            for e, m in zip(expected, moved if isinstance(moved, tuple) else (moved,), strict=True)
-        ]
-        vectors.append((inputs, expected, tolerances))
-    return vectors
-
-
-def _values(array: Any, real: str) -> str:
-    return ", ".join(literal(float(value), REALS[real]) for value in np.ravel(array)) or "0"
+    nudged = [np.stack([x * (1.0 + part * random.choice([-1.0, 1.0], x.shape)) for _ in range(8)]) for x in inputs]
+    moved = interpret(function.program, *nudged)
+    tolerances = []
+    for e, m in zip(expected, moved if isinstance(moved, tuple) else (moved,), strict=True):
+        lost = float(np.linalg.cond(e)) if function.form.signature.inverted else 1.0
+        rounded = part * lost * float(np.abs(e).max(initial=0.0))
+        tolerances.append(max(rounded, part, float(np.abs(m - e).max(initial=0.0))))
+    return tolerances
 
 
 def selftest(arm: Model, name: str, functions: Sequence[CFunction], real: str) -> str:
-    """The program's text. It prints a line a function, and ends with 0 if all vectors are met, else with 1."""
-    calls = [f"    failed += test_{each.short_name}();" for each in functions]
+    """The program's text. It prints a line on the arithmetic and one a function, and ends with 0 if all is met, else with 1."""
+    compiled = CompiledArm(arm, dtype=REALS[real].format.name)
+    calls = [f"    failed += test_{each.short_name}(bits);" for each in functions]
+    about = f"Self-test of {name}.c: vectors from Armwright's float reference, and the bits of its compiled kernels."
+    faults = ",\n".join(f'        "{fault}"' for fault in FAULTS)
     parts = [
-        comment(
-            [
-                f"Self-test of {name}.c: vectors from Armwright's float reference. Ends with 0 if all are met, else with 1."
-            ]
-        ),
-        f'#include <math.h>\n#include <stdio.h>\n\n#include "{name}.h"',
+        comment([about, "Ends with 0 if all are met, else with 1."]),
+        f'#include <math.h>\n#include <stdio.h>\n#include <string.h>\n\n#include "{name}.h"',
         _CHECK.format(real=real, cast="(double)" if real == "float" else "", f="f" if real == "float" else ""),
-        *(_test(arm, each, real) for each in functions),
-        "\n".join(
-            [
-                *("int main(void)", "{", "    int failed = 0;", *calls),
-                f'    printf("{name}: %s\\n", failed == 0 ? "ok" : "FAILED");',
-                *("    return failed == 0 ? 0 : 1;", "}"),
-            ]
-        ),
+        *(_test(arm, each, real, compiled) for each in functions),
+        _MAIN.format(name=name, faults=faults, two_roundings=TWO_ROUNDINGS, calls="\n".join(calls)),
     ]
     return "\n\n".join(parts) + "\n"
 
 
 _CHECK = """\
 /* The largest error, in units of its tolerance; infinite where a value is not finite. */
-static {real} error_of(const {real} *found, const {real} *expected, int count, {real} tolerance)
+static {real} error_of(const {real} *result, const {real} *expected, int count, {real} tolerance)
 {{
     {real} largest = 0.0{f};
     int k;
     for (k = 0; k < count; k++) {{
-        const {real} error = fabs{f}(found[k] - expected[k]) / tolerance;
+        const {real} error = fabs{f}(result[k] - expected[k]) / tolerance;
         if (!(error <= largest)) {{
             largest = error < INFINITY ? error : INFINITY;
         }}
@@ -94,39 +116,76 @@ static {real} error_of(const {real} *found, const {real} *expected, int count, {
     return largest;
 }}
 
-static int told(const char *name, {real} error)
+/* Number of results with other bits; one NaN is as good as another. */
+static int other_bits(const {real} *result, const {real} *expected, int count)
 {{
-    const int good = error <= 1.0{f};
-    printf("%-32s error %.3f of the tolerance: %s\\n", name, {cast}error, good ? "ok" : "FAILED");
+    int k, others = 0;
+    for (k = 0; k < count; k++) {{
+        others += memcmp(&result[k], &expected[k], sizeof result[k]) != 0 && !(isnan(result[k]) && isnan(expected[k]));
+    }}
+    return others;
+}}
+
+/* Prints a line and returns 1 for a failure; `others` is -1 where bits are not compared. */
+static int report(const char *name, {real} error, int others)
+{{
+    const int good = error <= 1.0{f} && others <= 0;
+    printf("%-32s error %.3f of the tolerance, ", name, {cast}error);
+    if (others < 0) {{
+        printf("bits not compared: ");
+    }} else {{
+        printf("%d results with other bits: ", others);
+    }}
+    printf("%s\\n", good ? "ok" : "FAILED");
     return good ? 0 : 1;
 }}"""
 
+_MAIN = """\
+int main(void)
+{{
+    static const char *const faults[] = {{
+{faults}}};
+    const int fault = {name}_arithmetic(), bits = fault != {two_roundings};
+    int failed = fault != 0 && bits;
+    printf("%-32s %s%s\\n", "arithmetic", faults[fault], failed == 0 ? "" : ": FAILED");
+{calls}
+    printf("{name}: %s\\n", failed == 0 ? "ok" : "FAILED");
+    return failed == 0 ? 0 : 1;
+}}"""
 
-def _test(arm: Model, function: CFunction, real: str) -> str:
-    vectors = _vectors(arm, function, real)
+
+def _test(arm: Model, function: CFunction, real: str, compiled: CompiledArm) -> str:
+    """One function's test: its tables, then a loop over the states."""
+    vectors = _vectors(arm, function, real, compiled)
     ports, names = (*function.program.inputs, *function.program.outputs), port_names(function.program)
     split = len(function.program.inputs)
-
-    def table(kind: str, name: str, rows: Sequence[str], size: int) -> list[str]:
-        lines = [f"    static const {kind} {name}[{STATES}][{size}] = {{"]
-        return [*lines, *(f"        {{{row}}}," for row in rows), "    };"]
-
-    lines = [f"static int test_{function.short_name}(void)", "{"]
-    for k, port in enumerate(ports):
-        rows = [_values((row[0] + row[1])[k], real) for row in vectors]
-        lines += table(real, names[k] if k < split else f"{names[k]}_expected", rows, max(port.size, 1))
-    tolerances = [_values(row[2], real) for row in vectors]
-    lines += table(real, "tolerance", tolerances, len(ports) - split)
-    lines += [f"    {real} {names[k]}[{max(ports[k].size, 1)}];" for k in range(split, len(ports))]
-    lines += [
-        f"    {real} worst = 0.0{'f' if real == 'float' else ''};",
-        "    int k;",
-        f"    for (k = 0; k < {STATES}; k++) {{",
-    ]
-    lines.append(f"        {real} error;")
+    results = range(split, len(ports))
+    lines = [f"static int test_{function.short_name}(int bits)", "{"]
+    for k, rows in enumerate(vectors.inputs):
+        lines += _table(real, names[k], rows)
+    for k in results:
+        lines += _table(real, f"{names[k]}_reference", vectors.reference[k - split])
+        if vectors.exact is not None:
+            lines += _table(real, f"{names[k]}_exact", vectors.exact[k - split])
+    lines += _table(real, "tolerance", vectors.tolerances)
+    lines += [f"    {real} {names[k]}[{max(ports[k].size, 1)}];" for k in results]
+    lines += [f"    {real} error, worst = 0.0{'f' if real == 'float' else ''};", "    int k;"]
+    lines.append(f"    int others = {-1 if vectors.exact is None else 0};")
+    lines.append(f"    for (k = 0; k < {STATES + EDGES}; k++) {{")
     arrays = [f"{name}[k]" if k < split else name for k, name in enumerate(names)]
     lines.append(f"        {function.name}({', '.join(arrays)});")
-    for k in range(split, len(ports)):
-        wanted = f"{names[k]}, {names[k]}_expected[k], {ports[k].size}, tolerance[k][{k - split}]"
-        lines += [f"        error = error_of({wanted});", "        worst = error > worst ? error : worst;"]
-    return "\n".join([*lines, "    }", f'    return told("{function.short_name}", worst);', "}"])
+    if vectors.exact is not None:
+        lines += [f"        others += other_bits({names[k]}, {names[k]}_exact[k], {ports[k].size});" for k in results]
+    lines.append(f"        if (k < {STATES}) {{")
+    for k in results:
+        wanted = f"{names[k]}, {names[k]}_reference[k], {ports[k].size}, tolerance[k][{k - split}]"
+        lines += [f"            error = error_of({wanted});", "            worst = error > worst ? error : worst;"]
+    end = f'    return report("{function.short_name}", worst, bits ? others : -1);'
+    return "\n".join([*lines, "        }", "    }", end, "}"])
+
+
+def _table(real: str, name: str, rows: Any) -> list[str]:
+    """A constant array of arrays: one row a state."""
+    texts = [", ".join(literal(float(value), REALS[real]) for value in np.ravel(row)) or "0" for row in rows]
+    lines = [f"    static const {real} {name}[{len(texts)}][{max(np.size(rows[0]), 1)}] = {{"]
+    return [*lines, *(f"        {{{text}}}," for text in texts), "    };"]

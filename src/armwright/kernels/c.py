@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from armwright.kernels import polynomials
 from armwright.kernels.c_machine import CMachine
 from armwright.kernels.c_syntax import C_DOUBLE, C_FLOAT, Dialect, identifier, parameters, port_names
+from armwright.kernels.format import DOUBLE
 from armwright.kernels.lowering import lower, walk, walk_instructions
 from armwright.kernels.machine import Machine, Value
 from armwright.program import Program
@@ -25,20 +26,27 @@ from armwright.program.passes import optimised
 REALS: dict[str, Dialect] = {"double": C_DOUBLE, "float": C_FLOAT}
 
 # What a compiler must not do, in its own words: GCC ignores the standard's pragma and contracts by default outside of
-# its ISO modes, the others know it. x87 registers round twice.
+# its ISO modes, the others know it. GCC's pragma parses the options anew, and with them an -fassociative-math that the
+# command line had disabled. Clang has no macro for parts of -ffast-math but one. x87 registers round twice.
 _RULES = """\
-#if defined(__FAST_MATH__)
-#error "-ffast-math breaks this code: it relies on the rules of IEEE 754"
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(__NO_SIGNED_ZEROS__)
+#error "-ffast-math and its parts break this code: it relies on the rules of IEEE 754"
+#endif
+#if defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__
+#error "-ffinite-math-only breaks this code: it handles infinities and NaN"
 #endif
 #if defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0 && FLT_EVAL_METHOD != 16
 #error "compile with -msse2 -mfpmath=sse: x87 rounds twice"
 #endif
 #if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC optimize ("fp-contract=off")
+#pragma GCC optimize ("fp-contract=off", "no-associative-math")
 #else
 #pragma STDC FP_CONTRACT OFF
 #endif
 """
+
+# GCC's -fsingle-precision-constant has no macro; the size of the array is then negative.
+_DOUBLE_LITERALS = "typedef char literals_are_double[sizeof 1.0 == sizeof(double) ? 1 : -1];\n"
 
 # A long program is cut into functions for the compiler's sake; put back into one they would take it minutes.
 _NEVER_INLINED = """\
@@ -266,7 +274,8 @@ def c_text(unit: Unit, include: Iterable[str] = ()) -> str:
     headers = [*include, "<float.h>", "<math.h>"]
     headers += ["<stdint.h>"] * bool(helpers) + ["<string.h>"] * bool(helpers or no_inline)
     includes = "".join(f"#include {name}\n" for name in headers)
-    return "\n".join([includes, _RULES, *no_inline, *helpers, *(f"{text}\n" for text in functions)])
+    literals = [_DOUBLE_LITERALS] * (dialect.format is DOUBLE)
+    return "\n".join([includes, _RULES, *literals, *no_inline, *helpers, *(f"{text}\n" for text in functions)])
 
 
 def c_source(program: Program, real: str = "double") -> str:

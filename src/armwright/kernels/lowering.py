@@ -100,14 +100,20 @@ def _truth(name: str) -> Callable[..., Value]:
     return lambda m, *values: m.truth(getattr(m, name)(*values))
 
 
+_OF_LIBM = (
+    *("pow", "asin", "acos", "sinh", "cosh", "asinh", "acosh", "atanh"),
+    *("erf", "fmod", "log1p", "remainder"),
+)
+#: Operations that call libm for every argument, so that their bits are those of the platform's libm.
+BITS_OF_LIBM = frozenset({*(name.upper() for name in _OF_LIBM), "CONSTPOW", "ERFINV"})
+
 _LOWERINGS: dict[str, Callable[..., Value]] = {
     **{name.upper(): _method(name) for name in ("add", "sub", "mul", "div", "neg", "sqrt", "floor", "ceil", "fabs")},
     **{name.upper(): _method(name) for name in ("copysign", "fma")},
     **{name.upper(): _truth(name) for name in ("lt", "le", "eq", "ne")},
     **{name.upper(): getattr(polynomials, name) for name in ("exp", "log", "sin", "cos", "tan", "tanh")},
     **{name.upper(): getattr(polynomials, name) for name in ("atan", "atan2", "expm1", "hypot")},
-    **{name.upper(): _libm(name) for name in ("pow", "asin", "acos", "sinh", "cosh", "asinh", "acosh", "atanh")},
-    **{name.upper(): _libm(name) for name in ("erf", "fmod", "log1p", "remainder")},
+    **{name.upper(): _libm(name) for name in _OF_LIBM},
     "ASSIGN": lambda m, a: a,
     "CONSTPOW": _libm("pow"),
     "SQ": lambda m, a: m.mul(a, a),
