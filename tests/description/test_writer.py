@@ -10,13 +10,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
+import armwright as aw
 from armwright.description import builtin_names, read_description
 from armwright.description.database import parse, read_toml
 from armwright.description.robot import RobotDescription
 from armwright.description.writer import to_toml, write_toml
-from armwright.errors import OutputError
-from armwright.model import build_model
+from armwright.errors import ModelError, OutputError
+from armwright.export.mjcf import write_mjcf
+from armwright.export.urdf import write_urdf
+from armwright.model import Model, build_model
 from description.random_descriptions import descriptions
+from reference.random_trees import random_description
 
 
 def again(text: str) -> RobotDescription:
@@ -97,3 +101,55 @@ def test_meshes_follow_the_file(tmp_path):
     with pytest.raises(OutputError, match="not below the file's folder"):
         write_toml(robot, other / "arm.toml")
     assert not list(other.iterdir())
+
+
+def forms(folder: Path) -> dict[str, Model]:
+    """An arm from every kind of file, and every kind of variant."""
+    scara = aw.load("examples/scara.toml")
+    write_urdf(scara, folder / "scara.urdf")
+    write_urdf(scara, folder / "bare.urdf", drive=False)
+    arms = {name: aw.load(name) for name in (*builtin_names(), "examples/scara.toml", "examples/hot-lift.toml")}
+    arms |= {"urdf with drives": aw.load(folder / "scara.urdf"), "urdf": aw.load(folder / "bare.urdf", smoothing=0.01)}
+    panda = arms["panda"]
+    return arms | {
+        "payload": panda.with_payload(1.0, [0, 0, 0.1], np.zeros(3)),
+        "locked": panda.with_locked({"joint3": 0.4}),
+        "subchain": panda.subchain("link2", "link6"),
+        "values": panda.with_values({"link6.mass_kg": 2.0}),
+        "random": build_model(random_description(3)),
+    }
+
+
+def test_arms_are_written_like_their_descriptions(tmp_path):
+    """Text and file of an arm are those of its description, and read back as it."""
+    for name, arm in forms(tmp_path).items():
+        assert arm.description is not None
+        text = aw.to_toml(arm)
+        assert text == aw.to_toml(arm.description), name
+        assert again(text) == arm.description, name
+        path = aw.write_toml(arm, tmp_path / "written.toml")
+        assert aw.load(path, on_impossible="warn").description == arm.description, name
+        assert aw.check(arm).errors == aw.check(arm.description).errors
+
+
+def test_an_mjcf_is_written_like_its_description(tmp_path):
+    pytest.importorskip("mujoco")
+    write_mjcf(aw.load("panda"), tmp_path / "panda.xml")
+    arm = aw.load(tmp_path / "panda.xml", smoothing=0.01)
+    assert again(aw.to_toml(arm)) == arm.description
+
+
+@pytest.mark.parametrize(
+    "write", [aw.to_toml, aw.check, lambda arm: write_urdf(arm, "x.urdf"), lambda arm: write_mjcf(arm, "x.xml")]
+)
+def test_what_no_description_holds_is_not_written(write, tmp_path, monkeypatch):
+    """An arm that `replace` changed is not its description; a name is no arm."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ModelError) as error:
+        write(aw.load("panda").replace(friction=None))
+    assert (error.value.value, error.value.what) == ("panda", "differs from its description by replace(friction=…)")
+    for wrong in ("panda", 5) if write is not aw.check else ():
+        with pytest.raises(ModelError) as error:
+            write(wrong)
+        assert error.value.value == wrong
+    assert not list(tmp_path.iterdir())

@@ -13,6 +13,7 @@ from pathlib import Path
 from re import fullmatch
 from typing import Any
 
+from armwright.description.record_of import Arm, record_of
 from armwright.description.robot import RobotDescription
 from armwright.errors import OutputError
 from armwright.output import whole_file
@@ -24,17 +25,19 @@ TABLES = ("motor", "friction", "limits", "built_from")  # that have a heading of
 LISTS = ("joints", "links", "frames")
 
 
-def to_toml(description: RobotDescription, folder: str | os.PathLike[str] | None = None) -> str:
-    """The TOML database of a description. Reading it gives the description back, and writing that the same bytes.
+def to_toml(arm: Arm | RobotDescription, folder: str | os.PathLike[str] | None = None) -> str:
+    """The TOML database of an arm. Reading it gives the description back, and writing that the same bytes.
 
     Args:
-        description: what to write, with every source, standard deviation and date.
+        arm: the arm or its description, which is written with every source, standard deviation and date.
         folder: where the file will stand; paths of meshes are written relative to it. None: as they are.
     Returns:
         text: the file.
     Raises:
         OutputError: a mesh that is not below the folder.
+        ModelError: no arm, one without a description, or one that `replace` changed, which no description holds.
     """
+    description = record_of(arm)
     place = None if folder is None else Path(folder).resolve()
     head = {
         name: value
@@ -56,19 +59,19 @@ def to_toml(description: RobotDescription, folder: str | os.PathLike[str] | None
     return "\n".join(blocks)
 
 
-def write_toml(description: RobotDescription, path: str | os.PathLike[str]) -> Path:
+def write_toml(arm: Arm | RobotDescription, path: str | os.PathLike[str]) -> Path:
     """Writes `to_toml`, whole or not at all.
 
     Args:
-        description: what to write.   path: of the file, usually ending in .toml; one that is there is replaced.
+        arm: the arm or its description.   path: of the file, usually ending in .toml; one that is there is replaced.
     Returns:
         path: where it is.
     Raises:
-        OutputError: the file cannot be written, or a mesh is not below its folder.
+        OutputError: the file cannot be written, or a mesh is not below its folder.   ModelError: as `to_toml`.
     """
-    path = Path(path)
+    path, text = Path(path), to_toml(arm, Path(path).parent)
     with whole_file(path) as temporary:
-        temporary.write_text(to_toml(description, path.parent), encoding="utf-8", newline="\n")
+        temporary.write_text(text, encoding="utf-8", newline="\n")
     return path
 
 

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from armwright.description.record_of import Arm, record_of
 from armwright.description.robot import FixedJoint, MovingJoint, PrismaticJoint, RobotDescription
 from armwright.export.joints import JointFrame, joint_frames, place_of, plain_friction, plain_limits, tip_of
 from armwright.export.losses import Losses, of_all_formats, of_friction
@@ -19,20 +20,20 @@ from armwright.solids.shapes import Box, Cylinder, Ellipsoid, Sphere
 from armwright.spatial import Placement, pseudo_inertia, rotation_quaternion
 
 
-def write_mjcf(description: RobotDescription, path: str | os.PathLike[str]) -> list[str]:
+def write_mjcf(arm: Arm | RobotDescription, path: str | os.PathLike[str]) -> list[str]:
     """Writes an MJCF: bodies, hinges and slides, armature, damping, dry friction, gears, limits, named frames as sites.
 
     Armature is n² J_m. A motor's control is the torque on the joint over the gear ratio. MuJoCo itself refuses bodies that move
     without mass, and tensors that no body has.
 
     Args:
-        description: what to write.   path: of the file, ending in .xml.
+        arm: the arm or its description.   path: of the file, ending in .xml.
     Returns:
         losses: properties that an MJCF cannot hold, one sentence each.
     Raises:
-        OutputError: the file cannot be written.
+        OutputError: the file cannot be written.   ModelError: as `to_toml`.
     """
-    path = Path(path)
+    description, path = record_of(arm), Path(path)
     text, losses = mjcf_text(description)
     with whole_file(path, (".xml", ".mjcf")) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")

@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from armwright.description.drive_file import ENDING
+from armwright.description.record_of import Arm, record_of
 from armwright.description.robot import FixedJoint, PrismaticJoint, RobotDescription
 from armwright.export.drive_file import drive_file
 from armwright.export.joints import JointFrame, joint_frames, moved_tip, place_of, plain_friction, plain_limits, tip_of
@@ -23,19 +24,19 @@ from armwright.spatial import Placement, roll_pitch_yaw
 FAR = 1e6  # [m]; a slide must have position limits in a URDF
 
 
-def write_urdf(description: RobotDescription, path: str | os.PathLike[str], *, drive: bool = True) -> list[str]:
+def write_urdf(arm: Arm | RobotDescription, path: str | os.PathLike[str], *, drive: bool = True) -> list[str]:
     """Writes a URDF, and beside NAME.urdf the drive file NAME.drive.toml, from which `read_urdf` has the dynamics again.
 
     Link frames are moved onto their joints, as the format wants them; named frames become fixed links without mass.
 
     Args:
-        description: what to write.   path: of the file, ending in .urdf.   drive: whether to write the drive file.
+        arm: the arm or its description.   path: of the file, ending in .urdf.   drive: whether to write the drive file.
     Returns:
         losses: what the URDF itself cannot hold, one sentence each; (kept) where the drive file has it.
     Raises:
-        OutputError: a file cannot be written.
+        OutputError: a file cannot be written.   ModelError: as `to_toml`.
     """
-    path = Path(path)
+    description, path = record_of(arm), Path(path)
     losses = Losses()
     text = urdf_text(description, path, losses)
     beside = path.with_name(path.stem + ENDING)

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 from armwright.description import RobotDescription, read_description
+from armwright.description.record_of import record_of
 from armwright.errors import Problem
 from armwright.lint.feasibility import check_bodies, check_drives, impossible_links
 from armwright.lint.hulls import implausible_shapes
 from armwright.lint.plausibility import implausible_values
-from armwright.model import build_model
+from armwright.model import Model, build_model
 from armwright.model.build import massless, places_of_joints
 from armwright.model.load import outdated
 
@@ -65,18 +66,19 @@ class Report:
         return tuple(finding for finding in self.findings if finding.level == "warning")
 
 
-def check(name_or_path: str | os.PathLike[str] | RobotDescription, **reading: Any) -> Report:
+def check(name_or_path: str | os.PathLike[str] | Model | RobotDescription, **reading: Any) -> Report:
     """Makes all physical checks of a record, those that open meshes included.
 
     Args:
-        name_or_path: a built-in name, a path, or a description.   reading: what a URDF or an MJCF leaves open, as for `load`.
+        name_or_path: a built-in name, a path, an arm, or a description.
+        reading: what a URDF or an MJCF leaves open, as for `load`.
     Returns:
         report: its `errors` and `warnings`.
     Raises:
-        DescriptionError: a file that cannot be read as a record at all.
+        DescriptionError: a file that cannot be read as a record at all.   ModelError: an arm that differs from its description.
     """
-    if isinstance(name_or_path, RobotDescription):
-        robot, aged = name_or_path, []
+    if isinstance(name_or_path, (Model, RobotDescription)):
+        robot, aged = record_of(name_or_path), []
     else:
         robot = read_description(name_or_path, **reading)
         aged = outdated(robot, Path(name_or_path))
