@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -17,7 +17,7 @@ class Problem:
 
     Attributes:
         what: the problem in words, where "expected" does not say it all.
-        place: the field, key or joint, as the user wrote it: `motor.resistance_ohm`, `payload[0].mass`.
+        place: the field, key or joint, as the user wrote it: `motor.resistance_ohm`, `payload[0].mass_kg`.
         value: what stands there; ABSENT where nothing does.   expected: what may stand there.
         choices: all names that are allowed; the sentence shows the nearest.   file: path, with `:line` where known.
     """
@@ -101,6 +101,10 @@ class ArmwrightError(Exception):
     def within(self, place: str = "", file: Any = "") -> Self:
         """The same error seen from outside, for the caller to raise: see `Problem.within`."""
         return self.of(*(problem.within(place, file) for problem in self.problems))
+
+    def renamed(self, rename: Callable[[str], str]) -> Self:
+        """The same error with the place of every problem as the user wrote it, for the caller to raise."""
+        return self.of(*(replace(problem, place=rename(problem.place)) for problem in self.problems))
 
     @property
     def what(self) -> str:

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import armwright as aw
-from armwright.errors import ArmwrightError, RunError
+from armwright.errors import ArmwrightError, RunError, ScenarioError
 from armwright.scenarios import records
 from armwright.simulation.inputs.input_schedule import all_rows
 
@@ -133,7 +133,7 @@ def test_a_run_of_python_keeps_no_scenario(tmp_path):
         (DRIVEN.replace("cmu-dd", "cmu-ddd"), "robot = 'cmu-ddd'.*did you mean cmu-dd"),
         (
             DRIVEN.replace("duration_s = 0.05", "duration_s = 0.0505"),
-            r"duration = 0\.0505",
+            r"duration_s = 0\.0505",
         ),
         (DRIVEN.replace("0.05\n", "0.05\nsolver.substeps = 0\n"), "solver.substeps = 0"),
         (DRIVEN.replace("[4, -3,", "[4,"), r"commands\.constant = \[4\.0, 2\.0, 1\.0, 0\.5, 0\.25\]"),
@@ -296,15 +296,18 @@ def test_brakes_are_applied_as_in_python(tmp_path, brake):
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        (PAYLOAD.replace("mass_kg = 2.0", "mass_kg = -2"), r"inputs\.payload\[0\]\.mass = -2.0: expected 0 kg or more"),
+        (
+            PAYLOAD.replace("mass_kg = 2.0", "mass_kg = -2"),
+            r"inputs\.payload\[0\]\.mass_kg = -2.0: expected 0 kg or more",
+        ),
         (
             PAYLOAD.replace("xx = 0.012", "xx = 0.12"),
-            r"payload\[0\]\.inertia: principal moments",
+            r"payload\[0\]\.inertia_kg_m2: principal moments",
         ),
         (PAYLOAD.replace("[0.01, 0.01, 0.01]", "[0.01, 0.01]"), r"expected 3 numbers, not 2: moments about x, y and z"),
         (PAYLOAD.replace("xz = 0.0, ", ""), r"inputs.payload\[0\].inertia_kg_m2.xz: missing"),
         (PAYLOAD.replace("mass_kg = 0\n", "mas_kg = 0\n"), "unknown key; did you mean mass_kg"),
-        (PAYLOAD.replace("0.15", "0.01"), r"payload\[2\]\.time = 0\.01: expected one after payload\[0\]'s 0\.0503 s"),
+        (PAYLOAD.replace("0.15", "0.01"), r"payload\[2\]\.time_s = 0\.01: expected one after payload\[0\]'s 0\.0503 s"),
         (PAYLOAD.replace("forearm", "forarm"), "frame = 'forarm': two-link has no such frame; did you mean forearm"),
         ("inputs.wrench = [1, 2]\n", "inputs.wrench = .*: expected 6 numbers, not 2: fx, fy, fz in N"),
         ("inputs.brake = 1\n", "no joint of two-link has a brake in its record"),
@@ -329,6 +332,31 @@ def test_what_cannot_act_is_refused_in_one_line(tmp_path, more, said):
     with pytest.raises(ArmwrightError, match=said) as refused:
         scenario(tmp_path, text)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("duration_s = -1\n[commands]\nconstant = 0\n", "duration_s"),
+        ("duration_s = 1\n[commands]\nconstant = 0\n[solver]\nstep_s = -1\n", "solver.step_s"),
+        ("[loop]\nperiod_s = -1\n[loop.controller]\nkind = 'joint_pid'\nkp = 1\n", "loop.period_s"),
+        ("[loop.timing]\njitter_s = -1\n[loop.controller]\nkind = 'joint_pid'\nkp = 1\n", "loop.timing.jitter_s"),
+    ],
+)
+def test_errors_use_the_keys_of_the_file(tmp_path, text, place):
+    """With their units, which the fields in Python do not have."""
+    if not text.startswith("duration"):
+        text = f"duration_s = 1\n{text}"
+    with pytest.raises(ScenarioError) as error:
+        scenario(tmp_path, f'robot = "two-link"\n{text}')
+    assert error.value.place == place
+
+
+def test_places_that_are_no_keys_stay():
+    assert records.key_in_file("loop.controller.kp[2]") == "loop.controller.kp[2]"
+    assert records.key_in_file("inputs.payload[1].time of lane 3") == "inputs.payload[1].time_s of lane 3"
+    assert records.key_in_file("link6.mass") == "link6.mass"
+    assert records.key_in_file("") == ""
 
 
 UNITS = re.compile("_(s|m|kg|kg_m2)$")

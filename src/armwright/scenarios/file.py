@@ -24,7 +24,7 @@ from armwright.quantity import Record
 from armwright.scalar import Scalar
 from armwright.scenarios.files import Files
 from armwright.scenarios.lanes import TENSOR, vary
-from armwright.scenarios.records import Kind, PayloadTable, ScenarioTable, Tensor
+from armwright.scenarios.records import Kind, PayloadTable, ScenarioTable, Tensor, key_in_file
 from armwright.simulation.inputs.input_schedule import WRENCH
 from armwright.simulation.inputs.payload import Payload
 from armwright.simulation.inputs.schedule import Schedule, read_schedule
@@ -71,7 +71,7 @@ def parse_scenario(document: dict[str, Any], place: str, files: Files, text: str
     try:
         scenario = _scenario(table, files)
     except ArmwrightError as error:
-        raise error.within(file=place) from None
+        raise error.renamed(key_in_file).within(file=place) from None
     kept = {"scenario": text, "files": files.read}
     object.__setattr__(scenario, "document", json.dumps(kept, sort_keys=True))  # of this one: a changed copy has none
     return scenario

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, Strict, model_validator
@@ -340,3 +341,26 @@ class ScenarioTable(Record):
         if (self.commands is None) == (self.loop is None):
             raise ValueError("expected either [commands] or [loop]")
         return self
+
+
+UNITS = ("", "_s", "_kg", "_m", "_kg_m2")  # that keys end in, and fields in Python do not
+
+
+def key_in_file(place: str) -> str:
+    """Place in a scenario file of a place in a `Scenario`: `inputs.payload[0].mass` → `inputs.payload[0].mass_kg`."""
+    table: type[Record] | None = ScenarioTable
+    keys = []
+    for part in place.split("."):
+        name = re.match(r"\w*", part)[0]  # type: ignore[index]
+        known = {} if table is None else table.model_fields
+        key = next((f"{name}{unit}" for unit in UNITS if f"{name}{unit}" in known), name)
+        keys.append(f"{key}{part.removeprefix(name)}")
+        table = _table_in(known[key].annotation) if key in known else None
+    return ".".join(keys)
+
+
+def _table_in(annotation: Any) -> type[Record] | None:
+    """The table that an annotation such as `tuple[PayloadTable, ...]` or `LoopTable | None` allows; None: plain values."""
+    if isinstance(annotation, type) and issubclass(annotation, Record):
+        return annotation
+    return next(filter(None, map(_table_in, get_args(annotation))), None)

@@ -37,17 +37,20 @@ def with_payload(
     ends = [*(frame.name for frame in robot.frames), *(link.name for link in robot.links), robot.base]
     if frame is None and tip is None:
         raise DescriptionError(
-            "the arm names no tip", place=f"{place} frame", expected="a frame", choices=ends, file=robot.name
+            "the arm names no tip", place=f"{place}.frame", expected="a frame", choices=ends, file=robot.name
         )
     at = frame if frame is not None else tip
     assert at is not None
-    check_name(robot, place, at, ends)
+    check_name(robot, f"{place}.frame", at, ends)
     if name in ends or name in {joint.name for joint in robot.joints}:
         raise DescriptionError("the arm has this name already", place=place, expected="another name", file=robot.name)
     tensor = _tensor(place, inertia)
     entries = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
     moments = checked(Inertia, place, **{entry: float(tensor[i, j]) for entry, (i, j) in entries.items()})
-    link = checked(Link, place, name=name, mass_kg=mass, com_m=com, inertia_kg_m2=moments, source=source)
+    try:
+        link = checked(Link, place, name=name, mass_kg=mass, com_m=com, inertia_kg_m2=moments, source=source)
+    except DescriptionError as error:  # in the words of the caller, who gave no units
+        raise error.renamed(lambda key: key.replace(".mass_kg", ".mass").replace(".com_m", ".com")) from None
     placed = next((frame for frame in robot.frames if frame.name == at), None)
     if placed is None:
         where = checked(JointFrame, place, xyz_m=(0.0, 0.0, 0.0), rpy_rad=(0.0, 0.0, 0.0), source=CHOSEN)
@@ -67,5 +70,5 @@ def _tensor(place: str, inertia: Any) -> np.ndarray:
     tensor = np.diag(tensor) if tensor.shape == (3,) else tensor
     if tensor.shape != (3, 3) or not np.isfinite(tensor).all() or not np.allclose(tensor, tensor.T, rtol=1e-9, atol=0):
         expected = "a symmetric (3, 3) tensor or three moments [kg m²]; zeros for a point mass"
-        raise DescriptionError(place=f"{place} inertia", value=inertia, expected=expected)
+        raise DescriptionError(place=f"{place}.inertia", value=inertia, expected=expected)
     return 0.5 * (tensor + tensor.T)
