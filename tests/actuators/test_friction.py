@@ -130,6 +130,22 @@ def test_motor_side_is_referred(ratio, speed):
 
 
 @pytest.mark.parametrize("ratio", [40.0, -40.0])
+def test_positive_is_the_joints_direction_on_the_motor_side(ratio):
+    """n < 0: levels and offset by the direction of the joint, not of the motor; what resists the joint resists the motor too."""
+    motor = {"gear_ratio": ratio, "rotor_inertia_kg_m2": 0.0}
+    levels = {
+        "coulomb_positive_n_m": 0.03,
+        "coulomb_negative_n_m": 0.01,
+        "offset_n_m": 0.002,
+        "smoothing_rad_per_s": 1e-6,
+    }
+    model = one_joint({"side": "motor", **levels}, motor)
+    assert friction_at(model, 2.0) == pytest.approx(40.0 * (0.03 + 0.002))
+    assert friction_at(model, -2.0) == pytest.approx(40.0 * (-0.01 + 0.002))
+    assert friction_at(model, 0.0) == pytest.approx(40.0 * 0.002)
+
+
+@pytest.mark.parametrize("ratio", [40.0, -40.0])
 @given(speed=speeds)
 def test_sigmoid_on_the_motor_side(ratio, speed):
     """a |n|/(1 + exp(-b |n| (q̇ + c/|n|))) less its value at rest: the motor's torque at the motor's speed."""

@@ -114,6 +114,8 @@ class RotaryFriction(Record):
     `law = "sigmoid"`:  f = a / (1 + exp(-b (q̇ + c))) - a / (1 + exp(-b c)) + viscous q̇ + offset. [Gaz2019]
     `law = "lugre"`: in the simulator  f = offset + viscous q̇ + bristle_stiffness z + bristle_damping ż,
     ż = q̇ - bristle_stiffness |q̇| / g z,  g the bracket of the Coulomb law; that law itself in the kernels. [CanudasEtAl1995]
+    With `side = "motor"` the motor's torques are referred by |n|, its viscous friction by n². Signs stay the joint's, also for
+    n < 0: coulomb_positive is felt where q̇ > 0, though the motor then turns backwards; so with offset and sigmoid_shift.
     Load and temperature count in the simulator only: Coulomb's levels rise by load_coefficient · |torque through the gear|,
     viscous falls by exp(-(T - T_reference) / viscous_fall_k), T of the motor's housing, or winding. [BittencourtGunnarsson2012]
     """
