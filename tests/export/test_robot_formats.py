@@ -7,7 +7,7 @@ import pytest
 
 import armwright as aw
 from armwright.description import builtin_names, read_description
-from armwright.description.robot import RevoluteJoint
+from armwright.description.robot import MovingJoint, RevoluteJoint, RobotDescription
 from armwright.description.urdf import read_urdf
 from armwright.description.writer import write_toml
 from armwright.errors import OutputError
@@ -86,10 +86,7 @@ def test_mjcf_has_our_dynamics_in_mujoco(tmp_path, name):
     assert any("the sources of" in told for told in losses)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
     damping = [0.0 if body.friction is None else body.friction.viscous for body in arm.bodies]
-    on_joint = [
-        getattr(joint.friction, "side", "joint") == "joint" for joint in arm.description.joints if joint.type != "fixed"
-    ]
-    np.testing.assert_allclose(model.dof_damping, np.where(on_joint, damping, 0.0), rtol=1e-15)
+    np.testing.assert_allclose(model.dof_damping, damping, rtol=1e-15)
     model.dof_damping[:], model.dof_frictionloss[:], model.jnt_limited[:] = 0, 0, 0
     data, plain = mujoco.MjData(model), arm.replace(friction=None, efficiency=None)
     for q, qd, qdd in states(arm):
@@ -124,10 +121,114 @@ def test_without_the_drive_file(tmp_path):
 
 
 def test_friction_that_neither_holds_is_listed(tmp_path):
-    for name, what in (("panda", "friction by the law 'sigmoid'"), ("puma560", "friction on the motor's side")):
+    for name, what in (("panda", "friction by the law 'sigmoid'"), ("puma560", "that friction is the motor's")):
         description = read_description(name)
         assert any(what in told for told in write_urdf(description, tmp_path / "arm.urdf"))
         assert any(what in told for told in write_mjcf(description, tmp_path / "arm.xml"))
+
+
+def motor_side(joint: MovingJoint, **friction: float) -> MovingJoint:
+    """The joint with friction of its motor."""
+    return joint.replace(friction={"source": "estimate", "side": "motor", **friction})
+
+
+def test_friction_of_a_motor_is_written_for_its_joint(tmp_path):
+    """Damping n² b and dry friction |n| c, read by Pinocchio and MuJoCo; a negative ratio turns no sign."""
+    puma = read_description("puma560")
+    description = read_description("lwa4p")
+    levels = {"viscous_n_m_s_per_rad": 2e-4, "coulomb_positive_n_m": 0.03, "coulomb_negative_n_m": 0.01}
+    joints = [motor_side(joint, **levels, smoothing_rad_per_s=1.0) for joint in description.joints]
+    first = joints[0].motor
+    assert first is not None
+    joints[0] = joints[0].replace(motor=first.replace(gear_ratio={"value": -120.0, "source": "estimate"}))
+    description = description.replace(joints=tuple(joints))
+    ratios = np.array([float(joint.motor.gear_ratio) for joint in joints])
+    assert ratios[0] == -120.0
+    viscous, dry = 2e-4 * ratios**2, 0.02 * np.abs(ratios)
+    losses = write_urdf(description, tmp_path / "arm.urdf", drive=False), write_mjcf(description, tmp_path / "arm.xml")
+    for lost in losses:
+        assert any(sentence.startswith("that friction is the motor's (written as the joint's") for sentence in lost)
+        assert any(
+            sentence.startswith("dry friction that differs by direction (the mean is written)") for sentence in lost
+        )
+    back = aw.load(tmp_path / "arm.urdf", smoothing=0.01)
+    np.testing.assert_allclose([body.friction.viscous for body in back.bodies], viscous, rtol=1e-14)
+    np.testing.assert_allclose([body.friction.coulomb_positive for body in back.bodies], dry, rtol=1e-14)
+    write_urdf(puma, tmp_path / "puma.urdf", drive=False)
+    arm = aw.load("puma560")
+    again = aw.load(tmp_path / "puma.urdf", smoothing=0.01, on_impossible="warn")
+    for one, two in zip(arm.bodies, again.bodies, strict=True):
+        assert two.friction.viscous == pytest.approx(one.friction.viscous, rel=1e-14)
+        assert two.friction.coulomb_negative == pytest.approx(
+            0.5 * (one.friction.coulomb_positive + one.friction.coulomb_negative), rel=1e-14
+        )
+    pinocchio = pytest.importorskip("pinocchio", reason="Pinocchio is an oracle here: pip install pin")
+    model = pinocchio.buildModelFromUrdf(str(tmp_path / "arm.urdf"))
+    for name, v, d in zip(arm_names(description), viscous, dry, strict=True):
+        k = model.joints[model.getJointId(name)].idx_v
+        assert (model.damping[k], model.friction[k]) == pytest.approx((v, d), rel=1e-14)
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is an oracle here: pip install mujoco")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    np.testing.assert_allclose(model.dof_damping, viscous, rtol=1e-14)
+    np.testing.assert_allclose(model.dof_frictionloss, dry, rtol=1e-14)
+
+
+def arm_names(description: RobotDescription) -> list[str]:
+    """Names of the joints that move."""
+    return [joint.name for joint in description.joints if joint.type != "fixed"]
+
+
+def test_friction_of_a_coupled_motor_is_listed(tmp_path):
+    """It is felt at several joints, which neither format can say."""
+    description = read_description("lwa4p")
+    *others, last = description.joints
+    last = motor_side(last, viscous_n_m_s_per_rad=2e-4)
+    coupled = last.motor.replace(coupling=({"joint": others[-1].name, "ratio": 10.0, "source": "estimate"},))
+    description = description.replace(joints=(*others, last.replace(motor=coupled)))
+    for lost in (write_urdf(description, tmp_path / "arm.urdf"), write_mjcf(description, tmp_path / "arm.xml")):
+        assert any(sentence.startswith(f"friction of coupled motors: joint {last.name}") for sentence in lost)
+    assert (tmp_path / "arm.urdf").read_text().count("<dynamics") == len(others)
+
+
+@pytest.mark.parametrize(
+    ("law", "lost"),
+    [("sigmoid", "friction by the law 'sigmoid'"), ("lugre", "the bristles of the friction law 'lugre'")],
+)
+def test_what_can_be_written_of_other_laws_is(tmp_path, law, lost):
+    """Viscous friction of every law, dry friction of LuGre's."""
+    description = read_description("lwa4p")
+    keys = {"sigmoid_amplitude_n_m": 0.4, "sigmoid_slope_s_per_rad": 5.0, "sigmoid_shift_rad_per_s": 0.0}
+    if law == "lugre":
+        keys = {"bristle_stiffness_n_m_per_rad": 1e4, "bristle_damping_n_m_s_per_rad": 1.0, "smoothing_rad_per_s": 0.01}
+        keys |= {"coulomb_positive_n_m": 3.0, "coulomb_negative_n_m": 3.0}
+    record = {"source": "estimate", "law": law, "viscous_n_m_s_per_rad": 0.7, **keys}
+    description = description.replace(joints=tuple(joint.replace(friction=record) for joint in description.joints))
+    sentences = write_urdf(description, tmp_path / "arm.urdf", drive=False)
+    assert any(sentence.startswith(lost) for sentence in sentences)
+    for body in aw.load(tmp_path / "arm.urdf", smoothing=0.01).bodies:
+        assert (body.friction.viscous, body.friction.coulomb_positive) == (0.7, 3.0 if law == "lugre" else 0.0)
+
+
+@pytest.mark.parametrize("known", [(), ("torque_n_m",), ("velocity_rad_per_s",)])
+def test_unknown_limits_are_not_written_as_zero(tmp_path, known):
+    """No joint can move within effort or velocity limits of 0: Pinocchio and we read back what is known, and no bound else."""
+    description = read_description("lwa4p")
+    keys = ("position_rad", "torque_n_m", "velocity_rad_per_s")
+    values = {"position_rad": (-1.0, 2.0), "torque_n_m": 7.0, "velocity_rad_per_s": 3.0}
+    limits = {key: {"value": values[key], "source": "estimate"} for key in keys if key == keys[0] or key in known}
+    description = description.replace(joints=tuple(joint.replace(limits=limits) for joint in description.joints))
+    losses = write_urdf(description, tmp_path / "arm.urdf", drive=False)
+    for key, name in zip(keys[1:], ("effort", "velocity"), strict=True):
+        unknown = any(sentence.startswith(f"that no {name} limit is known (written as 1e+09,") for sentence in losses)
+        assert unknown == (key not in known)
+    for body in aw.load(tmp_path / "arm.urdf", smoothing=0.01).bodies:
+        assert body.limits.position == (-1.0, 2.0)
+        assert body.limits.torque == (7.0 if "torque_n_m" in known else np.inf)
+        assert body.limits.velocity == (3.0 if "velocity_rad_per_s" in known else np.inf)
+    pinocchio = pytest.importorskip("pinocchio", reason="Pinocchio is an oracle here: pip install pin")
+    model = pinocchio.buildModelFromUrdf(str(tmp_path / "arm.urdf"))
+    assert set(model.effortLimit) == {7.0 if "torque_n_m" in known else 1e9}
+    assert set(model.velocityLimit) == {3.0 if "velocity_rad_per_s" in known else 1e9}
 
 
 def test_the_drive_file_keeps_what_no_other_format_knows(tmp_path):

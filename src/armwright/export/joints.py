@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armwright.description.drive import LinearFriction, RotaryFriction
 from armwright.description.robot import FixedJoint, Joint, Link, MovingJoint, PrismaticJoint, RobotDescription
 from armwright.model.build import joint_placement
+from armwright.model.joint_side import friction_of
 from armwright.quantity import Quantity
 from armwright.spatial import Frozen, Placement, roll_pitch_yaw, rotation_rpy, snap
 
@@ -113,13 +113,16 @@ def plain_limits(joint: MovingJoint) -> tuple[Limit, Limit, Limit]:
     return joint.limits.position_rad, joint.limits.velocity_rad_per_s, joint.limits.torque_n_m
 
 
-def plain_friction(friction: RotaryFriction | LinearFriction | None) -> tuple[float, float]:
-    """(viscous, dry) of a friction record on the joint's side, as far as damping and one magnitude can tell it."""
-    if friction is None or friction.law != "coulomb" or friction.side != "joint":
+def plain_friction(joint: MovingJoint) -> tuple[float, float]:
+    """(viscous, dry) friction of a joint, as far as damping and one magnitude can tell it, the motor's referred to the joint."""
+    friction = friction_of(joint)
+    if friction is None or is_of_coupled_motor(joint):
         return 0.0, 0.0
-    rotary = isinstance(friction, RotaryFriction)
-    viscous = friction.viscous_n_m_s_per_rad if rotary else friction.viscous_n_s_per_m
-    plus = friction.coulomb_positive_n_m if rotary else friction.coulomb_positive_n
-    minus = friction.coulomb_negative_n_m if rotary else friction.coulomb_negative_n
-    dry = 0.0 if plus is None or minus is None else 0.5 * (float(plus) + float(minus))
-    return (0.0 if viscous is None else float(viscous)), dry
+    dry = 0.0 if friction.smoothing is None else 0.5 * (friction.coulomb_positive + friction.coulomb_negative)
+    return float(friction.viscous), float(dry)
+
+
+def is_of_coupled_motor(joint: MovingJoint) -> bool:
+    """True if friction acts on a motor that several joints turn: it is then felt at all of them."""
+    on_motor = joint.friction is not None and joint.friction.side == "motor"
+    return on_motor and joint.motor is not None and bool(joint.motor.coupling)

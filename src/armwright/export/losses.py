@@ -9,6 +9,7 @@ from armwright.description.drive import LinearFriction, LinearLimits, RotaryFric
 from armwright.description.drive_file import PARTS
 from armwright.description.paths import quantities
 from armwright.description.robot import FixedJoint, RobotDescription
+from armwright.export.joints import is_of_coupled_motor
 from armwright.quantity import Quantity
 
 
@@ -74,22 +75,25 @@ def of_friction(robot: RobotDescription) -> list[str]:
         friction = None if isinstance(joint, FixedJoint) else joint.friction
         if friction is None:
             continue
-        for what in _beyond_coulomb(friction):
+        coupled = is_of_coupled_motor(joint)
+        for what in ["friction of coupled motors"] if coupled else _beyond_coulomb(friction):
             lost.setdefault(what, []).append(joint.name)
     return [loss_of(what, names) for what, names in lost.items()]
 
 
 def _beyond_coulomb(friction: RotaryFriction | LinearFriction) -> list[str]:
-    if friction.law != "coulomb":
-        return [f"friction by the law {friction.law!r}"]
-    if friction.side != "joint":
-        return ["friction on the motor's side"]
     rotary = isinstance(friction, RotaryFriction)
     force = "n_m" if rotary else "n"
     plus, minus = (getattr(friction, f"coulomb_{side}_{force}") for side in ("positive", "negative"))
     offset = getattr(friction, f"offset_{force}")
     level = friction.stribeck_torque_n_m if rotary else friction.stribeck_force_n
     lost = []
+    if friction.law == "sigmoid":
+        lost.append("friction by the law 'sigmoid' (its viscous part is written)")
+    if friction.law == "lugre":
+        lost.append("the bristles of the friction law 'lugre'")
+    if friction.side == "motor":
+        lost.append("that friction is the motor's (written as the joint's, by n² and |n|)")
     if plus is not None and minus is not None:
         lost.append("the speed that smooths dry friction")
         if float(plus) != float(minus):

@@ -95,12 +95,14 @@ def _joint(body: Any, actuator: Any, joint: MovingJoint, entry: JointFrame, loss
         losses.add("velocity limits", joint.name)
     gear = 1.0 if motor is None else float(motor.gear_ratio)
     rotor = 0.0 if motor is None else float(motor.rotor_inertia_kg_m2)
-    viscous, dry = plain_friction(joint.friction)
+    viscous, dry = plain_friction(joint)
     for name, value in (("armature", gear * gear * rotor), ("damping", viscous), ("frictionloss", dry)):
         if value:
             values[name] = repr(value)
     ElementTree.SubElement(body, "joint", values)
     if joint.mimic is not None:
+        if effort is not None:
+            losses.add("effort limits of joints that follow another", joint.name)
         return
     drive = {"name": f"{joint.name}_motor", "joint": joint.name, "gear": repr(gear)}
     if effort is not None:

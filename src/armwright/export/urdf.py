@@ -12,6 +12,7 @@ import numpy as np
 from armwright.description.drive_file import ENDING
 from armwright.description.record_of import Arm, record_of
 from armwright.description.robot import FixedJoint, PrismaticJoint, RobotDescription
+from armwright.description.urdf.joints import LARGEST
 from armwright.export.drive_file import drive_file
 from armwright.export.joints import JointFrame, joint_frames, moved_tip, place_of, plain_friction, plain_limits, tip_of
 from armwright.export.losses import Losses, loss_of, of_all_formats, of_friction
@@ -121,7 +122,7 @@ def _joint(robot: ElementTree.Element, entry: JointFrame, losses: Losses) -> Non
     ElementTree.SubElement(element, "axis", xyz=_text(entry.axis))
     if limits:
         ElementTree.SubElement(element, "limit", limits)
-    viscous, dry = plain_friction(joint.friction)
+    viscous, dry = plain_friction(joint)
     if viscous or dry:
         ElementTree.SubElement(element, "dynamics", damping=repr(viscous), friction=repr(dry))
     if joint.mimic is not None:
@@ -136,7 +137,7 @@ def _joint(robot: ElementTree.Element, entry: JointFrame, losses: Losses) -> Non
 
 
 def _limits(joint: Any, losses: Losses) -> dict[str, str]:
-    """A limit that is not known is written as 0, as other exporters do; a slide must have a range."""
+    """A range must have both other limits, as a number; what is not known is written as LARGEST. A slide must have a range."""
     slides = isinstance(joint, PrismaticJoint)
     position, velocity, effort = plain_limits(joint)
     written = {}
@@ -149,8 +150,10 @@ def _limits(joint: Any, losses: Losses) -> dict[str, str]:
         if value is not None:
             written[name] = repr(float(value))
         elif written or effort is not None or velocity is not None:
-            losses.add(f"that no {name} limit is known (written as 0)", joint.name)
-            written[name] = "0"
+            losses.add(
+                f"that no {name} limit is known (written as {LARGEST:g}, more than any joint reaches)", joint.name
+            )
+            written[name] = repr(LARGEST)
     return written
 
 

@@ -12,7 +12,7 @@ from armwright.description.xml_tree import Element
 from armwright.spatial import Placement, roll_pitch_yaw, rotation_rpy, rotation_to_axis, rotation_z
 
 TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
-LARGEST = 1e9  # SI; no length, mass or tensor of a robot is beyond, and the arithmetic stays far from overflow
+LARGEST = 1e9  # SI; no length, mass, tensor or limit of a robot is beyond, and the arithmetic stays far from overflow
 OR_OTHERWISE = 'or mimic = "independent" or "fixed"'
 NONE = ("inf", "+inf", "-inf", "infinity", "-infinity")  # how some files say that there is no limit
 
@@ -86,7 +86,7 @@ def _axis(reading: UrdfReading, joint: Element, what: str) -> list[float]:
 
 
 def _limits(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]:
-    """Position, speed and effort. 0 is how exporters write what they do not know; no joint has room or effort 0."""
+    """Position, speed and effort. Other exporters write 0 for what they do not know, ours LARGEST; no joint has such limits."""
     name, limit = joint.word("name"), joint.one("limit")
     unit, effort = ("m", "force_n") if kind == "prismatic" else ("rad", "torque_n_m")
     if limit is None:
@@ -113,10 +113,10 @@ def _limits(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]:
             raise limit.error(
                 place=f"joint {name!r} <limit {attribute}>", value=value, expected="a number of 0 or more"
             )
-        if value:
+        if value and value < LARGEST:
             limits[key] = value
         elif attribute in limit.attributes and reading.drive_of(name) is None:
-            reading.remark("joint", name, f"{attribute} limit 0 or infinite: read as unknown")
+            reading.remark("joint", name, f"{attribute} limit 0, {LARGEST:g} or more: read as unknown")
     return limits
 
 
