@@ -57,7 +57,8 @@ class Balance:
                 return chosen.step(lambda y, u: slopes(y, u, *touching)[0], y, u, h)
             touched = touching[0] if touching else None
             fast = lambda y, u: plant.fast(y[:size], PlantInputs(u, contacts=touched))  # noqa: E731
-            return chosen.exponential(Split(lambda y, u: slopes(y, u, *touching), fast, plant.stiff), y, u, h)
+            moved = chosen.exponential(Split(lambda y, u: slopes(y, u, *touching), fast, plant.stiff), y, u, h)
+            return scalar.array([*plant.settled(moved[:size]), *moved[size:]])
 
         if tolerance is not None:
             adaptivity, switching = Adaptivity(tolerance, 0.1 * tolerance, 10**5), watched if contacts else None

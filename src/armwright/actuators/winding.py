@@ -104,6 +104,11 @@ def _inductive(
     return Winding(joint_constant(drive) * current, voltage, current, power, heat, change, rate)
 
 
+def is_ideal(drive: Drive) -> bool:
+    """True for a drive without a resistance: it gives its torque, and takes its power, at any voltage."""
+    return drive.torque_constant is None or drive.resistance is None
+
+
 def current_limit(body: Body) -> Scalar:
     """Highest current [A] within the limits of current and of torque; infinite without either."""
     current, torque = body.limits.current, body.limits.torque

@@ -161,8 +161,8 @@ SlideBrake = LinearBrake | RotaryBrake  # of a prismatic joint: on the slide, or
 class Supply(Record):
     """A rectifier behind a source resistance, the capacitor of the bus, and a brake chopper. The bus voltage V is a state.
 
-    C V̇ = max(0, voltage - V) / source_resistance - Σ P / V - chopper_share · V / chopper_resistance,
-    P the electrical power of each drive; the rectifier takes nothing back.
+    C V̇ = max(0, voltage - V) / source_resistance - Σ P / V - chopper_share · V / chopper_resistance + I_diodes,
+    P the electrical power of each drive; the rectifier takes nothing back, and diodes of the drives keep V ≥ 0.
     chopper_share = 0 below chopper_voltage, 1 above chopper_voltage + chopper_band, linear between.
     """
 

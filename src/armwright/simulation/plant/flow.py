@@ -10,7 +10,8 @@ import numpy as np
 from armwright import scalar
 from armwright.actuators.coupling import Shares, shares_of, to_motors
 from armwright.actuators.friction import friction_torques
-from armwright.actuators.supply import Bus, bus
+from armwright.actuators.supply import Bus, bus, drive_voltage
+from armwright.actuators.winding import is_ideal
 from armwright.dynamics import mass_matrix
 from armwright.dynamics.forward import accelerations
 from armwright.dynamics.gears import lossy_gears, without_rotors
@@ -76,6 +77,14 @@ class PlantFlow:
             raise ScenarioError("no such state", value=name, choices=self.layout.names, file=self.model.name)
         return x[..., self.layout.place(name)]
 
+    def settled(self, x: Array) -> Array:
+        """State (size,) with a bus of at least 0 V, which a rule may pass within a step: the diodes hold it there."""
+        if self.model.supply is None:
+            return x
+        place, settled = self.layout.place("bus_voltage").start, list(x)
+        settled[place] = scalar.maximum(settled[place], 0.0)
+        return scalar.array(settled)
+
     @cached_property
     def contacts(self) -> tuple[int, ...]:
         """Number of contacts that each joint can make: two of its stops, two of a gear with play."""
@@ -119,7 +128,8 @@ class PlantFlow:
         u, touching, brake = inputs.command, inputs.contacts, inputs.brake
         ends = np.cumsum(self.contacts)
         of = [None if touching is None else touching[end - k : end] for end, k in zip(ends, self.contacts, strict=True)]
-        volts = self.part(x, "bus_voltage")[0] if self.model.supply is not None else None
+        supply = self.model.supply
+        volts = None if supply is None else drive_voltage(supply, self.part(x, "bus_voltage")[0])
         applied = dict.fromkeys(self.braked, 0.0) if brake is None else dict(zip(self.braked, brake, strict=True))
         return [
             driven_joint(body, self._states(x, i), at, u[i], volts, applied.get(i), of[i])
@@ -137,7 +147,11 @@ class PlantFlow:
             joints_of = part.joints or ()
             if part.name == "bus_voltage":
                 assert self.model.supply is not None
-                fed = bus(self.model.supply, self.part(x, "bus_voltage")[0], sum(joint.power for joint in joints))
+                drawn = [joint.power for joint in joints]
+                unlimited = [
+                    power for power, body in zip(drawn, self.model.coordinates, strict=True) if is_ideal(body.drive)
+                ]
+                fed = bus(self.model.supply, self.part(x, "bus_voltage")[0], sum(drawn), sum(unlimited))
                 change[part.name], rates = [fed.speed], [*rates, fed.rate]
             elif part.name == "motor_q":
                 change[part.name] = list(self.part(x, "motor_qd"))

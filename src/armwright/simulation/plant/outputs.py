@@ -63,7 +63,7 @@ class PlantOutputs(PlantFlow):
                 values = dict(zip(self.layout[name].joints or (), self.part(x, name), strict=True))
                 rows[name] = [values.get(i, np.nan) for i in range(model.n)]
         if "bus_voltage" in self.layout:
-            rows["bus_voltage"] = self.part(x, "bus_voltage")
+            rows["bus_voltage"] = self.part(self.settled(x), "bus_voltage")
         return {name: scalar.array(list(values)) for name, values in rows.items()}
 
     def measured(self, x: Array, u: Array, side: str = "link") -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -132,7 +132,7 @@ class Plant(PlantOutputs):
             lambda at, command: self.fast(at, inputs_at(command)),
             self.stiff,
         )
-        return rule.exponential(exact, x, inputs.command, h)
+        return self.settled(rule.exponential(exact, x, inputs.command, h))
 
     def program(self, inputs: PlantInputs) -> PlantProgram:
         """The derivative as one program that traces call, not copy, with those inputs that are given."""
