@@ -133,7 +133,7 @@ def test_planned_commands_act_from_their_time_and_the_newest_wins(substeps):
 
 
 def test_the_state_at_a_time_within_the_tick_is_seen():
-    loop = Loop((Record("run", ("x", "x_seen"), (2, 2)), Integrate(STEP, seen=True)), select_target())
+    loop = Loop((Record("run", ("x", "x_seen"), (2, 2)), Integrate(STEP, seen=("x",))), select_target())
     lanes = loop.lanes(3)
     lanes.set("x", starts(3))
     lanes.set("x_seen", starts(3))
@@ -143,6 +143,17 @@ def test_the_state_at_a_time_within_the_tick_is_seen():
     expected = [heun(x, np.ones(1), part * H) for x, part in zip(starts(3), (0.25, 1.0, 0.5), strict=True)]
     np.testing.assert_allclose(found[:, 2:], expected, atol=1e-15)
     np.testing.assert_array_equal(found[1, 2:], found[1, :2])
+
+
+def test_the_command_at_a_time_within_the_tick_is_seen():
+    """That of the segment which ends there: what acts from then on is not yet seen."""
+    loop = Loop((Record("run", ("u", "u_seen"), (1, 1)), Integrate(STEP, planned=3, seen=("x", "u"))), select_target())
+    lanes = loop.lanes(4)
+    lanes.set("see_at", np.array([[0.002], [0.004], [0.005], [H]]))
+    lanes.set("u_plan", np.array([1.0, -2.0, 3.0]))
+    lanes.set("u_from", np.array([0.004, 0.007]))
+    found = recorded(loop, lanes, 1, 2)[1]
+    np.testing.assert_array_equal(found, [[3.0, 1.0], [3.0, 1.0], [3.0, -2.0], [3.0, 3.0]])
 
 
 def test_schedules_land_between_ticks():

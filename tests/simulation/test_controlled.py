@@ -65,10 +65,10 @@ def accounted(model, law, reference, ticks, timing=None, command_filter=None, su
     tell = lambda x: np.concatenate([x, limited_drive(model, x[n:], hold).current])  # noqa: E731
     y = aw_measurement(tell(x), applied(x, hold), n)
     s = law.init(model, y) if hasattr(law, "init") else None
-    history, arrivals, kept, rows, u = {0.0: x}, [(-1.0, hold)], hold, [], hold
+    history, arrivals, kept, rows, u = {0.0: (x, hold)}, [(-1.0, hold)], hold, [], hold
     for k in range(ticks + 1):
-        seen = history[max(round(k - earlier, 9), 0.0)]
-        y = aw_measurement(np.concatenate([seen, limited_drive(model, seen[n:], u).current]), applied(x, u), n)
+        seen, acting = history[max(round(k - earlier, 9), 0.0)]  # and the command that acted until then
+        y = aw_measurement(np.concatenate([seen, limited_drive(model, seen[n:], acting).current]), applied(x, u), n)
         r = reference[k]
         asked, s = law.step(k * PERIOD, r, y, s) if hasattr(law, "step") else (law(k * PERIOD, r, y), None)
         last, kept = command_filter.filtered(PERIOD, asked, kept)
@@ -87,7 +87,7 @@ def accounted(model, law, reference, ticks, timing=None, command_filter=None, su
             for _ in range(substeps):
                 f = lambda x, u: plant_derivative(model, x, u)  # noqa: E731
                 x = rk3_step(f, x, u, (end - begin) * PERIOD / substeps)
-            history[end], begin = x, end
+            history[end], begin = (x, u), end
     return np.array(rows)
 
 

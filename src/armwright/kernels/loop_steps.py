@@ -9,7 +9,7 @@ import sys
 
 from armwright.kernels.loop_blocks import BlockPrinter
 from armwright.kernels.machine import Value
-from armwright.kernels.stages import HALVINGS, NEXT, SECANTS, SINCE, SWITCHES, Adapt, Integrate
+from armwright.kernels.stages import HALVINGS, NEXT, SECANTS, SEEN, SINCE, SWITCHES, Adapt, Integrate
 
 NEARLY = 1.01  # a step that would leave less than a hundredth of itself to the edge goes on to it
 LOST = 0.1  # how much shorter the next trial is where the state is infinite or NaN
@@ -226,12 +226,14 @@ class StepPrinter(BlockPrinter):
         return t, edge
 
     def _end_segment(self, stage: Integrate | Adapt, label: str, t: Value, edge: Value) -> None:
-        """The state that sensors see there; then another segment where any lane has not ended its tick."""
+        """The state and its inputs that sensors see there; then another segment where any lane has not ended its tick."""
         m = self.m
         if stage.seen:
             now = m.both(m.eq(edge, self._load("see_at")), m.lt(t, self._splat("%h")))
-            for k in range(self.sizes["x"]):
-                self._store("x_seen", k, m.select(now, self._load("x", k), self._load("x_seen", k)))
+            for name in stage.seen:
+                for k in range(self.sizes[name]):
+                    kept = self._load(name + SEEN, k)
+                    self._store(name + SEEN, k, m.select(now, self._load(name, k), kept))
         self._store(SINCE, 0, edge)
         again = m.any(m.lt(edge, self._splat("%h")))
         m.branch(again, f"{label}.rows", f"{label}.end")

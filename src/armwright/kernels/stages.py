@@ -17,7 +17,7 @@ lane in tick k of h seconds, with `b` the dict of its blocks:
                                    for _ in range(substeps): new = step(x, u, …, h=(edge - t) / substeps)
                                    if finite(new): b["x"] = new, else frozen = k
                                    t = edge
-                                   if t == b["see_at"]: b["x_seen"] = b["x"]            (where the stage has `seen`)
+                                   if t == b["see_at"]: b["x_seen"] = b["x"], …          (of each block in `seen`)
     Adapt(trial):              the same, but each lane steps from t to the edge as it likes:
                                while t < edge:
                                    s = edge - t if 1.01 b["h_try"] >= edge - t else b["h_try"]
@@ -52,6 +52,7 @@ from dataclasses import dataclass
 from armwright.program import Program
 
 NEXT = "_next"  # ending of an output that replaces the block it is named after
+SEEN = "_seen"  # ending of a block that is kept for a measurement between ticks
 SINCE = "since_tick"  # [s] how far a lane is in the tick
 CURSOR = (
     "due_tick",
@@ -139,7 +140,8 @@ class Integrate(_Switching):
     Attributes:
         step: the program; its other inputs are blocks.   substeps: in each segment.
         planned: how many commands block "u_plan" holds, of which "u" is the one in force; 0: "u" is held.
-        seen: whether the state at "see_at" seconds, in (0, h], is kept as "x_seen"; a step ends there.
+        seen: blocks, "x" first, that are kept as they are at "see_at" seconds, in (0, h], as "x_seen" and so on; a step ends
+            there. Inputs are those in force until then.
         touching: (x, …) → touching, the contacts of a state; `step` then holds them.
         switched: (x, x_next, …, touching) → whether something switches within a step.
         bracket: the same → weights, bracket, part: between which parts of the step, and which to try.
@@ -149,7 +151,7 @@ class Integrate(_Switching):
     step: Program
     substeps: int = 1
     planned: int = 0
-    seen: bool = False
+    seen: tuple[str, ...] = ()
     touching: Program | None = None
     switched: Program | None = None
     bracket: Program | None = None
@@ -173,7 +175,7 @@ class Adapt(_Switching):
     trial: Program
     most: int
     planned: int = 0
-    seen: bool = False
+    seen: tuple[str, ...] = ()
     cross: Program | None = None
     halve: Program | None = None
     choose: Program | None = None
@@ -232,7 +234,8 @@ def _uses(stage: Stage) -> tuple[set[str], set[str]]:
     if stage.planned:
         reads, writes = reads | {"u_plan", "u_from"}, writes | {"u"}
     if stage.seen:
-        reads, writes = reads | {"see_at", "x_seen"}, writes | {"x_seen"}
+        kept = {name + SEEN for name in stage.seen}
+        reads, writes = reads | {"see_at"} | kept, writes | kept
     return reads, writes
 
 
@@ -267,7 +270,8 @@ def block_sizes(stages: tuple[Stage, ...]) -> dict[str, int]:
                 add("u_plan", stage.planned * commands)
                 add("u_from", stage.planned - 1)
             if stage.seen:
-                add("x_seen", sizes["x_next"])
+                for name in stage.seen:
+                    add(name + SEEN, sizes[name])
                 add("see_at", 1)
             add("frozen", 1)
         elif isinstance(stage, Delay):

@@ -10,7 +10,7 @@ import numpy as np
 
 from armwright.errors import ScenarioError
 from armwright.kernels.loop import Lanes
-from armwright.kernels.stages import state_blocks
+from armwright.kernels.stages import SEEN, state_blocks
 from armwright.results.reducers import Reduction, check_known
 from armwright.simulation.inputs.input_schedule import all_rows, landing_rows, values_at_ticks
 from armwright.simulation.integrate.cvodes import Cvodes, check_lanes
@@ -183,7 +183,8 @@ class LoopRunner:
         if len(stages) > 1:  # a loop that is commanded from outside may be kept between both of its halves
             kept |= state_blocks((*stages[1], *stages[0]))
         if self._solver is not None:
-            kept |= {"u", "x_seen"} & {name for loop in self.loop.loops for name in loop.sizes}
+            seen = {name + SEEN for name in self.loop.tick.seen}
+            kept |= {"u", *seen} & {name for loop in self.loop.loops for name in loop.sizes}
         if self.scenario.sampled and self.scenario.reference is None:
             kept.add("r")  # where it began, and stays
         return kept - {"reduced"}
@@ -215,19 +216,22 @@ class LoopRunner:
 
     def acting(self, lanes: Lanes) -> tuple[np.ndarray, np.ndarray]:
         """Payload and wrench (count or 1, entries) that act on a group of lanes in the tick that comes next."""
-        at = np.array([float(self.tick)])
         payload, wrench = (
-            lanes.own(values_at_ticks(self.inputs[name], at, self.period)[:, 0])
-            if name in self.config.inputs
-            else np.zeros((1, 0))
+            self._in_force(name, lanes) if name in self.config.inputs else np.zeros((1, 0))
             for name in ("payload", "wrench")
         )
         return payload, wrench
+
+    def _in_force(self, name: str, lanes: Lanes) -> np.ndarray:
+        """Values (count or 1, entries) of an input's schedule that act on a group of lanes in the tick that comes next."""
+        at = np.array([float(self.tick)])
+        return lanes.own(values_at_ticks(self.inputs[name], at, self.period)[:, 0])
 
     def initial_blocks(self, lanes: Lanes) -> dict[str, np.ndarray]:
         """Initial values of blocks for a group of lanes, (count, …) each, or (1, …) where they are the same for all."""
         values = self.initialisation.blocks(lanes, *self.acting(lanes), sampling=self.config.sampling)
         values |= {"p": lanes.own(self.scenario.parameters), "q_first": self.plant.part(values["x"], "q")}
+        values |= {name + SEEN: self._in_force(name, lanes) for name in self.config.inputs}
         if self.reference is not None and self.reference.final is not None:
             values["r_final"] = lanes.own(self.reference.final)
         if self.reference is not None and self.reference.values is not None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from armwright.errors import ScenarioError
 from armwright.kernels.loop import Lanes, Schedules
-from armwright.kernels.stages import CURSOR, NEVER, SECANTS
+from armwright.kernels.stages import CURSOR, NEVER, SECANTS, SEEN
 from armwright.program import trace
 from armwright.scalar import Array
 from armwright.simulation.integrate.stepping import Adaptivity
@@ -171,7 +171,7 @@ class Cvodes:
         """Adds the blocks that `tick` needs, none of the lanes frozen, where the loop has not made them."""
         for name, entries in self._other_sizes.items():
             lanes.blocks.setdefault(name, np.zeros((lanes.tiles, entries, lanes.width)))
-        names = ("frozen", "see_at") if "x_seen" in lanes.blocks else ("frozen",)
+        names = ("frozen", "see_at") if f"x{SEEN}" in lanes.blocks else ("frozen",)
         for name in names:
             lanes.blocks.setdefault(name, np.full((lanes.tiles, 1, lanes.width), -1.0))
 
@@ -186,8 +186,12 @@ class Cvodes:
         values = {name: lanes.get(name).copy() for name in dict.fromkeys(["x", "u", "frozen", *names])}
         empty = np.zeros((lanes.count, 0))
         plan, begins = (lanes.get(name) if name in lanes.blocks else empty for name in ("u_plan", "u_from"))
-        seen = lanes.get("x_seen").copy() if "x_seen" in lanes.blocks else None
-        see_at = np.full((lanes.count, 1), h) if seen is None else lanes.get("see_at")
+        seen = {
+            name: lanes.get(name + SEEN).copy()
+            for name in ("x", "u", *self._other_sizes)
+            if name + SEEN in lanes.blocks
+        }
+        see_at = lanes.get("see_at") if seen else np.full((lanes.count, 1), h)
         for lane in np.flatnonzero(values["frozen"][:, 0] < 0):
             lane_values = {name: value[lane] for name, value in values.items()}
             commands = plan[lane].reshape(-1, len(lane_values["u"]))
@@ -205,9 +209,10 @@ class Cvodes:
                     lane_values["frozen"][:] = k
                     break
                 lane_values["x"][:] = x
-                if seen is not None and end == see_at[lane, 0]:
-                    seen[lane] = x
-        for name, value in [*values.items(), *([] if seen is None else [("x_seen", seen)])]:
+                if end == see_at[lane, 0]:
+                    for name, kept in seen.items():
+                        kept[lane] = lane_values[name]
+        for name, value in [*values.items(), *((name + SEEN, kept) for name, kept in seen.items())]:
             lanes.set(name, value)
 
     def _next(self, lane: int, lane_values: Mapping[str, np.ndarray], span: float, count: int) -> np.ndarray | None:

@@ -106,7 +106,7 @@ def adaptive_stage(
     adaptivity: Adaptivity,
     layout: Layout,
     planned: int = 0,
-    seen: bool = False,
+    seen: tuple[str, ...] = (),
     watched: Watched | None = None,
 ) -> Adapt:
     """One tick of a plant by Dormand and Prince's rule.

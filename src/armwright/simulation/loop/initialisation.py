@@ -139,6 +139,7 @@ class Initialisation:
             "u_issued": u,
             "u_kept": u,
             "u_base": u,
+            "u_seen": u,
             "arrivals": np.full((lanes.count, 1), NEVER),
             "d_commanded": lanes.own(d.commanded)[:, None],
             "d": np.stack(np.broadcast_arrays(*numbers), axis=1),

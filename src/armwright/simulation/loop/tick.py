@@ -4,7 +4,7 @@ Without a controller, commands come from a schedule, and of these stages the las
 
 Blocks between the stages, one lane's numbers each:
 
-    x, x_seen          the plant's state, now and when it was last sampled
+    x, x_seen          the plant's state, now and when it was last sampled; so u_seen, wrench_seen … of what acts on it
     y_new, y_old, y    measurements, as they come out of the queue, and what the controller sees
     r                  the reference
     s                  the controller's state
@@ -24,7 +24,7 @@ import numpy as np
 from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.interfaces import UNTRACEABLE, why
-from armwright.kernels.stages import NEXT, Call, Delay, Draw, Integrate, Record, Rows, Stage
+from armwright.kernels.stages import NEXT, SEEN, Call, Delay, Draw, Integrate, Record, Rows, Stage
 from armwright.program import Program, trace
 from armwright.scalar import Array
 from armwright.simulation.integrate.integrators import INTEGRATORS
@@ -50,18 +50,20 @@ class Tick:
     Attributes:
         before, after: stages up to the controller and behind it: one after another where it is compiled, and otherwise with the
             controller's Python between them.
-        untraced: why the controller could not be compiled; None where it is.   seen: whether the plant is sampled between ticks.
+        untraced: why the controller could not be compiled; None where it is.
+        seen: blocks that are kept for the measurement where the plant is sampled between ticks.
     """
 
     before: tuple[Stage, ...]
     after: tuple[Stage, ...]
     untraced: str | None
-    seen: bool
+    seen: tuple[str, ...]
 
 
 def make_tick(config: LoopConfig) -> Tick:
     """The stages of a tick."""
-    sampling, seen, untraced = config.sampling, False, None
+    sampling, untraced = config.sampling, None
+    seen: tuple[str, ...] = ()
     before: list[Stage] = []
     after: list[Stage] = []
     inputs: list[Stage] = [Rows(name, entries) for name, entries in config.inputs.items()]
@@ -94,33 +96,15 @@ def make_tick(config: LoopConfig) -> Tick:
     return Tick(tuple(before), (*after, *_integration(config, seen)), untraced, seen)
 
 
-def measuring_stages(config: LoopConfig, sampling: Sampling) -> tuple[list[Stage], bool]:
-    """Stages from the plant's state to block "y", and whether the plant is sampled between ticks."""
+def measuring_stages(config: LoopConfig, sampling: Sampling) -> tuple[list[Stage], tuple[str, ...]]:
+    """Stages from the plant's state to block "y", and the blocks that are kept where the plant is sampled between ticks."""
     n, delays, sensors = config.arm.n, sampling.delays, sampling.sensors
     draws, size = sum(sensors.draws), sensors.layout.size
-    of_view = config.plant_blocks if len(sensors.sensors) > 1 else _parameters(config)
-    seen = bool(np.any(delays.earlier))
+    seen = _seen(config, sampling)
     late, lossy = bool(np.any(delays.measured)), bool(np.any(delays.measurement_loss))
-    state = "x_seen" if seen else "x"
     queue = "y_new" if late or lossy else "y_now"
     stages: list[Stage] = [Draw("w_sensors", draws, SENSING)] if draws else []
-
-    varying = sensors.values.shape[1:]
-
-    def sense(x: Array, u: Array, memory: Array, c: Array, *rest: Array) -> tuple[Array, Array]:
-        *blocks, w = rest if draws else (*rest, np.zeros(0))
-        values = dict(zip(of_view, blocks, strict=True))
-        view = PlantView(config.plant(values), x, PlantInputs.named(u, values), sampling.period)
-        return sensors.of_lane(c).measure(view, memory, w)
-
-    shapes = {
-        state: (config.bare.size,),
-        "u": (n,),
-        "m_sensors": (sum(sensors.memories),),
-        "c_sensors": varying,
-    } | of_view
-    shapes |= {"w_sensors": (draws,)} if draws else {}
-    stages.append(Call(trace("sense", sense, shapes, (queue, f"m_sensors{NEXT}"))))
+    stages.append(Call(_sensing(config, sampling, seen, (queue, f"m_sensors{NEXT}"))))
     if late:
         stages.append(Delay(queue, "y_old", "d_measured", size, int(delays.measured.max()) + 1))
         queue = "y_old"
@@ -145,12 +129,45 @@ def measuring_stages(config: LoopConfig, sampling: Sampling) -> tuple[list[Stage
     return stages, seen
 
 
+def _seen(config: LoopConfig, sampling: Sampling) -> tuple[str, ...]:
+    """Blocks that change between ticks and are measured there: state and inputs of the same instant."""
+    if not np.any(sampling.delays.earlier):
+        return ()
+    commands = ("u",) if sampling.delays.fractional else ()
+    inputs = tuple(config.inputs) if len(sampling.sensors.sensors) > 1 else ()
+    return ("x", *commands, *inputs)
+
+
+def _sensing(config: LoopConfig, sampling: Sampling, seen: tuple[str, ...], outputs: tuple[str, str]) -> Program:
+    """One measurement of all sensors, from blocks of one instant."""
+    sensors, draws = sampling.sensors, sum(sampling.sensors.draws)
+    of_view = config.plant_blocks if len(sensors.sensors) > 1 else _parameters(config)
+    shapes = {"x": (config.bare.size,), "u": (config.arm.n,)} | of_view
+    schedules = [name for name in config.inputs if name in seen]  # their rows at a tick are in force when it measures
+    blocks = {name + SEEN * (name in seen): shape for name, shape in shapes.items()}
+    blocks |= {name: shapes[name] for name in schedules} | ({"see_at": (1,)} if schedules else {})
+    blocks |= {"m_sensors": (sum(sensors.memories),), "c_sensors": sensors.values.shape[1:]}
+    blocks |= {"w_sensors": (draws,)} if draws else {}
+
+    def sense(*arguments: Array) -> tuple[Array, Array]:
+        given = dict(zip(blocks, arguments, strict=True))
+        values = {name: given[name + SEEN * (name in seen)] for name in shapes}
+        for name in schedules:
+            between = scalar.less(given["see_at"][0], sampling.period)
+            values[name] = scalar.where(between, values[name], given[name])
+        view = PlantView(config.plant(values), values["x"], PlantInputs.named(values["u"], values), sampling.period)
+        w = given["w_sensors"] if draws else np.zeros(0)
+        return sensors.of_lane(given["c_sensors"]).measure(view, given["m_sensors"], w)
+
+    return trace("sense", sense, blocks, outputs)
+
+
 def _parameters(config: LoopConfig) -> dict[str, tuple[int, ...]]:
     """Shape of the block of varied parameters, if the arm has any."""
     return {name: shape for name, shape in config.plant_blocks.items() if name == "p"}
 
 
-def _integration(config: LoopConfig, seen: bool) -> list[Stage]:
+def _integration(config: LoopConfig, seen: tuple[str, ...]) -> list[Stage]:
     """The stage that moves the plant; none where CVODES does."""
     delays = None if config.sampling is None else config.sampling.delays
     planned = delays.pending + 2 if delays is not None and delays.fractional else 0
