@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -32,6 +34,11 @@ from simulation.fields import scenario_of
         ({"velocity_noise": np.inf}, "sensors.velocity_noise = inf: expected a number of 0 or more"),
         ({"current_noise": -1}, "sensors.current_noise = -1.0: expected a number of 0 or more"),
         ({"current_noise": None}, r"sensors\.current_noise = None"),
+        ({"side": "link", "counts_per_m": 0}, r"sensors\.counts_per_m = 0\.0: expected counts above 0 in one metre"),
+        (
+            {"counts_per_m": 1e6},
+            r"sensors\.counts_per_m = 1000000\.0: goes with side = 'link'; expected sensors\.counts",
+        ),
     ],
 )
 def test_bad_sensors_are_refused(fields, said):
@@ -48,3 +55,59 @@ def test_counts_are_one_number_or_one_for_each_joint():
     each = aw.simulate(scenario_of(arm("cmu-dd"), sensors=Sensors(counts=[4096] * 6), **common))
     same = aw.simulate(scenario_of(arm("cmu-dd"), sensors=Sensors(counts=4096), **common))
     np.testing.assert_array_equal(each.q_measured.values, same.q_measured.values)
+
+
+SCARA = "examples/scara.toml"  # its third joint is a quill on a ball screw
+POSES = np.array([0.3123, -0.4321, 0.0456789, 0.2345])
+SHORT = {"period": 1e-3, "duration": 2e-3}
+
+
+def measured(model, sensors):
+    run = aw.simulate(scenario_of(model, sensors=sensors, controller=lambda t, r, y: 0.0 * y.q, q0=POSES, **SHORT))
+    return run.q_measured.values[0]
+
+
+@pytest.mark.parametrize(
+    ("sensors", "steps"),
+    [
+        ({"counts": 1000, "side": "link", "counts_per_m": 2000}, [2e-3 * np.pi, 2e-3 * np.pi, 5e-4, 2e-3 * np.pi]),
+        ({"side": "link", "counts_per_m": 2000}, [None, None, 5e-4, None]),
+        ({"counts": [500, 1000, 7, 400], "side": "link", "counts_per_m": [1, 1, 2000, 1]},
+            [4e-3 * np.pi, 2e-3 * np.pi, 5e-4, 5e-3 * np.pi]),
+        ({"counts": 100}, "motor"),
+    ],
+)  # fmt: skip
+def test_positions_are_whole_counts(sensors, steps):
+    """Of an encoder on a prismatic joint in metres; of its motor through the gear, in radians a metre."""
+    model = aw.load(SCARA)
+    if steps == "motor":
+        steps = [2.0 * np.pi / 100 / abs(body.drive.gear_ratio) for body in model.coordinates]
+        assert steps[2] == pytest.approx(16e-3 / 100)  # a screw of 16 mm a turn
+    found = measured(model, Sensors(**sensors))
+    expected = [q if step is None else np.round(q / step) * step for q, step in zip(POSES, steps, strict=True)]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-15)
+    if steps[0] is not None:
+        assert np.abs(found - POSES)[2] > 1e-6
+
+
+@pytest.mark.parametrize("side", ["link", "motor"])
+def test_counts_without_a_length_are_refused(side):
+    model = aw.load(SCARA)
+    if side == "motor":  # as of a record that says nothing of the quill's motor
+        body = model.coordinates[2]
+        bare = replace(body, drive=replace(body.drive, gear_ratio=1.0))
+        model = replace(model, bodies=tuple(bare if each is body else each for each in model.bodies))
+    with pytest.raises(ScenarioError) as raised:
+        measured(model, Sensors(counts=4096, side=side))
+    assert raised.value.place == "loop.sensors.counts"
+    assert raised.value.value == 4096
+    assert "'quill'" in str(raised.value)
+    assert "sensors.counts_per_m" in raised.value.expected
+    assert measured(model, Sensors(counts_per_m=1e5, side="link")) is not None
+
+
+def test_linear_counts_need_a_prismatic_joint():
+    with pytest.raises(ScenarioError, match=r"counts_per_m = 100000\.0: cmu-dd has no prismatic joint"):
+        scenario_of(
+            arm("cmu-dd"), sensors=Sensors(counts_per_m=1e5, side="link"), controller=lambda t, r, y: y.q, **SHORT
+        )

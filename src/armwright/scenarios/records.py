@@ -83,6 +83,9 @@ class SensorsTable(Record):
     counts: Number | tuple[Number, ...] | None = Field(
         default=None, description="Encoder counts in one turn; absent: not quantised."
     )
+    counts_per_m: Number | tuple[Number, ...] | None = Field(
+        default=None, description="Of linear encoders on prismatic joints, with side = 'link'."
+    )
     side: Literal["motor", "link"] = Field(default="motor", description="Where the encoder sits.")
     velocity: str = Field(default="exact", description="exact, difference, filtered or observer.")
     cutoff_hz: Number | None = Field(default=None, description="Of the filter or observer.")

@@ -169,7 +169,9 @@ def _check(simulation: Simulation) -> None:
     if sampling.delays.fractional or np.any(sampling.delays.earlier):
         expected = "delays of whole ticks, no jitter, loss or drift, beside sensitivities"
         raise ScenarioError(place="loop.timing", value=loop.timing, expected=expected)
-    places = {"sensors.counts": loop.joint_sensors.counts, "command_filter.resolution": loop.command_filter.resolution}
+    sensors = loop.joint_sensors
+    places = {"sensors.counts": sensors.counts, "sensors.counts_per_m": sensors.counts_per_m}
+    places["command_filter.resolution"] = loop.command_filter.resolution
     for place, value in places.items():
         if value is not None:
             raise ScenarioError("has no derivative", place=f"loop.{place}", value=value, expected="none")

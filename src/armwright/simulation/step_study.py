@@ -154,8 +154,8 @@ def _quantised(scenario: Scenario) -> list[str]:
     loop = scenario.loop
     if loop is None:
         return []
-    counts, resolution = loop.joint_sensors.counts, loop.command_filter.resolution
-    return ["q_measured"] * (counts is not None) + ["u_issued"] * (resolution is not None)
+    resolution = loop.command_filter.resolution
+    return ["q_measured"] * loop.joint_sensors.quantised + ["u_issued"] * (resolution is not None)
 
 
 def _variants(scenario: Scenario, steps: int) -> list[Scenario]:

@@ -36,7 +36,10 @@ class Sensors:
 
     Args:
         counts: of the encoders in one turn, or one count for each joint; absent: positions are not quantised.
-        side: "motor" or "link": where the encoder sits. A motor's counts are finer by the gear ratio.
+        side: "motor" or "link": where the encoder sits. A motor's counts are finer by the gear ratio, also of a prismatic joint
+            (rad/m).
+        counts_per_m: of linear encoders, on prismatic joints with side = "link", which have no turns; one number, or one for
+            each joint, of which those of revolute joints are not used.
         velocity: "exact", "difference", "filtered" or "observer".
         cutoff_hz: of the filter or observer.
         position_noise: standard deviation [rad | m] at the joint.   velocity_noise: [rad/s | m/s].
@@ -52,6 +55,7 @@ class Sensors:
     position_noise: Any = 0.0
     velocity_noise: Any = 0.0
     current_noise: Any = 0.0
+    counts_per_m: Any = None
 
     def __post_init__(self) -> None:
         check_choice("sensors.velocity", self.velocity, VELOCITIES)
@@ -59,6 +63,12 @@ class Sensors:
         if self.counts is not None:
             expected = "counts above 0 in one turn"
             check_numbers("sensors.counts", self.counts, _positive, expected, per_joint=True, batch=True)
+        if self.counts_per_m is not None:
+            expected = "counts above 0 in one metre"
+            check_numbers("sensors.counts_per_m", self.counts_per_m, _positive, expected, per_joint=True, batch=True)
+            if self.side == "motor":
+                what, expected = "goes with side = 'link'", "sensors.counts, of a motor's encoder in one turn"
+                raise ScenarioError(what, place="sensors.counts_per_m", value=self.counts_per_m, expected=expected)
         filtered = self.velocity in ("filtered", "observer")
         if not filtered and self.cutoff_hz is not None:
             what = f"goes with velocity = 'filtered' or 'observer', not {self.velocity!r}"
@@ -69,13 +79,33 @@ class Sensors:
             check_numbers(f"sensors.{name}", getattr(self, name), _not_negative, "a number of 0 or more", batch=True)
 
     def check(self, arm: Model) -> None:
-        """Refuses counts that are not one for each joint of the arm.
+        """Refuses counts that are not one for each joint of the arm, or whose lengths on prismatic joints are not known.
 
         Raises:
-            ScenarioError: names the counts and the joints.
+            ScenarioError: names the counts and the joints, and the key that would do.
         """
-        if self.counts is not None:
-            one_each("sensors.counts", self.counts, arm)
+        for name in ("counts", "counts_per_m"):
+            if getattr(self, name) is not None:
+                one_each(f"sensors.{name}", getattr(self, name), arm)
+        sliding = [body for body in arm.coordinates if body.kind == "prismatic"]
+        if self.counts_per_m is not None and not sliding:
+            what, expected = f"{arm.name} has no prismatic joint", "sensors.counts, in one turn"
+            raise ScenarioError(what, place="sensors.counts_per_m", value=self.counts_per_m, expected=expected)
+        if self.counts is None:
+            return
+        if self.side == "link" and sliding and self.counts_per_m is None:
+            what = f"the link side of prismatic joint {sliding[0].joint!r} has no turns"
+            expected = "sensors.counts_per_m for it, or side = 'motor'"
+            raise ScenarioError(what, place="sensors.counts", value=self.counts, expected=expected)
+        direct = [
+            body.joint
+            for body in sliding
+            if not scalar.is_symbolic(body.drive.gear_ratio) and body.drive.gear_ratio == 1.0
+        ]
+        if self.side == "motor" and direct:  # 1 rad/m: no motor in the record, or one that is linear itself
+            what = f"the motor of prismatic joint {direct[0]!r} has no gear from turns to metres"
+            expected = "its motor.gear_ratio [rad/m] in the record, or side = 'link' and sensors.counts_per_m"
+            raise ScenarioError(what, place="sensors.counts", value=self.counts, expected=expected)
 
     def exact(self) -> Sensors:
         """The same sensors without noise."""
@@ -140,16 +170,31 @@ class Sensors:
             return scalar.exp(-2.0 * np.pi * period * self.cutoff_hz)
         return math.exp(-2.0 * math.pi * self.cutoff_hz * period)
 
+    @property
+    def quantised(self) -> bool:
+        """True where positions are measured in counts."""
+        return self.counts is not None or self.counts_per_m is not None
+
     def _quantised(self, arm: Model, q: Array) -> np.ndarray:
-        if self.counts is None:
+        if not self.quantised:
             return q
-        counts = one_each("sensors.counts", self.counts, arm)
-        rows = []
+        pairs = zip(q, self._resolutions(arm), strict=True)
+        return scalar.array(
+            [value if step is None else scalar.floor(value / step + 0.5) * step for value, step in pairs]
+        )
+
+    def _resolutions(self, arm: Model) -> list[Scalar | None]:
+        """One count of each encoder, referred to its joint [rad | m]; None where positions are not quantised."""
+        counts: dict[str, Any] = {"turn": self.counts, "metre": self.counts_per_m}
+        keys = {"turn": "sensors.counts", "metre": "sensors.counts_per_m"}
+        each = {unit: one_each(keys[unit], value, arm) for unit, value in counts.items() if value is not None}
+        steps: list[Scalar | None] = []
         for i, body in enumerate(arm.coordinates):
+            linear = self.side == "link" and body.kind == "prismatic"
             ratio = body.drive.gear_ratio if self.side == "motor" else 1.0
-            resolution = 2.0 * np.pi / (counts[i] * scalar.abs(ratio))
-            rows.append(scalar.floor(q[i] / resolution + 0.5) * resolution)
-        return scalar.array(rows)
+            unit, length = ("metre", 1.0) if linear else ("turn", 2.0 * np.pi)  # [m], [rad]
+            steps.append(length / (each[unit][i] * scalar.abs(ratio)) if unit in each else None)
+        return steps
 
     def _observed(self, period: float, position: Array, memory: Array) -> tuple[np.ndarray, np.ndarray]:
         """Tracking observer: q̂ and ω̂ predicted, then corrected by the position with both poles at exp(-2π cutoff Ts)."""
