@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
+import armwright as aw
 from armwright.errors import ScenarioError
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.plant.plant import Plant
 from armwright.simulation.plant.step_limits import StepLimit
-from simulation.plants import COULOMB, ELASTIC, LUGRE, MANY, MOTOR, RK3, STOPS, pendulum, steps
+from simulation.plants import COULOMB, ELASTIC, LUGRE, MANY, MOTOR, RK3, STOPS, SUPPLY, pendulum, steps
 
 NOTHING = np.zeros(1)
 STEEP = {**LUGRE, "bristle_stiffness_n_m_per_rad": 1e5, "bristle_damping_n_m_s_per_rad": 5e3}
@@ -57,3 +60,47 @@ def test_contacts_count_before_they_are_touched(what):
         "backlash": (pendulum(motor=MOTOR, elasticity={**ELASTIC, "backlash_rad": 0.01}), 4e3, 0.5 * 0.37 / 0.87),
     }[what]
     assert largest(arm) == pytest.approx(0.5 / np.sqrt(stiffness / inertia), rel=0.1)
+
+
+def refused(arm, step, command):
+    """The time constant [s] that the refusal of a step names."""
+    with pytest.raises(ScenarioError) as raised:
+        StepLimit(arm).check_step("rk3", RK3, step, np.array([command]))
+    return float(re.search(r"time constant of \w+, (\S+) s", raised.value.what)[1])
+
+
+WEAK = {**SUPPLY, "source_resistance_ohm": 4.0, "capacitance_f": 1e-4}
+
+
+def test_a_motor_that_loads_its_bus_is_the_fastest_constant():
+    """At full voltage C (1/R_s + 1/R)⁻¹ = 92 µs, of which the motor's part is explicit; the arm's own constants are 15 ms."""
+    arm, u = pendulum(motor=MOTOR, friction=COULOMB, robot={"supply": WEAK}), [60.0]
+    assert refused(arm, 1e-3, u) == pytest.approx(1e-4 / (1.0 / 4.0 + 1.0 / 1.2), rel=0.02)
+    plant = Plant.of(arm)
+    x, largest = plant.initial([0.1], [0.3]), StepLimit(arm).largest_step(RK3, np.array(u))
+    true, calm, wild = (steps(plant, x, u, h, round(6e-3 / h))[-1, -1] for h in (1e-5, 0.9 * largest, 2.0 * largest))
+    assert calm == pytest.approx(true, rel=0.05)
+    assert abs(wild - true) > 0.2 * true  # steps that pass 0 V leave the bus empty
+
+
+def test_the_source_of_a_bus_costs_no_step():
+    """Its R_s C is integrated exactly, also where the bus begins: at the source's voltage, where the rectifier opens."""
+    for capacitance in (5e-3, 1e-5):
+        arm = pendulum(motor=MOTOR, friction=COULOMB, robot={"supply": {**SUPPLY, "capacitance_f": capacitance}})
+        assert largest(arm) > 0.9 * largest(MANY["plain"])
+        assert refused(arm, 0.1, [0.0]) == pytest.approx(refused(MANY["plain"], 0.1, [0.0]), rel=0.05)
+
+
+def test_a_loop_is_refused_for_full_voltage_on_its_bus():
+    """Its commands are not known before; those of a schedule are, and 1 V from 48 V does not load the bus."""
+    arm = pendulum(motor=MOTOR, friction=COULOMB, robot={"supply": WEAK})
+    with pytest.raises(ScenarioError, match=r"fastest time constant of chain, 9.* s or less"):
+        aw.simulate(aw.Scenario(arm, 0.1, loop=aw.Loop(controller=aw.JointPID(kp=1.0), period=1e-3)))
+    assert aw.simulate(aw.Scenario(arm, 0.1, command=[1.0])).bus_voltage.values.min() > 40.0
+
+
+@pytest.mark.parametrize("robot", [{}, {"supply": SUPPLY}], ids=["no supply", "supply"])
+def test_the_swing_of_an_elastic_gear_is_named(robot):
+    """Not the current's constant, which is shorter and exact, nor another of the arm."""
+    arm = pendulum(motor={**MOTOR, "inductance_h": 1e-4}, friction=COULOMB, elasticity=ELASTIC, robot=robot)
+    assert refused(arm, 0.01, [0.0]) == pytest.approx(np.sqrt(0.5 * 0.37 / 0.87 / 4e3), rel=0.1)

@@ -27,7 +27,7 @@ from armwright.simulation.loop.state import LoopState
 from armwright.simulation.loop.tick import plant_derivative, plant_watched
 from armwright.simulation.loop.timing import Delays
 from armwright.simulation.plant.plant import Plant
-from armwright.simulation.plant.step_limits import StepLimit, VariedStepLimit, check_inertia
+from armwright.simulation.plant.step_limits import StepLimit, VariedStepLimit, check_inertia, full_voltage
 from armwright.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ class LoopRunner:
         if name not in INTEGRATORS:
             return
         limit = StepLimit(arm) if loop is None else loop.step_limit
-        commands = np.zeros((1, arm.n)) if scenario.sampled else all_rows(scenario.commands)
+        commands = full_voltage(arm)[None] if scenario.sampled else all_rows(scenario.commands)
         if scenario.varied is not None:
             limit = VariedStepLimit(scenario.varied, scenario.parameters, scenario.lane_count is not None)
         limit.check_step(name, INTEGRATORS[name], scenario.integration_step, commands)

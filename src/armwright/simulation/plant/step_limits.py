@@ -45,7 +45,7 @@ class StepLimit:
         """The arm; `slopes`: its linearisation as `linearised` has it, with the varied parameters' `values`, to use again."""
         self.model, self.plant = model, Plant.of(model, brakes=True)
         self._slopes, self._values = slopes, [] if values is None else [values]
-        self._largest: dict[tuple[Integrator, bytes], float] = {}
+        self._limits: dict[tuple[Integrator, bytes], tuple[float, float]] = {}
         self._rates: dict[bytes, np.ndarray] = {}
 
     @cached_property
@@ -71,9 +71,12 @@ class StepLimit:
         speeds = np.array([_steep_speeds(body) for body in self.model.coordinates]).T
         if self.plant.size == 2 * n and not any(self.plant.contacts):
             return np.concatenate([np.hstack([poses, np.broadcast_to(speed, poses.shape)]) for speed in speeds])
-        return np.array(
+        states = np.array(
             [x for q in _with_stops(self.model, poses) for speed in speeds for x in self._contacts(q, speed)]
         )
+        if self.model.supply is not None:  # just below the source's voltage, where its rectifier opens
+            self.plant.part(states, "bus_voltage")[:] *= 1.0 - STILL
+        return states
 
     def _contacts(self, q: np.ndarray, speed: np.ndarray) -> list[np.ndarray]:
         """The plant's state there; where gears have play, with flanks in touch on either side as well."""
@@ -102,24 +105,28 @@ class StepLimit:
 
     def largest_step(self, integrator: Integrator, command: np.ndarray) -> float:
         """The step [s] up to which modes that die away do so in the simulation, and the others are followed."""
-        key = (integrator, command.tobytes())
-        if key not in self._largest and self.plant.stiff:
-            self._largest[key] = self._largest_exponential(integrator, command)
-        if key not in self._largest:
-            rates = self.rates(command)
-            rates = rates[np.abs(rates) > 0.0]
-            dying = rates[-np.real(rates) > np.abs(np.imag(rates))]
-            others = rates[-np.real(rates) <= np.abs(np.imag(rates))]
-            stable = np.inf
-            if dying.size:
-                z = np.outer(dying / np.abs(dying), REACH * RAYS)
-                reach = np.where(integrator.growth(z) > 1.0, REACH * RAYS, np.inf).min(axis=1)
-                stable = float(np.min(reach / np.abs(dying)))
-            followed = TURNING / float(np.abs(others).max()) if others.size else np.inf
-            self._largest[key] = min(stable, followed)
-        return self._largest[key]
+        return self.limit(integrator, command)[0]
 
-    def _largest_exponential(self, integrator: Integrator, command: np.ndarray) -> float:
+    def limit(self, integrator: Integrator, command: np.ndarray) -> tuple[float, float]:
+        """`largest_step`, and 1/|λ| of the mode that allows no larger one, both [s]."""
+        key = (integrator, command.tobytes())
+        if key not in self._limits:
+            find = self._limit_exponential if self.plant.stiff else self._limit
+            self._limits[key] = find(integrator, command)
+        return self._limits[key]
+
+    def _limit(self, integrator: Integrator, command: np.ndarray) -> tuple[float, float]:
+        rates = self.rates(command)
+        rates = rates[np.abs(rates) > 0.0]
+        dies = -np.real(rates) > np.abs(np.imag(rates))
+        reach = np.full(len(rates), TURNING)  # h |λ| up to which each mode is as it should be
+        z = np.outer(rates[dies] / np.abs(rates[dies]), REACH * RAYS)
+        reach[dies] = np.where(integrator.growth(z) > 1.0, REACH * RAYS, np.inf).min(axis=1, initial=np.inf)
+        steps = reach / np.abs(rates)
+        limiting = int(np.argmin(steps))
+        return float(steps[limiting]), float(1.0 / np.abs(rates[limiting]))
+
+    def _limit_exponential(self, integrator: Integrator, command: np.ndarray) -> tuple[float, float]:
         """The same for a rule that integrates stiff parts exactly: the rule's own step of the linearised plants is tried."""
         slopes, fast = self._linearised(command)
         values = np.linalg.eigvals(slopes)
@@ -128,21 +135,26 @@ class StepLimit:
         growing = np.maximum(values.real.max(axis=1), 0.0)
         rule = integrator.paired(speed_pairs(self.plant.layout)).exponential
 
-        def holds(step: float) -> bool:
+        def failing(step: float) -> float | None:
+            """1/|λ| of a mode that this step does not hold; None where it holds all of them."""
             for slope, rate, grows in zip(slopes, fast, growing, strict=True):
                 split = Split.of(partial(_linear, slope, rate[:, None]), self.plant.stiff)
-                moved = rule(split, np.eye(len(slope)), command, step)
-                if np.abs(np.linalg.eigvals(moved)).max() > np.exp(grows * step) + SLACK:
-                    return False
-            return True
+                factors, modes = np.linalg.eig(rule(split, np.eye(len(slope)), command, step))
+                worst = int(np.abs(factors).argmax())
+                if np.abs(factors[worst]) > np.exp(grows * step) + SLACK:
+                    return 1.0 / abs(_nearest_rate(slope, modes[:, worst]))
+            return None
 
-        if holds(high):
-            return high
+        constant = failing(high)
+        if constant is None:
+            return high, 1.0 / float(swinging.max()) if swinging.size else LONGEST
+        explicit = 1.0 / float(np.abs(self.rates(command)).max())  # of the rest, whose errors may make slow modes grow
         low = 1e-6 * high
         while high > FINE * low:
-            middle = np.sqrt(low * high)
-            low, high = (middle, high) if holds(middle) else (low, middle)
-        return low
+            middle = float(np.sqrt(low * high))
+            fails = failing(middle)
+            low, high, constant = (middle, high, constant) if fails is None else (low, middle, fails)
+        return low, min(constant, explicit)
 
     def check_step(self, name: str, integrator: Integrator, step: float, commands: np.ndarray, where: str = "") -> None:
         """Refuses a step that is too large for the arm's fastest time constant.
@@ -154,16 +166,17 @@ class StepLimit:
             ScenarioError: names the time constant and the step that would do.
         """
         loaded = [np.zeros(self.model.n)]
-        if any(_is_loaded(body) for body in self.model.coordinates):
-            most = np.abs(commands).max(axis=0)  # its slope grows with the torque through the gear
+        if self.model.supply is not None or any(_is_loaded(body) for body in self.model.coordinates):
+            most = np.abs(commands).max(
+                axis=0
+            )  # slopes grow with torques through gears, and with currents from the bus
             loaded += [most, -most]
-        largest, command = min(((self.largest_step(integrator, u), k) for k, u in enumerate(loaded)))
+        largest, constant = min(self.limit(integrator, u) for u in loaded)
         if step <= largest:
             return
-        constant = 1.0 / np.abs(self.rates(loaded[command])).max()
         included = "motors and friction slope included"
         if self.plant.stiff:
-            included = "without currents and bristles, which are integrated exactly"
+            included = "beside what is integrated exactly of currents, bristles and bus"
         raise ScenarioError(
             f"too large for the fastest time constant of {self.model.name}, {constant:.3g} s, {included}{where}: "
             f"{name} would blow up or lose track",
@@ -255,6 +268,13 @@ def _linear(slope: np.ndarray, rate: np.ndarray, x: np.ndarray, u: np.ndarray) -
     return slope @ x, rate
 
 
+def _nearest_rate(slope: np.ndarray, moved: np.ndarray) -> complex:
+    """Eigenvalue [1/s] of a linearised plant whose mode takes the largest part in another vector (size,)."""
+    rates, modes = np.linalg.eig(slope)
+    parts = np.linalg.lstsq(modes, moved, rcond=None)[0]
+    return rates[int(np.abs(np.where(rates == 0.0, 0.0, parts)).argmax())]
+
+
 def _is_loaded(body: Body) -> bool:
     """True if a joint loses torque by its load: in its gear, or in friction that rises with it."""
     return body.drive.efficiency is not None or (
@@ -286,6 +306,12 @@ def _round_down(value: float) -> float:
     """One significant digit: a step that people would choose."""
     digit = 10.0 ** floor(log10(value))
     return floor(value / digit) * digit
+
+
+def full_voltage(arm: Model) -> np.ndarray:
+    """Commands (n,) of a loop that load a supply's bus the most: all its voltage; 0 for other drives, and without a supply."""
+    volts = 0.0 if arm.supply is None else float(arm.supply.voltage)
+    return np.array([volts * (body.drive.command == "voltage") for body in arm.coordinates])
 
 
 def check_inertia(arm: Model, q: np.ndarray) -> None:
