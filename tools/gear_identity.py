@@ -69,7 +69,7 @@ def iteration(model: Model) -> Kernel:
         near = newton_steps(mass, bias, gears, start)
         return scalar.solve_symmetric(*linearised(mass, bias, gears, near[:-1])), near[-1]
 
-    shapes = {name: (model.n,) for name in ("q", "qd", "tau", "start")}
+    shapes = dict.fromkeys(("q", "qd", "tau", "start"), (model.n,))
     return Kernel(trace("probe", function, shapes, ("qdd", "steps")), select_target())
 
 
