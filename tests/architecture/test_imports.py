@@ -16,6 +16,7 @@ ORDER = (
     ("errors",),
     ("scalar",),
     ("program",),  # traced functions; it knows no robots
+    ("interpolation",),  # tables that trace
     ("expressions",),
     ("output",),
     ("signals",),  # named layouts of vectors

@@ -10,6 +10,7 @@ SOURCE = Path(__file__).resolve().parents[2] / "src"
 
 # Where the equations are. A room is a folder, all of whose files count.
 PHYSICS = (
+    "interpolation.py",
     "spatial",
     "kinematics",
     "dynamics",
