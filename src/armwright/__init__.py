@@ -37,6 +37,7 @@ if TYPE_CHECKING:
         potential_energy,
         regressor,
         regressor_drive,
+        spring_torques,
     )
     from armwright.errors import ArmwrightError
     from armwright.interfaces import Controller, JointReference, Measurement, Sensor, Trajectory
@@ -89,7 +90,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
         *("energy", "forward_arm", "forward_arm_linearised", "forward_dynamics"),
         *("forward_dynamics_derivatives", "gravity_torques", "inverse_dynamics", "inverse_dynamics_derivatives"),
         *("kinetic_energy", "mass_matrix", "operational_inertia", "potential_energy"),
-        *("regressor", "regressor_drive"),
+        *("regressor", "regressor_drive", "spring_torques"),
     ),
     "armwright.errors": ("ArmwrightError",),
     "armwright.kernels.compiled": ("CompiledArm", "compile"),
@@ -207,6 +208,7 @@ __all__ = [
     "sensitivities",
     "show",
     "simulate",
+    "spring_torques",
     "statistics",
     "step_study",
     "to_toml",

@@ -163,6 +163,12 @@ def _several(size: int, value: Any) -> tuple[float, ...]:
     return tuple(_finite(v) for v in value)
 
 
+def _many(value: Any) -> tuple[float, ...]:
+    if not isinstance(value, (list, tuple, np.ndarray)) or len(value) < 2 or not all(_is_number(v) for v in value):
+        raise Invalid(expected="two numbers or more")
+    return tuple(_finite(v) for v in value)
+
+
 def _one_or_three(value: Any) -> tuple[float, ...]:
     return (_finite(value),) * 3 if _is_number(value) else _several(3, value)
 
@@ -210,6 +216,9 @@ Share = Annotated[Quantity, Reading("a number above 0, at most 1", _one, lambda 
 Vector3 = Annotated[Quantity, Reading("3 numbers", partial(_several, 3))]
 Direction = Annotated[Quantity, Reading("a direction, 3 numbers not all 0", partial(_several, 3), any)]
 Range = Annotated[Quantity, Reading("2 numbers", partial(_several, 2))]
+Numbers = Annotated[Quantity, Reading("two numbers or more", _many)]
+INCREASING = Reading("two numbers or more, each above the one before", _many, lambda v: bool((np.diff(v) > 0).all()))
+Increasing = Annotated[Quantity, INCREASING]
 Size3 = Annotated[Quantity, Reading("3 numbers above 0", partial(_several, 3), lambda v: all(k > 0 for k in v))]
 Scale3 = Annotated[Quantity, Reading("a number other than 0, or 3 of them", _one_or_three, all)]
 Outline = Annotated[Quantity, Reading("a list of points [x, y]", _points)]

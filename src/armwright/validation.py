@@ -17,6 +17,7 @@ LISTS = {  # whose tables are called by their names, not by their numbers
     "joints": "joint",
     "links": "link",
     "frames": "frame",
+    "cylinders": "cylinder",
     "modules": "module",
     "bodies": "body",
     "connectors": "connector",

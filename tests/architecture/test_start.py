@@ -24,7 +24,7 @@ NEVER = (  # in a script that loads an arm and calls a kernel
         "concurrent.futures",
     ),
     *(f"armwright.description.{name}" for name in ("urdf", "mjcf", "modules", "parts", "solids")),
-    *(f"armwright.description.{name}" for name in ("drive_effects",)),  # that puma560 has not
+    *(f"armwright.description.{name}" for name in ("drive_effects", "springs")),  # that puma560 has not
     *("armwright.lint.hulls", "armwright.model.vary", "armwright.model.variants", "armwright.simulation"),
 )
 EMITTER = ("llvm", "llvm_machine", "tiles", "lowering", "polynomials")  # of kernels: what prints code

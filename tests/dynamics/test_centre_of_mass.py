@@ -26,7 +26,8 @@ def test_mean_of_the_bodies(name):
     p = centre_of_mass(model, q)
     np.testing.assert_allclose(p, np.average(points, axis=0, weights=masses), rtol=0, atol=1e-14)
     assert energy(model, q, qd) == (kinetic_energy(model, q, qd), potential_energy(model, q))
-    assert energy(model, q, qd)[1] == pytest.approx(-sum(masses) * model.gravity @ p)
+    height = potential_energy(model.replace(springs=None), q)
+    assert height == pytest.approx(-sum(masses) * model.gravity @ p)
 
 
 @pytest.mark.parametrize("which", [*NAMES, *range(1, 37, 3)])

@@ -13,7 +13,7 @@ from physics.arms import NAMES, arm, gradient, random_state
 @pytest.mark.parametrize("seed", range(4))
 def test_laws(name, seed):
     """C is made of Christoffel's symbols of the traced M, C q̇ are the velocity torques, and Ṁ - 2C is skew."""
-    model = arm(name).replace(friction=None, gravity=np.zeros(3))
+    model = arm(name).replace(friction=None, springs=None, gravity=np.zeros(3))
     q, qd, _ = random_state(model, seed)
     (slope,) = gradient("mass_matrix", lambda q: mass_matrix(model, q), q)  # ∂M_ij/∂q_k
     c = coriolis_matrix(arm(name), q, qd)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armwright.actuators import friction_torques
-from armwright.dynamics import inverse_dynamics, regressor, regressor_drive
+from armwright.dynamics import inverse_dynamics, regressor, regressor_drive, spring_torques
 from armwright.model import build_model
 from armwright.model.simplify import aligned_frames
 from armwright.spatial import inertia_about_origin
@@ -23,14 +23,14 @@ def arm_of(which):
 
 @pytest.mark.parametrize("which", ARMS)
 def test_regressor_times_parameters_is_inverse_dynamics(which):
-    """tau = Y π + Y_d π_d within 1e-10, with rotors and every friction law, where gears lose nothing."""
+    """tau = Y π + Y_d π_d + s within 1e-10, with rotors and every friction law, where gears lose nothing."""
     model = arm_of(which).replace(efficiency=None)
     for seed in range(3):
         q, qd, qdd = random_state(model, seed)
         tau = inverse_dynamics(model, q, qd, qdd)
         links = regressor(model, q, qd, qdd) @ model.inertial_parameters
         drive = regressor_drive(model, qd, qdd) @ model.drive_parameters
-        assert links + drive == pytest.approx(tau, rel=0, abs=1e-10 * abs(tau).max())
+        assert links + drive + spring_torques(model, q) == pytest.approx(tau, rel=0, abs=1e-10 * abs(tau).max())
         g, armature = projection(model), [body.drive.armature for body in model.bodies]
         rotors = g.T @ (armature * (g @ qdd))
         assert drive == pytest.approx(friction_torques(model, qd) + rotors, rel=0, abs=1e-12 * abs(tau).max())

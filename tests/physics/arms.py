@@ -14,15 +14,19 @@ from armwright.description.database import parse
 from armwright.model import Model, build_model
 from armwright.program import interpret, trace
 
-NAMES = [*builtin_names(), "workshop", "gripper"]
-OWN = ("workshop", "gripper")
+NAMES = [*builtin_names(), "workshop", "gripper", "sprung"]
+OWN = ("workshop", "gripper", "sprung")
 FREE = [name for name in NAMES if name != "gripper"]  # whose joints all move by themselves
 
 
 @functools.cache
 def description(name: str) -> RobotDescription:
-    """The description of a built-in arm, of `workshop` or of `gripper`."""
-    return parse({"workshop": workshop, "gripper": gripper}[name](), name) if name in OWN else read_description(name)
+    """The description of a built-in arm, of `workshop`, `gripper` or `sprung`."""
+    return (
+        parse({"workshop": workshop, "gripper": gripper, "sprung": sprung}[name](), name)
+        if name in OWN
+        else read_description(name)
+    )
 
 
 @functools.cache
@@ -153,3 +157,24 @@ def gripper() -> dict[str, Any]:
         for finger in fingers
     ]
     return {**robot, "name": "gripper", "joints": [*robot["joints"], *fingers], "links": [*robot["links"], *links]}
+
+
+def sprung() -> dict[str, Any]:
+    """`workshop` with springs by line and by table, at turns and at the slide, and cylinders to the base and across branches."""
+    robot = workshop()
+    springs = {
+        "joint1": {"stiffness_n_m_per_rad": 9.0, "rest_rad": 0.4, "preload_n_m": -3.0},
+        "joint2": {"positions_m": [-0.8, -0.1, 0.3, 0.9], "forces_n": [30.0, 12.0, -8.0, -9.0], "outside": "linear"},
+        "joint4": {"positions_rad": [-1.0, 0.0, 0.6], "torques_n_m": [5.0, -1.0, 2.0], "outside": "constant"},
+        "joint5": {"stiffness_n_m_per_rad": 4.0, "rest_rad": -0.2},
+    }
+    for joint in robot["joints"]:
+        if joint["name"] in springs:
+            joint["spring"] = springs[joint["name"]]
+    ends = [  # where the anchors never meet
+        ("balancer", "base", [0.3, -0.2, 0.9], "link1", [0.1, 0.5, 0.0], -80.0, 0.7, 240.0),
+        ("across", "link3", [0.0, 0.1, 0.4], "link5", [0.2, 0.0, -0.5], 25.0, 0.5, 60.0),
+        ("long", "hand", [0.0, 0.0, 0.3], "base", [-1.0, 0.5, 1.5], 12.0, 1.0, 0.0),
+    ]
+    keys = ("name", "link_a", "anchor_a_m", "link_b", "anchor_b_m", "force_n", "length_m", "stiffness_n_per_m")
+    return {**robot, "name": "sprung", "cylinders": [dict(zip(keys, row, strict=True)) for row in ends]}

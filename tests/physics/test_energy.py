@@ -1,4 +1,4 @@
-"""Energy: gravity torques are its slope, and what goes in is what stays and what is lost."""
+"""Energy: torques of gravity and springs are its slope, and what goes in is what stays and what is lost."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 
 from armwright.actuators import friction_torques
 from armwright.actuators.friction import motor_friction
-from armwright.dynamics import forward_dynamics, gravity_torques, kinetic_energy, potential_energy
+from armwright.dynamics import forward_dynamics, gravity_torques, kinetic_energy, potential_energy, spring_torques
 from armwright.dynamics.gears import joint_torques
 from armwright.kinematics import forward_kinematics, jacobian
 from armwright.model import Model
@@ -28,18 +28,19 @@ def motor_side(model: Model, qd: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("seed", SEEDS)
-def test_gravity_torques_are_the_slope_of_the_potential_energy(name, seed):
-    """g = ∂U/∂q, by differentiating the traced U."""
+def test_torques_at_rest_are_the_slope_of_the_potential_energy(name, seed):
+    """g + s = ∂U/∂q, by differentiating the traced U."""
     model = arm(name)
     q = random_state(model, seed)[0]
     (slope,) = gradient("potential", lambda q: potential_energy(model, q), q)
-    np.testing.assert_allclose(gravity_torques(model, q), slope, rtol=0, atol=1e-12 * max(1.0, np.abs(slope).max()))
+    torques = gravity_torques(model, q) + spring_torques(model, q)
+    np.testing.assert_allclose(torques, slope, rtol=0, atol=1e-12 * max(1.0, np.abs(slope).max()))
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_potential_energy_falls_with_gravity(name):
-    """U = -Σ m gᵀ p: with gravity doubled it doubles, without gravity it is 0."""
-    model = arm(name)
+    """U = -Σ m gᵀ p: with gravity doubled it doubles, without gravity it is 0 but for springs."""
+    model = arm(name).replace(springs=None)
     q = random_state(model, 0)[0]
     energy = potential_energy(model, q)
     assert energy != 0.0

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armwright.dynamics import bias_torques, gravity_torques, inverse_dynamics, kinetic_energy, mass_matrix
+from armwright.dynamics import (
+    bias_torques,
+    gravity_torques,
+    inverse_dynamics,
+    kinetic_energy,
+    mass_matrix,
+    spring_torques,
+)
 from physics.arms import NAMES, arm, gradient, random_state
 
 SEEDS = range(4)
@@ -33,7 +40,7 @@ def test_symmetric_positive_definite(name, seed):
 @pytest.mark.parametrize("seed", SEEDS)
 def test_columns_are_unit_accelerations(name, seed):
     """Walker and Orin's method 1: column j of M is the torque for q̈ = e_j without motion, gravity and losses."""
-    model = arm(name).replace(friction=None, efficiency=None, gravity=[0.0, 0.0, 0.0])
+    model = arm(name).replace(friction=None, efficiency=None, gravity=[0.0, 0.0, 0.0], springs=None)
     q = random_state(model, seed)[0]
     columns = [inverse_dynamics(model, q, np.zeros(model.n), unit) for unit in np.eye(model.n)]
     m = mass_matrix(model, q)
@@ -62,7 +69,7 @@ def test_rate_minus_twice_coriolis_is_skew(name, seed):
     (derivative,) = gradient("mass_matrix", lambda q: mass_matrix(model, q), q)
     rate, c = derivative @ qd, christoffel(derivative, qd)
     size = np.abs(derivative).max() * np.abs(qd).max() + 1e-3
-    torques = bias_torques(model, q, qd) - gravity_torques(model, q)
+    torques = bias_torques(model, q, qd) - gravity_torques(model, q) - spring_torques(model, q)
     np.testing.assert_allclose(rate - 2 * c, -(rate - 2 * c).T, rtol=0, atol=1e-12 * size)
     np.testing.assert_allclose(
         c @ qd, torques, rtol=0, atol=1e-12 * (size + np.abs(gravity_torques(model, q)).max()) * 10

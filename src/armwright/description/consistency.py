@@ -32,6 +32,7 @@ def check_robot(robot: Any) -> None:
     """
     _check_names(robot)
     _check_tree(robot)
+    _check_cylinders(robot)
     moving = [joint for joint in robot.joints if joint.type != "fixed"]
     independent = [joint.name for joint in moving if joint.mimic is None]
     for joint in moving:
@@ -110,6 +111,29 @@ def _check_tree(robot: Any) -> None:
                 raise Invalid("carries itself", place=f"link {at!r}", expected=f"a tree that starts at {robot.base!r}")
             seen.add(at)
             at = parent[at]
+
+
+def _check_cylinders(robot: Any) -> None:
+    """Cylinders have names of their own and ends that move with respect to each other."""
+    taken = [thing.name for things in (robot.joints, robot.links, robot.frames) for thing in things]
+    check_unique("cylinders", [cylinder.name for cylinder in robot.cylinders])
+    for cylinder in robot.cylinders:
+        place = f"cylinder {cylinder.name!r}"
+        if cylinder.name in (*taken, robot.base):
+            raise Invalid("a joint, link or frame has this name", place="cylinders name", value=cylinder.name)
+        for key in ("link_a", "link_b"):
+            _check_known(f"{place} {key}", getattr(cylinder, key), [*(link.name for link in robot.links), robot.base])
+        if carrier(robot, cylinder.link_a) == carrier(robot, cylinder.link_b):
+            what = f"does not move with respect to {cylinder.link_a!r}"
+            raise Invalid(what, place=f"{place} link_b", value=cylinder.link_b, expected="a link that does")
+
+
+def carrier(robot: Any, link: str) -> str:
+    """The link nearest to the base that moves as one body with a link, or the base."""
+    fixed = {joint.child: joint.parent for joint in robot.joints if joint.type == "fixed"}
+    while link in fixed:
+        link = fixed[link]
+    return link
 
 
 def _check_command(robot: Any, joint: Any) -> None:

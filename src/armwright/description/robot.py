@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         SlideBrake,
         Supply,
     )
+    from armwright.description.springs import Cylinder, LinearSpring, RotarySpring
     from armwright.solids.visual import Visual
 else:
     LinearElasticity, LinearStops, RotaryBrake, RotaryElasticity, RotaryStops, SlideBrake, Supply = imported_later(
@@ -40,6 +41,9 @@ else:
         *("LinearElasticity", "LinearStops", "RotaryBrake", "RotaryElasticity", "RotaryStops", "SlideBrake", "Supply"),
     )
     (BuiltFrom,) = imported_later("armwright.description.built_from", "BuiltFrom")
+    Cylinder, LinearSpring, RotarySpring = imported_later(
+        "armwright.description.springs", "Cylinder", "LinearSpring", "RotarySpring"
+    )
     (Visual,) = imported_later("armwright.solids.visual", "Visual")
 
 Name = Annotated[str, Field(min_length=1, pattern=r"^[^\s.\[\]]+$")]
@@ -169,6 +173,7 @@ class RevoluteJoint(_Joint):
         default=None, description="End stops; absent: nothing stops the joint at its limits."
     )
     brake: RotaryBrake | None = Field(default=None, description="A holding brake; absent: none.")
+    spring: RotarySpring | None = Field(default=None, description="A spring at the joint; absent: none.")
 
 
 class PrismaticJoint(_Joint):
@@ -191,6 +196,7 @@ class PrismaticJoint(_Joint):
         default=None, description="End stops; absent: nothing stops the joint at its limits."
     )
     brake: SlideBrake | None = Field(default=None, description="A holding brake; absent: none.")
+    spring: LinearSpring | None = Field(default=None, description="A spring at the joint; absent: none.")
 
     @model_validator(mode="after")
     def _friction_side(self) -> PrismaticJoint:
@@ -280,6 +286,7 @@ class RobotDescription(Record):
     )
     links: tuple[Link, ...] = Field(description="One table a link.")
     frames: tuple[NamedFrame, ...] = Field(default=(), description="One table a named frame.")
+    cylinders: tuple[Cylinder, ...] = Field(default=(), description="Gas springs and counterbalance cylinders.")
 
     @model_validator(mode="after")
     def _consistent(self) -> RobotDescription:

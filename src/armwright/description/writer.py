@@ -21,8 +21,14 @@ from armwright.quantity import Quantity, Record
 from armwright.solids.mesh import Mesh
 
 FIRST = ("source", "name", "type", "parent", "child")  # of a table, whatever the order of its record
-TABLES = ("motor", "friction", "limits", "built_from")  # that have a heading of their own; others stand in one line
-LISTS = ("joints", "links", "frames")
+TABLES = (
+    "motor",
+    "friction",
+    "limits",
+    "spring",
+    "built_from",
+)  # that have a heading of their own; others stand in one line
+LISTS = ("joints", "links", "frames", "cylinders")
 
 
 def to_toml(arm: Arm | RobotDescription, folder: str | os.PathLike[str] | None = None) -> str:
@@ -56,6 +62,7 @@ def to_toml(arm: Arm | RobotDescription, folder: str | os.PathLike[str] | None =
         while waiting and waiting[0].name in moved:
             blocks.append(_table("[[links]]", waiting.pop(0), place, "links"))
     blocks += [_table("[[frames]]", frame, place) for frame in description.frames]
+    blocks += [_table("[[cylinders]]", cylinder, place) for cylinder in description.cylinders]
     return "\n".join(blocks)
 
 

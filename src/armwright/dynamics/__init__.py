@@ -7,11 +7,12 @@ from armwright.dynamics.coriolis import coriolis_matrix
 from armwright.dynamics.derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
 from armwright.dynamics.energy import energy, kinetic_energy, potential_energy
 from armwright.dynamics.forward import forward_arm, forward_dynamics
-from armwright.dynamics.inverse import bias_torques, gravity_torques, inverse_dynamics
+from armwright.dynamics.inverse import bias_torques, gravity_torques, holding_torques, inverse_dynamics
 from armwright.dynamics.linearise import forward_arm_linearised
 from armwright.dynamics.mass_matrix import mass_matrix
 from armwright.dynamics.operational import operational_inertia
 from armwright.dynamics.regressor import regressor, regressor_drive
+from armwright.dynamics.springs import spring_torques
 
 __all__ = [
     "articulated_body",
@@ -25,6 +26,7 @@ __all__ = [
     "forward_dynamics",
     "forward_dynamics_derivatives",
     "gravity_torques",
+    "holding_torques",
     "inverse_dynamics",
     "inverse_dynamics_derivatives",
     "kinetic_energy",
@@ -33,4 +35,5 @@ __all__ = [
     "potential_energy",
     "regressor",
     "regressor_drive",
+    "spring_torques",
 ]

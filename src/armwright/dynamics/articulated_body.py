@@ -8,6 +8,7 @@ from armwright import scalar
 from armwright.actuators.coupling import shares_of
 from armwright.actuators.friction import friction_torques
 from armwright.dynamics.inverse import inertial_forces
+from armwright.dynamics.springs import sprung_torques
 from armwright.errors import ModelError
 from armwright.kinematics import AxialMotion, joint_motions
 from armwright.model import BASE, Model, one_state
@@ -60,6 +61,8 @@ def articulated_accelerations(
     share, d = articulated_shares(model, axial)
     f, n = inertial_forces(model, motion, qd, scalar.zeros(model.n), wrench)
     net = driven - resisting
+    if model.is_sprung:
+        net = net - sprung_torques(model, q)
     freely = {}  # r/D, the acceleration of a joint whose parent has none beyond its bias
     for i, body in model.inward():
         r = net[i] - (n[i] if body.kind == "revolute" else f[i])[2]

@@ -19,7 +19,7 @@ from armwright.scalar import Array
 def composite_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
     """Accelerations that motor torques give, by the mass matrix: what `forward_dynamics` gives, cheapest for short arms.
 
-    q̈ = M⁻¹ ( tau - C q̇ - g - f + Jᵀ wrench ),  M = L D Lᵀ solved without pivots; with gear loss by Newton's method on the
+    q̈ = M⁻¹ ( tau - C q̇ - g - s - f + Jᵀ wrench ),  M = L D Lᵀ solved without pivots; with gear loss by Newton's method on the
     equation of `forward_dynamics`, one such solve a step.  [WalkerOrin1982]
 
     Args:

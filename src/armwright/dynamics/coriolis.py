@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armwright import scalar
-from armwright.dynamics.inverse import newton_euler
+from armwright.dynamics.inverse import link_torques
 from armwright.model import Model, one_state
 from armwright.scalar import Array
 
@@ -23,4 +23,4 @@ def coriolis_matrix(model: Model, q: Array, qd: Array) -> np.ndarray:
         C: (n, n) [N m s/rad | N s/m] and, for mixed joints, [N m s/m, N s/rad].
     """
     weightless = model.replace(gravity=scalar.zeros(3))
-    return scalar.jacobian(lambda x: newton_euler(weightless, q, x, scalar.zeros(model.n)), 0.5 * qd)
+    return scalar.jacobian(lambda x: link_torques(weightless, q, x, scalar.zeros(model.n)), 0.5 * qd)

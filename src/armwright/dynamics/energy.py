@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from armwright import scalar
 from armwright.actuators.coupling import shares_of, to_motors
+from armwright.dynamics.springs import spring_potential
 from armwright.kinematics import body_placements, joint_motions
 from armwright.model import BASE, Model, on_tree, one_state
 from armwright.scalar import Array, Scalar
@@ -60,7 +61,7 @@ def _kinetic_energy(model: Model, q: Array, qd: Array) -> Scalar:
 
 @one_state
 def potential_energy(model: Model, q: Array) -> Scalar:
-    """U = - Σ m gᵀ p_c, zero where all mass lies at the base's origin.
+    """U = - Σ m gᵀ p_c + U_springs, zero where all mass lies at the base's origin and springs are as `spring_potential` says.
 
     Args:
         model: the arm.   q: (n,) [rad | m].
@@ -68,7 +69,8 @@ def potential_energy(model: Model, q: Array) -> Scalar:
         U: () [J].
     """
     placed = body_placements(model, q)
-    return -sum(
+    height = -sum(
         model.gravity @ (placed[i].rotation @ body.first_moment + body.mass * placed[i].position)
         for i, body in model.outward()
     )
+    return height + spring_potential(model, q) if model.is_sprung else height

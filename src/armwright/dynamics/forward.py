@@ -23,7 +23,7 @@ SHORT = 5  # joints from the base to a body, itself included, on average: a chai
 def forward_dynamics(model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
     """Accelerations that motor torques give, the exact inverse of `inverse_dynamics`.  [WalkerOrin1982] [Featherstone2008]
 
-    Without gear loss  q̈ = M⁻¹ ( tau - C q̇ - g - f + Jᵀ wrench ).  With it  M_links q̈ + C q̇ + g + f_links - Jᵀ wrench =
+    Without gear loss  q̈ = M⁻¹ ( tau - C q̇ - g - s - f + Jᵀ wrench ).  With it  M_links q̈ + C q̇ + g + s + f_links - Jᵀ wrench =
     Bᵀ G(tau - n² J_m B q̈ - f_m),  which has one solution; Newton's method finds it (`dynamics.gears`).
 
     By `composite_body` where bodies stand at most `SHORT` joints from the base on average, and where joints follow others,
@@ -53,7 +53,7 @@ def accelerations(
 ) -> np.ndarray:
     """Accelerations for torques that reach the joints, torques that resist there, and lossy gears that drive them as well.
 
-    M q̈ = driven - resisting - C q̇ - g + Jᵀ wrench + Σ Bᵢᵀ Gᵢ,  by the way that `forward_dynamics` chooses. Friction and gear loss
+    M q̈ = driven - resisting - C q̇ - g - s + Jᵀ wrench + Σ Bᵢᵀ Gᵢ,  by the way that `forward_dynamics` chooses. Friction and gear loss
     of the model itself have no part.
 
     Args:

@@ -7,6 +7,7 @@ import numpy as np
 from armwright import scalar
 from armwright.actuators.friction import friction_torques, link_friction
 from armwright.dynamics.gears import motor_torques, without_rotors
+from armwright.dynamics.springs import sprung_torques
 from armwright.kinematics import JointMotion, joint_motions, origin_acceleration, turning
 from armwright.model import BASE, Mimics, Model, on_tree, one_state
 from armwright.scalar import Array
@@ -19,10 +20,10 @@ STILL = scalar.zeros(3)
 def inverse_dynamics(model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None) -> np.ndarray:
     """Motor torques that give acceleration `qdd` in state (q, qd).  [LuhWalkerPaul1980]
 
-    tau = G⁻¹(B⁻ᵀ r) + n² J_m B q̈ + f_m(B q̇),   r = M_links(q) q̈ + C(q, q̇) q̇ + g(q) + f_links(q̇) - Jᵀ wrench:  what the
-    joints need goes back through the gears G (`actuators.gear`), and the motors also accelerate their rotors and move against
+    tau = G⁻¹(B⁻ᵀ r) + n² J_m B q̈ + f_m(B q̇),   r = M_links q̈ + C q̇ + g(q) + s(q) + f_links(q̇) - Jᵀ wrench:  what the joints
+    need, s for springs, goes back through the gears G (`actuators.gear`), and the motors also accelerate their rotors and move against
     motor-side friction. B q̇ are the motors' speeds (B = 1 but for coupled motors). Without loss and coupling
-    tau = M q̈ + C q̇ + g + f - Jᵀ wrench.
+    tau = M q̈ + C q̇ + g + s + f - Jᵀ wrench.
 
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
@@ -44,7 +45,7 @@ def inverse_torques(
 
 @one_state
 def bias_torques(model: Model, q: Array, qd: Array, wrench: Array | None = None) -> np.ndarray:
-    """Torques that no acceleration asks for, the report's bias vector, eq. (14):  h = C(q, q̇) q̇ + g(q) + f(q̇) - Jᵀ wrench.
+    """Torques that no acceleration asks for, the report's bias vector, eq. (14):  h = C q̇ + g(q) + s(q) + f(q̇) - Jᵀ wrench.
 
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
@@ -59,20 +60,25 @@ def bias_torques(model: Model, q: Array, qd: Array, wrench: Array | None = None)
 
 @one_state
 def gravity_torques(model: Model, q: Array) -> np.ndarray:
-    """Torques that hold the arm against gravity:  g(q) = ∂U/∂q, inverse dynamics at rest without friction.
+    """Torques that hold the arm against gravity:  g(q) = ∂U/∂q, inverse dynamics at rest without friction and springs.
 
     Args:
         model: the arm.   q: (n,) [rad | m].
     Returns:
         g: (n,) [N m | N].
     """
+    return link_torques(model, q, scalar.zeros(model.n), scalar.zeros(model.n))
+
+
+def holding_torques(model: Model, q: Array) -> np.ndarray:
+    """Torques that hold the arm at rest against gravity and springs, g(q) + s(q)  (n,) [N m | N]; q (n,) [rad | m]."""
     return newton_euler(model, q, scalar.zeros(model.n), scalar.zeros(model.n))
 
 
 def torques_of_links(
     model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
 ) -> np.ndarray:
-    """Torques that the joints need behind the gears:  M_links q̈ + C q̇ + g + f_links - Jᵀ wrench  (n,) [N m | N]."""
+    """Torques that the joints need behind the gears:  M_links q̈ + C q̇ + g + s + f_links - Jᵀ wrench  (n,) [N m | N]."""
     torques = newton_euler(model, q, qd, qdd, wrench, nudge) + link_friction(model, qd)
     if model.mimics is None:
         return torques
@@ -85,8 +91,16 @@ def _rotor_torques(model: Model, qdd: Array) -> np.ndarray:
     return scalar.array([body.drive.joint_inertia * qdd[i] for i, body in model.outward()])
 
 
-@on_tree(Mimics.torques)
 def newton_euler(
+    model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
+) -> np.ndarray:
+    """`link_torques`, and s(q) of springs where the arm has some  (n,) [N m | N]."""
+    torques = link_torques(model, q, qd, qdd, wrench, nudge)
+    return torques + sprung_torques(model, q, nudge) if model.is_sprung else torques
+
+
+@on_tree(Mimics.torques)
+def link_torques(
     model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
 ) -> np.ndarray:
     """The links' part alone:  M_links(q) q̈ + C(q, q̇) q̇ + g(q) - Jᵀ wrench  (n,) [N m | N].

@@ -12,7 +12,7 @@ import numpy as np
 from armwright import scalar
 from armwright.actuators.friction import joint_friction
 from armwright.description.friction import LINEAR
-from armwright.dynamics.inverse import newton_euler
+from armwright.dynamics.inverse import link_torques
 from armwright.model import Body, Friction, Mimics, Model, on_tree, one_state
 from armwright.scalar import Array, Scalar
 
@@ -26,7 +26,7 @@ def regressor(model: Model, q: Array, qd: Array, qdd: Array) -> np.ndarray:
 
     Columns for each moving link, in the order of joints: [m, m c_x, m c_y, m c_z, Ixx, Ixy, Ixz, Iyy, Iyz, Izz], the
     tensor about the origin of the link's frame, in its axes, fixed links merged. Without gear loss
-    tau = Y π + Y_d π_d, with `regressor_drive`.
+    tau = Y π + Y_d π_d + s, with `regressor_drive` and `spring_torques`: take s off measured torques before a fit.
 
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
@@ -36,7 +36,7 @@ def regressor(model: Model, q: Array, qd: Array, qdd: Array) -> np.ndarray:
 
     def torques(parameters: np.ndarray) -> np.ndarray:
         bodies = (body.with_inertial_parameters(parameters[10 * i : 10 * i + 10]) for i, body in model.outward())
-        return newton_euler(replace(model, bodies=tuple(bodies)), q, qd, qdd)
+        return link_torques(replace(model, bodies=tuple(bodies)), q, qd, qdd)
 
     return scalar.jacobian(torques, scalar.zeros(10 * model.n))
 

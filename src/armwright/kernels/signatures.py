@@ -93,6 +93,7 @@ SIGNATURES: dict[str, Signature] = {
         Signature(dynamics.mass_matrix, (Q,), (MASS,), regroup=True),
         Signature(dynamics.bias_torques, (Q, QD), (Argument("h", ("n",), "N m | N"),), (WRENCH,), regroup=True),
         Signature(dynamics.gravity_torques, (Q,), (Argument("g", ("n",), "N m | N"),), regroup=True),
+        Signature(dynamics.spring_torques, (Q,), (Argument("s", ("n",), "N m | N"),), regroup=True),
         Signature(kinematics.forward_kinematics, (Q,), (Argument("T", (4, 4), "- | m"),), options=("frame",)),
         Signature(kinematics.jacobian, (Q,), (Argument("J", (6, "n"), "m/rad | -, - | 1/m"),), options=("frame",)),
         Signature(actuators.motor_voltage, (QD, TAU), (VOLTAGE,)),

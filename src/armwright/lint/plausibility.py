@@ -175,11 +175,16 @@ def implausible_units(robot: RobotDescription, long_links: Collection[str] = ())
         for problem in _of_place(getattr(joint, way), is_known=known):
             findings.add("joint", joint.name, problem.within(way))
         if not isinstance(joint, FixedJoint):
-            for problem in _of_limits(joint):
+            for problem in (*_of_limits(joint), *_of_spring(joint)):
                 findings.add("joint", joint.name, problem)
     for frame in robot.frames:
         for problem in _of_place(frame, is_known=frame.link in long_links):
             findings.add("frame", frame.name, problem)
+    for cylinder in robot.cylinders:
+        for key in ("anchor_a_m", "anchor_b_m", "length_m"):
+            value = getattr(cylinder, key).value
+            if np.linalg.norm(np.atleast_1d(value)) > LONGEST:
+                findings.add("cylinder", cylinder.name, Problem(MILLIMETRES, key, value))
     return findings.problems()
 
 
@@ -208,6 +213,22 @@ def _of_limits(joint: Any) -> Iterator[Problem]:
         yield Problem(MILLIMETRES, "limits.position_m", limits.value)
     if not slides and len(far) and np.all(np.abs(far) <= DEGREES) and not np.any(np.mod(2 * far, 1)):
         yield Problem("degrees for radians?", "limits.position_rad", limits.value)
+
+
+def _of_spring(joint: Any) -> Iterator[Problem]:
+    """A table that does not reach as far as the joint moves, and rest positions in degrees."""
+    unit = "m" if isinstance(joint, PrismaticJoint) else "rad"
+    limits = getattr(joint.limits, f"position_{unit}")
+    if joint.spring is None:
+        return
+    rest, positions = getattr(joint.spring, f"rest_{unit}"), getattr(joint.spring, f"positions_{unit}")
+    if unit == "rad" and rest is not None and abs(float(rest)) > WIDEST:
+        yield Problem("more than two turns: degrees for radians?", "spring.rest_rad", rest.value)
+    if positions is not None and limits is not None:
+        (low, high), (first, *_, last) = limits.value, positions.value
+        if low < first or high > last:
+            what = f"its table ends before the limits, {low:g} to {high:g} {unit}; beyond it, outside = {joint.spring.outside!r}"
+            yield Problem(what, f"spring.positions_{unit}", (first, last))
 
 
 def implausible_sections(link: Any) -> Iterator[Problem]:

@@ -4,6 +4,7 @@ from armwright.model.arguments import check_arm, one_state
 from armwright.model.drive import Brake, Cogging, Drive, Elasticity, Friction, Limits, Stops, Supply, Thermal
 from armwright.model.mimics import Mimics, on_tree
 from armwright.model.model import Model, build_model
+from armwright.model.springs import Cylinder, LinearSpring, Spring, TableSpring
 from armwright.model.tree import BASE, Body, Frame
 
 __all__ = [
@@ -11,15 +12,19 @@ __all__ = [
     "Body",
     "Brake",
     "Cogging",
+    "Cylinder",
     "Drive",
     "Elasticity",
     "Frame",
     "Friction",
     "Limits",
+    "LinearSpring",
     "Mimics",
     "Model",
+    "Spring",
     "Stops",
     "Supply",
+    "TableSpring",
     "Thermal",
     "build_model",
     "check_arm",

@@ -14,8 +14,18 @@ import numpy as np
 from armwright import scalar
 from armwright.description.robot import FixedJoint, Link, MovingJoint, PrismaticJoint, RevoluteJoint, RobotDescription
 from armwright.errors import DescriptionError, Problem
-from armwright.model.joint_side import brake_of, drive_of, elasticity_of, friction_of, limits_of, stops_of, supply_of
+from armwright.model.joint_side import (
+    brake_of,
+    drive_of,
+    elasticity_of,
+    friction_of,
+    limits_of,
+    spring_of,
+    stops_of,
+    supply_of,
+)
 from armwright.model.mimics import Mimics
+from armwright.model.springs import Cylinder
 from armwright.model.tree import BASE, Body, Frame, Tree
 from armwright.quantity import Quantity
 from armwright.scalar import Array, Scalar
@@ -84,7 +94,15 @@ def tree_of(robot: RobotDescription) -> Tree:
     moves = [joint for joint in robot.joints if not isinstance(joint, FixedJoint)]
     followers = {joint.name: joint.mimic for joint in moves if joint.mimic is not None}
     mimics = Mimics.of([body.joint for body in bodies], followers)
-    return Tree(robot.name, bodies, gravity, frames, tip, supply_of(robot.supply), mimics)
+    cylinders = tuple(_cylinder(frames, cylinder) for cylinder in robot.cylinders)
+    return Tree(robot.name, bodies, gravity, frames, tip, supply_of(robot.supply), mimics, cylinders)
+
+
+def _cylinder(frames: dict[str, Frame], record: Any) -> Cylinder:
+    a, b = frames[record.link_a], frames[record.link_b]
+    ends = scalar.stack([a.placement.point(vector(record.anchor_a_m)), b.placement.point(vector(record.anchor_b_m))])
+    numbers = (getattr(record, key).number for key in ("force_n", "length_m", "stiffness_n_per_m"))
+    return Cylinder(record.name, (a.body, b.body), ends, *numbers)
 
 
 def _parents_first(robot: RobotDescription) -> list[Any]:
@@ -156,6 +174,7 @@ def _body(
         "elasticity": elasticity_of(joint),
         "stops": stops_of(joint),
         "brake": brake_of(joint),
+        "spring": spring_of(joint),
     }
 
 

@@ -12,7 +12,12 @@ from armwright.errors import ModelError
 from armwright.model.tree import Tree
 from armwright.scalar import Array
 
-TERMS = {"friction": "friction", "rotors": "rotor_inertia", "efficiency": "efficiency"}  # that None takes away
+TERMS = ("friction", "springs", "rotors", "efficiency")  # that None takes away
+OF_DRIVES = {
+    "rotors": ("rotor_inertia", 0.0),
+    "efficiency": ("efficiency", None),
+}  # field, and its value without the term
+OF_JOINTS = {"friction": "friction", "springs": "spring"}
 CHANGES = (*TERMS, "gravity", "tip", "name")
 AnyTree = TypeVar("AnyTree", bound=Tree)
 
@@ -28,7 +33,8 @@ def changed(model: AnyTree, name: str, value: Any) -> AnyTree:
     if name in TERMS:
         if value is not None:
             raise ModelError(place=f"replace.{name}", value=value, expected="None, which takes it away")
-        return dataclasses.replace(model, bodies=tuple(_without(body, name) for body in model.bodies))
+        bodies = tuple(_without(body, name) for body in model.bodies)
+        return dataclasses.replace(model, bodies=bodies, cylinders=() if name == "springs" else model.cylinders)
     if name == "gravity":
         value = _gravity(value)
     elif name == "tip":
@@ -39,10 +45,10 @@ def changed(model: AnyTree, name: str, value: Any) -> AnyTree:
 
 
 def _without(body: Any, name: str) -> Any:
-    if name == "friction":
-        return dataclasses.replace(body, friction=None)
-    absent = 0.0 if name == "rotors" else None
-    return dataclasses.replace(body, drive=dataclasses.replace(body.drive, **{TERMS[name]: absent}))
+    if name in OF_JOINTS:
+        return dataclasses.replace(body, **{OF_JOINTS[name]: None})
+    field, absent = OF_DRIVES[name]
+    return dataclasses.replace(body, drive=dataclasses.replace(body.drive, **{field: absent}))
 
 
 def _gravity(value: Any) -> Array:

@@ -11,6 +11,7 @@ from armwright.description.drive import DC_EQUIVALENT, LinearFriction, RotaryFri
 from armwright.description.friction import LAWS, Dimension, key_of
 from armwright.description.robot import MovingJoint, RevoluteJoint
 from armwright.model.drive import Brake, Cogging, Drive, Elasticity, Friction, Limits, Stops, Supply, Thermal
+from armwright.model.springs import LinearSpring, Spring, TableSpring
 from armwright.quantity import Quantity
 from armwright.scalar import Scalar
 
@@ -159,6 +160,21 @@ def brake_of(joint: MovingJoint) -> Brake | None:
         keys = ("holding_force_n", "stiffness_n_per_m", "damping_n_s_per_m")
     holding, stiffness, damping = _numbers(record, *keys)
     return Brake(holding * n, stiffness * n * n, damping * n * n, record.release_time_s.number, on_motor)
+
+
+def spring_of(joint: MovingJoint) -> Spring | None:
+    """The spring at a joint."""
+    record, (angle, force) = joint.spring, _units(joint)
+    if record is None:
+        return None
+    if record.outside is None:
+        stiffness, rest, preload = _numbers(
+            record, f"stiffness_{force}_per_{angle}", f"rest_{angle}", f"preload_{force}"
+        )
+        return LinearSpring(stiffness, rest, 0.0 if preload is None else preload)
+    positions = getattr(record, f"positions_{angle}")
+    torques = getattr(record, "torques_n_m" if angle == "rad" else "forces_n")
+    return TableSpring(positions.numbers, torques.numbers, record.outside)
 
 
 def supply_of(record: Any) -> Supply | None:

@@ -13,6 +13,7 @@ from armwright.lint.feasibility import check_bodies, check_drives, impossible_li
 from armwright.lint.plausibility import implausible_values
 from armwright.model.build import massless, places_of_joints, tree_of
 from armwright.model.changes import changed
+from armwright.model.cylinder_lengths import implausible_lengths
 from armwright.model.parameter_table import Parameters, parameters_of
 from armwright.model.tree import Tree
 from armwright.spatial import rotated
@@ -63,8 +64,9 @@ class Model(Tree):
         """A variant of the arm; the arm itself stays as it is.
 
         Args:
-            friction: None takes all joint friction away.   rotors: None takes the rotors' inertia away.
-            efficiency: None makes the gears lossless.   gravity: (3,) [m/s²].   tip: name of a frame.   name: str.
+            friction: None takes all joint friction away.   springs: None takes joints' springs and cylinders away.
+            rotors: None takes the rotors' inertia away.   efficiency: None makes the gears lossless.
+            gravity: (3,) [m/s²].   tip: name of a frame.   name: str.
         Raises:
             ModelError: an unknown change, or a value that is none.
         """
@@ -159,4 +161,6 @@ def build_model(robot: RobotDescription, *, on_impossible: str = "error") -> Mod
     findings = [*check_bodies(robot, on_impossible), *check_drives(robot)]
     model = assembled(robot)
     findings += implausible_values(robot, places_of_joints(robot, model))
-    return dataclasses.replace(model, warnings=(*robot.remarks, *map(str, (*findings, *massless(model)))))
+    return dataclasses.replace(
+        model, warnings=(*robot.remarks, *map(str, (*findings, *massless(model), *implausible_lengths(model))))
+    )

@@ -9,6 +9,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.model.model import Model
+from armwright.model.springs import Cylinder
 from armwright.model.tree import BASE, Body, Frame
 from armwright.scalar import Array, Scalar
 from armwright.spatial import (
@@ -61,7 +62,7 @@ def aligned_frames(model: Model) -> Model:
         else Frame(frame.body, _clean(displacements[frame.body].inverse() @ frame.placement))
         for name, frame in model.frames.items()
     }
-    return replace(model, bodies=tuple(bodies), frames=frames)
+    return replace(model, bodies=tuple(bodies), frames=frames, cylinders=_reframed_cylinders(model, displacements))
 
 
 def base_parameters(model: Model) -> Model:
@@ -168,6 +169,19 @@ def _reframed(body: Body, frame: Placement) -> Body:
         first_moment=rotated(back, body.first_moment - body.mass * p),
         inertia=back @ inertia @ back.T,
     )
+
+
+def _reframed_cylinders(model: Model, displacements: list[Placement]) -> tuple[Cylinder, ...]:
+    """The cylinders with their ends in their bodies' new frames."""
+
+    def moved(body: int, end: Array) -> Array:
+        if body == BASE:
+            return end
+        point = displacements[body].inverse().point(end)
+        return point if scalar.is_symbolic(point) else _without_dust(point, 1.0)
+
+    ends = [scalar.stack([moved(*end) for end in zip(c.bodies, c.ends, strict=True)]) for c in model.cylinders]
+    return tuple(replace(cylinder, ends=pair) for cylinder, pair in zip(model.cylinders, ends, strict=True))
 
 
 def _snapped(body: Body) -> Body:

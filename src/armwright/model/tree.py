@@ -12,6 +12,7 @@ from armwright.description.friction import LINEAR
 from armwright.errors import ModelError
 from armwright.model.drive import Brake, Drive, Elasticity, Friction, Limits, Stops, Supply
 from armwright.model.mimics import Mimics
+from armwright.model.springs import Cylinder, Spring
 from armwright.scalar import Array, Scalar
 from armwright.spatial import Frozen, Placement, displaced_inertia, parallel_axes, rotated
 
@@ -44,6 +45,7 @@ class Body(Frozen):
     stops: Stops | None = None
     brake: Brake | None = None
     offset: Scalar = 0.0  # [rad], what a revolute joint's angle is beyond q
+    spring: Spring | None = None
 
     @property
     def com(self) -> Array:
@@ -102,6 +104,7 @@ class Tree(Frozen):
     tip: str | None = None
     supply: Supply | None = None
     mimics: Mimics | None = None  # None: every joint moves by itself
+    cylinders: tuple[Cylinder, ...] = ()  # between bodies
 
     @property
     def n(self) -> int:
@@ -112,6 +115,11 @@ class Tree(Frozen):
     def coordinates(self) -> tuple[Body, ...]:
         """The joints of q, each with its body and drive, in the order of q."""
         return self.bodies if self.mimics is None else tuple(self.bodies[i] for i in self.mimics.drivers)
+
+    @property
+    def is_sprung(self) -> bool:
+        """True if springs act on the arm."""
+        return bool(self.cylinders) or any(body.spring is not None for body in self.bodies)
 
     @property
     def tree(self) -> Self:

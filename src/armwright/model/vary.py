@@ -19,11 +19,13 @@ from armwright.errors import ModelError
 from armwright.lint.feasibility import IMPOSSIBLE, is_possible
 from armwright.model.model import Model, assembled
 from armwright.model.parameter_table import Parameter, parameters_of
+from armwright.quantity import INCREASING
 from armwright.scalar import Array
 from armwright.spatial import pseudo_inertia
 
 TAKEN_AWAY = {  # by `arm.replace`: the parameters that no longer count
     "friction": ".friction.",
+    "springs": ".spring.",
     "rotors": ".motor.rotor_inertia_kg_m2",
     "efficiency": ".motor.gear_efficiency",
     "gravity": "gravity_m_s2",
@@ -54,6 +56,7 @@ class Varied:
         if isinstance(names, str) or not all(isinstance(name, str) for name in names):
             raise ModelError(place="vary", value=names, expected="a list of names of parameters")
         self.arm, self._record = arm, arm.description
+        self._cylinders = {cylinder.name for cylinder in arm.description.cylinders}
         self._table = parameters_of(arm.description)
         self._numbers = {path: quantity.value for path, quantity, _ in quantities(arm.description, pictures=False)}
         self.parameters = tuple(p for name in names for p in self._named(name))
@@ -84,7 +87,8 @@ class Varied:
                 "no such parameter", place="vary", value=name, expected=self._alternatives(path), file=self.arm.name
             )
         for change, part in TAKEN_AWAY.items():
-            if change in self.arm.changes and part in path:
+            of_cylinder = change == "springs" and path.split(".", 1)[0] in self._cylinders
+            if change in self.arm.changes and (part in path or of_cylinder):
                 raise ModelError(
                     f"arm.replace({change}=…) has replaced it", place="vary", value=name, file=self.arm.name
                 )
@@ -135,8 +139,20 @@ class Varied:
                 lane = int(np.argmin(fits))
                 expected = p.reading.expected if single else "a finite number"
                 raise ModelError(place=f"parameters[{lane}] {p.name}", value=float(column[lane]), expected=expected)
+        for path in dict.fromkeys(p.path for p in self.parameters if p.reading is INCREASING):
+            self._check_increasing(path, rows)
         for link, entries in self._links:
             self._check_link(link, [rows[:, e.column] if isinstance(e, _Column) else e for e in entries])
+
+    def _check_increasing(self, path: str, rows: np.ndarray) -> None:
+        """Refuses positions of a table that do not increase, in one of the lanes."""
+        columns = {p.entry: rows[:, k] for k, p in enumerate(self.parameters) if p.path == path}
+        whole = [columns.get(k, np.full(len(rows), value)) for k, value in enumerate(np.ravel(self._numbers[path]))]
+        wrong = (np.diff(whole, axis=0) <= 0.0).any(axis=0)
+        if wrong.any():
+            lane = int(np.argmax(wrong))
+            values = tuple(float(each[lane]) for each in whole)
+            raise ModelError(place=f"parameters[{lane}] {path}", value=values, expected=INCREASING.expected)
 
     def _varied_links(self) -> Iterator[tuple[str, list[float | _Column]]]:
         """Links whose mass properties vary: each one's ten numbers, constant or a column of the values."""
@@ -207,7 +223,13 @@ def _possible(link: Link) -> bool:
 def _numbers(value: Any) -> Iterator[Any]:
     """Every number of a model, in order."""
     if isinstance(value, Model):
-        for part in (value.bodies, value.gravity, value.mimics, *(value.frames[name] for name in sorted(value.frames))):
+        for part in (
+            value.bodies,
+            value.gravity,
+            value.mimics,
+            value.cylinders,
+            *(value.frames[name] for name in sorted(value.frames)),
+        ):
             yield from _numbers(part)
     elif is_dataclass(value):
         for each in fields(value):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, TypeVar
 
-from armwright.description.robot import RobotDescription
+from armwright.description.robot import FixedJoint, Joint, RobotDescription
 from armwright.errors import DescriptionError
 from armwright.quantity import Quantity, Record
 from armwright.validation import validated
@@ -39,6 +39,19 @@ def chosen(*numbers: Any) -> Quantity:
     """A quantity, one number or several, whose source is whoever called."""
     values = [float(number) for number in numbers]
     return Quantity(value=tuple(values) if len(values) > 1 else values[0], source=CHOSEN)
+
+
+def moving_cylinders(robot: RobotDescription, joints: Sequence[Joint], base: str) -> tuple[Any, ...]:
+    """The cylinders whose two links are there and still move with respect to each other, with these joints and this base."""
+    fixed = {joint.child: joint.parent for joint in joints if isinstance(joint, FixedJoint)}
+    there = {base, *(joint.child for joint in joints)}
+
+    def rigid(link: str) -> str:
+        while link in fixed:
+            link = fixed[link]
+        return link
+
+    return tuple(c for c in robot.cylinders if {c.link_a, c.link_b} <= there and rigid(c.link_a) != rigid(c.link_b))
 
 
 def check_name(robot: RobotDescription, place: str, name: str, known: Iterable[str]) -> None:

@@ -18,7 +18,7 @@ from armwright.description.robot import (
     RobotDescription,
 )
 from armwright.errors import DescriptionError
-from armwright.model.variants.edits import check_name, checked, chosen, replaced
+from armwright.model.variants.edits import check_name, checked, chosen, moving_cylinders, replaced
 from armwright.quantity import Quantity
 from armwright.spatial import roll_pitch_yaw, rotation_rpy, rotation_to_axis, rotation_z
 
@@ -27,8 +27,8 @@ def with_locked(robot: RobotDescription, positions: Mapping[str, Any]) -> RobotD
     """The description with joints held: fixed joints of the same names, so that q has the others only.
 
     The dynamics are those of the full arm with q_k constant: rows and columns of held joints leave M(q), C(q, q̇) q̇ and g(q).
-    A held joint's motor, friction, limits, spring, stops and brake go with it, and its share in the motors of others; joints
-    that mimic it are held where it puts them.
+    A held joint's motor, friction, limits, springs, stops and brake go with it, cylinders whose ends no longer move, and its
+    share in the motors of others; joints that mimic it are held where it puts them.
 
     Args:
         robot: the description.   positions: by the names of joints, where each is held [rad | m].
@@ -55,7 +55,9 @@ def with_locked(robot: RobotDescription, positions: Mapping[str, Any]) -> RobotD
     all_positions = _with_followers(positions, masters)
     if moving and all(name in all_positions for name in moving):
         raise DescriptionError("all joints are locked", place="with_locked", expected="one that moves", file=robot.name)
-    return replaced(robot, "with_locked", joints=tuple(_locked(robot, joint, all_positions) for joint in robot.joints))
+    joints = tuple(_locked(robot, joint, all_positions) for joint in robot.joints)
+    cylinders = moving_cylinders(robot, joints, robot.base)
+    return replaced(robot, "with_locked", joints=joints, cylinders=cylinders)
 
 
 def _with_followers(positions: Mapping[str, Any], masters: Mapping[str, Any]) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +12,7 @@ from armwright.description.robot import FixedJoint, JointFrame, Link, NamedFrame
 from armwright.errors import DescriptionError
 from armwright.model.build import STANDARD_GRAVITY, tree_of
 from armwright.model.tree import BASE, Tree
-from armwright.model.variants.edits import CHOSEN, check_name, checked, chosen, replaced
+from armwright.model.variants.edits import CHOSEN, check_name, checked, chosen, moving_cylinders, replaced
 from armwright.model.variants.locked import uncoupled
 from armwright.spatial import Frozen, Placement, roll_pitch_yaw, rotated, rotation_rpy, rotation_z
 
@@ -64,6 +65,7 @@ def subchain(robot: RobotDescription, base: str, tip: str) -> Subchain:
                 expected=f"{mimic.joint!r} locked first, by with_locked",
                 file=robot.name,
             )
+    cylinders = moving_cylinders(robot, joints, base)
     at = _at_zero(tree_of(robot), base)
     part = replaced(
         robot,
@@ -73,8 +75,9 @@ def subchain(robot: RobotDescription, base: str, tip: str) -> Subchain:
         links=tuple(links),
         frames=tuple(frame for frame in robot.frames if frame.link in kept and frame.name != base),
         tip=tip,
+        cylinders=cylinders,
         gravity_m_s2=_gravity(robot, at),
-        remarks=(*robot.remarks, *_remarks(robot, left, place)),
+        remarks=(*robot.remarks, *_remarks(robot, left, cylinders, place)),
     )
     return Subchain(part, at)
 
@@ -139,13 +142,15 @@ def _gravity(robot: RobotDescription, base: Placement) -> Any:
     return chosen(*rotated(base.rotation.T, gravity))
 
 
-def _remarks(robot: RobotDescription, left: list[Any], place: str) -> list[str]:
-    """A remark on the links left out: those that moved with respect to the subchain."""
+def _remarks(robot: RobotDescription, left: list[Any], cylinders: Sequence[Any], place: str) -> list[str]:
+    """Remarks on what is left out: links that moved with respect to the subchain, and cylinders to such links."""
+    lost = [cylinder.name for cylinder in robot.cylinders if cylinder not in cylinders]
+    remarks = [f"{place} left out the cylinders {', '.join(lost)}"] if lost else []
     behind = {joint.child for joint in left}
     for _ in robot.joints:
         behind |= {joint.child for joint in robot.joints if joint.parent in behind}
     if not left:
-        return []
+        return remarks
     mass = sum(float(link.mass_kg) for link in robot.links if link.name in behind)
     names = ", ".join(joint.name for joint in left)
-    return [f"{place} left out the links behind {names}: {len(behind)} links of {mass:.4g} kg"]
+    return [*remarks, f"{place} left out the links behind {names}: {len(behind)} links of {mass:.4g} kg"]

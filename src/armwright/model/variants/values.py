@@ -47,7 +47,7 @@ def with_values(robot: RobotDescription, values: Mapping[str, Any], source: str 
     fields = {name: _with(getattr(robot, name), changes, name) for name in ("gravity_m_s2", "supply")}
     lists = {
         name: tuple(_with(item, changes, item.name) for item in getattr(robot, name))
-        for name in ("joints", "links", "frames")
+        for name in ("joints", "links", "frames", "cylinders")
     }
     return replaced(robot, "with_values", **fields, **lists)
 

@@ -1,0 +1,94 @@
+"""Springs of an arm: at a joint, and between two links as a gas spring or a counterbalance cylinder.
+
+Few robots have them: `description.robot` imports this file when it meets one. The equations are in `actuators.springs`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field, model_validator
+
+from armwright.description.robot import Name
+from armwright.quantity import Increasing, NotNegative, Number, Numbers, Positive, Record, Vector3, check_together
+from armwright.validation import Invalid
+
+OUTSIDE = 'Beyond the table\'s ends: "constant", the value there; "linear", the slope there. Goes with the table.'
+
+
+class RotarySpring(Record):
+    """A spring at a revolute joint, on the link's side of the gear. A torque above 0 drives the joint forward, as a motor's does.
+
+    Linear:  torque = preload - stiffness (q - rest).
+    By table: straight lines between the points (positions, torques); the slope jumps at the points. [DeBoor1978]
+    """
+
+    source: str | None = None
+    stiffness_n_m_per_rad: NotNegative | None = Field(default=None, description="k of a linear spring.")
+    rest_rad: Number | None = Field(default=None, description="Where a linear spring has its preload.")
+    preload_n_m: Number | None = Field(
+        default=None, description="Torque at rest_rad; absent: 0. With a stiffness of 0 a constant torque."
+    )
+    positions_rad: Increasing | None = Field(default=None, description="Points of a table, in place of a stiffness.")
+    torques_n_m: Numbers | None = Field(default=None, description="As many.")
+    outside: Literal["constant", "linear"] | None = Field(default=None, description=OUTSIDE)
+
+    @model_validator(mode="after")
+    def _complete(self) -> RotarySpring:
+        return _checked(self, "rad", "n_m", "torques_n_m")
+
+
+class LinearSpring(Record):
+    """`RotarySpring` of a prismatic joint, in N and metres."""
+
+    source: str | None = None
+    stiffness_n_per_m: NotNegative | None = Field(default=None, description="k of a linear spring.")
+    rest_m: Number | None = Field(default=None, description="Where a linear spring has its preload.")
+    preload_n: Number | None = Field(
+        default=None, description="Force at rest_m; absent: 0. With a stiffness of 0 a constant force."
+    )
+    positions_m: Increasing | None = Field(default=None, description="Points of a table, in place of a stiffness.")
+    forces_n: Numbers | None = Field(default=None, description="As many.")
+    outside: Literal["constant", "linear"] | None = Field(default=None, description=OUTSIDE)
+
+    @model_validator(mode="after")
+    def _complete(self) -> LinearSpring:
+        return _checked(self, "m", "n", "forces_n")
+
+
+def _checked(spring: Any, length: str, force: str, values: str) -> Any:
+    stiffness, rest = f"stiffness_{force}_per_{length}", f"rest_{length}"
+    positions, table = f"positions_{length}", (f"positions_{length}", values, "outside")
+    linear = (stiffness, rest, f"preload_{force}")
+    present = [key for key in (*linear, *table) if getattr(spring, key) is not None]
+    if not present or (set(present) & set(linear) and set(present) & set(table)):
+        raise Invalid(expected=f"{stiffness} and {rest}, or a table: {', '.join(table)}")
+    if present[0] in linear:
+        if missing := [key for key in (stiffness, rest) if key not in present]:
+            raise Invalid(f"needs {' and '.join(missing)} beside it", place=present[0])
+        return spring
+    check_together(spring, *table)
+    count = len(getattr(spring, positions).value)
+    if len(getattr(spring, values).value) != count:
+        raise Invalid(place=values, value=getattr(spring, values).value, expected=f"{count} numbers, as in {positions}")
+    return spring
+
+
+class Cylinder(Record):
+    """A gas spring, or a counterbalance cylinder with springs: a force along the line between two anchor points.
+
+    force = force_n - stiffness (distance - length_m), distance that of the anchors; above 0 it pushes them apart.
+    Its mass and its damping are not in it.
+    """
+
+    source: str | None = None
+    name: Name = Field(description="What errors and parameters call it.")
+    link_a: Name = Field(description="The link (or the base) that carries one end.")
+    anchor_a_m: Vector3 = Field(description="That end, in the link's frame.")
+    link_b: Name = Field(
+        description="The link (or the base) that carries the other end; it moves with respect to link_a."
+    )
+    anchor_b_m: Vector3 = Field(description="That end, in the link's frame.")
+    force_n: Number = Field(description="At length_m; above 0 it pushes, as a gas spring does, below 0 it pulls.")
+    length_m: Positive = Field(description="Distance of the anchors at which it has that force.")
+    stiffness_n_per_m: NotNegative = Field(description="What a push loses, and a pull gains, by a metre of distance.")
