@@ -70,17 +70,17 @@ def in_command_units(model: Model, output: DriveOutput) -> np.ndarray:
     return scalar.array([parts[body.drive.command][i] for i, body in enumerate(model.coordinates)])
 
 
-def holding_command(model: Model, gravity_torques: Array) -> np.ndarray:
-    """Commands whose torques balance the arm's weight at rest, as far as the drives' limits allow.
+def holding_command(model: Model, torques: Array) -> np.ndarray:
+    """Commands whose torques balance the arm's weight and springs at rest, as far as the drives' limits allow.
 
     Args:
-        model: the arm.   gravity_torques: (n,) [N m | N] at the pose to be held.
+        model: the arm.   torques: (n,) [N m | N] that hold it at its pose.
     Returns:
         u: (n,) [V | A | N m | N], each in its joint's own unit.
     Raises:
         ModelError: a drive without the constants that its command needs.
     """
-    still = scalar.array(0.0 * gravity_torques)
-    torques = from_joints(shares_of(model), gravity_torques)
+    still = scalar.array(0.0 * torques)
+    torques = from_joints(shares_of(model), torques)
     wanted = in_command_units(model, demanded_drive(model, still, torques))
     return in_command_units(model, limited_drive(model, still, wanted))

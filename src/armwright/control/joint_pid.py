@@ -13,7 +13,7 @@ from armwright.actuators.coupling import from_joints, shares_of
 from armwright.control.anti_windup import RULES, limited_stage, shortfall
 from armwright.control.commands import command_signs, torque_commands
 from armwright.control.gains import check_model, check_time, check_whole, per_joint, positive_limit
-from armwright.dynamics import gravity_torques
+from armwright.dynamics import holding_torques
 from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement
 from armwright.model import Model
@@ -107,7 +107,7 @@ class JointPID:
         slope = (r.qd - speed) if self.derivative == "error" else -1.0 * speed
         feedforward = self.kd * slope + self.speed_feedforward * r.qd + self.acceleration_feedforward * r.qdd
         if self.gravity:
-            weight = from_joints(shares_of(self.model), gravity_torques(simplified(self.model), y.q))
+            weight = from_joints(shares_of(self.model), holding_torques(simplified(self.model), y.q))
             feedforward = feedforward + signs * torque_commands(self.model, scalar.zeros(n), weight)
         missing = signs * shortfall(y.applied, asked[:n], self.slack)
         stage = limited_stage(

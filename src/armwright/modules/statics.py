@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
+from armwright.actuators.springs import spring_torque
 from armwright.dynamics import gravity_torques
 from armwright.kinematics import forward_kinematics, jacobian
 from armwright.model import Model
@@ -40,7 +41,7 @@ class Holding:
 
 
 def static_torques(model: Model, q: np.ndarray, com: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Gravity torques of the arm at rest, and the torques that a payload adds a kilogram:  g(q),  -Jᵀ [g; R c × g].
+    """Torques that hold the arm at rest, joints' springs included, and what a payload adds a kilogram:  g + s,  -Jᵀ [g; R c × g].
 
     Args:
         model: the arm, with a tip.   q: (…, n) [rad | m].   com: (3,) [m] the payload's centre of mass in the tip's frame.
@@ -50,7 +51,11 @@ def static_torques(model: Model, q: np.ndarray, com: np.ndarray | None = None) -
         ModelError: the arm branches and names no tip.
     """
     both = interpret(_torques(structure(model)), q, np.zeros(3) if com is None else com, *parameters_of(model))
-    return both[..., 0, :], both[..., 1, :]
+    hold = both[..., 0, :]
+    for i, body in model.outward():
+        if body.spring is not None:
+            hold[..., i] -= spring_torque(body.spring, q[..., i])
+    return hold, both[..., 1, :]
 
 
 @lru_cache(maxsize=64)

@@ -17,7 +17,7 @@ from armwright.quantity import Quantity, Record, Source
 from armwright.robotfiles.dynamic_effect import DynamicEffect, dynamic_effect
 
 Arm = str | os.PathLike[str] | Model | RobotDescription
-WHOLE = ("joints", "links", "frames")  # whose items come and go as a whole
+WHOLE = ("joints", "links", "frames", "cylinders")  # whose items come and go as a whole
 NOT_PHYSICAL = ("sources", "built_from", "remarks", "notes", "title", "name", "source")  # of the description itself
 
 
@@ -26,7 +26,7 @@ class Change:
     """One parameter that differs; None stands for an absent one.
 
     Attributes:
-        path: such as `link3.mass_kg`; the name alone for a joint, link or frame that is in only one of the two.
+        path: such as `link3.mass_kg`; the name alone for a joint, link, frame or cylinder that is in only one of the two.
         before, after: the values.   std_before, std_after: their standard deviations.
         source_before, source_after: where they come from.
     """
@@ -133,14 +133,14 @@ class Leaf:
     value: Any
     std: Any = None
     source: str | None = None
-    is_whole: bool = False  # a joint, link or frame: its fields have leaves of their own
+    is_whole: bool = False  # a joint, link, frame or cylinder: its fields have leaves of their own
 
 
 def flattened(robot: RobotDescription) -> dict[str, Leaf]:
     """Every number and word of a description by its dotted path, in its order.
 
-    A joint, link or frame also has a leaf under its name alone, for one that the other description has not; pictures are one
-    leaf a link. Titles, notes and the list of sources are left out.
+    A joint, link, frame or cylinder also has a leaf under its name alone, for one that the other description has not;
+    pictures are one leaf a link. Titles, notes and the list of sources are left out.
     """
     flat: dict[str, Leaf] = {}
     for name in type(robot).model_fields:
@@ -179,4 +179,6 @@ def _walk(value: Any, path: str, source: str | None) -> Iterator[tuple[str, Leaf
 def _summary(item: Any, kind: str) -> str:
     if kind == "links":
         return f"link of {float(item.mass_kg):g} kg"
+    if kind == "cylinders":
+        return f"cylinder from {item.link_a} to {item.link_b}"
     return f"{item.type} joint" if kind == "joints" else f"frame on {item.link}"

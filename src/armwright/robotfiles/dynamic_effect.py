@@ -1,4 +1,4 @@
-"""Effect of a difference between two arms: mass, gravity torques and inertias of the joints that both have."""
+"""Effect of a difference between two arms: mass, holding torques and inertias of the joints that both have."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armwright.dynamics import gravity_torques, mass_matrix
+from armwright.dynamics import holding_torques, mass_matrix
 from armwright.model import Model
 
 POSES = 32  # beside q = 0
@@ -14,11 +14,11 @@ POSES = 32  # beside q = 0
 
 @dataclass(frozen=True, eq=False)
 class DynamicEffect:
-    """Mass, gravity torques and inertias of two arms; arrays have one entry for each joint that both have.
+    """Mass, holding torques and inertias of two arms; arrays have one entry for each joint that both have.
 
     Attributes:
         mass: of all links [kg], of each arm.   joints: the names of the joints.   poses: (k, joints) [rad | m].
-        gravity: (2, k, joints) [N m | N] gravity torques of each arm.
+        gravity: (2, k, joints) [N m | N] torques that hold each arm against gravity and springs.
         inertia: (2, k, joints) [kg m² | kg] diagonal of the mass matrix of each arm, rotors included.
     """
 
@@ -41,7 +41,7 @@ class DynamicEffect:
 
 
 def dynamic_effect(a: Model, b: Model) -> DynamicEffect | None:
-    """Gravity torques and inertias of two arms at q = 0 and at 32 poses within the limits of the first.
+    """Holding torques and inertias of two arms at q = 0 and at 32 poses within the limits of the first.
 
     Joints go by their names; one that only one arm has stays at 0. None without a joint in common.
     """
@@ -55,7 +55,7 @@ def dynamic_effect(a: Model, b: Model) -> DynamicEffect | None:
         for pose, g, i in zip(poses, gravity[k], inertia[k], strict=True):
             q = np.zeros(arm.n)
             q[places] = pose
-            g[:] = gravity_torques(arm, q)[places]
+            g[:] = holding_torques(arm, q)[places]
             i[:] = np.diag(mass_matrix(arm, q))[places]
     return DynamicEffect((_mass(a), _mass(b)), names, poses, gravity, inertia)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators import holding_command
-from armwright.dynamics import gravity_torques
+from armwright.dynamics import holding_torques
 from armwright.errors import HiddenStateError
 from armwright.interfaces import UNTRACEABLE, why
 from armwright.kernels.batch import Kernel
@@ -83,7 +83,7 @@ class Initialisation:
             arm, x = plant.model, start if self._whole else plant.initial(start[:n], start[n:])
             if sensors is None:
                 return (scalar.array(x),)
-            u = command[0] if command else holding_command(arm, gravity_torques(arm, plant.part(x, "q")))
+            u = command[0] if command else holding_command(arm, holding_torques(arm, plant.part(x, "q")))
             view = PlantView(plant, x, PlantInputs(u, wrench if len(wrench) else None), self._period)
             exact = sensors.of_lane(c_sensors).without_noise()
             memory = exact.memory(view)
