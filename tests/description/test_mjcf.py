@@ -104,6 +104,10 @@ BODY = "<body name='b'>{}<geom size='0.1'/></body>"
 HINGE = "<joint name='j' type='hinge'/>"
 
 
+SITES = HINGE + "<site name='a' pos='0 0 0.3'/><geom size='0.1'/></body><body name='c'><site name='b'/>"
+BETWEEN = "<site site='a'/><site site='b'/></spatial></tendon>"
+
+
 def mjcf(joint=HINGE, after="", before=""):
     """One body on one joint."""
     return f"<mujoco>\n{before}<worldbody>{BODY.format(joint)}</worldbody>{after}</mujoco>"
@@ -112,7 +116,12 @@ def mjcf(joint=HINGE, after="", before=""):
 REFUSALS = [  # file and line, place, and some of what the error says
     (mjcf("<freejoint name='f'/>"), "a.xml", "joint 'f'", "a free joint, which is not offered"),
     (mjcf("<joint name='s' type='ball'/>"), "a.xml", "joint 's'", "a ball joint, which is not offered"),
-    (mjcf("<joint name='j' stiffness='3'/>"), "a.xml", "joint 'j'", "a spring, which is not offered"),
+    (mjcf(SITES, after="<tendon><spatial name='t' stiffness='3' damping='1'>" + BETWEEN), "a.xml", "tendon 't'",
+     "damping, which is not offered"),
+    (mjcf(SITES, after="<tendon><spatial name='t' stiffness='3' springlength='0.1 0.2'>" + BETWEEN), "a.xml", "tendon 't'",
+     "slack between 0.1 and 0.2 m, which is not offered"),
+    (mjcf(SITES, after="<tendon><spatial name='t' stiffness='3' limited='true' range='0 1'>" + BETWEEN), "a.xml",
+     "tendon 't'", "limited, which is not offered"),
     (mjcf(after="<tendon><fixed name='t'><joint joint='j' coef='1'/></fixed></tendon>"), "a.xml", "tendon 't'",
      "couples bodies or joints, which is not offered"),
     (mjcf(after="<equality><joint name='e' joint1='j'/></equality>"), "a.xml", "equality 'e'",

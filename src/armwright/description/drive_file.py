@@ -30,7 +30,7 @@ from armwright.quantity import Positive, Record, Source, Vector3
 from armwright.validation import validated
 
 ENDING = ".drive.toml"
-PARTS = ("elasticity", "stops", "brake")  # of a joint that no other format knows
+PARTS = ("elasticity", "stops", "brake", "spring")  # of a joint that a URDF does not know
 PLACEHOLDER = 1.0  # the reduction that tools write where nobody gave one
 
 
@@ -46,6 +46,7 @@ class JointDrive(Record):
     elasticity: dict[str, Any] | None = Field(default=None, description="As in a robot file, and so the following.")
     stops: dict[str, Any] | None = Field(default=None, description="What the joint runs into.")
     brake: dict[str, Any] | None = Field(default=None, description="What holds it.")
+    spring: dict[str, Any] | None = Field(default=None, description="What bears some of its load.")
 
 
 class DriveFile(Record):
@@ -58,6 +59,9 @@ class DriveFile(Record):
     gravity_m_s2: Vector3 | None = Field(default=None, description="In base axes.")
     tip: str | None = Field(default=None, min_length=1, description="The link that kinematics and wrench are about.")
     joints: dict[str, JointDrive] = Field(default_factory=dict, description="[joints.NAME].")
+    cylinders: tuple[dict[str, Any], ...] = Field(
+        default=(), description="As in a robot file; anchors in the other file's link frames."
+    )
 
 
 def find_drive_file(robot_file: Path, drive: str | os.PathLike[str] | None) -> Path | None:
@@ -112,6 +116,8 @@ def add_drives(path: Path, drives: DriveFile, robot: dict[str, Any], reductions:
         for part in PARTS:
             if getattr(drive, part) is not None:
                 joint[part] = _table(path, f"joints.{name}.{part}", getattr(drive, part), source)
+    if drives.cylinders:
+        robot["cylinders"] = [_table(path, "cylinders", cylinder, drives.source) for cylinder in drives.cylinders]
     if drives.supply is not None:
         robot["supply"] = _table(path, "supply", drives.supply, drives.source)
     robot["sources"] |= drives.sources

@@ -8,7 +8,8 @@ import tomlkit
 
 from armwright.description.drive_file import JointDrive
 from armwright.description.robot import FixedJoint, RobotDescription
-from armwright.export.joints import joint_frames, moved_tip, tip_of
+from armwright.export.joints import JointFrame, joint_frames, moved_tip, tip_of
+from armwright.export.springs import cylinder_ends
 from armwright.quantity import Quantity, Record
 
 CARRIED = [name for name in JointDrive.model_fields if name != "source"]
@@ -27,7 +28,8 @@ def drive_file(robot: RobotDescription) -> str:
             for name, value in values.items()
             if value is not None and not (isinstance(value, Record) and not value.model_fields_set)
         }
-    tip = moved_tip(robot, joint_frames(robot)) or tip_of(robot)
+    frames = joint_frames(robot)
+    tip = moved_tip(robot, frames) or tip_of(robot)
     document = {
         **({} if robot.source is None else {"source": robot.source}),
         **({} if robot.command is None else {"command": robot.command}),
@@ -36,8 +38,19 @@ def drive_file(robot: RobotDescription) -> str:
         **({} if robot.supply is None else {"supply": _plain(robot.supply, robot.source)}),
         "sources": {key: source.model_dump(exclude_none=True) for key, source in robot.sources.items()},
         "joints": joints,
+        **({"cylinders": [_cylinder(robot, frames, each) for each in robot.cylinders]} if robot.cylinders else {}),
     }
     return tomlkit.dumps(document)
+
+
+def _cylinder(robot: RobotDescription, frames: list[JointFrame], cylinder: Any) -> dict[str, Any]:
+    """The cylinder's table, its anchors in the URDF's link frames: as the record has them where the frame is the same."""
+    table = _plain(cylinder, robot.source)
+    for key, (_, point) in zip(("anchor_a_m", "anchor_b_m"), cylinder_ends(robot, frames, cylinder), strict=True):
+        anchor = getattr(cylinder, key)
+        if tuple(point) != anchor.value:
+            table[key] = _plain(anchor.model_copy(update={"value": tuple(point.tolist())}), None)
+    return table
 
 
 def _plain(value: Any, source: str | None) -> Any:

@@ -44,7 +44,9 @@ def of_all_formats(robot: RobotDescription) -> list[str]:
     spread = sum(quantity.std is not None for _, quantity, _ in numbers)
     dh = [joint.name for joint in robot.joints if joint.dh is not None or joint.modified_dh is not None]
     accepted = [link.name for link in robot.links if link.accept_impossible is not None]
-    parts = {part: [joint.name for joint in moving if getattr(joint, part) is not None] for part in PARTS}
+    parts = {
+        part: [joint.name for joint in moving if getattr(joint, part) is not None] for part in PARTS if part != "spring"
+    }
     within = {key: [name for name, motor in motors if getattr(motor, key) not in (None, ())] for key in EFFECTS}
     sentences = [
         loss_of("electrical constants", electric),

@@ -13,6 +13,7 @@ from armwright.description.record_of import Arm, record_of
 from armwright.description.robot import FixedJoint, MovingJoint, PrismaticJoint, RobotDescription
 from armwright.export.joints import JointFrame, joint_frames, place_of, plain_friction, plain_limits, tip_of
 from armwright.export.losses import Losses, of_all_formats, of_friction
+from armwright.export.springs import add_tendons, joint_stiffness
 from armwright.lint.feasibility import is_possible
 from armwright.model.build import STANDARD_GRAVITY
 from armwright.output import whole_file
@@ -21,10 +22,10 @@ from armwright.spatial import Placement, pseudo_inertia, rotation_quaternion
 
 
 def write_mjcf(arm: Arm | RobotDescription, path: str | os.PathLike[str]) -> list[str]:
-    """Writes an MJCF: bodies, hinges and slides, armature, damping, dry friction, gears, limits, named frames as sites.
+    """Writes an MJCF: bodies, hinges and slides, armature, damping, dry friction, springs, gears, limits, named frames as sites.
 
-    Armature is n² J_m. A motor's control is the torque on the joint over the gear ratio. MuJoCo itself refuses bodies that move
-    without mass, and tensors that no body has.
+    Armature is n² J_m. A motor's control is the torque on the joint over the gear ratio. Cylinders are
+    spatial tendons. MuJoCo itself refuses bodies that move without mass, and tensors that no body has.
 
     Args:
         arm: the arm or its description.   path: of the file, ending in .xml.
@@ -75,6 +76,7 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
             line = _text((joint.mimic.offset, joint.mimic.multiplier, 0.0, 0.0, 0.0))
             ElementTree.SubElement(equality, "joint", {**pair, "polycoef": line})
             losses.add("that it follows exactly (MuJoCo's equality constraints give way)", joint.name)
+    add_tendons(root, bodies, description, frames, losses)
     if not len(equality):
         root.remove(equality)
     ElementTree.indent(root)
@@ -99,7 +101,7 @@ def _joint(body: Any, actuator: Any, joint: MovingJoint, entry: JointFrame, loss
     for name, value in (("armature", gear * gear * rotor), ("damping", viscous), ("frictionloss", dry)):
         if value:
             values[name] = repr(value)
-    ElementTree.SubElement(body, "joint", values)
+    ElementTree.SubElement(body, "joint", values | joint_stiffness(joint, losses))
     if joint.mimic is not None:
         if effort is not None:
             losses.add("effort limits of joints that follow another", joint.name)

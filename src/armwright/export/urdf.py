@@ -16,6 +16,7 @@ from armwright.description.urdf.joints import LARGEST
 from armwright.export.drive_file import drive_file
 from armwright.export.joints import JointFrame, joint_frames, moved_tip, place_of, plain_friction, plain_limits, tip_of
 from armwright.export.losses import Losses, loss_of, of_all_formats, of_friction
+from armwright.export.springs import spring_losses
 from armwright.output import whole_file
 from armwright.solids.mesh import Mesh
 from armwright.solids.shapes import Box, Cylinder, Sphere
@@ -51,7 +52,8 @@ def write_urdf(arm: Arm | RobotDescription, path: str | os.PathLike[str], *, dri
     motors = [f"{loss_of('motors with their rotor inertia', gears)}{kept}"] if gears else []
     gravity = [f"gravity{kept}"] if description.gravity_m_s2 is not None else []
     friction = [f"{sentence}{kept}" for sentence in of_friction(description)]
-    return [*motors, *gravity, *friction, *of_all_formats(description), *losses.sentences()]
+    springs = [f"{sentence}{kept}" for sentence in spring_losses(description)]
+    return [*motors, *gravity, *friction, *springs, *of_all_formats(description), *losses.sentences()]
 
 
 def urdf_text(description: RobotDescription, path: Path, losses: Losses) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from armwright.description.mjcf.drives import masters
+from armwright.description.mjcf.springs import check_tendons
 from armwright.description.xml_tree import NUMBER, Element, read_xml
 from armwright.errors import DescriptionError
 
@@ -88,7 +89,8 @@ def _check_element(element: Element, folder: Path, within: list[Path]) -> None:
 
 
 def check_model(file: Path, mujoco: Any, model: Any) -> None:
-    """Refuses what the dynamics would lack: free and ball joints, springs, tendons, fluid, gravity compensation, constraints.
+    """Refuses what the dynamics would lack: free and ball joints, springs that are no lines, tendons that are no springs,
+    fluid, gravity compensation, constraints.
 
     Args:
         file: for errors.   mujoco: the package.   model: its compiled MjModel.
@@ -105,13 +107,12 @@ def check_model(file: Path, mujoco: Any, model: Any) -> None:
         if int(kind) not in offered:
             called = "free" if int(kind) == int(mujoco.mjtJoint.mjJNT_FREE) else "ball"
             refuse("joint", i, f"a {called} joint, which is {NOT_OFFERED}", "hinge or slide")
-        if model.jnt_stiffness[i] != 0 or _any(model, "jnt_stiffnesspoly", i):
-            refuse("joint", i, f"a spring, which is {NOT_OFFERED}")
+        if _any(model, "jnt_stiffnesspoly", i):
+            refuse("joint", i, f"stiffness of higher order, which is {NOT_OFFERED}")
     for i in range(model.nv):
         if _any(model, "dof_dampingpoly", i):
             refuse("joint", int(model.dof_jntid[i]), f"damping of higher order, which is {NOT_OFFERED}")
-    if model.ntendon:
-        refuse("tendon", 0, f"couples bodies or joints, which is {NOT_OFFERED}")
+    check_tendons(mujoco, model, refuse)
     for i in range(model.nbody):
         if model.body_gravcomp[i] != 0:
             refuse("body", i, f"gravcomp, which is {NOT_OFFERED}")

@@ -15,6 +15,7 @@ import numpy as np
 
 from armwright.description.mjcf.checks import check_file, check_model
 from armwright.description.mjcf.drives import Actuation, actuations, masters, mimic_record
+from armwright.description.mjcf.springs import cylinder, joint_spring, springs_are_off
 from armwright.description.robot import RobotDescription
 from armwright.errors import DescriptionError, Findings, Problem
 from armwright.spatial import Placement, roll_pitch_yaw, rotation_to_axis, rotation_z
@@ -28,10 +29,10 @@ UNNAMEABLE = re.compile(r"[\s.\[\]]")
 
 
 def read_mjcf(path: str | os.PathLike[str], *, smoothing: float | None = None) -> RobotDescription:
-    """The description in a MuJoCo XML file: bodies, hinges and slides, armature, damping, gears and limits.
+    """The description in a MuJoCo XML file: bodies, hinges and slides, armature, damping, springs, gears and limits.
 
     Armature becomes the rotor inertia  J = armature / n²  behind the actuator's gear n (1 without one). Sites become frames;
-    a site called tip or attachment_site is the tip.
+    a site called tip or attachment_site is the tip. Spatial tendons that are springs between two sites become cylinders.
 
     Args:
         path: the file.
@@ -40,7 +41,7 @@ def read_mjcf(path: str | os.PathLike[str], *, smoothing: float | None = None) -
     Returns:
         description: `remarks` tell what was left out or doubtful, `notes` what was ignored.
     Raises:
-        DescriptionError: MuJoCo is not installed or refuses the file; free joints, springs, tendons, constraints other than
+        DescriptionError: MuJoCo is not installed or refuses the file; free joints, other tendons, constraints other than
             joints that follow others, and whatever else would change the dynamics.
     """
     file = Path(path)
@@ -113,6 +114,7 @@ class _Reader:
             "joints": self.joints,
             "links": self.links,
             "frames": frames,
+            "cylinders": self._cylinders(frames),
             **({"tip": tips[0]} if len(tips) == 1 else {}),
         }
         return validated(RobotDescription, record, file=self.file)
@@ -204,7 +206,17 @@ class _Reader:
             master = self._name(self.mujoco.mjtObj.mjOBJ_JOINT, other, "joint")
             record["mimic"] = mimic_record(model, self.following[k], master, hinge=hinge)
             self.remarks.add("joint", name, Problem("follows another exactly, where MuJoCo's constraint gives way"))
-        return record | ({"friction": friction} if friction else {})
+        return record | joint_spring(self.mujoco, model, k, hinge=hinge) | ({"friction": friction} if friction else {})
+
+    def _cylinders(self, frames: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        """Tendons that pull or push; those without stiffness only measure."""
+        kind, model = self.mujoco.mjtObj.mjOBJ_TENDON, self.model
+        live = (
+            []
+            if springs_are_off(self.mujoco, model)
+            else [i for i in range(model.ntendon) if np.any(model.tendon_stiffness[i])]
+        )
+        return [cylinder(model, i, self._name(kind, i, "tendon"), frames) for i in live]
 
     def _frame(self, i: int) -> dict[str, Any]:
         body = int(self.model.site_bodyid[i])

@@ -242,3 +242,5 @@ def _rename(reading: UrdfReading, record: dict[str, Any]) -> None:
                 entry[key] = plain(entry[key])
         if "mimic" in entry:
             entry["mimic"]["joint"] = plain(entry["mimic"]["joint"])
+    for cylinder in record.get("cylinders", ()):
+        cylinder |= {key: plain(cylinder[key]) for key in ("link_a", "link_b") if isinstance(cylinder.get(key), str)}
