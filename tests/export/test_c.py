@@ -30,8 +30,13 @@ from kernels.c_compilers import BITS, CORTEX_M7, STRICT, batch_function, build, 
 from kernels.harness import same_bits
 from physics.arms import arm, workshop
 
-ARMS = ("puma560", "panda", "cmu-dd", "workshop")  # workshop: a prismatic joint, branches, losses, every friction law
-WHOLE = ("puma560", "workshop")  # all functions; of the others those that compilers are done with soon
+ARMS = (
+    "puma560",
+    "panda",
+    "cmu-dd",
+    "sprung",
+)  # sprung: a prismatic joint, branches, losses, every friction law, springs
+WHOLE = ("puma560", "sprung")  # all functions; of the others those that compilers are done with soon
 LONG = ("inverse_dynamics_derivatives", "forward_dynamics_derivatives", "forward_arm_linearised", "coriolis_matrix")
 
 
@@ -145,7 +150,7 @@ def test_c_has_the_bits_of_the_compiled_kernel(libraries, name, form):
 #: Every arm with both compilers and both reals, every compiler with both reals.
 PAIRS = [
     *((which, name, real) for name in ("puma560", "cmu-dd") for which, real in (("gcc", "double"), ("clang", "float"))),
-    *((which, name, real) for name in ("panda", "workshop") for which, real in (("gcc", "float"), ("clang", "double"))),
+    *((which, name, real) for name in ("panda", "sprung") for which, real in (("gcc", "float"), ("clang", "double"))),
 ]
 
 
@@ -204,7 +209,7 @@ def test_float_is_double_rounded(tmp_path, kernel):
 
 @pytest.mark.parametrize(
     ("name", "core", "real"),
-    [("workshop", CORTEX_M7, "double"), ("puma560", CORTEX_M7, "float"), ("workshop", CORTEX_M4, "float")],
+    [("sprung", CORTEX_M7, "double"), ("puma560", CORTEX_M7, "float"), ("sprung", CORTEX_M4, "float")],
 )
 def test_microcontrollers(written, tmp_path, name, core, real):
     """Clean for them too, and fused multiply-add is an instruction there."""
@@ -361,9 +366,9 @@ def test_what_a_docstring_says_of_an_array():
 
 def test_nothing_is_allocated_and_nothing_recurses(written, objects):
     """Only libm's functions are called from outside, and each function of ours only calls those that stand before it."""
-    text = written("workshop")[1].read_text()
+    text = written("sprung")[1].read_text()
     assert set(re.findall(r"#include (\S+)", text)) == {
-        '"workshop.h"',
+        '"sprung.h"',
         "<float.h>",
         "<math.h>",
         "<stdint.h>",
@@ -374,11 +379,11 @@ def test_nothing_is_allocated_and_nothing_recurses(written, objects):
     for head, body in re.findall(
         r"^(?:static )?(?:void|double|uint64_t) (\w+)\([^;{]*\)\n\{\n(.*?)^\}", text, re.M | re.S
     ):
-        called = set(re.findall(r"\b(workshop_\w+)\(", body))
+        called = set(re.findall(r"\b(sprung_\w+)\(", body))
         assert called <= known, head
         known.add(head)
-    assert len(known) > len(offered(arm("workshop")))
-    names = subprocess.run([compiler("nm"), "-u", objects("gcc", "workshop")], capture_output=True, text=True)
+    assert len(known) > len(offered(arm("sprung")))
+    names = subprocess.run([compiler("nm"), "-u", objects("gcc", "sprung")], capture_output=True, text=True)
     libm = {
         "sin",
         "cos",

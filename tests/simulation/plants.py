@@ -61,6 +61,18 @@ ON_MOTOR = {  # LuGre of the motor, in its own radians
     "bristle_stiffness_n_m_per_rad": 0.8,
     "bristle_damping_n_m_s_per_rad": 2e-3,
 }
+LINE = {"stiffness_n_m_per_rad": 12.0, "rest_rad": -0.4, "preload_n_m": 3.0}
+TABLE = {"positions_rad": [-1.0, 0.2, 0.33, 2.0], "torques_n_m": [9.0, 4.0, -2.0, -3.0], "outside": "linear"}
+CYLINDER = {
+    "name": "balancer",
+    "link_a": "base",
+    "anchor_a_m": [0.1, 0.05, 0.3],
+    "link_b": "rod1",
+    "anchor_b_m": [0.2, 0.0, 0.1],
+    "force_n": 120.0,
+    "length_m": 0.8,
+    "stiffness_n_per_m": 400.0,
+}
 STOPS = {"stiffness_n_m_per_rad": 5e3, "damping_n_m_s_per_rad": 20.0}
 BRAKE = {
     "holding_torque_n_m": 30.0,
@@ -154,6 +166,13 @@ MANY = {  # an arm for each effect, and one that has them all
     "elastic": pendulum(motor=MOTOR, friction=COULOMB, elasticity=ELASTIC),
     "harmonic": pendulum(motor=MOTOR, friction=ON_MOTOR, elasticity=HARMONIC),
     "supply": pendulum(motor=MOTOR, friction=COULOMB, robot={"supply": SUPPLY}),
+    "springs": chain(
+        [
+            {"command": "voltage", "motor": MOTOR, "friction": COULOMB, "spring": TABLE},
+            {"command": "voltage", "motor": MOTOR, "friction": COULOMB, "elasticity": ELASTIC, "spring": LINE},
+        ],
+        robot={"cylinders": [CYLINDER]},
+    ),
     "all": chain(
         [
             {

@@ -33,11 +33,11 @@ from simulation.plants import (
     steps,
 )
 
-U = {"all": [12.0, 8.0]}
+U = {"all": [12.0, 8.0], "springs": [12.0, 8.0]}
 PLAY = {**ELASTIC, "backlash_rad": 0.004}
 TOUCHING = pendulum(motor=MOTOR, elasticity=PLAY, stops=STOPS, limits={"position_rad": [-1.0, 1.0]})
 APART = pendulum(motor=MOTOR, elasticity={**PLAY, "backlash_rad": 1e3})
-FAST = ("inductance", "elastic", "harmonic", "all")  # with time constants of a millisecond
+FAST = ("springs", "inductance", "elastic", "harmonic", "all")  # with time constants of a millisecond
 SMOOTH = [name for name in MANY if name != "supply"]  # whose bus may take over the voltage limit within a run
 
 

@@ -9,7 +9,7 @@ import armwright as aw
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
 from simulation.energies import Balance
-from simulation.plants import COULOMB, ELASTIC, LUGRE, MANY, MOTOR, SUPPLY, chain, pendulum
+from simulation.plants import COULOMB, ELASTIC, LINE, LUGRE, MANY, MOTOR, SUPPLY, chain, pendulum
 
 ORDERS = {"rk3": 3, "rk4": 4}
 VISCOUS = {"viscous_n_m_s_per_rad": 0.8}
@@ -123,3 +123,14 @@ def test_powers_of_a_wrench():
     assert pushed["mechanical"] == pytest.approx(0.0)  # the tip is the joint's own frame
     turned = plant.energy_rates(x, PlantInputs(u, np.array([0.0, 0.0, 0.0, 0.0, 3.0, 0.0])))
     assert turned["mechanical"] == pytest.approx(-6.0)
+
+
+def test_a_drive_holds_an_arm_against_its_springs():
+    """The command before the first tick is that of g + s, as a controller's gravity term is, and with both nothing moves."""
+    arm = pendulum(motor=MOTOR, spring=LINE)
+    loop = aw.Loop(
+        controller=aw.JointPID(kp=0.0, gravity=True), reference=[0.4], period=1e-3, timing=aw.Timing("one-tick")
+    )
+    run = aw.simulate(aw.Scenario(arm, start=aw.Start(q=[0.4]), duration=0.02, loop=loop))
+    assert np.abs(run.q.values - 0.4).max() < 1e-12
+    assert np.abs(aw.spring_torques(arm, [0.4])).min() > 1.0
