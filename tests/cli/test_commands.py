@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 import armwright as aw
 from armwright.cli.app import app
+from physics.arms import arm
 from simulation.runs import mixed_file
 
 
@@ -96,6 +97,15 @@ def test_info_shows_an_arm_that_load_would_refuse(tmp_path):
     path.write_text(path.read_text().replace("mass_kg = 1\n", "mass_kg = 1e-9\n").replace("zz = 0.1 }", "zz = 9 }"))
     run("simulate", path, "--command", "0", "--duration", "1", code=2)
     assert "warning: link 'hand': an impossible inertia" in run("info", path).stdout
+
+
+def test_info_shows_springs(tmp_path):
+    """With the keys of the file, and cylinders with both ends."""
+    path = tmp_path / "sprung.toml"
+    path.write_text(aw.to_toml(arm("sprung").record), encoding="utf-8")
+    shown = " ".join(run("info", path).stdout.split())
+    assert "joint2 positions_m [−0.8, −0.1, 0.3, 0.9], forces_n [30, 12, −8, −9], outside linear" in shown
+    assert "balancer base (0.3, −0.2, 0.9) link1 (0.1, 0.5, 0) −80 0.9 240" in shown
 
 
 @pytest.mark.parametrize("name", ["cmu-dd", "lwa4p", "two-link"])

@@ -172,9 +172,9 @@ def sprung() -> dict[str, Any]:
         if joint["name"] in springs:
             joint["spring"] = springs[joint["name"]]
     ends = [  # where the anchors never meet
-        ("balancer", "base", [0.3, -0.2, 0.9], "link1", [0.1, 0.5, 0.0], -80.0, 0.7, 240.0),
+        ("balancer", "base", [0.3, -0.2, 0.9], "link1", [0.1, 0.5, 0.0], -80.0, 0.9, 240.0),
         ("across", "link3", [0.0, 0.1, 0.4], "link5", [0.2, 0.0, -0.5], 25.0, 0.5, 60.0),
-        ("long", "hand", [0.0, 0.0, 0.3], "base", [-1.0, 0.5, 1.5], 12.0, 1.0, 0.0),
+        ("long", "hand", [0.0, 0.0, 0.3], "base", [-1.0, 0.5, 1.5], 12.0, 2.0, 0.0),
     ]
     keys = ("name", "link_a", "anchor_a_m", "link_b", "anchor_b_m", "force_n", "length_m", "stiffness_n_per_m")
     return {**robot, "name": "sprung", "cylinders": [dict(zip(keys, row, strict=True)) for row in ends]}

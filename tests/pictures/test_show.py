@@ -16,6 +16,7 @@ from armwright.errors import ModelError, OutputError, ShapeError
 from armwright.kinematics import body_placements
 from armwright.model import build_model
 from armwright.pictures.body_shapes import body_shapes
+from armwright.pictures.joint_figure import CYLINDER, bone_size
 from armwright.pictures.png import spacing, write_png
 from armwright.pictures.posed_arm import posed_arm
 from armwright.pictures.scene import Y_UP
@@ -49,6 +50,19 @@ def test_a_scene_has_a_node_for_each_link_where_it_stands(name, tmp_path):
         np.testing.assert_allclose(scene.graph[link][0], Y_UP @ placed.matrix(), atol=1e-6)
     box = posed_arm(model, q).surfaces().corners.reshape(-1, 3) @ Y_UP[:3, :3].T
     np.testing.assert_allclose(scene.bounds, [box.min(axis=0), box.max(axis=0)], atol=1e-5)
+
+
+def test_a_cylinder_is_drawn_from_end_to_end():
+    """As a shape of its own colour in the base's frame, whose far points are at both anchors."""
+    model = arm("sprung")
+    q = random_state(model, 1)[0]
+    (drawn,) = [shape for shape in posed_arm(model, q).shapes[-1] if shape.colour == CYLINDER]
+    placed = body_placements(model, q)
+    for cylinder in model.cylinders:
+        for body, end in zip(cylinder.bodies, cylinder.ends, strict=True):
+            distance = np.linalg.norm(drawn.positions - placed[body].point(end), axis=1).min()
+            assert distance < bone_size(model)
+    assert not any(shape.colour == CYLINDER for shape in posed_arm(arm("workshop"), q).shapes[-1])
 
 
 def test_a_page_needs_nothing_else(tmp_path):

@@ -56,6 +56,8 @@ def info(robot: Robot, operations: Operations = False) -> None:
         _inertias(record),
         _drives(arm, record),
         _friction(record),
+        _springs(record),
+        _cylinders(record),
         _limits(arm),
         _sources(record),
     ):
@@ -191,6 +193,43 @@ def _friction(record: RobotDescription) -> Group | None:
         values = [f"{name} {number(getattr(friction, name))}" for name in names if getattr(friction, name) is not None]
         rows.append([joint.name, friction.law, friction.side, ", ".join(values)])
     return table("Friction", ("joint", "law", "side", "numbers"), rows, left=("law", "side", "numbers"))
+
+
+def _springs(record: RobotDescription) -> Group | None:
+    """As the file gives them."""
+    rows = []
+    for joint in record.joints:
+        spring = getattr(joint, "spring", None)
+        if spring is not None:
+            values = {
+                key: getattr(spring, key) for key in type(spring).model_fields if key not in ("source", "outside")
+            }
+            texts = [f"{key} {_one_or_many(value)}" for key, value in values.items() if value is not None]
+            texts += [] if spring.outside is None else [f"outside {spring.outside}"]
+            rows.append([joint.name, ", ".join(texts)])
+    return table("Springs at joints", ("joint", "numbers"), rows, left=("numbers",))
+
+
+def _one_or_many(quantity: Any) -> str:
+    value = quantity.value
+    return f"[{', '.join(map(number, value))}]" if isinstance(value, tuple) else number(value)
+
+
+def _cylinders(record: RobotDescription) -> Group | None:
+    rows = []
+    for c in record.cylinders:
+        ends = ((c.link_a, c.anchor_a_m), (c.link_b, c.anchor_b_m))
+        places = [f"{link} ({_one_or_many(anchor)[1:-1]})" for link, anchor in ends]
+        rows.append([c.name, *places, *map(number, (c.force_n, c.length_m, c.stiffness_n_per_m))])
+    heads = (
+        "cylinder",
+        "from link (x, y, z [m])",
+        "to link (x, y, z [m])",
+        "push [N]",
+        "at length [m]",
+        "stiffness [N/m]",
+    )
+    return table("Cylinders between links; a push below 0 is a pull", heads, rows, left=heads[1:3])
 
 
 def _limits(arm: Model) -> Group | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import radians
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 from armwright.description.robot import Link
 from armwright.errors import DescriptionError, Problem, RunError
 from armwright.model import Model
-from armwright.pictures.joint_figure import GREY, joint_figure
+from armwright.pictures.joint_figure import GREY, Piece, joint_figure
 from armwright.solids.manifold import manifold
 from armwright.solids.surface import surface
 from armwright.solids.visual import Visual
@@ -40,13 +40,14 @@ class Shape:
 
 
 def body_shapes(
-    arm: Model, travel: Mapping[int, tuple[float, float]] | None = None
+    arm: Model, travel: Mapping[int, tuple[float, float]] | None = None, more: Iterable[Piece] = ()
 ) -> tuple[dict[int, list[Shape]], tuple[Problem, ...]]:
     """Shapes of each body, one for each colour; holes are taken out of the solids that they go through.
 
     Args:
         arm: the arm; its visuals are those of its description.
         travel: body → the least and the greatest position [m] of its joint, for the rail of a sliding joint in a figure.
+        more: pieces that are drawn beside visuals or figure.
     Returns:
         shapes: body (BASE: what does not move) → shapes in the body's frame.
         notes: visuals that are drawn in another way than the record has them.
@@ -56,8 +57,8 @@ def body_shapes(
     notes: list[Problem] = []
     patches = list(_visual_patches(arm, notes))
     if not patches:
-        figure = joint_figure(arm, travel or {})
-        patches = [(body, colour, _smooth(mesh.apply_transform(at.matrix()))) for body, colour, mesh, at in figure]
+        more = (*joint_figure(arm, travel or {}), *more)
+    patches += [(body, colour, _smooth(mesh.apply_transform(at.matrix()))) for body, colour, mesh, at in more]
     merged: dict[int, dict[Colour, list[Patch]]] = defaultdict(lambda: defaultdict(list))
     for body, colour, patch in patches:
         merged[body][colour].append(patch)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import trimesh
 
 GREY, JOINT, TIP = (0.78, 0.79, 0.81), (0.0, 0.447, 0.698), (0.835, 0.369, 0.0)
+CYLINDER = (0.0, 0.62, 0.451)
 THICKNESS = 0.028  # of a bone, in lengths of the whole arm
 
 Piece = tuple[
@@ -38,7 +39,7 @@ def joint_figure(arm: Model, travel: Mapping[int, tuple[float, float]]) -> Itera
     if arm.tip is not None:
         tip = arm.frame()
         bones.append((tip.body, *_end(tip.placement)))
-    size = THICKNESS * (sum(float(np.linalg.norm(end)) for _, end, _ in bones) or 1.0)
+    size = bone_size(arm)
     for body, end, axis in bones:
         for start, leg in _legs(end, axis):
             length = float(np.linalg.norm(leg))
@@ -60,6 +61,30 @@ def joint_figure(arm: Model, travel: Mapping[int, tuple[float, float]]) -> Itera
     if arm.tip is not None:
         body, end, _ = bones[-1]
         yield body, TIP, icosphere(subdivisions=2, radius=0.8 * size), Placement(np.eye(3), end)
+
+
+def bone_size(arm: Model) -> float:
+    """Size [m] that the pieces of a figure are multiples of: a share of the arm's bones put end to end."""
+    placements = [body.placement for body in arm.bodies] + ([arm.frame().placement] if arm.tip is not None else [])
+    return THICKNESS * (sum(float(np.linalg.norm(np.asarray(at.position, dtype=float))) for at in placements) or 1.0)
+
+
+def cylinder_figures(arm: Model, placed: Mapping[int, Placement]) -> Iterator[Piece]:
+    """A rod between the two ends of every spring cylinder, and a barrel about its first half, in one pose, in the base's frame.
+
+    Args:
+        arm: the arm.   placed: body → where it stands in the base.
+    """
+    from trimesh.creation import cylinder
+
+    size = bone_size(arm)
+    for spring in arm.cylinders:
+        start, end = (placed[body].point(point) for body, point in zip(spring.bodies, spring.ends, strict=True))
+        turn = Placement(rotation_to_axis(end - start), start)
+        for radius, share in ((0.25, 1.0), (0.5, 0.5)):
+            length = share * float(np.linalg.norm(end - start))
+            piece = cylinder(radius=radius * size, height=length, sections=AROUND)
+            yield BASE, CYLINDER, piece, turn @ Placement(np.eye(3), np.array([0.0, 0.0, 0.5 * length]))
 
 
 def _end(at: Placement) -> tuple[np.ndarray, np.ndarray]:

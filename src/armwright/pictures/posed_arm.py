@@ -11,6 +11,7 @@ from armwright.errors import Problem, RunError, ShapeError
 from armwright.kinematics import body_placements
 from armwright.model import Model, check_arm
 from armwright.pictures.body_shapes import Shape, body_shapes
+from armwright.pictures.joint_figure import cylinder_figures
 from armwright.pictures.render import Surfaces
 from armwright.spatial import Placement
 
@@ -45,7 +46,7 @@ class PosedArm:
 
 
 def posed_arm(arm: Model, q: Any = None) -> PosedArm:
-    """The arm at q (n,) [rad | m], by default 0; as a figure of its joints where a mesh of it cannot be read.
+    """The arm at q (n,) [rad | m], by default 0, and its cylinders; as a figure of its joints if a mesh cannot be read.
 
     Raises:
         ModelError: it is no arm.   ShapeError: q is no pose of it.
@@ -57,10 +58,11 @@ def posed_arm(arm: Model, q: Any = None) -> PosedArm:
         raise ShapeError(place="q", value=pose, expected=expected)
     moved = pose if arm.mimics is None else arm.mimics.positions(pose)
     travel = {k: (float(position), float(position)) for k, position in enumerate(moved)}
+    placed = body_placements(arm, pose)
     try:
-        shapes, notes = body_shapes(arm, travel)
+        shapes, notes = body_shapes(arm, travel, cylinder_figures(arm, placed))
     except RunError as error:  # a mesh that is missing, or of a format that needs more than is installed
-        shapes, _ = body_shapes(replace(arm, description=None), travel)
+        shapes, _ = body_shapes(replace(arm, description=None), travel, cylinder_figures(arm, placed))
         first = error.problems[0]
         notes = (replace(first, what=f"{first.what}; drawn as a figure of its joints instead"),)
-    return PosedArm(arm, moved, shapes, body_placements(arm, pose), notes)
+    return PosedArm(arm, moved, shapes, placed, notes)
