@@ -22,6 +22,25 @@ def timed_arm(name: str) -> aw.Model:
     return arm.replace(friction=None, efficiency=None)
 
 
+def sprung_arms(name: str) -> dict[str, aw.Model]:
+    """A built-in arm with one spring at its second joint, by kind: a line, a table of 12 points, a cylinder across the joint."""
+    line = {"stiffness_n_m_per_rad": 80.0, "rest_rad": -1.5, "preload_n_m": 4.0}
+    at = np.linspace(-4.0, 4.0, 12)
+    table = {"positions_rad": at.tolist(), "torques_n_m": (60.0 * np.sin(at)).tolist(), "outside": "constant"}
+    ends = {"link_a": "link1", "anchor_a_m": [0.0, -0.35, 0.1], "link_b": "link2", "anchor_b_m": [-0.3, 0.05, 0.0]}
+    cylinder = {"name": "balancer", **ends, "force_n": -300.0, "length_m": 0.4, "stiffness_n_per_m": 900.0}
+    springs = {"a linear spring": {"spring": line}, "a table of 12 points": {"spring": table}, "a cylinder": {}}
+    arms = {}
+    for kind, own in springs.items():
+        record = aw.load(name).record.model_dump(exclude_none=True, exclude={"remarks"})
+        record["source"] = "estimate"
+        record["joints"] = [*record["joints"][:1], record["joints"][1] | own, *record["joints"][2:]]
+        record["cylinders"] = [] if own else [cylinder]
+        robot = aw.RobotDescription(**record)
+        arms[kind] = build_model(robot).replace(friction=None, efficiency=None)
+    return arms
+
+
 def random_chain(n: int) -> aw.Model:
     """n revolute joints about random axes, short links of real bodies, a geared motor each: M is well conditioned."""
     rng = np.random.default_rng([n, 9])

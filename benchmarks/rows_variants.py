@@ -1,4 +1,6 @@
-"""The same kernels of `puma560` in other forms: fewer lanes, with friction, in single precision, with parameters left open."""
+"""The same kernels of `puma560` in other forms: fewer lanes, with friction, with springs, in single precision, with
+parameters left open.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from arms import random_states, timed_arm
+from arms import random_states, sprung_arms, timed_arm
 from peers.pinocchio_peer import PinocchioLoop
 from records import Record, Task, record
 from rows_kernels import BATCH, QUICK_BATCH, WORKS, batch, checked, compiled, looped, pinocchio, pinocchio_loop
@@ -47,6 +49,7 @@ def variant_records(name: str, quick: bool, repetitions: int) -> list[Record]:
     forms: list[tuple[str, Contestant]] = [
         *narrow(name, inputs, check),
         *rough(name, states),
+        *sprung(name, states),
         *single(name, inputs, truth),
         *varied(name, inputs, check),
     ]
@@ -85,6 +88,22 @@ def rough(name: str, states: dict[str, np.ndarray]) -> Iterator[tuple[str, Conte
     else:
         truth = wheel.forward_dynamics(states["q"], states["qd"], states["tau"] - friction)
     yield "with friction (the peer without)", batch("friction", getattr(dyn, name), inputs, checked(truth))
+
+
+def sprung(name: str, states: dict[str, np.ndarray]) -> Iterator[tuple[str, Contestant]]:
+    """With a spring of each kind at joint 2; the truth is Pinocchio's with s(q) on floats added to its torques."""
+    if name not in ("inverse_dynamics", "forward_dynamics"):
+        return
+    wheel, inputs = pinocchio(ROBOT), [states[key] for key in WORKS[name].inputs]
+    for kind, arm in sprung_arms(ROBOT).items():
+        s = np.stack([aw.spring_torques(arm, q) for q in states["q"]])
+        if name == "inverse_dynamics":
+            truth = wheel.inverse_dynamics(*inputs) + s
+        else:
+            truth = wheel.forward_dynamics(states["q"], states["qd"], states["tau"] - s)
+        dyn = aw.compile(arm)
+        dyn.threads = 1
+        yield f"with {kind} (the peer without)", batch(kind, getattr(dyn, name), inputs, checked(truth))
 
 
 def single(name: str, inputs: list[np.ndarray], truth: Any) -> Iterator[tuple[str, Contestant]]:
