@@ -15,7 +15,7 @@ from armwright_tables import table
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from armwright.description import built_from, drive, drive_effects, robot
+from armwright.description import built_from, drive, drive_effects, robot, springs
 from armwright.lazy_schema import Later
 from armwright.modules import assembly, library, task
 from armwright.parts import materials
@@ -49,11 +49,13 @@ TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("elasticity", "", (drive_effects.RotaryElasticity, drive_effects.LinearElasticity)),
     ("stops", "", (drive_effects.RotaryStops, drive_effects.LinearStops)),
     ("brake", "", (drive_effects.RotaryBrake, drive_effects.LinearBrake)),
+    ("[joints.spring]", "", (springs.RotarySpring, springs.LinearSpring)),
     ("[supply]", "", (drive_effects.Supply,)),
     ("[[links]]", "", (robot.Link,)),
     ("inertia_kg_m2", "", (robot.Inertia,)),
     ("[[links.visuals]]", "Solids are those of the [parts file](parts-file.md).", (visual.Visual,)),
     ("[[frames]]", "", (robot.NamedFrame,)),
+    ("[[cylinders]]", "", (springs.Cylinder,)),
     ("[built_from]", "", (built_from.BuiltFrom,)),
     ("A number with its source", "", (Quantity,)),
 )

@@ -20,6 +20,10 @@ SAYS = {  # lines that must come out, and files that must be there
         ["3 V, plain             overshoot 39%, not within 5 % yet", "3 V, clamping          overshoot  3%"],
         ["windup.png"],
     ),
+    "10": (
+        ["the best cylinder pulls 27075 N", "axis 2 with it:  1764 N m at most,   715 N m rms"],
+        ["balanced_arm.png"],
+    ),
     "09": (["the winding reached 107 °C"], ["hot_motor.png"]),
 }
 
