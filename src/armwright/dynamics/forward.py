@@ -53,8 +53,8 @@ def accelerations(
 ) -> np.ndarray:
     """Accelerations for torques that reach the joints, torques that resist there, and lossy gears that drive them as well.
 
-    M q̈ = driven - resisting - C q̇ - g - s + Jᵀ wrench + Σ Bᵢᵀ Gᵢ,  by the way that `forward_dynamics` chooses. Friction and gear loss
-    of the model itself have no part.
+    M q̈ = driven - resisting - C q̇ - g - s + Jᵀ wrench + Σ Bᵢᵀ Gᵢ,  by the way that `forward_dynamics` chooses. Friction and gear
+    loss of the model itself have no part.
 
     Args:
         model: the arm, without the rotors of those gears.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].

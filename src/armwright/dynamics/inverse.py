@@ -21,8 +21,8 @@ def inverse_dynamics(model: Model, q: Array, qd: Array, qdd: Array, wrench: Arra
     """Motor torques that give acceleration `qdd` in state (q, qd).  [LuhWalkerPaul1980]
 
     tau = G⁻¹(B⁻ᵀ r) + n² J_m B q̈ + f_m(B q̇),   r = M_links q̈ + C q̇ + g(q) + s(q) + f_links(q̇) - Jᵀ wrench:  what the joints
-    need, s for springs, goes back through the gears G (`actuators.gear`), and the motors also accelerate their rotors and move against
-    motor-side friction. B q̇ are the motors' speeds (B = 1 but for coupled motors). Without loss and coupling
+    need, s for springs, goes back through the gears G (`actuators.gear`), and the motors also accelerate their rotors and move
+    against motor-side friction. B q̇ are the motors' speeds (B = 1 but for coupled motors). Without loss and coupling
     tau = M q̈ + C q̇ + g + s + f - Jᵀ wrench.
 
     Args:

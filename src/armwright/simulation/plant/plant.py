@@ -4,7 +4,7 @@ x holds q and q̇, then only what the arm's record asks for: positions and speed
 currents, bristles, temperatures, the bus. What is absent has neither state nor operations. With B the motors' speeds by
 the joints' (B = 1 but for coupled motors, θ_motor / n = B q) and a rigid gear,
 
-    ( M_links + Bᵀ n² J_m B ) q̈ = Bᵀ ( e tau_m - f_m ) - C q̇ - g - f + Jᵀ wrench,   tau_m = n Kt i + n cogging;
+    ( M_links + Bᵀ n² J_m B ) q̈ = Bᵀ ( e tau_m - f_m ) - C q̇ - g - s - f + Jᵀ wrench,   tau_m = n Kt i + n cogging;
 
 an elastic one has its motor's own  n² J_m θ̈ = e tau_m - f_m - ∂δ/∂θ · spring  and gives Bᵀ spring to the links. [Spong1987]
 """
