@@ -12,6 +12,7 @@ README = Path(__file__).parents[1] / "README.md"
 MARKS = "<!-- speed -->", "<!-- /speed -->"
 VECTORS = {8: "AVX-512", 4: "AVX2", 2: "128 bits"}
 NARROW = "x86-64-v3"
+PROCESSORS = {"znver4": "Zen 4", "znver3": "Zen 3", "emeraldrapids": "Emerald Rapids"}  # LLVM's name: as people say it
 WORKS = {
     "inverse_dynamics": "inverse dynamics, batch of 4096",
     "forward_dynamics": "forward dynamics",
@@ -26,8 +27,10 @@ def speed_table(saved: Saved) -> str:
     """Ours on this processor and for AVX2, beside the peers; rows without a peer's loop are left out."""
     rows = [_kernel(saved, work, title) for work, title in WORKS.items()]
     rows += [_simulation(saved, integrator, title) for integrator, title in INTEGRATORS.items()]
-    wide = VECTORS.get(saved["machine"]["width"], "this processor")
-    head = ["work, 6 joints", f"Armwright, {wide}", "ratio", "AVX2 only", "ratio", "peer"]
+    machine = saved["machine"]
+    on = PROCESSORS.get(machine["cpu"], machine["cpu"])
+    wide = f"{VECTORS.get(machine['width'], 'all')} on {on}"
+    head = ["work, 6 joints", f"Armwright, {wide}", "ratio", f"AVX2 on {on}", "ratio", "peer"]
     lines = [f"| {' | '.join(line)} |" for line in [head, *filter(None, rows)]]
     return "\n".join([lines[0], f"|---|{'---:|' * 5}", *lines[1:]])
 

@@ -178,6 +178,18 @@ def test_the_readme_gets_its_table(at_home, saved, tmp_path):
     assert page.read_text(encoding="utf-8") == "no marks"
 
 
+def test_the_readmes_table_names_the_processor(at_home):
+    """It is the newest saved result's, and says of both columns on which processor they ran."""
+    from readme import MARKS, README, speed_table  # type: ignore[import-not-found]
+
+    saved = json.loads(sorted((BENCHMARKS / "results").glob("*.json"))[-1].read_text(encoding="utf-8"))
+    table = README.read_text(encoding="utf-8").partition(MARKS[0])[2].partition(MARKS[1])[0].strip()
+    assert table == speed_table(saved)
+    columns = table.splitlines()[0].split(" | ")
+    assert " on " in columns[1]
+    assert columns[3].startswith("AVX2 on ")
+
+
 def test_operations_are_counted_in_the_compiled_text(at_home):
     from peak import operations  # type: ignore[import-not-found]
 
