@@ -118,6 +118,8 @@ class StepLimit:
     def _limit(self, integrator: Integrator, command: np.ndarray) -> tuple[float, float]:
         rates = self.rates(command)
         rates = rates[np.abs(rates) > 0.0]
+        if not rates.size:  # masses alone
+            return np.inf, np.inf
         dies = -np.real(rates) > np.abs(np.imag(rates))
         reach = np.full(len(rates), TURNING)  # h |λ| up to which each mode is as it should be
         z = np.outer(rates[dies] / np.abs(rates[dies]), REACH * RAYS)
