@@ -43,6 +43,10 @@ Voltage = Annotated[str | None, option("--voltage", "V1,V2,…", "Constant volta
 Current = Annotated[str | None, option("--current", "I1,I2,…", "Constant currents in A.")]
 Torque = Annotated[str | None, option("--torque", "T1,T2,…", "Constant motor torques at the joints in N m.")]
 Command = Annotated[str | None, option("--command", "U1,U2,…", "Constant commands, each in its own joint's unit.")]
+Allow = Annotated[
+    list[Path] | None,
+    option("--allow", "FOLDER", "Folder in which a scenario file may name files, beside its own; may be repeated."),
+]
 Duration = Annotated[
     float | None, option("--duration", "S", "Duration in s; by default until the schedule's last row.")
 ]
@@ -151,3 +155,15 @@ def refuse_options(file: str, options: dict[str, Any]) -> None:
             raise ScenarioError(
                 "a scenario file says all of it", place=f"--{name}", expected="one or the other", file=file
             )
+
+
+def refuse_allow(folders: list[Path] | None) -> None:
+    """Refuses --allow without a scenario file, the only one that names files.
+
+    Raises:
+        ScenarioError: it was given.
+    """
+    if folders:
+        raise ScenarioError(
+            "goes with a scenario file", place="--allow", value=str(folders[0]), expected=f"FILE{SCENARIO}"
+        )

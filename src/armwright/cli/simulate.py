@@ -11,6 +11,7 @@ import typer
 
 from armwright.cli.arguments import (
     SCENARIO,
+    Allow,
     Command,
     Current,
     Duration,
@@ -22,6 +23,7 @@ from armwright.cli.arguments import (
     Voltage,
     commands_of,
     option,
+    refuse_allow,
     refuse_options,
     start_of,
 )
@@ -47,6 +49,7 @@ def simulate(
     ] = None,
     q0: Position = None,
     qd0: Velocity = None,
+    allow: Allow = None,
     record_every: Annotated[
         int | None,
         option("--record-every", "K", "Record every K-th step, default 1; 0: only start and end."),
@@ -64,7 +67,8 @@ def simulate(
     is in its drive's own unit, as `armwright info` shows it. Without -o and --plot the state at the end is shown,
     of lanes its mean, least and most.
 
-    A file that ends in .scenario.toml says all of it instead: robot, controller, reference, timing, lanes.
+    A file that ends in .scenario.toml says all of it instead: robot, controller, reference, timing, lanes. The files
+    that it names must stand in its folder or below, or in one that --allow names.
 
     \b
     Examples:
@@ -73,6 +77,7 @@ def simulate(
       armwright simulate cmu-dd --schedule volts.csv -o run.nc
       armwright simulate lwa4p --current 0 --q0 0,30deg,0,0,0,0 --duration 1
       armwright simulate swing.scenario.toml -o run.nc
+      armwright simulate swing.scenario.toml --allow ../robots -o run.nc
     """
     import armwright as aw
     from armwright.results.plot import check_plot
@@ -86,7 +91,7 @@ def simulate(
     if robot.endswith(SCENARIO):
         options = {**constants, "schedule": schedule, "duration": duration, "integrator": integrator}
         refuse_options(robot, {**options, "q0": q0, "qd0": qd0, "step": step, "record-every": record_every})
-        scenario = aw.read_scenario(robot)
+        scenario = aw.read_scenario(robot, allow=allow or ())
         if plot is not None and scenario.recording.what == "none":
             expected = "'all' or 'state', or no --plot, which draws rows"
             raise ScenarioError(place="recording.what", value="none", expected=expected, file=robot)
@@ -95,6 +100,7 @@ def simulate(
         except (ScenarioError, DivergenceError) as error:  # of the run, which does not know the file
             raise error.within(file=robot) from None
         return
+    refuse_allow(allow)
     arm = aw.load(robot)
     scenario = aw.Scenario(
         arm,

@@ -11,6 +11,7 @@ import typer
 
 from armwright.cli.arguments import (
     SCENARIO,
+    Allow,
     Command,
     Current,
     Duration,
@@ -22,6 +23,7 @@ from armwright.cli.arguments import (
     Voltage,
     commands_of,
     option,
+    refuse_allow,
     refuse_options,
     start_of,
 )
@@ -55,11 +57,13 @@ def step_study(
     ] = "1e-3,1e-6,1e-9",
     q0: Position = None,
     qd0: Velocity = None,
+    allow: Allow = None,
 ) -> None:
     """Try integration steps against CVODES and recommend the largest that is small enough.
 
-    Commands are given as for `armwright simulate`; a file that ends in .scenario.toml says all of it instead. There a
-    controller keeps its sample period, and substeps are tried. Errors are the largest over time, joints and lanes.
+    Commands are given as for `armwright simulate`; a file that ends in .scenario.toml says all of it instead, and may name
+    files in its folder or below, or in one that --allow names. There a controller keeps its sample period, and substeps
+    are tried. Errors are the largest over time, joints and lanes.
 
     \b
     Examples:
@@ -74,11 +78,12 @@ def step_study(
     if robot.endswith(SCENARIO):
         options = {**constants, "schedule": schedule, "duration": duration, "step": step}
         refuse_options(robot, {**options, "q0": q0, "qd0": qd0})
-        scenario = aw.read_scenario(robot)
+        scenario = aw.read_scenario(robot, allow=allow or ())
         if integrator is not None:
             solver = replace(scenario.solver, integrator=integrator, rtol=None, atol=None, max_steps=None)
             scenario = replace(scenario, solver=solver)
     else:
+        refuse_allow(allow)
         arm = aw.load(robot)
         scenario = aw.Scenario(
             arm,

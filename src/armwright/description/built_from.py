@@ -35,10 +35,26 @@ class BuiltFrom(Record):
 
     def changed(self, folder: str | os.PathLike[str]) -> list[str]:
         """Files that have changed, seen from that folder; absent files are left out."""
-        beside = Path(folder) if self.file.startswith(BUILTIN) else (Path(folder) / self.file).parent
         files = {self.file: (Path(folder), self.sha256)}
-        files |= {name: (beside, was) for name, was in (*self.meshes.items(), *self.libraries.items())}
+        files |= {name: (self._beside(folder), was) for name, was in (*self.meshes.items(), *self.libraries.items())}
         return [name for name, (start, was) in files.items() if _hash_of(name, start) not in (was, None)]
+
+    def texts(self, folder: str | os.PathLike[str]) -> dict[str, Path]:
+        """Parts or assembly and libraries that do not come with Armwright, each with the folder that its path starts in.
+
+        Args:
+            folder: of the description's file.
+        """
+        files = {self.file: Path(folder), **dict.fromkeys(self.libraries, self._beside(folder))}
+        return {name: start for name, start in files.items() if not name.startswith(BUILTIN)}
+
+    def is_unchanged(self, name: str, text: str) -> bool:
+        """True if one of `texts` is what it was then."""
+        return _digest(text.encode("utf-8"), name) == {self.file: self.sha256, **self.libraries}[name]
+
+    def _beside(self, folder: str | os.PathLike[str]) -> Path:
+        """The folder that paths of meshes and libraries start in."""
+        return Path(folder) if self.file.startswith(BUILTIN) else (Path(folder) / self.file).parent
 
 
 def built_from(path: Path, meshes: Iterable[str] = (), folder: Path | None = None) -> BuiltFrom:
@@ -101,6 +117,10 @@ def _hash(path: Path) -> str | None:
         content = path.read_bytes()
     except (OSError, ValueError):
         return None
-    if path.suffix == ".toml":
+    return _digest(content, path.name)
+
+
+def _digest(content: bytes, name: str) -> str:
+    if name.endswith(".toml"):
         content = content.replace(b"\r\n", b"\n")  # as git may have it on Windows
     return hashlib.sha256(content).hexdigest()

@@ -53,12 +53,18 @@ def read_numbers(path: str | os.PathLike[str], columns: Sequence[Column]) -> Num
         ScheduleError: no such file, not UTF-8, columns too many, too few or unknown, a wrong unit, a cell that holds
             no finite number, no rows; with file, line, column, value and expectation.
     """
-    place, columns = os.fspath(path), tuple(columns)
+    place = os.fspath(path)
+    return parse_numbers(table_text(place), place, columns)
+
+
+def parse_numbers(text: str, place: str, columns: Sequence[Column]) -> Numbers:
+    """The finite numbers in the text of a CSV file; `place` is what errors call it. See `read_numbers`."""
+    columns = tuple(columns)
     expected = f"{len(columns)} columns: {', '.join(column.name for column in columns)}"
     order: list[int] | None = None
     values: list[list[float]] = []
     lines: list[int] = []
-    for line, cells in _rows(place, _text(place)):
+    for line, cells in _rows(place, text):
         if order is None:
             header = _is_header(cells, columns)
             order = _order(f"{place}:{line}", cells, columns, expected) if header else list(range(len(columns)))
@@ -140,8 +146,13 @@ def _write_rows(file: Any, columns: Mapping[str, Any]) -> None:
         writer.writerows(zip(*(array[part].tolist() for array in arrays), strict=True))
 
 
-def _text(place: str) -> str:
-    """A file as text."""
+def table_text(path: str | os.PathLike[str]) -> str:
+    """The text of a CSV file.
+
+    Raises:
+        ScheduleError: no such file, or none in UTF-8.
+    """
+    place = os.fspath(path)
     try:
         data = Path(place).read_bytes()
     except FileNotFoundError:

@@ -7,7 +7,7 @@ import importlib
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +22,12 @@ from armwright.model.joint_signals import joint_units
 from armwright.model.vary import Varied
 from armwright.quantity import Record
 from armwright.scalar import Scalar
-from armwright.scenarios.files import Files
+from armwright.scenarios.files import Files, FolderFiles
 from armwright.scenarios.lanes import TENSOR, vary
 from armwright.scenarios.records import Kind, PayloadTable, ScenarioTable, Tensor, key_in_file
 from armwright.simulation.inputs.input_schedule import WRENCH
 from armwright.simulation.inputs.payload import Payload
-from armwright.simulation.inputs.schedule import Schedule, read_schedule
+from armwright.simulation.inputs.schedule import Schedule, parse_schedule
 from armwright.simulation.loop.command_filter import CommandFilter
 from armwright.simulation.loop.sensors import Sensors
 from armwright.simulation.loop.timing import Timing
@@ -44,36 +44,47 @@ FAULTS = (
 )
 
 
-def read_scenario(path: str | os.PathLike[str]) -> Scenario:
+def read_scenario(path: str | os.PathLike[str], *, allow: Iterable[str | os.PathLike[str]] = ()) -> Scenario:
     """The scenario in a file.
 
     Args:
-        path: of the `*.scenario.toml`; robots and tables that it names stand beside it, or are built in.
+        path: of the `*.scenario.toml`; robots and tables that it names stand in its folder or below, or are built in.
+        allow: further folders that it may name files in.
     Returns:
         scenario: as in Python; `scenario.document` keeps the file and all that it named.
     Raises:
         ArmwrightError: no such file, or something in it that cannot be believed; names file, key, value and what was expected.
     """
-    path = Path(path)
+    path, folders = Path(path), [Path(folder) for folder in allow]
+    for folder in folders:
+        if not folder.is_dir():
+            raise ScenarioError("no such folder", place="allow", value=str(folder))
     try:
         document = read_document(path)
         text = path.read_text(encoding="utf-8")
     except DescriptionError as error:
         raise ScenarioError.of(*error.problems) from None
-    return parse_scenario(document, str(path), Files(path.parent), text)
+    return parse_scenario(document, str(path), FolderFiles(path.parent, folders), text)
 
 
-def parse_scenario(document: dict[str, Any], place: str, files: Files, text: str) -> Scenario:
-    """The scenario in a parsed TOML document; `place` is what errors call its file."""
-    if "faults" in document:
+def parse_scenario(tables: dict[str, Any], place: str, files: Files, text: str) -> Scenario:
+    """The scenario in a parsed TOML document, whose text is kept with it; `place` is what errors call its file."""
+    if "faults" in tables:
         raise ScenarioError(FAULTS, place="faults", file=place)
-    table = validated(ScenarioTable, document, file=place, error=ScenarioError)
+    table = validated(ScenarioTable, tables, file=place, error=ScenarioError)
     try:
         scenario = _scenario(table, files)
     except ArmwrightError as error:
         raise error.renamed(key_in_file).within(file=place) from None
-    kept = {"scenario": text, "files": files.read}
-    object.__setattr__(scenario, "document", json.dumps(kept, sort_keys=True))  # of this one: a changed copy has none
+    document = files.document(text)
+    notes = [
+        f"{name} has {content.size / 2**20:.3g} MiB, too much to be kept with the run, which cannot be reproduced"
+        for name, content in {place: document.scenario, **document.files}.items()
+        if content.text is None
+    ]
+    # Of this scenario alone: a changed copy has neither.
+    object.__setattr__(scenario, "document", json.dumps(document.model_dump(exclude_none=True), sort_keys=True))
+    object.__setattr__(scenario, "notes", tuple(notes))
     return scenario
 
 
@@ -147,14 +158,16 @@ def _commands(table: ScenarioTable, arm: Model, files: Files) -> Any:
     if table.commands is None:
         return None
     if table.commands.schedule is not None:
-        return read_schedule(files.table(table.commands.schedule), arm.names, joint_units(arm, "u"))
+        return parse_schedule(
+            *files.table("commands.schedule", table.commands.schedule), arm.names, joint_units(arm, "u")
+        )
     return _joints("commands.constant", table.commands.constant, arm)
 
 
 def _wrench(value: Any, files: Files) -> Schedule | np.ndarray | None:
     """Six numbers, or a table of them over time."""
     if isinstance(value, str):
-        return read_schedule(files.table(value), WRENCH, ["N"] * 3 + ["N m"] * 3)
+        return parse_schedule(*files.table("inputs.wrench", value), WRENCH, ["N"] * 3 + ["N m"] * 3)
     return None if value is None else np.array(value)
 
 
@@ -162,7 +175,7 @@ def _brake(value: Any, arm: Model, files: Files) -> Any:
     """Numbers, a table by joint whose others are released, or a table over time."""
     braked = [body.joint for body in arm.coordinates if body.brake is not None]
     if isinstance(value, str):
-        return read_schedule(files.table(value), braked)
+        return parse_schedule(*files.table("inputs.brake", value), braked)
     if not isinstance(value, dict):
         return value
     for name in value:
@@ -289,7 +302,7 @@ def _reference(part: str, table: Kind | None, arm: Model, files: Files) -> Any:
     if table.kind == "schedule":
         if not isinstance(value, str):
             raise ScenarioError(place=f"{place}.file", value=value, expected="the name of a CSV file")
-        return read_schedule(files.table(value), arm.names, joint_units(arm, "q"))
+        return parse_schedule(*files.table(f"{place}.file", value), arm.names, joint_units(arm, "q"))
     return _formulas(f"{place}.q", value, arm)
 
 

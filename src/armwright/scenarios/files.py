@@ -1,70 +1,149 @@
-"""Files of a scenario: in a folder, or as texts that a run has kept."""
+"""Files of a scenario: read below its folder, or the contents that a run has kept."""
 
 from __future__ import annotations
 
-import shutil
-import tempfile
-import tomllib
-from dataclasses import dataclass, field
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Literal
 
-from armwright.description import read_description
-from armwright.description.database import parse
+from pydantic import Field
+
+from armwright.description import builtin_names, read_description
+from armwright.description.content import LARGEST, Content, parse_robot, robot_text
+from armwright.description.drive_file import find_drive_file
 from armwright.description.robot import RobotDescription
-from armwright.description.writer import to_toml
-from armwright.errors import ScenarioError
+from armwright.errors import RunError, ScenarioError
+from armwright.named_file import named_file
+from armwright.quantity import Record
+from armwright.results.tables import table_text
+
+FORM = 2  # of a document; Armwright 0.1 wrote none, and no checksums
 
 
-@dataclass
-class Files:
+class Document(Record):
+    """What a run was made from, as the run keeps it."""
+
+    form: Literal[2] = Field(description="How the document is written.")
+    scenario: Content = Field(description="The scenario file.")
+    files: dict[str, Content] = Field(
+        description="By their names in it: schedules, and the robot as TOML without its looks."
+    )
+    origins: dict[str, Content] = Field(
+        default_factory=dict,
+        description="Assembly, modules or parts that the robot was built from; nothing reads them.",
+    )
+
+
+class Files(ABC):
     """Files that a scenario names, by the names it gives them.
 
     Attributes:
-        folder: where they lie.   kept: texts by name, of a run that is done again; they come first.
-        read: what was read, to be kept with a run.   written: where kept tables lie as files, until `close`.
+        read: contents of those that were read.   origins: of those that the robot was built from.
     """
 
-    folder: Path
-    kept: dict[str, str] = field(default_factory=dict)
-    read: dict[str, str] = field(default_factory=dict)
-    written: Path | None = None
+    def __init__(self) -> None:
+        self.read: dict[str, Content] = {}
+        self.origins: dict[str, Content] = {}
 
-    def close(self) -> None:
-        """Takes away what was written of kept tables."""
-        if self.written is not None:
-            shutil.rmtree(self.written, ignore_errors=True)
-            self.written = None
+    def document(self, scenario: str) -> Document:
+        """The scenario's text and all that was read, to be kept with a run."""
+        return Document(form=FORM, scenario=self.content(scenario), files=self.read, origins=self.origins)
 
+    def content(self, text: str) -> Content:
+        """A text as a run keeps it, if there is room for it beside the others."""
+        others = (*self.read.values(), *self.origins.values())
+        return Content.of(text, LARGEST - sum(each.size for each in others if each.text is not None))
+
+    @abstractmethod
     def robot(self, name: str) -> RobotDescription:
-        """A robot's record: kept, beside the scenario, or built in."""
-        if name in self.kept:
-            self.read[name] = self.kept[name]
-            return parse(tomllib.loads(self.kept[name]), name, self.folder)
-        beside = self.folder / name
-        record = read_description(beside if Path(name).suffix else name)
-        bare = record.model_copy(
-            update={"links": tuple(link.model_copy(update={"visuals": ()}) for link in record.links)}
-        )
-        self.read[name] = to_toml(bare)  # meshes do not change the motion
-        return record
-
-    def table(self, name: str) -> Path:
-        """The path of a table of numbers.
+        """The record of a robot.
 
         Raises:
-            ScenarioError: it is not there, or no text.
+            ArmwrightError: no such robot, or a file that cannot be believed.
         """
-        if name in self.kept:
-            self.read[name] = self.kept[name]
-            self.written = self.written or Path(tempfile.mkdtemp(prefix="armwright-"))
-            path = self.written / Path(name).name
-            path.write_text(self.kept[name], encoding="utf-8")
-            return path
-        path = self.folder / name
-        try:
-            self.read[name] = path.read_text(encoding="utf-8")
-        except OSError as error:
-            raise ScenarioError(f"cannot be read: {error.strerror}", file=path) from None
-        except UnicodeDecodeError as error:
-            raise ScenarioError(f"byte {error.start} is not UTF-8 text", file=path) from None
-        return path
+
+    @abstractmethod
+    def table(self, place: str, name: str) -> tuple[str, str]:
+        """The text of a table of numbers, and what errors call its file.
+
+        Args:
+            place: of the name in the scenario.   name: of the table.
+        Raises:
+            ArmwrightError: it is not there, may not be read, or is no text.
+        """
+
+
+class FolderFiles(Files):
+    """Files below the folder of a scenario file, and below those that the user allowed."""
+
+    def __init__(self, folder: Path, allow: Iterable[Path] = ()):
+        """Args:
+        folder: of the scenario file.   allow: further folders.
+        """
+        super().__init__()
+        self.folder, self.allow = folder, tuple(allow)
+
+    def robot(self, name: str) -> RobotDescription:
+        """The record of a built-in robot, or of one in a file beside the scenario."""
+        if name in builtin_names():
+            record = read_description(name)
+        elif not Path(name).suffix:
+            expected = "a built-in arm, or the path of a TOML, URDF or MJCF file"
+            raise ScenarioError(place="robot", value=name, expected=expected, choices=builtin_names())
+        else:
+            path = self._path("robot", name)
+            drives = find_drive_file(path, None)
+            if drives is not None:
+                self._path("robot", str(Path(name).with_name(drives.name)))
+            record = read_description(path)
+            self._keep_origins(record, path.parent)
+        self.read[name] = self.content(robot_text(record))
+        return record
+
+    def table(self, place: str, name: str) -> tuple[str, str]:
+        """The text of a table beside the scenario."""
+        path = self._path(place, name)
+        text = table_text(path)
+        self.read[name] = self.content(text)
+        return text, str(path)
+
+    def _path(self, place: str, name: str) -> Path:
+        named_file(name, self.folder, self.allow, place=place, error=ScenarioError)
+        return self.folder / name  # as the user knows it, for errors
+
+    def _keep_origins(self, robot: RobotDescription, folder: Path) -> None:
+        """Keeps assembly, modules and parts, if they still are what the robot was built from."""
+        if robot.built_from is None:
+            return
+        for name, start in robot.built_from.texts(folder).items():
+            try:
+                path = named_file(name, start, (self.folder, *self.allow), place=name, error=ScenarioError)
+                text = path.read_text(encoding="utf-8")
+            except (ScenarioError, OSError, UnicodeDecodeError):
+                continue  # the checksum stands in the robot's record
+            if robot.built_from.is_unchanged(name, text):
+                self.origins[name] = self.content(text)
+
+
+class KeptFiles(Files):
+    """Contents that a run keeps; no file is read."""
+
+    def __init__(self, run: Path, kept: Document):
+        """Args:
+        run: its file, for errors.   kept: what it keeps.
+        """
+        super().__init__()
+        self.run, self.kept, self.origins = run, kept, kept.origins
+
+    def robot(self, name: str) -> RobotDescription:
+        """The record of a robot."""
+        return parse_robot(*self.table("robot", name))
+
+    def table(self, place: str, name: str) -> tuple[str, str]:
+        """The text of a table, or of a robot."""
+        if name not in self.kept.files:
+            raise RunError("not kept with the run", place=place, value=name, choices=self.kept.files, file=self.run)
+        text = self.kept.files[name].checked(f"content of {name!r}", self.run)
+        self.read[name] = self.kept.files[name]
+        return text, f"{self.run} ({name})"

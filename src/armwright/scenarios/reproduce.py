@@ -15,9 +15,10 @@ from armwright.errors import RunError
 from armwright.results.provenance import provenance
 from armwright.results.recording import load_run
 from armwright.scenarios.file import parse_scenario
-from armwright.scenarios.files import Files
+from armwright.scenarios.files import Document, KeptFiles
 from armwright.simulation.batch_runner import Progress
 from armwright.simulation.simulation import simulate
+from armwright.validation import validated
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -46,31 +47,28 @@ class Reproduction:
 
 
 def reproduce(path: str | os.PathLike[str], progress: Progress | None = None) -> Reproduction:
-    """The run in a file, done again from the scenario that it keeps.
+    """The run in a file, done again from the scenario that it keeps; no other file is read.
 
     Args:
         path: of a saved run, `.nc`.   progress: called now and then with the steps done and those there are.
     Returns:
         reproduction: the new run, and in what it differs from the old one.
     Raises:
-        RunError: no run, or one that keeps no scenario: it was made in Python, not from a scenario file.
+        RunError: no run, or one that does not keep what it was made from: it was made in Python and not from a scenario
+            file, or files were too large to be kept.
     """
     old = load_run(path)
-    document = old.attrs.get("scenario")
-    if not document:
+    if not old.attrs.get("scenario"):
         what = "keeps no scenario, since it was made by a Scenario in Python, or by a file's that Python changed"
         raise RunError(what, file=path, expected="a run of a scenario file as it is read")
-    try:
-        kept: dict[str, Any] = json.loads(document)
-        table, texts = tomllib.loads(kept["scenario"]), dict(kept.get("files", {}))
-    except (ValueError, KeyError, TypeError) as error:
-        raise RunError(f"the scenario that it keeps cannot be read: {error}", file=path) from None
     now, then = provenance(), _made_with(path, old.attrs.get("made_with", "{}"))
-    files = Files(Path(path).parent, kept=texts)
+    kept = _kept_document(path, old.attrs["scenario"])
+    text = kept.scenario.checked("content of the scenario", path)
     try:
-        scenario = parse_scenario(table, f"{path} (scenario)", files, kept["scenario"])
-    finally:
-        files.close()
+        tables = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise RunError(f"the scenario that it keeps is not TOML: {error}", file=path) from None
+    scenario = parse_scenario(tables, f"{path} (scenario)", KeptFiles(Path(path), kept), text)
     new = simulate(scenario, progress=progress)
     changed = [
         f"{name}: {then.get(name, 'unknown')} then, {now[name]} now" for name in now if then.get(name) != now[name]
@@ -79,6 +77,18 @@ def reproduce(path: str | os.PathLike[str], progress: Progress | None = None) ->
     part = part if part.startswith(STOPPED) else ""
     differences, reshaped = _compared(old, _kept_part(old, new) if part else new, whole=not part)
     return Reproduction(new, not differences and not reshaped, tuple(changed), differences, tuple(reshaped), part)
+
+
+def _kept_document(path: str | os.PathLike[str], text: Any) -> Document:
+    """What a run was made from."""
+    try:
+        document = json.loads(text)
+    except (ValueError, TypeError, RecursionError) as error:
+        raise RunError(f"the scenario that it keeps cannot be read: {error}", file=path) from None
+    if isinstance(document, dict) and "form" not in document:
+        what = "made by Armwright 0.1, whose runs do not keep what they were made from with its checksums"
+        raise RunError(what, file=path, expected="a later run; simulate its scenario file again")
+    return validated(Document, document, place="scenario", file=path, error=RunError)
 
 
 def _made_with(path: str | os.PathLike[str], text: Any) -> dict[str, Any]:

@@ -54,7 +54,7 @@ class LoopRunner:
         self.scenario = scenario = scenario.resolved
         self.arm = scenario.arm
         self.count, self.period = scenario.lane_count or 1, scenario.tick
-        self.notes: list[str] = []
+        self.notes: list[str] = list(scenario.notes)
         self._check_step(loop)
         self._started = scenario.started
         self.inputs = dict(scenario.input_schedules)

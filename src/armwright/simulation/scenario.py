@@ -72,6 +72,7 @@ class Scenario:
         first_lane: number of the first lane, in a part of a larger run that `resolved` made.
         document: the scenario file that it was read from, with all it named; a run keeps it, to be reproduced. None of a
             scenario made in Python, and of a copy that `dataclasses.replace` has changed.
+        notes: about its file, which a run repeats.
     Raises:
         ScenarioError: what cannot be run; one line that names the field, its value and what was expected.
     """
@@ -89,6 +90,7 @@ class Scenario:
     seed: int = 0
     first_lane: int = field(default=0, repr=False)
     document: str | None = field(default=None, init=False, repr=False)
+    notes: tuple[str, ...] = field(default=(), init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.arm, Model):

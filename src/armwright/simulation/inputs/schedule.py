@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armwright.errors import Problem, ScheduleError
-from armwright.results.tables import Column, read_numbers
+from armwright.results.tables import Column, parse_numbers, table_text
 
 COMMAND_UNITS = ("V", "A", "N m", "N")
 
@@ -104,11 +104,16 @@ def read_schedule(path: str | os.PathLike[str], names: Sequence[str], units: Seq
         ScheduleError: a file that is no such table (see `read_numbers`), or times that do not increase from 0; one line
             that names file, line, column, value and what was expected.
     """
+    return parse_schedule(table_text(path), os.fspath(path), names, units)
+
+
+def parse_schedule(text: str, place: str, names: Sequence[str], units: Sequence[str] | None = None) -> Schedule:
+    """A schedule from the text of a CSV file; `place` is what errors call it. See `read_schedule`."""
     stated = [COMMAND_UNITS] * len(names) if units is None else [(unit,) for unit in units]
     columns = [Column("t", ("s",)), *(Column(name, unit) for name, unit in zip(names, stated, strict=True))]
-    table = read_numbers(path, columns)
+    table = parse_numbers(text, place, columns)
     times = table.values[:, 0]
     row = out_of_order(times)
     if row is not None:
-        raise ScheduleError.of(time_problem(times, row).within("column 't'", file=f"{path}:{table.lines[row]}"))
+        raise ScheduleError.of(time_problem(times, row).within("column 't'", file=f"{place}:{table.lines[row]}"))
     return Schedule(times, table.values[:, 1:], tuple(names))
