@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 
 import armwright as aw
 from armwright.control import JointPID
-from armwright.errors import ScenarioError
+from armwright.errors import RunError, ScenarioError
 from armwright.session import Session
 from armwright.session.arguments import same, words
 from armwright.session.commands import COMMANDS
@@ -235,6 +236,25 @@ def test_what_is_saved_comes_back(session, tmp_path, monkeypatch):
     assert np.array_equal(other.state.run["q"].values, session.state.run["q"].values)
     assert other.state.lines == tuple(line for line in session.state.lines if not line.startswith("save"))
     assert aw.load_run("here.nc")["q"].shape == (21, 6)
+
+
+def test_a_saved_arm_needs_no_file_and_names_none_that_is_read(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("arm.toml").write_text(aw.to_toml(aw.load("two-link").record).replace("mass_kg = 4.0", "mass_kg = 3.0"))
+    session = Session("arm.toml")
+    session.run("theta = 0.1 0.2")
+    session.run("save here.nc")
+    Path("arm.toml").write_text("t,root\n")
+    run = aw.load_run("here.nc")
+    other = Session("two-link")
+    other.run("restore here.nc")
+    np.testing.assert_array_equal(other.state.arm.inertial_parameters, session.state.arm.inertial_parameters)
+    saved = json.loads(run.attrs["armwright_session"])
+    saved["record"]["text"] = saved["record"]["text"].replace("mass_kg = 3.0", "mass_kg = 4.0")
+    run.attrs["armwright_session"] = json.dumps(saved)
+    aw.save(run, "there.nc")
+    with pytest.raises(RunError, match=r"there\.nc: record: does not have its checksum"):
+        other.run("restore there.nc")
 
 
 def test_a_recorded_session_replays_to_the_same_bits(session, tmp_path, monkeypatch):

@@ -13,17 +13,20 @@ from typing import Any
 import numpy as np
 
 import armwright as aw
+from armwright.description.content import Content, parse_robot, robot_text
 from armwright.errors import SessionError
+from armwright.model import build_model
 from armwright.output import check_destination
 from armwright.session.controllers import built_controller
 from armwright.session.listing import Line, Output
-from armwright.session.state import ControllerSettings, LoadedArm, Payload, State, initial_state, load_arm
+from armwright.session.state import ControllerSettings, LoadedArm, Payload, State, initial_state
 from armwright.session.workspace import Workspace
+from armwright.validation import validated
 
 OFF = "off"
 LONGEST = 1_000_000  # characters of a script
 ATTRIBUTE = "armwright_session"
-FORM = 1  # of the attribute's JSON
+FORM = 2  # of the attribute's JSON
 # In the order of `State`:
 VECTORS = ("q", "qd", "qdd", "u", "dac")
 TIMES = ("dac_period", "step")
@@ -89,7 +92,7 @@ def _saved_state(state: State) -> dict[str, Any]:
     return {
         "form": FORM,
         "robot": loaded.robot,
-        "digest": loaded.digest,
+        "record": Content.of(robot_text(loaded.base.record)).model_dump(),
         "gravity": loaded.gravity,
         "payload": None if loaded.payload is None else asdict(loaded.payload),
         "wiring": wiring,
@@ -100,7 +103,7 @@ def _saved_state(state: State) -> dict[str, Any]:
 
 
 def restore(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
-    """`restore FILE.nc`: everything as it was saved; an open output file is closed."""
+    """`restore FILE.nc`: everything as it was saved, the robot's numbers included; an open output file is closed."""
     file = arguments["file"]
     run = aw.load_run(file)
     text = run.attrs.pop(ATTRIBUTE, None)
@@ -110,12 +113,12 @@ def restore(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
         record = json.loads(text)
         if record["form"] != FORM:
             raise SessionError(place="form", value=record["form"], expected=f"{FORM}, of this version", file=file)
-        loaded = _loaded(record)
+        loaded = _loaded(record, file)
         values: dict[str, Any] = {name: _vector(record[name], loaded.base.n) for name in VECTORS}
-        values |= {name: float(record[name]) for name in TIMES}
+        values |= {name: _time(record[name]) for name in TIMES}
         controller = None if record["wiring"] is None else _controller_settings(record["wiring"])
         lines = tuple(str(line) for line in record["lines"])
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
         what = f"not as save wrote it: {type(error).__name__} {error}"
         raise SessionError(what, file=file) from None
     last_run = run if run.sizes else None
@@ -124,20 +127,24 @@ def restore(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
         built_controller(state, controller)
     session.change(state)
     output: list[Output] = [Line(f"restored {loaded.robot} from {file}", "good")]
-    if loaded.digest != record["digest"]:
+    if loaded.robot in aw.builtin_names() and robot_text(aw.load(loaded.robot).record) != record["record"]["text"]:
         output.append(
-            Line(f"the file of {loaded.robot} has changed since the session was saved: results will differ", "note")
+            Line(f"the built-in {loaded.robot} has changed since; this session keeps its own numbers", "note")
         )
     return output
 
 
-def _loaded(record: dict[str, Any]) -> LoadedArm:
-    found = load_arm(str(record["robot"]))
-    payload = record["payload"]
+def _loaded(record: dict[str, Any], file: str) -> LoadedArm:
+    """The arm as it was saved; no other file is read, whatever the saved state names."""
+    robot, payload = str(record["robot"]), record["payload"]
+    text = validated(Content, record["record"], place="record", file=file, error=SessionError).checked("record", file)
+    base = build_model(parse_robot(text, f"{file} ({robot})"))
+    if robot in aw.builtin_names() and robot_text(aw.load(robot).record) == text:
+        base = aw.load(robot)  # with its looks
     if payload is not None:
         payload = Payload(float(payload["mass"]), tuple(payload["com"]), tuple(payload["inertia"]), payload["frame"])
     gravity = None if record["gravity"] is None else float(record["gravity"])
-    loaded = LoadedArm(found.robot, found.base, gravity, payload)
+    loaded = LoadedArm(robot, base, gravity, payload)
     _ = loaded.arm
     return loaded
 
@@ -148,7 +155,14 @@ def _controller_settings(record: dict[str, Any]) -> ControllerSettings:
 
 def _vector(values: Any, n: int) -> np.ndarray:
     array = np.array(values, dtype=float)
-    if array.shape != (n,):
-        raise ValueError(f"shape {array.shape}, expected ({n},)")
+    if array.shape != (n,) or not np.isfinite(array).all():
+        raise ValueError(f"{array.tolist()}, expected {n} finite numbers")
     array.flags.writeable = False
     return array
+
+
+def _time(value: Any) -> float:
+    """A time step [s]."""
+    if not (0.0 < float(value) < np.inf):
+        raise ValueError(f"{value}, expected a time above 0 [s]")
+    return float(value)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -70,16 +69,6 @@ class LoadedArm:
     def dyn(self) -> CompiledArm:
         """Its kernels, compiled when first used."""
         return aw.compile(self.arm)
-
-    @cached_property
-    def digest(self) -> str:
-        """Digest of the numbers of the arm's file, by which a saved session finds out that they have changed."""
-        base = self.base
-        numbers = [np.asarray(base.inertial_parameters, float), np.asarray(base.gravity, float)]
-        q = np.linspace(0.1, 0.7, base.n)
-        numbers.append(np.asarray(aw.inverse_dynamics(base, q, q, q), float))
-        drives = repr([(body.joint, body.drive, body.limits) for body in base.bodies])
-        return hashlib.sha256(b"".join(part.tobytes() for part in numbers) + drives.encode()).hexdigest()[:16]
 
 
 @dataclass(frozen=True, eq=False)
