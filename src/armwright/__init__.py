@@ -56,7 +56,8 @@ if TYPE_CHECKING:
     from armwright.pictures.animate import animate
     from armwright.pictures.show import show
     from armwright.results.plot import plot
-    from armwright.results.recording import load_run, save
+    from armwright.results.recording import save
+    from armwright.results.run_file import load_run
     from armwright.results.statistics import statistics
     from armwright.robotfiles import check, convert, diff
     from armwright.scenarios import read_scenario, reproduce
@@ -110,7 +111,8 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.simulation.inputs.payload": ("Payload",),
     "armwright.results.plot": ("plot",),
     "armwright.interfaces": ("Controller", "JointReference", "Measurement", "Sensor", "Trajectory"),
-    "armwright.results.recording": ("load_run", "save"),
+    "armwright.results.recording": ("save",),
+    "armwright.results.run_file": ("load_run",),
     "armwright.simulation.scenario": ("Scenario",),
     "armwright.simulation.inputs.schedule": ("Schedule", "read_schedule"),
     "armwright.signals": ("Layout", "Signal"),

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from armwright.results.recording import load_run
+from armwright.results.run_file import load_run
 
 COMMAND = (sys.executable, "-m", "armwright")
 

@@ -89,7 +89,7 @@ def test_runs_that_are_none_of_this_arm(arm, tmp_path):
         (kinds, "kind of joint 'slide'", "prismatic, as it is in lathe"),
         (run.drop_vars("q"), "q", "all variables that simulate returns"),
         (run.isel(time=slice(0, 0)), "", "at least one"),
-        (run.isel(time=[3, 2]), "time", "increasing times"),
+        (run.isel(time=[3, 2]), "time[1]", "increasing values"),
         (run.where(run["time"] < 1), "q of joint 'turn'", "a run, or the part of it before"),
     ):
         with pytest.raises(RunError) as caught:

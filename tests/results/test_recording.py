@@ -15,7 +15,8 @@ import xarray as xr
 
 from armwright.errors import ABSENT, OutputError, RunError
 from armwright.model.joint_signals import joint_units
-from armwright.results.recording import ENDINGS, load_run, make_dataset, run_units, save, wide
+from armwright.results.recording import ENDINGS, make_dataset, run_units, save, wide
+from armwright.results.run_file import load_run
 from simulation.runs import invented, mixed_arm
 
 NEEDS_A_USER = pytest.mark.skipif(
@@ -193,7 +194,8 @@ def test_a_disk_that_fills_up(arm, folder, ending):
     script = f"""
 import resource, signal
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-from armwright.results.recording import load_run, save
+from armwright.results.recording import save
+from armwright.results.run_file import load_run
 from armwright.errors import OutputError
 run = load_run({str(folder / "whole.nc")!r})
 import pandas, h5netcdf
@@ -297,7 +299,7 @@ def test_what_belongs_to_a_lane_is_no_column_of_a_part(arm):
         (lambda run: run["q"], "a DataArray is no run", ABSENT),
         (lambda run: run.mean("time"), "no coordinate 'time'", ABSENT),
         (lambda run: run.isel(joint=0, drop=True), "no coordinate 'joint'", ABSENT),
-        (lambda run: run.expand_dims("case"), "", "case"),
+        (lambda run: run.expand_dims("case"), "along case, time, joint", ABSENT),
     ],
 )
 def test_what_is_no_run_is_refused(arm, folder, thing, what, value):

@@ -11,7 +11,7 @@ import time
 
 import pytest
 
-from armwright.results.recording import load_run
+from armwright.results.run_file import load_run
 
 SIM = (sys.executable, "-m", "armwright", "sim")
 

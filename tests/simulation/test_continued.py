@@ -296,7 +296,10 @@ RENAMED = dataclasses.replace(STATE, entries=("q a", *STATE.entries[1:]))
         ),
         ({"start": RUN.isel(time=slice(5))}, "start: part of a run, to t = 0.004 s; expected it with its end"),
         ({"start": RUN.drop_vars(LOOP_STATE)}, "start: a dataset without loop_state; expected a run"),
-        ({"start": RUN.assign_coords(joint=["a", "b"])}, "start: a run of a, b"),
+        (
+            {"start": RUN.assign_coords(joint=["a", "b"])},
+            r"start = \['a', 'b'\]: of other joints; expected a run of",
+        ),
         ({"start": RENAMED}, "start: a state with 'q a'; expected the 4 numbers of two-link with its drives"),
         ({"start": RUN, "step": 5e-4}, r"start: a state of ticks of 0\.001 s"),
         ({"start": RUN.isel(state_entry=[0])}, "loop_state cannot be read"),

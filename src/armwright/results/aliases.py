@@ -12,6 +12,7 @@ QUANTITIES = {
 
 LOOP_STATE = "loop_state"  # variable of a run: the state of the loop at its end, as numbers of no unit
 LOOP_END = "time_s"  # attribute of that variable: the run's last time
+SESSION = "armwright_session"  # attribute of a run that a session saved: the session as JSON
 PARTIAL = "partial"  # attribute of a run that was interrupted: after how many steps
 
 

@@ -21,13 +21,14 @@ from armwright.errors import OutputError, Problem, RunError
 from armwright.model import Model
 from armwright.model.joint_signals import LONG_NAMES, UNITS, command_unit, joint_units
 from armwright.output import check_destination, whole_file
+from armwright.results.run_file import write_netcdf
+from armwright.results.run_schema import A_RUN, check_run
 from armwright.results.tables import joint_columns, write_table
 
 if TYPE_CHECKING:
     import xarray as xr
 
 ENDINGS = (".nc", ".csv", ".parquet")
-A_RUN = "the dataset that simulate returns"
 DIMENSIONS = ("lane", "time", "joint", "event")  # of a run, in order; the last where events were watched
 
 
@@ -117,10 +118,9 @@ def in_order(run: xr.Dataset) -> xr.Dataset:
         RunError: no run: no dataset, one without the coordinates of a run, or one whose motion has further dimensions;
             those of single variables, such as the entries of a sensor's signal, stay behind.
     """
-    check_dataset(run)
-    missing = [name for name in ("time", "joint", "kind", "command") if name not in run.coords]
-    if missing:
-        raise RunError(f"no coordinate {missing[0]!r}", expected=A_RUN)
+    check_run(run)
+    if "time" not in run.coords or "joint" not in run.coords:
+        raise RunError(f"no coordinate {'joint' if 'time' in run.coords else 'time'!r}", expected=A_RUN)
     for dim, coordinates in {"joint": ("joint", "kind", "command"), "time": ("time",)}.items():
         if dim not in run.dims:
             varying = [name for name, variable in run.variables.items() if name in LONG_NAMES or name in coordinates]
@@ -132,18 +132,6 @@ def in_order(run: xr.Dataset) -> xr.Dataset:
     return run.transpose(*(dim for dim in DIMENSIONS if dim in run.dims), ...)
 
 
-def check_dataset(run: Any) -> None:
-    """Refuses everything but a dataset.
-
-    Raises:
-        RunError: no dataset.
-    """
-    import xarray as xr
-
-    if not isinstance(run, xr.Dataset):
-        raise RunError(f"a {type(run).__name__} is no run", expected=A_RUN)
-
-
 def wide(run: xr.Dataset) -> dict[str, np.ndarray]:
     """The run as one table: `lane` (where there are lanes), `t [s]`, then `q_joint1 [rad]` and so on.
 
@@ -153,7 +141,7 @@ def wide(run: xr.Dataset) -> dict[str, np.ndarray]:
     Raises:
         RunError: no run.
     """
-    check_dataset(run)
+    check_run(run)
     if "joint" in run.dims and not {"time", *LONG_NAMES} & {*run.dims, *run.variables}:
         return _wide_reduced(run)
     run = in_order(run)
@@ -215,20 +203,15 @@ def save(run: xr.Dataset, path: str | os.PathLike[str]) -> None:
         RunError: no run.
         OutputError: an unknown ending, a folder that is missing, no permission, a full disk, Parquet without pyarrow.
     """
-    check_dataset(run)
+    check_run(run)
     path = check_recording(path)
-    writers = {".nc": _write_netcdf, ".csv": _write_csv, ".parquet": _write_parquet}
+    writers = {".nc": write_netcdf, ".csv": _write_csv, ".parquet": _write_parquet}
     with whole_file(path, ENDINGS) as temporary:
         try:
             writers[path.suffix.lower()](run, temporary)
         except (RuntimeError, ValueError, TypeError) as error:  # an attribute that the format cannot hold
             reason = (str(error).splitlines() or [type(error).__name__])[0]
             raise OutputError(f"cannot be written: {reason}", file=path) from error
-
-
-def _write_netcdf(run: xr.Dataset, path: Path) -> None:
-    """Writes NetCDF, in memory first: on a full disk HDF5 itself would end the process with a segmentation fault."""
-    path.write_bytes(run.to_netcdf(engine="h5netcdf", format="NETCDF4"))
 
 
 def _write_csv(run: xr.Dataset, path: Path) -> None:
@@ -251,25 +234,3 @@ def _write_parquet(run: xr.Dataset, path: Path) -> None:
     remembered = {"armwright": json.dumps({str(key): value for key, value in run.attrs.items()}, default=str)}
     table = pyarrow.table(list(columns.values()), schema=pyarrow.schema(fields, metadata=remembered))
     pyarrow.parquet.write_table(table, path)
-
-
-def load_run(path: str | os.PathLike[str]) -> xr.Dataset:
-    """A run that `save` wrote as NetCDF, all of it in memory.
-
-    Args:
-        path: the file, ending in .nc.
-    Returns:
-        run: what `simulate` returned.
-    Raises:
-        RunError: no such file, or one that is no NetCDF file.
-    """
-    import xarray as xr
-
-    path = Path(path)
-    if not path.is_file():
-        raise RunError("a folder" if path.is_dir() else "no such file", file=path, expected="a run saved as .nc")
-    try:
-        return xr.load_dataset(path, engine="h5netcdf")
-    except (OSError, ValueError, KeyError) as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise RunError(f"cannot be read as a run: {reason}", file=path, expected="NetCDF 4") from None

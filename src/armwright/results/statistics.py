@@ -10,7 +10,7 @@ import numpy as np
 
 from armwright.errors import RunError
 from armwright.results.aliases import LOOP_STATE
-from armwright.results.recording import check_dataset
+from armwright.results.run_schema import check_run
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,7 +35,7 @@ def statistics(run: xr.Dataset, percentiles: Sequence[float] = PERCENTILES) -> x
     """
     import xarray as xr
 
-    check_dataset(run)
+    check_run(run)
     if "lane" not in run.dims:
         raise RunError("statistics are over lanes", expected="a run of many lanes")
     try:

@@ -13,7 +13,7 @@ import numpy as np
 
 from armwright.errors import RunError
 from armwright.results.provenance import provenance
-from armwright.results.recording import load_run
+from armwright.results.run_file import load_run
 from armwright.scenarios.file import parse_scenario
 from armwright.scenarios.files import Document, KeptFiles
 from armwright.simulation.batch_runner import Progress

@@ -17,6 +17,7 @@ from armwright.description.content import Content, parse_robot, robot_text
 from armwright.errors import SessionError
 from armwright.model import build_model
 from armwright.output import check_destination
+from armwright.results.aliases import SESSION
 from armwright.session.controllers import built_controller
 from armwright.session.listing import Line, Output
 from armwright.session.state import ControllerSettings, LoadedArm, Payload, State, initial_state
@@ -25,7 +26,6 @@ from armwright.validation import validated
 
 OFF = "off"
 LONGEST = 1_000_000  # characters of a script
-ATTRIBUTE = "armwright_session"
 FORM = 2  # of the attribute's JSON
 # In the order of `State`:
 VECTORS = ("q", "qd", "qdd", "u", "dac")
@@ -79,7 +79,7 @@ def save(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     if not str(file).lower().endswith(".nc"):
         raise SessionError(place="save file", value=file, expected="a name that ends in .nc")
     run = xr.Dataset() if state.run is None else state.run.copy()
-    run.attrs = {**run.attrs, ATTRIBUTE: json.dumps(_saved_state(state))}
+    run.attrs = {**run.attrs, SESSION: json.dumps(_saved_state(state))}
     aw.save(run, file)
     return [Line(f"wrote {file}", "good")]
 
@@ -106,7 +106,7 @@ def restore(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     """`restore FILE.nc`: everything as it was saved, the robot's numbers included; an open output file is closed."""
     file = arguments["file"]
     run = aw.load_run(file)
-    text = run.attrs.pop(ATTRIBUTE, None)
+    text = run.attrs.pop(SESSION, None)
     if text is None:
         raise SessionError("no session", file=file, expected="a file that save wrote")
     try:

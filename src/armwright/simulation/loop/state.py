@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import json
 import os
+import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,6 +18,7 @@ from armwright.errors import RunError, ScenarioError
 from armwright.model import Model
 from armwright.output import whole_file
 from armwright.results.aliases import LOOP_END, LOOP_STATE
+from armwright.results.run_schema import check_run
 from armwright.simulation.plant.plant import Plant
 
 if TYPE_CHECKING:
@@ -23,6 +26,12 @@ if TYPE_CHECKING:
 
 BRAKE = "brake "  # how the names of a brake's states begin
 ENDING = ".npz"
+MOST_TICKS = 2**53
+LARGEST = 2**32  # [bytes] of an archive, unpacked
+UNREADABLE = (  # exceptions of NumPy and of JSON on a damaged state
+    *(ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, NotImplementedError),
+    *(EOFError, MemoryError, zipfile.BadZipFile, zlib.error),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +108,7 @@ class LoopState:
             RunError: no such file, or another one.
         """
         try:
+            _check_declared(path)
             with np.load(path, allow_pickle=False) as archive:
                 about = json.loads(str(archive["about"]))
                 arrays: dict[str, dict[str, np.ndarray]] = {"block": {}, "ring": {}, "python": {}}
@@ -106,15 +116,40 @@ class LoopState:
                     kind, _, key = name.partition(" ")
                     if key:
                         arrays[kind][key] = archive[name]
+            python = {int(lane): memory for lane, memory in arrays["python"].items()}
+            state = cls(**about, blocks=arrays["block"], rings=arrays["ring"], python=python)
+            state.check()
         except OSError as error:
             raise RunError(f"cannot be read: {error.strerror or error}", file=path) from None
-        except (ValueError, KeyError, TypeError):
+        except UNREADABLE:
             raise RunError(file=path, expected="the state of a simulation, as LoopState.save writes it") from None
-        python = {int(lane): memory for lane, memory in arrays["python"].items()}
-        return cls(**about, blocks=arrays["block"], rings=arrays["ring"], python=python)
+        return state
 
     def _about(self) -> dict[str, Any]:
         return {"tick": self.tick, "period": self.period, "entries": self.entries, "controller": self.controller}
+
+    def check(self) -> None:
+        """Refuses a state, read from a file, whose parts do not fit together.
+
+        Raises:
+            ValueError: says what does not fit.
+        """
+        if not isinstance(self.tick, int) or not 0 <= self.tick < MOST_TICKS:
+            raise ValueError(f"tick {self.tick!r}")
+        if not isinstance(self.period, float) or not 0.0 < self.period < np.inf:
+            raise ValueError(f"period {self.period!r}")
+        if not isinstance(self.controller, str) or not all(isinstance(name, str) for name in self.entries):
+            raise ValueError("names that are no texts")
+        widths = {"x": len(self.entries), "frozen": 1}
+        for kind, parts, dims in (("block", self.blocks, 2), ("ring", self.rings, 3)):
+            for name, values in parts.items():
+                if values.dtype.kind != "f" or values.ndim != dims or len(values) != self.lanes or not self.lanes:
+                    raise ValueError(f"{kind} {name!r} of {values.dtype} {values.shape}")
+        for name, width in widths.items():
+            if self.blocks[name].shape[1] != width:
+                raise ValueError(f"block {name!r} of {self.blocks[name].shape}")
+        if not np.isfinite(self.blocks["x"][self.blocks["frozen"][:, 0] < 0.0]).all():
+            raise ValueError("positions and speeds that are not finite")
 
     def attach(self, run: xarray.Dataset) -> None:
         """Adds the state to the run that ended in it, from where another one may start.
@@ -159,8 +194,10 @@ class LoopState:
                 arrays[kind][name] = values.reshape(len(rows), *shape)
             python = dict(enumerate(arrays["python"].get("", [])))
             single = "lane" not in run[LOOP_STATE].dims
-            return cls(**about, single=single, blocks=arrays["block"], rings=arrays["ring"], python=python)
-        except (ValueError, KeyError, TypeError) as error:
+            state = cls(**about, single=single, blocks=arrays["block"], rings=arrays["ring"], python=python)
+            state.check()
+            return state
+        except UNREADABLE as error:
             raise ScenarioError(f"the run's {LOOP_STATE} cannot be read: {error}", place="start") from None
 
 
@@ -176,11 +213,14 @@ def state_to_continue(start: Any, arm: Model, period: float, *, brakes: bool) ->
 
     state = start
     if isinstance(start, xarray.Dataset):
-        joints = [str(name) for name in start["joint"].values] if "joint" in start.coords else arm.names
+        try:
+            check_run(start)
+        except RunError as error:
+            raise ScenarioError.of(*error.problems).within("start") from None
+        joints = [str(name) for name in np.atleast_1d(start["joint"].values)]
         if list(joints) != list(arm.names):
-            raise ScenarioError(
-                f"a run of {', '.join(joints)}", place="start", expected=f"one of {', '.join(arm.names)}"
-            )
+            expected = f"a run of {', '.join(arm.names)}"
+            raise ScenarioError("of other joints", place="start", value=joints, expected=expected)
         state = LoopState.of_run(start)
         if state is None:
             expected = "a run, as simulate returns with Recording(what='all')"
@@ -205,6 +245,17 @@ def state_to_continue(start: Any, arm: Model, period: float, *, brakes: bool) ->
         what = f"lane {lane} stopped at t = {state.blocks['frozen'][lane, 0] * state.period:g} s"
         raise ScenarioError(what, place="start", expected="lanes that came to their end")
     return state
+
+
+def _check_declared(path: str | os.PathLike[str]) -> None:
+    """Refuses an archive that unpacks to more than any state has.
+
+    Raises:
+        ValueError: it does.
+    """
+    with zipfile.ZipFile(path) as archive:
+        if sum(entry.file_size for entry in archive.infolist()) > LARGEST:
+            raise ValueError(f"more than {LARGEST} bytes")
 
 
 def _read_only(values: np.ndarray) -> np.ndarray:
