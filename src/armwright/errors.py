@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
+from armwright.printable import printable
+
 LONGEST = 60  # characters of a value that a sentence repeats
 UNKNOWN_KEY = "unknown key"  # `what` of a problem whose choices stand for the last key of its place, not for its value
 ABSENT: Any = type("Absent", (), {"__repr__": lambda self: "ABSENT", "__bool__": lambda self: False})()
@@ -37,7 +39,8 @@ class Problem:
             is_key = self.value is ABSENT or self.what == UNKNOWN_KEY
             name = self.place.replace(" ", ".").rpartition(".")[2] if is_key else str(self.value)
             reasons.append(nearest(name, self.choices))
-        return ": ".join(part for part in (self.file, subject, "; ".join(filter(None, reasons))) if part)
+        parts = (self.file, subject, "; ".join(filter(None, reasons)))
+        return printable(": ".join(part for part in parts if part))  # Python itself shows errors that nobody caught
 
     def within(self, place: str = "", file: Any = "") -> Problem:
         """The problem as seen from outside: `place` is put before its own place, a missing `file` is filled in."""

@@ -13,6 +13,7 @@ PACKAGE = "armwright"
 
 # The order of design section 2, top to bottom. A room imports from those above it or on its own line.
 ORDER = (
+    ("printable",),
     ("errors",),
     ("scalar",),
     ("program",),  # traced functions; it knows no robots
@@ -45,6 +46,7 @@ ORDER = (
     ("robotfiles",),  # check, compare, convert
     ("sweep",),
     (PACKAGE,),  # __init__.py: the public names
+    ("terminal",),  # what writes to it
     ("session",),  # the report's `sim`, in the public names
     ("cli", "studio"),
     ("__main__",),

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from armwright.cli.arguments import option
+from armwright.terminal import say
 
 
 def animate(
@@ -50,4 +51,4 @@ def animate(
         if robot not in aw.builtin_names():
             raise RunError("not built in", place="robot", value=robot, expected="--robot FILE", file=run)
     aw.animate(loaded, aw.load(robot), output, lane=lane)
-    typer.echo(f"wrote {output}")
+    say(f"wrote {output}")

@@ -31,6 +31,7 @@ from armwright.cli.sim import sim
 from armwright.cli.simulate import simulate
 from armwright.cli.step_study import step_study
 from armwright.errors import ArmwrightError
+from armwright.terminal import say
 
 UsageError: Any = typer.BadParameter.__mro__[1]  # typer keeps it to itself
 
@@ -93,7 +94,7 @@ def _silence() -> None:
 
 
 def _fail(message: str) -> int:
-    print(f"armwright: error: {' '.join(message.split())}", file=sys.stderr)
+    say(f"armwright: error: {' '.join(message.split())}", err=True)
     return 2
 
 
@@ -102,7 +103,7 @@ app = typer.Typer(cls=Commands, add_completion=False, rich_markup_mode="rich", p
 
 def _version(wanted: bool) -> None:
     if wanted:
-        print(f"armwright {__version__}")
+        say(f"armwright {__version__}")
         raise typer.Exit
 
 

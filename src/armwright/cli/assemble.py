@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,6 +10,7 @@ import typer
 from armwright.cli.arguments import option
 from armwright.cli.tables import number, table
 from armwright.errors import ScenarioError
+from armwright.terminal import say
 
 if TYPE_CHECKING:
     from armwright.modules.assembly import Assembly
@@ -104,7 +104,7 @@ def _one(source: str, output: Path | None, unused: dict[str, Any]) -> None:
     if output is not None:
         console.print(f"wrote {output}")
     for warning in arm.warnings:
-        print(f"armwright: note: {warning}", file=sys.stderr)
+        say(f"armwright: note: {warning}", err=True)
 
 
 def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | None, show: int) -> None:
@@ -151,7 +151,7 @@ def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | 
         order = "others" if task is not None else "longer ones"
         console.print(f"{open_ - len(rows)} {order} were not computed (--limit {rules['limit']})")
     for name, reason in result.left_out.items():
-        print(f"armwright: note: module {name} is left out: {reason}", file=sys.stderr)
+        say(f"armwright: note: module {name} is left out: {reason}", err=True)
     if output is not None:
         console.print(f"wrote {output}")
 

@@ -7,6 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
+from armwright.terminal import say
+
 
 def _file(metavar: str, help_text: str) -> Any:
     return typer.Argument(metavar=metavar, help=help_text, show_default=False)
@@ -39,8 +41,8 @@ def convert(
 
     done = aw.convert(source, target, **({} if smoothing is None else {"smoothing": smoothing}))
     for path in done.written:
-        typer.echo(f"wrote {path}")
+        say(f"wrote {path}")
     for line in done.lost:
-        typer.echo(f"lost: {line}")
+        say(f"lost: {line}")
     for line in done.notes:
-        typer.echo(f"note: {line}")
+        say(f"note: {line}")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from armwright.cli.arguments import Out, Robot, Table
+from armwright.terminal import PrintableStream
 
 if TYPE_CHECKING:
     import numpy as np
@@ -46,7 +47,7 @@ def inverse_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
                 columns |= joint_columns(quantity, arm.names, joint_units(arm, quantity), values)
             if not np.isnan(values).any():
                 break  # with the voltages of all motors, currents say nothing new
-        write_table(output, columns, sys.stdout)
+        write_table(output, columns, PrintableStream(sys.stdout))
 
 
 def forward_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
@@ -70,7 +71,7 @@ def forward_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
     with progress("forward dynamics"):
         q, qd, u = _sets(arm, table, ("q", "qd", "u"))
         qdd = aw.compile(arm).forward_arm(q, qd, u)
-        write_table(output, joint_columns("qdd", arm.names, joint_units(arm, "qdd"), qdd), sys.stdout)
+        write_table(output, joint_columns("qdd", arm.names, joint_units(arm, "qdd"), qdd), PrintableStream(sys.stdout))
 
 
 def _arm(robot: str, output: Path | None) -> Model:

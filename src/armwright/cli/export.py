@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from armwright.cli.arguments import Robot
+from armwright.terminal import say
 
 export = typer.Typer()
 
@@ -53,4 +54,4 @@ def c(
     with progress(f"exporting {arm.name}"):
         paths = write_c(arm, names, output, "float" if single else "double")
     for path in paths:
-        typer.echo(f"wrote {path}")
+        say(f"wrote {path}")

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from armwright.terminal import say
+
 parts = typer.Typer()
 
 File = Annotated[Path, typer.Argument(metavar="FILE.parts.toml", help="The parts database.", show_default=False)]
@@ -43,11 +45,11 @@ def build(file: File, output: Arm, audit: Audit = None) -> None:
     with progress(f"weighing {file.name}"):
         built = write_parts(file, output, audit)
     for line in built.overrides:
-        typer.echo(f"measured: {line}", err=True)
+        say(f"measured: {line}", err=True)
     for warning in built.warnings:
-        typer.echo(f"warning: {warning}", err=True)
+        say(f"warning: {warning}", err=True)
     arm = built.description
     links = f"{len(arm.links)} link{'s' * (len(arm.links) != 1)}"
-    typer.echo(f"wrote {output}: {arm.name}, {links}, {arm.total_mass:.6g} kg")
+    say(f"wrote {output}: {arm.name}, {links}, {arm.total_mass:.6g} kg")
     if audit is not None:
-        typer.echo(f"wrote {audit}")
+        say(f"wrote {audit}")

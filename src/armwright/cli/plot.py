@@ -9,6 +9,7 @@ import typer
 
 from armwright.cli.arguments import option
 from armwright.errors import RunError
+from armwright.terminal import say
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -61,7 +62,7 @@ def plot(
         show_runs(named, console_for_tables(), **chosen)
     else:
         aw.plot(named, output, **chosen)
-        typer.echo(f"wrote {output}")
+        say(f"wrote {output}")
 
 
 def _by_name(paths: list[Path]) -> dict[str, xr.Dataset]:

@@ -6,6 +6,8 @@ import contextlib
 import threading
 from collections.abc import Callable, Iterator
 
+from armwright.terminal import console
+
 PATIENCE = 1.0  # [s] before there is anything to see
 
 
@@ -16,7 +18,6 @@ def progress(words: str, unit: str = "") -> Iterator[Callable[[int, int], None]]
     Args:
         words: what is done.   unit: of what is counted; where it is given, the rate is shown too.
     """
-    from rich.console import Console
     from rich.progress import (
         BarColumn,
         Progress,
@@ -34,10 +35,10 @@ def progress(words: str, unit: str = "") -> Iterator[Callable[[int, int], None]]
         def render(self, task: Task) -> Text:
             return Text(rate(task.speed, unit), style="progress.data.speed")
 
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    screen = console(stderr=True)
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     columns = (*columns, Rate()) if unit else columns
-    bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    bar = Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal)
     task = bar.add_task(words, total=None)  # until someone tells, the bar only shows that it lives
     timer = threading.Timer(PATIENCE, bar.start)
     timer.daemon = True

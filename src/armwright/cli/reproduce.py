@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from armwright.cli.arguments import option
+from armwright.terminal import say
 
 
 def reproduce(
@@ -36,16 +37,16 @@ def reproduce(
         done = aw.reproduce(run, progress=tell)
     if output is not None:
         aw.save(done.run, output)
-        print(f"wrote {output}")
+        say(f"wrote {output}")
     for line in done.surroundings:
-        print(f"differs  {line}")
+        say(f"differs  {line}")
     if done.part:
-        print(f"compared what there is: {done.part}")
+        say(f"compared what there is: {done.part}")
     if done.same:
-        print("the same to the last bit")
+        say("the same to the last bit")
         return
     for line in done.reshaped:
-        print(f"differs  {line}")
+        say(f"differs  {line}")
     for name, largest in done.differences.items():
-        print(f"differs  {name}: by {largest:.3g} at most")
+        say(f"differs  {name}: by {largest:.3g} at most")
     raise typer.Exit(1)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from armwright.cli.arguments import Robot, option, vector
+from armwright.terminal import say
 
 
 def show(
@@ -45,5 +44,5 @@ def show(
     with progress(f"drawing {arm.name}"):
         shown = aw.show(arm, output, pose, size=size)
     for note in shown.notes:
-        typer.echo(f"note: {note}", err=True)
-    typer.echo(f"wrote {shown.path}")
+        say(f"note: {note}", err=True)
+    say(f"wrote {shown.path}")

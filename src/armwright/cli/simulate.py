@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -28,6 +27,7 @@ from armwright.cli.arguments import (
     start_of,
 )
 from armwright.errors import DivergenceError, Interrupted, ScenarioError
+from armwright.terminal import console, say
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -135,23 +135,21 @@ def _run(scenario: Scenario, output: Path | None, plot: Path | None) -> None:
 
 
 def _show(scenario: Scenario, run: xr.Dataset, spent: float, written: list[Path]) -> None:
-    from rich.console import Console
-
     from armwright.cli.tables import end_state, lanes_that_stopped
 
-    console = Console(highlight=False, markup=False, soft_wrap=True)
+    screen = console(soft_wrap=True)
     step, what = scenario.tick, "steps" if scenario.controller is None else "periods"
     lanes = "" if scenario.lane_count is None else f" in {run.sizes['lane']} lanes"
     stopped = lanes_that_stopped(run) if "lane" in run.dims else 0
     lanes += f", of which {stopped} left the finite numbers or ran out of steps" if stopped else ""
     end = float(run["time"][-1]) if "time" in run.coords else scenario.ticks * step
-    console.print(
+    screen.print(
         f"{scenario.arm.name}: {end:g} s in {round(end / step)} {what} of {step * 1e3:g} ms{lanes}, "
         f"compiled and run in {spent:.2f} s"
     )
     for path in written:
-        console.print(f"wrote {path}")
+        screen.print(f"wrote {path}")
     if not written:
-        console.print(end_state(run) or "")
+        screen.print(end_state(run) or "")
     for note in str(run.attrs.get("notes", "")).splitlines():
-        print(f"armwright: note: {note}", file=sys.stderr)
+        say(f"armwright: note: {note}", err=True)

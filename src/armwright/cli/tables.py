@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from math import isnan
 from typing import TYPE_CHECKING, Any
 
+from armwright.terminal import console
+
 if TYPE_CHECKING:
     import xarray as xr
     from rich.console import Console, Group
@@ -25,12 +27,10 @@ def number(value: Any) -> str:
 
 def console_for_tables() -> Console:
     """Standard output; where no terminal sets a width, wide enough for every table."""
-    from rich.console import Console
-
-    console = Console(highlight=False, markup=False)
-    if not console.is_terminal:
-        console.width = WIDTH
-    return console
+    screen = console()
+    if not screen.is_terminal:
+        screen.width = WIDTH
+    return screen
 
 
 def table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], left: Sequence[str] = ()) -> Group | None:

@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armwright import terminal
 from armwright.errors import SessionError
 from armwright.output import whole_file
+from armwright.printable import printable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -193,11 +195,7 @@ class Screen:
         """Args:
         console: by default standard output.
         """
-        if console is None:
-            from rich.console import Console
-
-            console = Console(highlight=False, markup=False, emoji=False)
-        self.console = console
+        self.console = terminal.console() if console is None else console
 
     def __call__(self, output: Output) -> None:
         """Shows one line, table or drawing."""
@@ -213,7 +211,7 @@ class Screen:
             self.console.print(_table(output, self.console.width))
             self.console.print()
         else:
-            self.console.file.write(plain(output) + "\n")
+            self.console.file.write(printable(plain(output)) + "\n")
 
     def error(self, message: object) -> None:
         """Shows an error in one line."""

@@ -1,0 +1,25 @@
+"""Text that a terminal shows as it is: characters that would steer the terminal, or turn text round, as backslash escapes."""
+
+from __future__ import annotations
+
+import unicodedata
+
+LINES = "\n\t"  # kept, since they move nothing but the place of the next letter
+STEERING = ("Cc", "Cf", "Cs", "Co", "Zl", "Zp")  # controls, formats (bidi overrides, invisible ones), line separators
+
+
+def printable(text: str) -> str:
+    r"""The text with control, format and separator characters escaped: `"\x1b[2J"` → `"\\x1b[2J"`.
+
+    Line feeds and tabs stay.
+    """
+    if text.isprintable():
+        return text
+    return "".join(_escaped(letter) if unicodedata.category(letter) in STEERING else letter for letter in text)
+
+
+def _escaped(letter: str) -> str:
+    if letter in LINES:
+        return letter
+    code = ord(letter)
+    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
