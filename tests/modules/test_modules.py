@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import tomllib
+from dataclasses import replace
 from math import pi
 from typing import Any
 
@@ -20,9 +21,11 @@ from armwright.model import Model, build_model
 from armwright.modules.assemble import assemble
 from armwright.modules.assembly import Assembly, assembly_names, library_names, read_modules
 from armwright.modules.library import ModuleLibrary
+from armwright.modules.statics import static_torques
 from armwright.spatial import Placement, parallel_axes, rotation_z
 from armwright.validation import validated
 from modules.modules_of_tests import assembly, body, library, put
+from physics.arms import arm
 
 TWO = (put("foot"), put("elbow", "foot.top"), put("elbow", "elbow.out", pi / 2, name="wrist"), put("hand", "wrist.out"))
 
@@ -437,3 +440,11 @@ def test_what_comes_with_armwright_can_be_read() -> None:
     assert assembly_names() == ["lwa4p", "lwa4p-tool"]
     for name in assembly_names():
         assert build_model(aw.assemble(name)).n == 6
+
+
+def test_springs_at_joints_are_part_of_what_holds_the_arm():
+    """g(q) + s(q), for all poses at once."""
+    model = replace(arm("sprung"), cylinders=())
+    q = np.random.default_rng(2).normal(size=(5, model.n))
+    expected = [aw.gravity_torques(model, pose) + aw.spring_torques(model, pose) for pose in q]
+    np.testing.assert_allclose(static_torques(model, q)[0], expected, rtol=0, atol=1e-12 * np.abs(expected).max())
