@@ -104,3 +104,16 @@ def test_the_swing_of_an_elastic_gear_is_named(robot):
     """Not the current's constant, which is shorter and exact, nor another of the arm."""
     arm = pendulum(motor={**MOTOR, "inductance_h": 1e-4}, friction=COULOMB, elasticity=ELASTIC, robot=robot)
     assert refused(arm, 0.01, [0.0]) == pytest.approx(np.sqrt(0.5 * 0.37 / 0.87 / 4e3), rel=0.1)
+
+
+def test_a_steep_piece_of_a_table_counts():
+    """A thousandth of a radian wide, it allows the step of a linear spring of its stiffness."""
+    piece = {
+        "positions_rad": [-2.0, 0.5, 0.501, 2.0],
+        "torques_n_m": [250.0, 250.0, -250.0, -250.0],
+        "outside": "constant",
+    }
+    line = {"stiffness_n_m_per_rad": 5e5, "rest_rad": 0.5005}
+    by_table, by_line = (largest(pendulum("torque", spring=spring)) for spring in (piece, line))
+    assert by_table == pytest.approx(by_line, rel=0.05)
+    assert by_table < 5e-3

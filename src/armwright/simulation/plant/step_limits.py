@@ -11,7 +11,7 @@ import numpy as np
 
 from armwright.actuators.friction import LAWS
 from armwright.errors import ScenarioError
-from armwright.model import Body, Model
+from armwright.model import Body, Model, TableSpring
 from armwright.model.vary import Varied
 from armwright.program import Program, interpret, trace
 from armwright.program.program import Port
@@ -68,6 +68,9 @@ class StepLimit:
         high = np.array([min(body.limits.position[1], np.pi) for body in self.model.coordinates])
         poses = low + (high - low) * np.random.default_rng(0).uniform(size=(POSES, n))
         poses[0] = np.clip(0.0, low, high)
+        for joint, body in enumerate(self.model.coordinates):
+            if isinstance(body.spring, TableSpring):
+                poses[-1, joint] = _steepest_position(body.spring)
         speeds = np.array([_steep_speeds(body) for body in self.model.coordinates]).T
         if self.plant.size == 2 * n and not any(self.plant.contacts):
             return np.concatenate([np.hstack([poses, np.broadcast_to(speed, poses.shape)]) for speed in speeds])
@@ -291,6 +294,13 @@ def _with_stops(model: Model, poses: np.ndarray) -> list[np.ndarray]:
         return list(poses)
     ends = np.array([body.limits.position for body in model.coordinates]).T
     return [*poses, *(np.where(stopped, end + sign * DEEP, poses[0]) for end, sign in zip(ends, (-1, 1), strict=True))]
+
+
+def _steepest_position(spring: TableSpring) -> float:
+    """Middle [rad | m] of the piece of a table where it is steepest, which no drawn pose may meet."""
+    at, torques = np.array(spring.positions, dtype=float), np.array(spring.torques, dtype=float)
+    steepest = int(np.abs(np.diff(torques) / np.diff(at)).argmax())
+    return float(0.5 * (at[steepest] + at[steepest + 1]))
 
 
 def _steep_speeds(body: Body) -> list[float]:
