@@ -74,11 +74,10 @@ def of_friction(robot: RobotDescription) -> list[str]:
     """Properties of the friction records beyond damping and one magnitude of dry friction."""
     lost: dict[str, list[str]] = {}
     for joint in robot.joints:
-        friction = None if isinstance(joint, FixedJoint) else joint.friction
-        if friction is None:
+        if isinstance(joint, FixedJoint) or joint.friction is None:
             continue
         coupled = is_of_coupled_motor(joint)
-        for what in ["friction of coupled motors"] if coupled else _beyond_coulomb(friction):
+        for what in ["friction of coupled motors"] if coupled else _beyond_coulomb(joint.friction):
             lost.setdefault(what, []).append(joint.name)
     return [loss_of(what, names) for what, names in lost.items()]
 
