@@ -19,7 +19,7 @@ ORDER = (
     ("program",),  # traced functions; it knows no robots
     ("interpolation",),  # tables that trace
     ("expressions",),
-    ("output", "named_file"),
+    ("output", "reading", "named_file"),
     ("signals",),  # named layouts of vectors
     ("spatial",),
     ("lazy_schema",),  # tables that few files have

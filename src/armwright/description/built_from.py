@@ -13,6 +13,7 @@ from pydantic import Field
 
 from armwright.errors import DescriptionError
 from armwright.quantity import Record
+from armwright.reading import read_file
 
 BUILTIN = "armwright:"  # before the name of a file that comes with Armwright
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
@@ -114,8 +115,8 @@ def _relative(path: Path, folder: Path) -> str:
 
 def _hash(path: Path) -> str | None:
     try:
-        content = path.read_bytes()
-    except (OSError, ValueError):
+        content = read_file(path, "a file", DescriptionError)
+    except DescriptionError:
         return None
     return _digest(content, path.name)
 

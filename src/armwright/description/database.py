@@ -47,13 +47,13 @@ def read_description(name_or_path: str | os.PathLike[str], **reading: Any) -> Ro
     path, names = Path(text), builtin_names()
     if len(text) > LONGEST:
         raise DescriptionError(f"{len(text)} letters", value=text, expected=NAME_OR_PATH)
-    if text in names and (isinstance(name_or_path, str) or not path.exists()):
+    if text in names and (isinstance(name_or_path, str) or not os.path.exists(path)):
         _check_options(text, reading, ())
         with resources.as_file(resources.files("armwright.robots") / f"{text}.toml") as builtin:
             return read_toml(builtin)
     if path.suffix.lower() in XML_ENDINGS:
         return _read_xml_robot(path, reading)
-    if text and (path.suffix == ".toml" or path.exists()):
+    if text and (path.suffix == ".toml" or os.path.exists(path)):
         _check_options(text, reading, ())
         return read_toml(path)
     raise DescriptionError("not a built-in arm and not a file", place="robot", value=text, choices=names)

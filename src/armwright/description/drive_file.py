@@ -69,7 +69,7 @@ def find_drive_file(robot_file: Path, drive: str | os.PathLike[str] | None) -> P
     if drive is not None:
         return Path(drive)
     beside = robot_file.with_name(robot_file.stem + ENDING)
-    return beside if beside.is_file() else None
+    return beside if os.path.isfile(beside) else None
 
 
 def read_drive_file(path: Path) -> DriveFile:

@@ -9,6 +9,7 @@ from urllib.parse import unquote
 
 from armwright.description.xml_tree import Element
 from armwright.errors import DescriptionError
+from armwright.reading import real_path
 
 SCHEMES = ("package://", "model://")
 
@@ -51,13 +52,13 @@ def find_mesh(element: Element, name: str, file: Path, folders: tuple[Path, ...]
         name = unquote(name.removeprefix("file://"))
     elif "://" in name:
         raise element.error("nothing is fetched", value=name, expected="package://, file:// or a path")
-    path = _resolved(file.resolve().parent / name)
+    path = real_path(file.resolve().parent / name)
     if not any(
         path.is_relative_to(root) for root in (_package_of(file), *folders[: _count_of_searched(file, folders)])
     ):
         what = f"leads out of {str(_package_of(file))!r}"
         raise element.error(what, value=name, expected="a path below it, or packages = [FOLDER]")
-    return path if path.is_file() else None
+    return path if os.path.isfile(path) else None
 
 
 def _roots(package: str, file: Path, folders: tuple[Path, ...]) -> list[Path]:
@@ -75,7 +76,7 @@ def _roots(package: str, file: Path, folders: tuple[Path, ...]) -> list[Path]:
 
 def _is_everybodys(folder: Path) -> bool:
     """The disk, its top folders, the home folder and what that stands in: no packages."""
-    home = _resolved(Path.home())
+    home = real_path(Path.home())
     return folder.parent == folder.parent.parent or folder in (home, *home.parents)
 
 
@@ -83,10 +84,10 @@ def _in_package(element: Element, name: str, package: str, rest: str, roots: lis
     if not package or package in (".", "..") or not rest:
         raise element.error(value=name, expected="package://NAME/path")
     for root in roots:
-        path = _resolved(root / rest)
-        if not path.is_relative_to(_resolved(root)):
+        path = real_path(root / rest)
+        if not path.is_relative_to(real_path(root)):
             raise element.error(f"leads out of the package {package!r}", value=name, expected="a path below it")
-        if path.is_file():
+        if os.path.isfile(path):
             return path
     return None
 
@@ -99,10 +100,3 @@ def _count_of_searched(file: Path, folders: tuple[Path, ...]) -> int:
 def _package_of(file: Path) -> Path:
     parents = file.resolve().parents
     return next((folder for folder in parents if (folder / "package.xml").is_file()), parents[min(1, len(parents) - 1)])
-
-
-def _resolved(path: Path) -> Path:
-    try:
-        return path.resolve()
-    except (OSError, RuntimeError):  # a loop of links
-        return Path(os.sep)

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 from armwright.errors import DescriptionError
 from armwright.quantity import Record
+from armwright.reading import read_file
 from armwright.validation import validated
 
 Read = TypeVar("Read", bound=Record)
@@ -15,25 +16,31 @@ Read = TypeVar("Read", bound=Record)
 BOM = b"\xef\xbb\xbf"  # what some editors put before UTF-8
 
 
-def read_document(path: Path) -> dict[str, Any]:
+def read_text(path: Path) -> str:
+    """The text of a TOML file.
+
+    Raises:
+        DescriptionError: no such file, or none in UTF-8.
+    """
+    content = read_file(path, "a TOML file", DescriptionError)
+    if content.startswith(BOM):
+        raise DescriptionError("not TOML: begins with a byte order mark (BOM)", expected="UTF-8 without", file=path)
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise DescriptionError(f"not TOML: byte {error.start} is no UTF-8 text", file=path) from None
+
+
+def read_document(path: Path, text: str | None = None) -> dict[str, Any]:
     """The tables of a TOML file, unchecked.
 
+    Args:
+        path: of the file.   text: what is in it, where that was read before.
     Raises:
         DescriptionError: no such file, or no TOML.
     """
     try:
-        content = Path(path).read_bytes()
-        if content.startswith(BOM):
-            raise DescriptionError("not TOML: begins with a byte order mark (BOM)", expected="UTF-8 without", file=path)
-        return tomllib.loads(content.decode("utf-8"))
-    except FileNotFoundError:
-        raise DescriptionError("no such file", file=path) from None
-    except IsADirectoryError:
-        raise DescriptionError("a folder", expected="a TOML file", file=path) from None
-    except OSError as error:
-        raise DescriptionError(f"cannot be read: {error.strerror}", file=path) from None
-    except UnicodeDecodeError as error:
-        raise DescriptionError(f"not TOML: byte {error.start} is no UTF-8 text", file=path) from None
+        return tomllib.loads(read_text(path) if text is None else text)
     except (ValueError, RecursionError) as error:  # no TOML, a number of a million digits, a list in a list in a list …
         raise DescriptionError(f"not TOML: {error}", file=path) from None
 

@@ -7,12 +7,12 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import isfinite
-from pathlib import Path
 from typing import Any
 from xml.sax import SAXException, SAXParseException
 from xml.sax.handler import ContentHandler
 
 from armwright.errors import ABSENT, UNKNOWN_KEY, DescriptionError
+from armwright.reading import read_file
 
 LARGEST = 64 * 2**20  # [bytes]; the largest robot files known are below 1 MiB
 MOST = 1_000_000  # elements
@@ -177,13 +177,4 @@ def read_xml(path: str | os.PathLike[str]) -> Element:
     Raises:
         DescriptionError: no such file, or as `parse_xml`.
     """
-    try:
-        with open(path, "rb") as file:
-            data = file.read(LARGEST + 1)
-    except FileNotFoundError:
-        raise DescriptionError("no such file", file=Path(path)) from None
-    except IsADirectoryError:
-        raise DescriptionError("a folder", expected="an XML file", file=Path(path)) from None
-    except OSError as error:
-        raise DescriptionError(f"cannot be read: {error.strerror}", file=Path(path)) from None
-    return parse_xml(data, os.fspath(path))
+    return parse_xml(read_file(path, "an XML file", DescriptionError, LARGEST), os.fspath(path))

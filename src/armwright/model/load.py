@@ -35,7 +35,7 @@ def load(name_or_path: str | os.PathLike[str], *, on_impossible: str = "error", 
 
 def outdated(description: RobotDescription, path: Path) -> list[str]:
     """A warning, where the parts or modules beside a file are not those that it was built from."""
-    if description.built_from is None or not path.is_file():
+    if description.built_from is None or not os.path.isfile(path):
         return []
     changed = description.built_from.changed(path.parent)
     return [

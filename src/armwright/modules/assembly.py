@@ -131,7 +131,7 @@ def _library_places(assembly: Assembly, beside: Path) -> list[str | Path]:
 def _file(name_or_path: str | os.PathLike[str], ending: str) -> str | Path:
     """The file's name where it comes with Armwright, its path elsewhere."""
     path, name = Path(name_or_path), os.fspath(name_or_path).removesuffix(ending)
-    builtin = name in _builtin(ending) and not (path.suffix == ".toml" and path.exists())
+    builtin = name in _builtin(ending) and not (path.suffix == ".toml" and os.path.exists(path))
     return f"{name}{ending}" if builtin else path
 
 
@@ -150,6 +150,6 @@ def _read(name_or_path: str | os.PathLike[str], record: type[Read], ending: str,
     if isinstance(file, str):
         with resources.as_file(resources.files("armwright.robots") / "modules" / file) as builtin:
             return read_record(builtin, record)
-    if file.suffix == ".toml" or file.exists():
+    if file.suffix == ".toml" or os.path.exists(file):
         return read_record(file, record)
     raise DescriptionError("neither built in nor a file", place=kind, value=text, choices=_builtin(ending))

@@ -13,13 +13,13 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from armwright.errors import ScheduleError
 from armwright.output import whole_file
+from armwright.reading import read_file
 
 WITH_UNIT = re.compile(r"^(?P<name>[^\[\]]*?)\s*\[(?P<unit>[^\[\]]*)\]$")
 ROWS_AT_ONCE = 4096  # rows turned into text together, so that a long table never stands in memory twice
@@ -53,7 +53,9 @@ def read_numbers(path: str | os.PathLike[str], columns: Sequence[Column]) -> Num
         ScheduleError: no such file, not UTF-8, columns too many, too few or unknown, a wrong unit, a cell that holds
             no finite number, no rows; with file, line, column, value and expectation.
     """
-    place = os.fspath(path)
+    if not isinstance(path, (str, os.PathLike)):
+        raise ScheduleError(value=path, expected="the path of a CSV file")
+    place = os.fsdecode(path)
     return parse_numbers(table_text(place), place, columns)
 
 
@@ -153,14 +155,7 @@ def table_text(path: str | os.PathLike[str]) -> str:
         ScheduleError: no such file, or none in UTF-8.
     """
     place = os.fspath(path)
-    try:
-        data = Path(place).read_bytes()
-    except FileNotFoundError:
-        raise ScheduleError("no such file", file=place) from None
-    except IsADirectoryError:
-        raise ScheduleError("a folder", file=place, expected="a CSV file") from None
-    except OSError as error:
-        raise ScheduleError(f"cannot be read: {error.strerror or error}", file=place) from None
+    data = read_file(path, "a CSV file", ScheduleError)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -63,18 +63,23 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], **re
 def _check_other_file(source: Path, target: Path) -> None:
     """Refuses to write over what is read, the drive file of a URDF included."""
     ending = target.suffix.lower()
-    if ending == ".toml" or not source.is_file():
+    if ending == ".toml" or not os.path.isfile(source):
         return
     if source.resolve() == target.resolve():
         raise OutputError("this is the robot file that is read", file=target, expected="another file to write")
     old, new = (path.with_name(path.stem + ENDING) for path in (source, target))
-    if ending == ".urdf" and source.suffix.lower() != ".toml" and old.is_file() and old.resolve() == new.resolve():
+    if (
+        ending == ".urdf"
+        and source.suffix.lower() != ".toml"
+        and os.path.isfile(old)
+        and old.resolve() == new.resolve()
+    ):
         raise OutputError("this is the drive file that is read", file=new, expected=f"another name than {target.name}")
 
 
 def _without_origin(robot: RobotDescription, source: Path, target: Path) -> tuple[RobotDescription, list[str]]:
     """The description for another folder, from where the file that it was built from is not found, and what it loses."""
     origin = robot.built_from
-    if origin is None or (source.is_file() and source.resolve().parent == target.resolve().parent):
+    if origin is None or (os.path.isfile(source) and source.resolve().parent == target.resolve().parent):
         return robot, []
     return robot.replace(built_from=None), [f"that it was built from {origin.file}, which stands in another folder"]

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from pathlib import Path
 from typing import Any, Literal
 
 from armwright.errors import SessionError
@@ -72,10 +72,7 @@ class Argument:
 
 
 def _exists(file: str) -> bool:
-    try:
-        return Path(file).exists()
-    except OSError:  # no permission to look: the reader of the file reports it
-        return True
+    return os.path.lexists(file)
 
 
 def same(name: str) -> str:

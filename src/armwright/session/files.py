@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from armwright.description.content import Content, parse_robot, robot_text
 from armwright.errors import SessionError
 from armwright.model import build_model
 from armwright.output import check_destination
+from armwright.reading import read_file
 from armwright.results.aliases import SESSION
 from armwright.session.controllers import built_controller
 from armwright.session.listing import Line, Output
@@ -39,13 +39,9 @@ def read_script(file: str) -> list[str]:
         SessionError: no such file, or none in UTF-8.
     """
     try:
-        text = Path(file).read_bytes().decode("utf-8-sig")
-    except FileNotFoundError:
-        raise SessionError("no such file", file=file) from None
+        text = read_file(file, "a script", SessionError).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise SessionError("no text in UTF-8", file=file, expected="a script, one line a command") from None
-    except OSError as error:
-        raise SessionError(f"cannot be read: {error.strerror}", file=file) from None
     if len(text) > LONGEST:
         raise SessionError(f"{len(text)} characters", file=file, expected=f"a script of at most {LONGEST}")
     return text.splitlines()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import struct
 import warnings
@@ -16,6 +17,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from armwright.errors import DescriptionError
 from armwright.quantity import Scale3
+from armwright.reading import read_file, real_path
 from armwright.solids.moments import Moments
 from armwright.solids.solid import SolidRecord
 from armwright.validation import Invalid
@@ -31,7 +33,7 @@ UNREADABLE = (  # exceptions of trimesh's readers on a broken file
 )
 
 
-FARTHEST = 1e12  # units of the file: no robot has a vertex beyond it
+FARTHEST = 1e12  # units of the file, and m: no robot has a vertex beyond it
 FLAT = 1e-12  # of the cube of a mesh's size: a smaller volume counts as 0
 SPOT = 1e-8  # of a mesh's size: vertices nearer to each other than this are merged
 
@@ -53,7 +55,7 @@ class Mesh(SolidRecord):
         if folder is None:
             return self  # written in Python: the path is the caller's
         base = Path(folder).resolve()
-        if "\0" in self.file or Path(self.file).is_absolute() or not _resolved(base, self.file).is_relative_to(base):
+        if "\0" in self.file or Path(self.file).is_absolute() or not real_path(base / self.file).is_relative_to(base):
             what = f"leads out of {os.fspath(folder)!r}"
             raise Invalid(what, place="file", value=self.file, expected="a path below it")
         self._folder = base
@@ -75,7 +77,10 @@ class Mesh(SolidRecord):
         except DescriptionError as error:
             raise self._error(error.what, error.expected) from None
         scale = np.array(self.scale)
-        surface.vertices *= scale
+        with np.errstate(over="ignore", invalid="ignore"):
+            surface.vertices *= scale
+        if not (np.abs(surface.vertices) < FARTHEST).all():
+            raise self._error(f"with scale {self.scale} a vertex is beyond {FARTHEST:g} m", "a mesh of a robot's size")
         if scale.prod() < 0:
             surface.invert()
         return surface
@@ -121,13 +126,6 @@ class Mesh(SolidRecord):
         return DescriptionError(what, place=" mesh", value=self.file, expected=expected)
 
 
-def _resolved(base: Path, file: str) -> Path:
-    try:
-        return (base / file).resolve()
-    except (OSError, RuntimeError):  # a loop of links
-        return Path("/")
-
-
 def _stamp(path: Path) -> tuple[int, int]:
     try:
         stat = path.stat()
@@ -144,9 +142,11 @@ def _read(path: Path, stamp: tuple[int, int]) -> trimesh.Trimesh:
     kind = path.suffix.lower().removeprefix(".")
     if kind not in ("stl", "obj", "ply", "dae"):
         raise DescriptionError("no kind of mesh that is read", expected=".stl, .obj, .ply or .dae")
+    content = read_file(path, "a mesh", DescriptionError)
     try:
         with _silenced():
-            mesh = trimesh.load_mesh(path, file_type=kind, process=False)
+            # From memory, so that no materials or textures beside it are opened.
+            mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
     except UNREADABLE as error:
         first = (str(error).splitlines() or [type(error).__name__])[0]
         raise DescriptionError(f"not a mesh that can be read: {first}") from None

@@ -14,6 +14,7 @@ from armwright.description.mjcf.drives import masters
 from armwright.description.mjcf.springs import check_tendons
 from armwright.description.xml_tree import NUMBER, Element, read_xml
 from armwright.errors import DescriptionError
+from armwright.reading import real_path, refuse_other_entries
 
 FOLDERS = ("meshdir", "texturedir", "assetdir")
 LARGEST_COUNTS = {"count": 1000, "nrow": 8192, "ncol": 8192, "width": 8192, "height": 8192, "resolution": 8192}
@@ -61,10 +62,12 @@ def _check_included(path: Path, folder: Path, within: list[Path]) -> None:
     root = read_xml(path)
     if root.tag not in ("mujoco", "mujocoinclude"):
         raise root.error(expected="an MJCF, whose first element is <mujoco>")
-    _check_element(root, folder, [*within, path.resolve()])
+    compilers = [element for element in root.children if element.tag == "compiler"]
+    folders = [folder / element.attributes.get(name, "") for element in compilers for name in FOLDERS]
+    _check_element(root, folder, [*within, real_path(path)], [folder, *folders])
 
 
-def _check_element(element: Element, folder: Path, within: list[Path]) -> None:
+def _check_element(element: Element, folder: Path, within: list[Path], folders: list[Path]) -> None:
     if element.tag in SOFT:
         raise element.error(NOT_OFFERED, expected="rigid bodies")
     for name, most in LARGEST_COUNTS.items():
@@ -76,16 +79,19 @@ def _check_element(element: Element, folder: Path, within: list[Path]) -> None:
             raise element.wrong(name, "finite numbers")
     for name in (*FOLDERS, "file"):
         value = element.attributes.get(name)
-        if value and ("\0" in value or not (folder / value).resolve().is_relative_to(folder)):
+        if value and ("\0" in value or not real_path(folder / value).is_relative_to(folder)):
             what, place = f"leads out of {str(folder)!r}", f"<{element.tag} {name}>"
             raise element.error(what, place=place, value=value, expected="a path below it")
+        if value and name == "file":
+            for start in folders:
+                refuse_other_entries(start / value, "a file", DescriptionError)
     if element.tag == "include":
         inner = folder / element.word("file")
-        if inner.resolve() in within or len(within) >= MOST_FILES:
+        if real_path(inner) in within or len(within) >= MOST_FILES:
             raise element.error("includes itself", value=inner.name, expected="files that end")
         _check_included(inner, folder, within)
     for child in element.children:
-        _check_element(child, folder, within)
+        _check_element(child, folder, within, folders)
 
 
 def check_model(file: Path, mujoco: Any, model: Any) -> None:

@@ -1,0 +1,74 @@
+"""Files that a user, or a user's file, names: regular files of a limited size are read, nothing else is opened or waited for."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+from typing import Any
+
+from armwright.errors import ArmwrightError
+
+LARGEST = 256 << 20  # bytes of a file
+KINDS = {  # entries of a file system that are no files; a pipe is never waited for, a device may never end
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFSOCK: "a socket",
+}
+FLAGS = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_NONBLOCK", "O_CLOEXEC", "O_NOCTTY", "O_BINARY"))
+
+
+def read_file(path: Any, expected: str, error: type[ArmwrightError], most: int = LARGEST) -> bytes:
+    """The content of a regular file.
+
+    Args:
+        path: of the file.   expected: what it should be, for errors, such as "a TOML file".
+        error: what is raised.   most: bytes that it may have.
+    Raises:
+        error: no path, no such file, a folder, a pipe, a device, a link to itself, a name that no file system takes, no
+            permission, too large; with the file.
+    """
+    if not isinstance(path, (str, os.PathLike)):
+        raise error(value=path, expected=f"the path of {expected}")
+    name, content = os.fsdecode(path), b""
+    try:
+        what = _what_it_is(os.stat(path).st_mode)
+        if not what:
+            with os.fdopen(os.open(path, FLAGS), "rb") as file:
+                what = _what_it_is(os.fstat(file.fileno()).st_mode)  # by now it may be another one
+                content = file.read(0 if what else most + 1)
+    except FileNotFoundError:
+        raise error("no such file", file=name) from None
+    except (OSError, ValueError) as fault:  # ValueError: a zero byte in the name
+        reason = fault.strerror if isinstance(fault, OSError) else None
+        raise error(f"cannot be read: {reason or fault}", file=name) from None
+    if what:
+        raise error(what, expected=expected, file=name)
+    if len(content) > most:
+        raise error("too large", value=len(content), expected=f"{most} bytes at most", file=name)
+    return content
+
+
+def real_path(path: Path) -> Path:
+    """The path behind symbolic links, absolute; of a link to itself its own, which no reader opens."""
+    return Path(os.path.realpath(path))  # Path.resolve raises where links go round
+
+
+def refuse_other_entries(path: Any, expected: str, error: type[ArmwrightError]) -> None:
+    """Refuses a pipe, a device or a folder where a file should be, before another library opens it; an absent one passes.
+
+    Raises:
+        error: with the file.
+    """
+    try:
+        what = _what_it_is(os.stat(path).st_mode)
+    except (OSError, ValueError):
+        return
+    if what:
+        raise error(what, expected=expected, file=os.fsdecode(path))
+
+
+def _what_it_is(mode: int) -> str:
+    """What an entry is that is no regular file; "" of one."""
+    return "a folder" if stat.S_ISDIR(mode) else KINDS.get(stat.S_IFMT(mode), "" if stat.S_ISREG(mode) else "no file")
