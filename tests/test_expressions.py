@@ -35,6 +35,29 @@ def test_values(text, value):
     assert number(text) == pytest.approx(value, rel=1e-15)
 
 
+NO_REAL_NUMBERS = {
+    "(-1)**0.5": "a power of a negative number",
+    "abs((-8)**(1/3))": "a power of a negative number",
+    "(-t)**0.5": "a power of a negative number",
+    "1/(t - t)": "divides by zero",
+    "0**-t": "divides by zero",
+    "(t*1e200)**2": "too large",
+}
+
+
+@pytest.mark.parametrize(("text", "what"), NO_REAL_NUMBERS.items())
+def test_a_value_that_is_no_real_number_is_refused(text, what):
+    with pytest.raises(ExpressionError) as error:
+        expression(text, ("t",))({"t": 0.25})
+    assert (error.value.what, error.value.value) == (what, text)
+
+
+@pytest.mark.parametrize("text", ["log(0)", "sqrt(-1)", "fmod(1, 0)", "1e308*10", "log(0) - log(0)", "1if(2)"])
+def test_what_is_not_finite_is_refused_without_a_warning(text):
+    with pytest.raises(ExpressionError):
+        number(text)
+
+
 ARITHMETIC = "numbers, + - * / **, brackets and functions such as sin(…)"
 FORMULA = "a number or a formula such as 0.5, 30 deg or pi/2"
 

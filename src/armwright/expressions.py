@@ -5,9 +5,12 @@ from __future__ import annotations
 import ast
 import operator
 import re
+import warnings
 from collections.abc import Callable, Mapping
-from math import pi
+from math import isfinite, pi
 from typing import Any
+
+import numpy as np
 
 from armwright import scalar
 from armwright.errors import ExpressionError, shown
@@ -28,7 +31,7 @@ OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
+    ast.Pow: lambda base, exponent: _power(base, exponent),
 }
 LONGEST = 1000  # characters
 UNIT = re.compile(r"(?<=[\d.)])\s*deg\b")  # `30 deg` is 30 times a degree
@@ -41,7 +44,7 @@ def expression(text: str, variables: tuple[str, ...] = (), typed: str = "") -> C
         text: numbers, + - * / **, brackets, the names in `NAMES` and `variables`, and the functions in `FUNCTIONS`.
         variables: names that it may use.   typed: the formula as errors show it; "": the text.
     Returns:
-        value: {name: value of each variable} → the formula's value.
+        value: {name: value of each variable} → the formula's value; it raises an ExpressionError where that is no real number.
     Raises:
         ExpressionError: what was not understood, and the names that exist.
     """
@@ -49,14 +52,40 @@ def expression(text: str, variables: tuple[str, ...] = (), typed: str = "") -> C
     if len(text) > LONGEST:
         raise ExpressionError(f"{len(text)} characters", value=typed, expected=f"a formula of at most {LONGEST}")
     try:
-        tree = ast.parse(UNIT.sub("*deg", text.strip()), mode="eval").body
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of numbers that run into a word, which are refused below
+            tree = ast.parse(UNIT.sub("*deg", text.strip()), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise ExpressionError(value=typed, expected="a number or a formula such as 0.5, 30 deg or pi/2") from None
     try:
         _check(tree, typed, {*NAMES, *variables})
     except RecursionError:
         raise ExpressionError("too deep", value=typed, expected="a simpler formula") from None
-    return lambda values: _value(tree, {**NAMES, **values})
+
+    def value(values: Mapping[str, Scalar]) -> Scalar:
+        try:
+            with np.errstate(all="ignore"):  # NumPy's infinities and NaN are refused where they matter
+                return _value(tree, {**NAMES, **values})
+        except ZeroDivisionError:
+            raise ExpressionError("divides by zero", value=typed, expected="a finite number") from None
+        except OverflowError:
+            raise ExpressionError("too large", value=typed, expected="a finite number") from None
+        except _NotReal:
+            raise ExpressionError("a power of a negative number", value=typed, expected="a real number") from None
+
+    return value
+
+
+class _NotReal(ArithmeticError):
+    """A value that is complex."""
+
+
+def _power(base: Scalar, exponent: Scalar) -> Scalar:
+    """Of Python's floats too it is a real number, or an error."""
+    value = base**exponent
+    if isinstance(value, complex):
+        raise _NotReal
+    return value
 
 
 def number(text: str) -> float:
@@ -65,11 +94,8 @@ def number(text: str) -> float:
     Raises:
         ExpressionError: what was not understood, or a value that is not finite.
     """
-    try:
-        value = float(expression(text)({}))
-    except (OverflowError, ZeroDivisionError):
-        value = float("inf")
-    if value - value != 0.0:
+    value = float(expression(text)({}))
+    if not isfinite(value):
         raise ExpressionError(f"is {value}", value=text, expected="a finite number")
     return value
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.description.toml_file import read_document
-from armwright.errors import ArmwrightError, DescriptionError, ScenarioError
+from armwright.description.toml_file import read_document, read_text
+from armwright.errors import ArmwrightError, DescriptionError, ExpressionError, ScenarioError
 from armwright.expressions import expression
 from armwright.model import Model, build_model
 from armwright.model.joint_signals import joint_units
@@ -60,8 +60,8 @@ def read_scenario(path: str | os.PathLike[str], *, allow: Iterable[str | os.Path
         if not folder.is_dir():
             raise ScenarioError("no such folder", place="allow", value=str(folder))
     try:
-        document = read_document(path)
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
+        document = read_document(path, text)
     except DescriptionError as error:
         raise ScenarioError.of(*error.problems) from None
     return parse_scenario(document, str(path), FolderFiles(path.parent, folders), text)
@@ -317,12 +317,11 @@ def _formulas(place: str, texts: Any, arm: Model) -> Any:
 
     def q(t: Scalar) -> np.ndarray:
         values = []
-        for text, formula in zip(texts, formulas, strict=True):
+        for formula in formulas:
             try:
-                with np.errstate(all="ignore"):  # what is no number is refused where it is used
-                    values.append(formula({"t": t}))
-            except (OverflowError, ZeroDivisionError):
-                raise ScenarioError("is beyond the finite numbers", place=place, value=str(text)) from None
+                values.append(formula({"t": t}))
+            except ExpressionError as error:
+                raise ScenarioError.of(*error.within(place).problems) from None
         return scalar.array(values)
 
     return q

@@ -96,12 +96,6 @@ class Formula:
                 value = expression(self.plain, tuple(values), self.text)(values)
         except ExpressionError as error:
             raise SessionError.of(*error.within(self.place).problems) from None
-        except ZeroDivisionError:
-            raise self._error("divides by zero", "a finite number") from None
-        except OverflowError:
-            raise self._error("too large", "a finite number") from None
-        if np.iscomplexobj(value):
-            raise self._error(expected="a real number")
         return np.asarray(value, dtype=float)
 
     def _error(self, what: str = "", expected: str = "") -> SessionError:
