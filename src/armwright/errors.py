@@ -206,11 +206,15 @@ class Interrupted(KeyboardInterrupt):
 
 def shown(value: Any) -> str:
     """A value as a sentence repeats it: on one line, shortened; text in quotes, arrays as lists."""
-    value = value.tolist() if hasattr(value, "tolist") else value
+    if hasattr(value, "tolist") and hasattr(value, "dtype"):
+        few = slice(0, 20)  # of each axis of a large array, which is never turned into a list as a whole
+        value = (value if value.size <= 1000 else value[(few,) * value.ndim]).tolist()
     try:
         text = value if isinstance(value, type) else repr(list(value) if isinstance(value, tuple) else value)
     except ValueError:  # an integer of more digits than Python prints
         return "a number too long to print"
+    except RecursionError:  # lists in lists
+        return "a value too deep to print"
     text = " ".join(str(text).split())
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
 

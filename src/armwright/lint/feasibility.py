@@ -10,6 +10,7 @@ from armwright.errors import DescriptionError, Problem
 from armwright.spatial import parallel_axes, pseudo_inertia
 
 IMPOSSIBLE = 1e-9  # an eigenvalue of the pseudo-inertia below minus this share of the largest is no rounding
+TOO_LARGE = "its numbers are too large to compute with"
 SELF_LOCKING = 0.5  # a gear below this efficiency cannot be driven back
 SIGNIFICANT = 0.01  # a product m c c above this share of the tensor's largest entry would show in it
 SAME = 1e-3  # relative: a product that was printed with three digits or more is no coincidence
@@ -22,6 +23,9 @@ def check_bodies(robot: RobotDescription, on_impossible: str) -> list[Problem]:
         DescriptionError: names the link and by how much its pseudo-inertia fails to be positive semidefinite.
     """
     warnings = []
+    for link in robot.links:
+        if not np.isfinite(_body(link)).all():
+            raise DescriptionError(TOO_LARGE, place=f"link {link.name!r}")
     for link in impossible_links(robot):
         eigenvalues = np.linalg.eigvalsh(_body(link))
         fault = (
@@ -46,7 +50,9 @@ def impossible_links(robot: RobotDescription) -> list[Link]:
 
 def _body(link: Link) -> np.ndarray:
     """(4, 4) pseudo-inertia."""
-    return pseudo_inertia(float(link.mass_kg), np.array(link.com_m), link.inertia_kg_m2.matrix())
+    with np.errstate(over="ignore", invalid="ignore"):
+        body = pseudo_inertia(float(link.mass_kg), np.array(link.com_m), link.inertia_kg_m2.matrix())
+    return body.astype(float)
 
 
 def is_possible(body: np.ndarray) -> np.ndarray:
@@ -74,7 +80,7 @@ def impossible(mass: float, com: np.ndarray, tensor: np.ndarray, about: str) -> 
     with np.errstate(over="ignore", invalid="ignore"):
         moved = about_com(mass, com, tensor, about)
         if not np.isfinite(pseudo_inertia(mass, com, moved).astype(float)).all():
-            return "its numbers are too large to compute with"
+            return TOO_LARGE
     if _possible(mass, com, moved):
         return None
     a, b, c = np.linalg.eigvalsh(moved)

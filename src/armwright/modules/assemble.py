@@ -59,8 +59,9 @@ def assemble(
     place = assembly.name if isinstance(assembly, Assembly) else os.fspath(assembly)
     built_from = None
     if not isinstance(assembly, Assembly):
-        built_from = origin(assembly, folder) if libraries is None else None
-        assembly, named = read_assembly(assembly)
+        name = assembly
+        assembly, named = read_assembly(name)
+        built_from = origin(name, folder) if libraries is None else None
         libraries = named if libraries is None else libraries
     elif libraries is None:
         raise DescriptionError("missing", place="libraries", expected="those of the modules", file=place)

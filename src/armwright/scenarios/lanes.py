@@ -92,6 +92,8 @@ def _vary_gain(name: str, fields: Fields, key: str, entry: int | None, column: n
         expected = f"loop.controller.{key}[0] … loop.controller.{key}[{n - 1}]"
         raise ScenarioError(place="lanes", value=name, expected=expected)
     several = isinstance(whole, Batch) or np.ndim(whole) > 0
+    if several and np.shape(lane_values(whole))[1:] != (n,):
+        raise ScenarioError(place=f"loop.controller.{key}", value=whole, expected=f"{n} numbers")
     fields[key] = _placed(whole if several else np.full(n, whole), entry, column)
 
 
