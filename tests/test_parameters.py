@@ -10,7 +10,7 @@ from scipy import stats
 
 import armwright as aw
 from armwright.description.paths import quantities, unit_at
-from armwright.errors import ArmwrightError, ModelError, ScenarioError
+from armwright.errors import ArmwrightError, ModelError, ScenarioError, ScheduleError
 from armwright.parameters import Draw, LaneFields, resolved
 from frozen.runs import GEARED, swing
 from physics.arms import NAMES, arm
@@ -184,3 +184,42 @@ def test_unknown_parameters_are_named():
         _ = GEARED.parameters["rod1.mass"]
     with pytest.raises(ArmwrightError):
         _ = replace(GEARED, description=None).parameters
+
+
+@pytest.mark.parametrize(
+    ("fields", "place"),
+    [
+        ({"kind": "norml"}, "Draw.kind"),
+        ({"kind": ["normal"]}, "Draw.kind"),
+        ({"kind": "normal", "centre": "a", "spread": 1.0}, "Draw.centre"),
+        ({"kind": "normal", "centre": 0.0, "spread": 1j}, "Draw.spread"),
+        ({"kind": "normal", "centre": 0.0, "spread": np.ma.masked_array([1.0, 2.0], mask=[0, 1])}, "Draw.spread"),
+        ({"kind": "normal", "centre": 0.0, "spread": 1.0, "low": [0.0, 0.0]}, "Draw.low"),
+        ({"kind": "normal", "centre": 0.0, "spread": 1.0, "high": None}, "Draw.high"),
+        ({"kind": "normal", "centre": 10**400, "spread": 1.0}, "Draw.centre"),
+    ],
+)
+def test_draws_of_something_else_than_numbers_are_refused_in_one_line(fields, place):
+    with pytest.raises(ScenarioError) as error:
+        aw.Draw(**fields)
+    assert error.value.place == place
+    assert len(str(error.value).splitlines()) == 1
+
+
+def test_masked_batches_are_refused():
+    with pytest.raises(ScenarioError, match="masked entries"):
+        aw.Batch(np.ma.masked_array([1.0, 2.0], mask=[0, 1]))
+
+
+@pytest.mark.parametrize(
+    "value", [["1", "2"], [1j, 2], np.ma.masked_array([1.0, 2.0], mask=[0, 1]), [10**400, 1], [None, 1]]
+)
+def test_positions_that_are_no_numbers_are_refused(value):
+    with pytest.raises(ScenarioError, match=r"Step\.start"):
+        aw.Step(value, [0.0, 0.0])
+    with pytest.raises(ScheduleError, match="commands"):
+        aw.Schedule([0.0], [value], ["a", "b"])
+    with pytest.raises(ScenarioError, match="kp"):
+        aw.Scenario(aw.load("two-link"), duration=0.1, loop=aw.Loop(aw.JointPID(kp=value), [0.0, 0.0], 1e-3))
+    with pytest.raises(ScenarioError, match=r"start\.q"):
+        aw.Scenario(aw.load("two-link"), command=[0.0, 0.0], duration=0.1, start=value)

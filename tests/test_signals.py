@@ -58,3 +58,21 @@ def test_joints_have_units_of_their_own(tmp_path):
     assert joint_signal(model, "q").unit == "rad | m"
     assert joint_signal(model, "heat", "W", joints=(2,)).units == ("W",)
     assert motion_layout(arm("two-link")).names == ("q", "qd", "qdd")
+
+
+@pytest.mark.parametrize(
+    ("fields", "place"),
+    [
+        ({"name": 3}, "signal"),
+        ({"shape": 2}, "signal 'x' shape"),
+        ({"shape": ["a"]}, "signal 'x' shape"),
+        ({"shape": (-1,)}, "signal 'x' shape"),
+        ({"units": [1]}, "signal 'x' units"),
+        ({"joints": np.zeros(1)}, "signal 'x' joints"),
+        ({"labels": "ab"}, "signal 'x' labels"),
+    ],
+)
+def test_fields_of_another_type_are_refused(fields, place):
+    with pytest.raises(ShapeError) as error:
+        Signal(**{"name": "x", "units": "m", **fields})
+    assert error.value.place == place

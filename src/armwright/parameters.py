@@ -35,9 +35,11 @@ class Batch:
             raise ScenarioError(place="Batch", value=values, expected="one value for each lane")
         if isinstance(values, (list, tuple)) and any(isinstance(each, Batch) for each in values):
             raise ScenarioError("holds a Batch", place="Batch", value=values, expected="one value for each lane")
+        if np.ma.isMaskedArray(values) and np.ma.getmaskarray(values).any():
+            raise ScenarioError("masked entries", place="Batch", value=values, expected="one value for each lane")
         try:
             array = np.array(values)
-        except ValueError:
+        except (ValueError, TypeError):
             expected = "one shape for all lanes"
             raise ScenarioError("rows of unequal shape", place="Batch", value=values, expected=expected) from None
         if array.ndim == 0 or not len(array):
@@ -80,12 +82,11 @@ class Draw:
     high: float = np.inf
 
     def __post_init__(self) -> None:
+        if not isinstance(self.kind, str) or self.kind not in ("record", *EXPECTED):
+            raise ScenarioError("unknown", place="Draw.kind", value=self.kind, choices=("record", *EXPECTED))
         if self.kind == "record":
             return
-        numbers = [np.asarray(each) for each in (self.centre, self.spread, self.low, self.high)]
-        if any(each.dtype.kind not in "iuf" or np.isnan(each).any() for each in numbers):
-            raise ScenarioError(value=self, expected="numbers")
-        centre, spread, low, high = numbers
+        centre, spread, low, high = (self._numbers(name) for name in ("centre", "spread", "low", "high"))
         wrong = spread < centre if self.kind == "uniform" else spread < 0.0
         if np.any(wrong) or np.any(low >= high) or (self.kind == "lognormal" and np.any(centre <= 0.0)):
             raise ScenarioError(value=self, expected=f"{EXPECTED[self.kind]}, and low below high")
@@ -106,6 +107,17 @@ class Draw:
     def lognormal(cls, median: Any, sigma: Any) -> Draw:
         """Values whose logarithm is normal: `median`, and the standard deviation `sigma` of the logarithm."""
         return cls("lognormal", median, sigma)
+
+    def _numbers(self, name: str) -> np.ndarray:
+        """A field as numbers; a bound is one number."""
+        value = getattr(self, name)
+        try:
+            numbers = scalar.real_numbers(value)
+        except ValueError:
+            numbers = np.full((), np.nan)
+        if np.isnan(numbers).any() or (name in ("low", "high") and numbers.ndim):
+            raise ScenarioError(place=f"Draw.{name}", value=value, expected="a number" if numbers.ndim else "numbers")
+        return numbers
 
     def __repr__(self) -> str:
         bounds = "" if np.isinf(self.low) and np.isinf(self.high) else f" within [{self.low:g}, {self.high:g}]"
@@ -217,6 +229,15 @@ def has_draws(value: Any) -> bool:
 def lane_values(value: Any) -> Any:
     """(lanes or 1, …): the values of a batch, or the only value of all lanes."""
     return value.values if isinstance(value, Batch) else np.asarray(value)[None]
+
+
+def numbers_by_lane(value: Any) -> np.ndarray:
+    """(lanes or 1, …) floats: those of a batch, or the only ones of all lanes.
+
+    Raises:
+        ValueError: something else than real numbers, as `scalar.real_numbers`.
+    """
+    return scalar.real_numbers(value.values) if isinstance(value, Batch) else scalar.real_numbers(value)[None]
 
 
 def lane_counts(value: Any, path: str) -> dict[str, int]:

@@ -10,6 +10,7 @@ NaN goes through every function, `clip`, `minimum` and `maximum` included: a lim
 from __future__ import annotations
 
 import math
+import numbers
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -224,6 +225,50 @@ def array(nested: Any) -> np.ndarray:
     if any(isinstance(entry, Symbol) for entry in entries.flat):
         return entries
     return entries.astype(float)
+
+
+def real_numbers(value: Any, dtype: Any = float) -> np.ndarray:
+    """An array of numbers of one type from what a user hands in: a number, an array, or lists of numbers.
+
+    Args:
+        value: real numbers of any type.   dtype: NumPy's type of the result.
+    Raises:
+        ValueError: text, dates, complex numbers, other objects, a masked entry, rows of unequal length, a number beyond the
+            range of floats.
+    """
+    if has_masked_entries(value):
+        raise ValueError("masked entries")  # NumPy would take what lies under the mask
+    try:
+        entries = np.asarray(value)
+    except (TypeError, RecursionError):  # a list in a list in a list, or one that holds itself
+        raise ValueError("lists too deep") from None
+    if entries.dtype.kind not in "fiub":
+        raise ValueError(
+            "a whole number beyond the largest float" if _holds_whole(entries) else f"of type {entries.dtype}"
+        )
+    with np.errstate(over="ignore"):  # of NumPy's longer floats: infinite
+        return entries.astype(dtype, copy=False)
+
+
+def has_masked_entries(value: Any) -> bool:
+    """True for a masked array that hides an entry, and for a list of such."""
+    parts = value if isinstance(value, (list, tuple)) else [value]
+    return any(np.ma.isMaskedArray(part) and bool(np.ma.getmaskarray(part).any()) for part in parts)
+
+
+def real_number(value: Any) -> float | None:
+    """A number of any type as a float; None if the value is no real number, or beyond the range of floats."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return None
+
+
+def _holds_whole(entries: np.ndarray) -> bool:
+    """True for an array of Python's whole numbers, which NumPy leaves as they are when they have too many digits."""
+    return entries.dtype == object and entries.size > 0 and all(type(entry) is int for entry in entries.flat)
 
 
 def zeros(*shape: int) -> np.ndarray:

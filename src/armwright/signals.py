@@ -41,8 +41,10 @@ class Signal:
     about: str = ""
 
     def __post_init__(self) -> None:
-        if not self.name.isidentifier():
+        if not isinstance(self.name, str) or not self.name.isidentifier():
             raise ShapeError(place="signal", value=self.name, expected="a name of letters, digits and _")
+        for name, kind in (("shape", int), ("joints", int), ("labels", str), ("units", str)):
+            self._check_list(name, kind)
         units = (self.units,) * self.size if isinstance(self.units, str) else tuple(self.units)
         object.__setattr__(self, "units", units)
         for name, entries in (("units", units), ("joints", self.joints)):
@@ -52,6 +54,16 @@ class Signal:
         if self.labels is not None and len(self.labels) != (self.shape or (1,))[-1]:
             expected = f"one for each entry along the last axis of shape {self.shape}"
             raise ShapeError(f"has {len(self.labels)}", place=f"signal {self.name!r} labels", expected=expected)
+
+    def _check_list(self, name: str, kind: type) -> None:
+        """Refuses a field that is no list of texts or of whole numbers from 0 on."""
+        value = getattr(self, name)
+        if value is None or (name == "units" and isinstance(value, str)):
+            return
+        is_list = isinstance(value, (list, tuple))
+        if not is_list or not all(isinstance(each, kind) and (kind is str or each >= 0) for each in value):
+            expected = "a tuple of texts" if kind is str else "a tuple of whole numbers, 0 or more"
+            raise ShapeError(place=f"signal {self.name!r} {name}", value=value, expected=expected)
 
     @property
     def size(self) -> int:

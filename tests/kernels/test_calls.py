@@ -38,6 +38,51 @@ def test_outputs_that_share_memory_are_refused(dyn):
     np.testing.assert_array_equal(np.moveaxis(woven, -1, 0), expected)
 
 
+ROOM = np.zeros(50 * 36 * 8)
+SHARING = {  # writeable arrays (50, 6, 6) of which entries lie over each other
+    "zero strides": np.lib.stride_tricks.as_strided(ROOM, (50, 6, 6), (0, 48, 8)),
+    "rows over rows": np.lib.stride_tricks.as_strided(ROOM, (50, 6, 6), (8, 48, 8)),
+    "half entries": np.lib.stride_tricks.as_strided(ROOM, (50, 6, 6), (288, 48, 4)),
+}
+
+
+@pytest.mark.parametrize("out", SHARING.values(), ids=SHARING)
+def test_an_output_that_overlaps_itself_is_refused(dyn, out):
+    for _ in range(2):  # with a plan and without
+        with pytest.raises(ShapeError, match="entries share memory"):
+            dyn.mass_matrix(Q, out=out)
+        dyn.mass_matrix(Q)
+    with pytest.raises(ShapeError, match="entries share memory"):
+        dyn.bind("mass_matrix", lead=(50,), M=out)
+
+
+@pytest.mark.parametrize("mask", [False, True, np.arange(6) == 3], ids=["none", "all", "one"])
+def test_masked_outputs_are_refused(dyn, mask):
+    out = np.ma.masked_array(np.zeros((50, 6, 6)), mask=np.broadcast_to(mask, (50, 6, 6)))
+    for _ in range(2):
+        with pytest.raises(ShapeError, match="masked"):
+            dyn.mass_matrix(Q, out=out)
+        dyn.mass_matrix(Q)
+    with pytest.raises(ShapeError, match="masked"):
+        dyn.bind("mass_matrix", lead=(50,), M=out)
+
+
+def test_masked_inputs_are_refused_where_an_entry_is_masked(dyn):
+    """NumPy would compute with what lies under the mask."""
+    whole = np.ma.masked_array(Q)
+    np.testing.assert_array_equal(dyn.mass_matrix(whole), dyn.mass_matrix(Q))
+    whole[3, 4] = np.ma.masked
+    with pytest.raises(ShapeError, match="mass_matrix: q: masked entries"):
+        dyn.mass_matrix(whole)
+
+
+def test_outputs_of_any_layout_without_overlap_are_written(dyn):
+    expected, room = dyn.mass_matrix(Q), np.zeros((6, 2, 50, 3, 6))
+    views = room[:, 1, ::-1, 2].transpose(1, 0, 2), np.zeros((6, 6, 50)).T, np.zeros((50, 12, 6))[:, ::2]
+    for out in views:
+        np.testing.assert_array_equal(dyn.mass_matrix(Q, out=out), expected)
+
+
 def test_as_many_outputs_as_there_are(dyn):
     with pytest.raises(ShapeError) as error:
         dyn.inverse_dynamics_derivatives(Q, Q, Q, out=(np.empty((50, 6, 6)), np.empty((50, 6, 6))))

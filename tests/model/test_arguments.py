@@ -63,3 +63,37 @@ def test_rows_of_unequal_length_are_refused_and_lists_taken():
     np.testing.assert_array_equal(
         aw.gravity_torques(model, [0.1, 0.2]), aw.gravity_torques(model, np.array([0.1, 0.2]))
     )
+
+
+NO_NUMBERS = {
+    "text": ["a", "b"],
+    "complex": np.array([1j, 2.0]),
+    "nothing": [None, 0.0],
+    "dates": np.array(["2020-01-01", "2020-01-02"], dtype="datetime64[D]"),
+    "masked": np.ma.masked_array([1.0, 2.0], mask=[False, True]),
+    "too large": [10**400, 0],
+    "symbols of another kind": np.array([object(), 1.0], dtype=object),
+}
+
+
+@pytest.mark.parametrize("value", NO_NUMBERS.values(), ids=NO_NUMBERS)
+@pytest.mark.parametrize("name", PLAIN)
+def test_something_else_than_numbers_is_refused(name, value):
+    given = _arguments(name, 2)
+    for argument in given:
+        with pytest.raises(ShapeError) as error:
+            getattr(aw, name)(arm("two-link"), **given | {argument: value})
+        assert (error.value.place, error.value.expected) == (f"{name}: {argument}", "numbers")
+
+
+@pytest.mark.parametrize("dtype", ["int8", "float16", "bool", "uint64", ">f8", "longdouble"])
+@pytest.mark.parametrize("name", PLAIN)
+def test_numbers_of_any_type_are_computed_with_as_floats(name, dtype):
+    """Whole numbers of one byte would overflow if they were multiplied as such."""
+    given = {argument: np.ones(6) for argument in _arguments(name, 6)}
+    wanted = getattr(aw, name)(arm("cmu-dd"), **given)
+    typed = getattr(aw, name)(arm("cmu-dd"), **{key: value.astype(dtype) for key, value in given.items()})
+    listed = getattr(aw, name)(arm("cmu-dd"), **{key: value.tolist() for key, value in given.items()})
+    for found in (typed, listed):
+        for a, b in zip(*(each if isinstance(each, tuple) else (each,) for each in (wanted, found)), strict=True):
+            np.testing.assert_array_equal(a, b)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.parameters import Batch, lane_values
@@ -26,8 +27,9 @@ def per_joint(arm: Model, law: str, name: str, value: Any, *, low: float = 0.0, 
     value = np.inf if limit and value is None else value
     try:
         rows = np.asarray(lane_values(value))
-        array = None if rows.dtype.kind not in "iufO" else rows.astype(float)  # True would be a number to NumPy
-    except (TypeError, ValueError):
+        is_wrong = rows.dtype.kind not in "iufO" or scalar.has_masked_entries(value)  # True would be a number to NumPy
+        array = None if is_wrong else rows.astype(float)
+    except (TypeError, ValueError, OverflowError):
         array = None
     if array is None:
         raise ScenarioError(place=f"{law}.{name}", value=value, expected="a number, or one for each joint")
@@ -76,5 +78,6 @@ def check_time(law: str, name: str, value: Any) -> None:
     Raises:
         ScenarioError: names it.
     """
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not 0.0 < float(value) < np.inf:
+    number = scalar.real_number(value)
+    if number is None or not 0.0 < number < np.inf:
         raise ScenarioError(place=f"{law}.{name}", value=value, expected="a number above 0")

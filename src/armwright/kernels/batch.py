@@ -17,12 +17,14 @@ from armwright.kernels.engine import Engine
 from armwright.kernels.format import DOUBLE, Format
 from armwright.kernels.target import Target
 from armwright.program import Port, Program
+from armwright.scalar import real_numbers
 
 if TYPE_CHECKING:  # a kernel from the cache, called for a few states, needs neither threads nor what prints code
     from concurrent.futures import ThreadPoolExecutor
 
     from armwright.kernels.llvm import Module
 
+ndarray = np.ndarray
 POINTER = ctypes.c_void_p
 addressof: Any = ctypes.addressof
 byte_of: Any = ctypes.c_char.from_buffer  # refuses what is read-only, not contiguous or empty
@@ -97,7 +99,7 @@ class Kernel:
             every = [*arrays, *results]
             addresses = [addressof(byte_of(array)) for array in every]  # refuses what is read-only or not contiguous
             for array in every:
-                if array.dtype is not dtype:
+                if array.dtype is not dtype or type(array) is not ndarray:  # a masked array hides entries
                     return self._any(arrays, out, threads)
         except (AttributeError, KeyError, TypeError, ValueError, BufferError):
             return self._any(arrays, out, threads)
@@ -157,7 +159,7 @@ class Kernel:
         if len(wanted) != len(shapes):
             raise wrong_count(f"{self.program.name}: out", wanted, self.program.outputs)
         for array, port, shape in zip(wanted, self.program.outputs, shapes, strict=True):
-            if not _is_writeable(array, shape, self.dtype):
+            if not is_writeable(array, shape, self.dtype):
                 raise wrong_array(f"{self.program.name}: out for {port.name}", array, f"writeable {self.dtype} {shape}")
         refuse_shared(self.program, wanted)
         usable = [a.flags.carray and not any(np.may_share_memory(a, block) for block in inputs) for a in wanted]
@@ -243,12 +245,33 @@ def wrong_array(place: str, array: Any, expected: str) -> ShapeError:
     """The error of an array that does not fit, which tells its type and shape."""
     if not isinstance(array, np.ndarray):
         return ShapeError(type(array).__name__, place=place, expected=expected)
-    read_only = "" if array.flags.writeable else ", read-only"
-    return ShapeError(f"{array.dtype} {array.shape}{read_only}", place=place, expected=expected)
+    faults = ["" if array.flags.writeable else ", read-only"]
+    faults += [
+        ", masked" if np.ma.isMaskedArray(array) else "",
+        ", entries share memory" if _overlaps_itself(array) else "",
+    ]
+    return ShapeError(f"{array.dtype} {array.shape}{''.join(faults)}", place=place, expected=expected)
 
 
-def _is_writeable(array: Any, shape: tuple[int, ...], dtype: np.dtype) -> bool:
-    return isinstance(array, np.ndarray) and array.shape == shape and array.dtype == dtype and array.flags.writeable
+def is_writeable(array: Any, shape: tuple[int, ...], dtype: np.dtype) -> bool:
+    """True for an array of this shape and dtype whose every entry can be written, and has a place of its own."""
+    is_array = isinstance(array, np.ndarray) and not np.ma.isMaskedArray(array)
+    fits = is_array and array.shape == shape and array.dtype == dtype and array.flags.writeable
+    return fits and not _overlaps_itself(array)
+
+
+def _overlaps_itself(array: np.ndarray) -> bool:
+    """True if entries may lie over each other: an axis whose step is shorter than the axes within it are long."""
+    if array.flags.c_contiguous or not array.size:
+        return False
+    within = array.itemsize
+    for step, count in sorted(
+        (abs(step), count) for step, count in zip(array.strides, array.shape, strict=True) if count > 1
+    ):
+        if step < within:
+            return True
+        within += (count - 1) * step
+    return False
 
 
 @functools.cache
@@ -271,12 +294,9 @@ def as_numbers(value: Any, place: str, name: str, dtype: np.dtype = DOUBLE.dtype
     if type(value) is np.ndarray and value.dtype == dtype:
         return value
     try:
-        array = np.asarray(value)
-        if array.dtype.kind not in "fiub":
-            raise TypeError(f"of type {array.dtype}")
         with np.errstate(over="ignore"):
-            return array.astype(dtype, copy=False)
-    except (TypeError, ValueError) as error:
+            return real_numbers(value, dtype)
+    except ValueError as error:
         raise ShapeError(str(error), place=f"{place}: {name}", expected="an array of real numbers") from None
 
 

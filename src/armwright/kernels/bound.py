@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ShapeError
-from armwright.kernels.batch import Kernel, refuse_shared, wrong_array
+from armwright.kernels.batch import Kernel, is_writeable, refuse_shared, wrong_array
 
 
 class Bound:
@@ -62,7 +62,6 @@ class Bound:
 def _buffer(place: str, name: str, shape: tuple[int, ...], array: np.ndarray | None, dtype: np.dtype) -> np.ndarray:
     if array is None:
         return np.zeros(shape, dtype)
-    fits = isinstance(array, np.ndarray) and array.shape == shape and array.dtype == dtype
-    if not fits or not array.flags.carray:
+    if not is_writeable(array, shape, dtype) or not array.flags.carray:
         raise wrong_array(f"{place}: {name}", array, f"writeable contiguous {dtype} {shape}")
     return array

@@ -1,4 +1,4 @@
-"""Checks of what plain functions get: an arm, and arrays that hold one state of it."""
+"""Checks of what plain functions get: an arm, and arrays of numbers or symbols that hold one state of it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from armwright import scalar
 from armwright.errors import ModelError, ShapeError
 from armwright.model.model import Model
 
@@ -31,30 +32,47 @@ def check_arm(arm: Any) -> None:
 def one_state(function: Function) -> Function:
     """A plain function of an arm, (model, q, …), that refuses arrays which are not those of one state.
 
-    Only shapes are looked at, so numbers and symbols pass alike and nothing is traced.
+    Numbers of any type become floats; arrays that hold symbols pass as they are, so nothing is traced.
 
     Raises:
         ModelError: the first argument is no arm.
-        ShapeError: an array of another shape; names the argument, its shape and the one expected.
+        ShapeError: an array of another shape, or of something else than numbers; names the argument and what was expected.
     """
     names = list(inspect.signature(function).parameters)[1:]
 
     @functools.wraps(function)
     def checked(model: Model, *arrays: Any, **named: Any) -> Any:
         check_arm(model)
-        for name, value in (*zip(names, arrays, strict=False), *named.items()):
-            expected = (model.n,) if name in JOINTS else WRENCH if name == "wrench" else None
-            if expected is not None and value is not None and _shape(value) != expected:
-                raise _wrong_shape(f"{function.__name__}: {name}", model, name, value, expected)
-        return function(model, *arrays, **named)
+        place = f"{function.__name__}: "
+        state = [_of_one_state(place, model, name, value) for name, value in zip(names, arrays, strict=False)]
+        rest = {name: _of_one_state(place, model, name, value) for name, value in named.items()}
+        return function(model, *state, *arrays[len(names) :], **rest)
 
     return checked  # type: ignore[return-value]
+
+
+def _of_one_state(place: str, model: Model, name: str, value: Any) -> Any:
+    """An argument as floats or symbols; one that is no array of a state as it is."""
+    expected = (model.n,) if name in JOINTS else WRENCH if name == "wrench" else None
+    if expected is None or (value is None and name == "wrench"):
+        return value
+    if scalar.has_masked_entries(value):
+        raise ShapeError("masked entries", place=f"{place}{name}", expected="numbers")
+    if _shape(value) != expected:
+        raise _wrong_shape(f"{place}{name}", model, name, value, expected)
+    try:
+        entries = np.asarray(value)
+        if any(isinstance(each, scalar.Symbol) for each in entries):
+            return scalar.array(entries)
+        return scalar.real_numbers(entries)
+    except (ValueError, TypeError, OverflowError) as error:
+        raise ShapeError(str(error), place=f"{place}{name}", expected="numbers") from None
 
 
 def _shape(value: Any) -> tuple[int, ...] | None:
     try:
         return np.shape(value)
-    except ValueError:  # rows of unequal length
+    except (ValueError, TypeError, RecursionError):  # rows of unequal length, lists that hold themselves
         return None
 
 

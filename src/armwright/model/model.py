@@ -156,7 +156,7 @@ def build_model(robot: RobotDescription, *, on_impossible: str = "error") -> Mod
     Raises:
         DescriptionError: a link whose mass properties no real body can have.
     """
-    if on_impossible not in ("error", "warn"):
+    if not isinstance(on_impossible, str) or on_impossible not in ("error", "warn"):
         raise DescriptionError(place="on_impossible", value=on_impossible, expected='"error" or "warn"')
     findings = [*check_bodies(robot, on_impossible), *check_drives(robot)]
     model = assembled(robot)

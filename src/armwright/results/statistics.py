@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armwright import scalar
 from armwright.errors import RunError
 from armwright.results.aliases import LOOP_STATE
 from armwright.results.run_schema import check_run
@@ -39,8 +40,8 @@ def statistics(run: xr.Dataset, percentiles: Sequence[float] = PERCENTILES) -> x
     if "lane" not in run.dims:
         raise RunError("statistics are over lanes", expected="a run of many lanes")
     try:
-        shares = np.atleast_1d(np.asarray(percentiles, dtype=float))
-    except (TypeError, ValueError):
+        shares = np.atleast_1d(scalar.real_numbers(percentiles))
+    except ValueError:
         shares = np.full(1, np.nan)
     if shares.ndim != 1 or not np.all((shares >= 0.0) & (shares <= 100.0)):
         raise RunError(place="percentiles", value=percentiles, expected="numbers from 0 to 100")

@@ -154,8 +154,8 @@ def table_text(path: str | os.PathLike[str]) -> str:
     Raises:
         ScheduleError: no such file, or none in UTF-8.
     """
-    place = os.fspath(path)
     data = read_file(path, "a CSV file", ScheduleError)
+    place = os.fsdecode(path)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

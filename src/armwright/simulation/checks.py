@@ -11,7 +11,7 @@ import numpy as np
 from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.model import Model
-from armwright.parameters import Batch, Draw, lane_values
+from armwright.parameters import Batch, Draw, lane_values, numbers_by_lane
 
 Fits = Callable[[np.ndarray], np.ndarray]
 
@@ -33,17 +33,20 @@ def check_numbers(
     expected += ", or one for each joint" * per_joint + ", or a Batch of such" * batch
     by_lane = batch and isinstance(value, Batch)
     try:
-        plain = None if isinstance(value, (Batch, Draw)) else value
-        values = np.asarray(lane_values(value) if by_lane else np.asarray(plain)[None])
-    except ValueError:  # rows of unequal length
-        values = np.asarray(None)
-    if values.dtype.kind not in "iuf" or values.ndim > 1 + per_joint:
+        values = numbers_by_lane(value if by_lane or not isinstance(value, (Batch, Draw)) else None)
+    except ValueError:
+        values = np.zeros(0)
+    if not values.ndim or not values.size or values.ndim > 1 + per_joint or _is_bool(value):
         raise ScenarioError(place=place, value=value, expected=expected)
-    wrong = np.argwhere(~np.asarray(fits(values.astype(float))))
+    wrong = np.argwhere(~np.asarray(fits(values)))
     if len(wrong):
         first = tuple(int(k) for k in wrong[0])  # lane, then joint where there is one a joint
         place += "".join(f"[{joint}]" for joint in first[1:]) + (f" of lane {first[0]}" if by_lane else "")
         raise ScenarioError(place=place, value=float(values[first]), expected=expected)
+
+
+def _is_bool(value: Any) -> bool:
+    return np.asarray(value.values if isinstance(value, Batch) else value).dtype == bool
 
 
 def check_choice(place: str, value: Any, choices: tuple[str, ...]) -> None:
@@ -77,7 +80,8 @@ def check_time(place: str, value: Any) -> None:
     Raises:
         ScenarioError: shows it.
     """
-    if not isinstance(value, numbers.Real) or isinstance(value, bool) or not 0.0 < float(value) < np.inf:
+    number = scalar.real_number(value)
+    if number is None or not 0.0 < number < np.inf:
         raise ScenarioError(place=place, value=value, expected="a time above 0 [s]")
 
 

@@ -21,7 +21,7 @@ from armwright.parameters import (
     check_counts,
     has_draws,
     lane_counts,
-    lane_values,
+    numbers_by_lane,
     resolved,
 )
 from armwright.signals import Layout
@@ -161,7 +161,11 @@ class Scenario:
             ScenarioError: draws without a number of lanes, or a batch that does not have them all.
         """
         parts = self._with_lanes()
-        if not isinstance(self.lanes, range) and not any(has_draws(part) for part in parts.values()):
+        try:
+            draws = any(has_draws(part) for part in parts.values())
+        except RecursionError:
+            raise ScenarioError("lists in lists that do not end", place="scenario", expected="numbers") from None
+        if not isinstance(self.lanes, range) and not draws:
             return self
         lanes = self.lanes if isinstance(self.lanes, range) else range(self._described)
         parts["vary"] = {name: self._of_record(name, value) for name, value in self.vary.items()}
@@ -364,8 +368,8 @@ class Scenario:
         k = len(Varied(self.arm, [name]).parameters)
         expected = "one number" if k == 1 else f"{k} numbers"
         try:
-            rows = np.asarray(lane_values(value), dtype=float)
-        except (TypeError, ValueError):
+            rows = numbers_by_lane(value)
+        except ValueError:
             raise ScenarioError(place=f"vary[{name!r}]", value=value, expected=expected) from None
         shape = () if k == 1 else (k,)
         if rows.shape[1:] != shape:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import numbers
 from typing import Any
 
 import numpy as np
 
+from armwright import scalar
 from armwright.errors import ScenarioError
-from armwright.parameters import Batch, Draw, lane_values
+from armwright.parameters import Batch, Draw, numbers_by_lane
 
 
 def check_poses(reference: str, **poses: Any) -> None:
@@ -24,8 +24,8 @@ def check_poses(reference: str, **poses: Any) -> None:
         if isinstance(value, Draw):
             continue  # checked when it is drawn
         try:
-            rows = np.asarray(lane_values(value), dtype=float)
-        except (TypeError, ValueError):
+            rows = numbers_by_lane(value)
+        except ValueError:
             rows = np.zeros(0)
         if rows.ndim != 2 or not rows.size or not np.isfinite(rows).all():
             expected = "finite numbers, one for each joint"
@@ -44,6 +44,7 @@ def check_number(reference: str, name: str, value: Any, *, above: float = -np.in
     """
     drawn = isinstance(value, Draw)  # checked when it is
     for each in value.values if isinstance(value, Batch) else [] if drawn else [value]:
-        if isinstance(each, (bool, np.bool_)) or not isinstance(each, numbers.Real) or not above < float(each) < np.inf:
+        number = scalar.real_number(each)
+        if number is None or not above < number < np.inf:
             expected = "a finite number" if above == -np.inf else f"a number above {above:g}"
             raise ScenarioError(place=f"{reference}.{name}", value=each, expected=expected)

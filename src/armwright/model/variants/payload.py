@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright import scalar
 from armwright.description.robot import FixedJoint, Inertia, JointFrame, Link, RobotDescription
 from armwright.errors import DescriptionError
 from armwright.model.variants.edits import CHOSEN, check_name, checked, replaced, tip_of
@@ -64,8 +65,8 @@ def with_payload(
 def _tensor(place: str, inertia: Any) -> np.ndarray:
     """(3, 3), symmetric."""
     try:
-        tensor = np.array(inertia, dtype=float)
-    except (TypeError, ValueError):  # rows of unequal length, or no numbers
+        tensor = scalar.real_numbers(inertia)
+    except ValueError:  # rows of unequal length, or no numbers
         tensor = np.zeros(0)
     tensor = np.diag(tensor) if tensor.shape == (3,) else tensor
     if tensor.shape != (3, 3) or not np.isfinite(tensor).all() or not np.allclose(tensor, tensor.T, rtol=1e-9, atol=0):

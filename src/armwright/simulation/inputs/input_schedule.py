@@ -15,7 +15,7 @@ import numpy as np
 from armwright.errors import ScenarioError
 from armwright.kernels.loop import Schedules
 from armwright.model import Model
-from armwright.parameters import Batch, lane_values
+from armwright.parameters import Batch, numbers_by_lane
 from armwright.simulation.inputs.schedule import Schedule
 
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")  # [N] and [N m], in base axes
@@ -47,8 +47,8 @@ def lane_numbers(place: str, value: Any, columns: Sequence[str]) -> np.ndarray:
     """
     n = len(columns)
     try:
-        rows = np.asarray(lane_values(value), dtype=float)
-    except (TypeError, ValueError):
+        rows = numbers_by_lane(value)
+    except ValueError:
         raise ScenarioError(place=place, value=value, expected=f"{n} numbers: {', '.join(columns)}") from None
     if rows.shape[1:] != (n,):
         batch = "; rows that differ by lane are a Batch" if rows.ndim == 3 and rows.shape[2] == n else ""

@@ -16,7 +16,7 @@ from armwright.errors import ArmwrightError, ScenarioError
 from armwright.lint.feasibility import IMPOSSIBLE
 from armwright.model import Model
 from armwright.model.tree import BASE, TENSOR
-from armwright.parameters import Batch, check_counts, lane_counts, lane_values
+from armwright.parameters import Batch, check_counts, lane_counts, numbers_by_lane
 from armwright.simulation.inputs.input_schedule import LaneRows
 from armwright.spatial import displaced_inertia
 
@@ -102,8 +102,8 @@ def _load(k: int, payload: Payload) -> tuple[np.ndarray, np.ndarray]:
 def _numbers(k: int, name: str, value: Any, shape: tuple[int, ...], expected: str) -> np.ndarray:
     """(lanes or 1, *shape) finite numbers."""
     try:
-        numbers = np.asarray(lane_values(value), dtype=float)
-    except (TypeError, ValueError):
+        numbers = numbers_by_lane(value)
+    except ValueError:
         numbers = np.zeros(0)
     if numbers.shape[1:] != shape or not numbers.size or not np.isfinite(numbers).all():
         raise ScenarioError(place=f"payload[{k}].{name}", value=value, expected=f"{expected}, or a Batch of such")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armwright import scalar
 from armwright.errors import Problem, ScheduleError
 from armwright.results.tables import Column, parse_numbers, table_text
 
@@ -31,7 +32,7 @@ class Schedule:
     names: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        names = tuple(self.names)
+        names = _texts(self.names)
         times, commands = _frozen(self.times, "times"), _frozen(self.commands, "commands")
         if times.ndim != 1 or not len(times):
             raise ScheduleError(f"shape {times.shape}", place="times", expected="(k,) with at least one row")
@@ -63,10 +64,18 @@ class Schedule:
         return f"<schedule for {', '.join(self.names)}: {rows}>"
 
 
+def _texts(names: Sequence[str]) -> tuple[str, ...]:
+    """The names, if they are texts in a list."""
+    texts = tuple(names) if isinstance(names, (list, tuple, np.ndarray)) else (None,)
+    if not all(isinstance(text, str) for text in texts):
+        raise ScheduleError(place="names", value=names, expected="a list of the joints' names")
+    return texts  # type: ignore[return-value]
+
+
 def _frozen(values: np.ndarray, name: str) -> np.ndarray:
     try:
-        array = np.array(values, dtype=float)
-    except (TypeError, ValueError):
+        array = scalar.real_numbers(values).copy()
+    except ValueError:
         raise ScheduleError(place=name, value=values, expected="an array of numbers") from None
     array.flags.writeable = False
     return array
@@ -109,6 +118,9 @@ def read_schedule(path: str | os.PathLike[str], names: Sequence[str], units: Seq
 
 def parse_schedule(text: str, place: str, names: Sequence[str], units: Sequence[str] | None = None) -> Schedule:
     """A schedule from the text of a CSV file; `place` is what errors call it. See `read_schedule`."""
+    names = _texts(names)
+    if units is not None and len(units) != len(names):
+        raise ScheduleError(place="units", value=list(units), expected=f"one for each of {len(names)} joints")
     stated = [COMMAND_UNITS] * len(names) if units is None else [(unit,) for unit in units]
     columns = [Column("t", ("s",)), *(Column(name, unit) for name, unit in zip(names, stated, strict=True))]
     table = parse_numbers(text, place, columns)

@@ -148,8 +148,8 @@ def reference_rows(arm: Model, reference: Any, t: np.ndarray, notes: list[str] |
         rows = _of_function(arm, layout, reference, t, [] if notes is None else notes)
     else:
         try:
-            values = np.asarray(reference, dtype=float)
-        except (TypeError, ValueError):
+            values = scalar.real_numbers(reference)
+        except ValueError:
             values = np.full(0, np.nan)
         if values.shape == (n,):
             rows[:, :n] = values
