@@ -395,3 +395,24 @@ def test_a_name_beats_a_neighbour(tmp_path, monkeypatch):
     (tmp_path / "mine.toml").write_text((resources.files("armwright.robots") / "panda.toml").read_text())
     assert read_description("mine.toml").name == "panda"
     assert read_description("puma560").name == "puma560"
+
+
+TOO_LARGE = [  # a number of two-link, one beyond any robot, and where it is found
+    ("com_m = [0.5, 0.0, 0.0]", "com_m = [1e300, 0.0, 0.0]", "upper_arm.com_m"),
+    ("com_m = [0.5, 0.0, 0.0]", "com_m = [1e10, 0.0, 0.0]", "upper_arm.com_m"),
+    ("mass_kg = 6.0", "mass_kg = 1e308", "upper_arm.mass_kg"),
+    ("xx = 0.01", "xx = 1e200", "upper_arm.inertia_kg_m2.xx"),
+    ("xyz_m = [1.0, 0.0, 0.0]", "xyz_m = [1e300, 1e300, 1e300]", "elbow.frame.xyz_m"),
+    ("xyz_m = [0.8, 0.0, 0.0]", "xyz_m = [-1e300, 0.0, 0.0]", "hand.xyz_m"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "place"), TOO_LARGE)
+@pytest.mark.parametrize("on_impossible", ["error", "warn"])
+def test_numbers_too_large_to_compute_with(old, new, place, on_impossible):
+    text = (resources.files("armwright.robots") / "two-link.toml").read_text()
+    assert old in text
+    robot = parse(tomlkit.parse(text.replace(old, new)).unwrap(), "arm.toml")
+    with pytest.raises(DescriptionError, match="numbers of a robot, 1e") as caught:
+        build_model(robot, on_impossible=on_impossible)
+    assert caught.value.place == place

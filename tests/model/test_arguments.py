@@ -86,6 +86,12 @@ def test_something_else_than_numbers_is_refused(name, value):
         assert (error.value.place, error.value.expected) == (f"{name}: {argument}", "numbers")
 
 
+def test_arrays_of_objects_that_are_numbers_are_taken():
+    """As `scalar.zeros` gives them, to be filled with numbers or symbols."""
+    q = np.array([np.float64(0.1), 1], dtype=object)
+    np.testing.assert_array_equal(aw.mass_matrix(arm("two-link"), q), aw.mass_matrix(arm("two-link"), [0.1, 1.0]))
+
+
 @pytest.mark.parametrize("dtype", ["int8", "float16", "bool", "uint64", ">f8", "longdouble"])
 @pytest.mark.parametrize("name", PLAIN)
 def test_numbers_of_any_type_are_computed_with_as_floats(name, dtype):

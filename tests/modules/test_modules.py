@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import copy
+import sys
 import tomllib
 from dataclasses import replace
 from math import pi
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import tomlkit
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -433,6 +436,33 @@ def test_whatever_a_file_holds_it_is_read_or_refused(data: st.DataObject) -> Non
 def test_libraries_that_are_not_there(name: Any) -> None:
     with pytest.raises(DescriptionError):
         read_modules(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [
+        ("imprv", "neither built in nor a file"),
+        ("x" * 300, "neither built in nor a file"),
+        ("../toy.modules.toml", "leads out of"),
+        ("/etc/hostname", "leads out of"),
+        ("link.modules.toml", "leads out of"),
+        ("a\0b", "leads out of"),
+    ],
+)
+def test_a_mistyped_library_of_an_assembly(name: str, what: str, tmp_path: Path) -> None:
+    """Its names are paths below its own folder, or those of built-in libraries."""
+    folder = tmp_path / "inner"
+    folder.mkdir()
+    (tmp_path / "toy.modules.toml").write_text("")
+    if sys.platform != "win32":
+        (folder / "link.modules.toml").symlink_to(tmp_path / "toy.modules.toml")
+    document = {**assembly(put("foot")), "libraries": ["improv", name]}
+    path = folder / "arm.assembly.toml"
+    path.write_text(tomlkit.dumps(document), encoding="utf-8")
+    with pytest.raises(DescriptionError) as error:
+        aw.assemble(path)
+    assert (error.value.place, error.value.value, error.value.file) == ("libraries[1]", name, str(path))
+    assert error.value.what.startswith(what)
 
 
 def test_what_comes_with_armwright_can_be_read() -> None:

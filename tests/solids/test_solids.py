@@ -171,6 +171,28 @@ def test_meshes_that_bound_nothing(kind, message, tmp_path):
     assert caught.value.value == str(path)
 
 
+@pytest.mark.parametrize("scale", [1e300, 1e13, [1.0, 1.0, -1e200]])
+def test_meshes_beyond_any_robot(scale, tmp_path):
+    """Volumes of such would leave the range of floats."""
+    path = tmp_path / "box.stl"
+    trimesh.creation.box([1, 1, 1]).export(path)
+    with pytest.raises(DescriptionError, match=r"a vertex is beyond 1e\+12 m"):
+        Mesh(shape="mesh", file=str(path), scale=scale).moments()
+
+
+def test_an_object_file_opens_nothing_beside_it(tmp_path, monkeypatch):
+    """A mesh names materials, which name textures: no business of its mass."""
+    path = tmp_path / "box.obj"
+    corners = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+    lines = ["mtllib secret.mtl", *(f"v {x} {y} {z}" for x, y, z in corners), "usemtl red"]
+    path.write_text("\n".join([*lines, "f 1 3 2", "f 1 2 4", "f 1 4 3", "f 2 3 4"]))
+    (tmp_path / "secret.mtl").mkdir()  # opening it would fail
+    opened = []
+    monkeypatch.setattr("armwright.solids.mesh.read_file", lambda name, *rest: opened.append(name) or path.read_bytes())
+    assert Mesh(shape="mesh", file=str(path), scale=1.0).moments().matrix[3, 3] == pytest.approx(1 / 6)
+    assert opened == [path]
+
+
 def nested(*sizes: float, turned: tuple[int, ...] = (), at: float = 0.0) -> trimesh.Trimesh:
     """Boxes in each other, some of them with their faces inward, the smaller ones moved along x."""
     boxes = []

@@ -39,16 +39,16 @@ class CompiledArm:
         from armwright.kernels.target import select_target
 
         check_arm(arm)
+        if target is not None and not isinstance(target, str):
+            raise ModelError(place="target", value=target, expected="the name of a processor level, such as x86-64-v3")
+        if not isinstance(vary, Sequence):
+            raise ModelError(place="vary", value=vary, expected="a list of names")
         self.arm = arm
         self.varied: Varied | None = None
         if len(vary):
             from armwright.model.vary import Varied
 
             self.varied = Varied(arm, vary)
-        if target is not None and not isinstance(target, str):
-            raise ModelError(place="target", value=target, expected="the name of a processor level, such as x86-64-v3")
-        if not isinstance(vary, Sequence):
-            raise ModelError(place="vary", value=vary, expected="a list of names")
         self.format = select_format(dtype)
         self.dtype = self.format.dtype
         self.target = select_target(target, self.format)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from armwright.description.drive import DC_EQUIVALENT
+from armwright.description.paths import quantities, unit_at
 from armwright.description.robot import FixedJoint, Link, RobotDescription
 from armwright.errors import DescriptionError, Problem
 from armwright.spatial import parallel_axes, pseudo_inertia
 
 IMPOSSIBLE = 1e-9  # an eigenvalue of the pseudo-inertia below minus this share of the largest is no rounding
+LARGEST = 1e100  # of any number
+FARTHEST = 1e9  # m
 TOO_LARGE = "its numbers are too large to compute with"
 SELF_LOCKING = 0.5  # a gear below this efficiency cannot be driven back
 SIGNIFICANT = 0.01  # a product m c c above this share of the tensor's largest entry would show in it
@@ -23,9 +26,7 @@ def check_bodies(robot: RobotDescription, on_impossible: str) -> list[Problem]:
         DescriptionError: names the link and by how much its pseudo-inertia fails to be positive semidefinite.
     """
     warnings = []
-    for link in robot.links:
-        if not np.isfinite(_body(link)).all():
-            raise DescriptionError(TOO_LARGE, place=f"link {link.name!r}")
+    _check_sizes(robot)
     for link in impossible_links(robot):
         eigenvalues = np.linalg.eigvalsh(_body(link))
         fault = (
@@ -43,6 +44,15 @@ def check_bodies(robot: RobotDescription, on_impossible: str) -> list[Problem]:
     return warnings
 
 
+def _check_sizes(robot: RobotDescription) -> None:
+    """Refuses numbers whose squares and products would leave the range of floats, and places beyond the Moon's orbit."""
+    for path, quantity, _ in quantities(robot):
+        values = np.abs(np.asarray(quantity.value, dtype=float))
+        most = FARTHEST if values.max() > FARTHEST and unit_at(path) == "m" else LARGEST
+        if values.max() > most:
+            raise DescriptionError(place=path, value=quantity.value, expected=f"numbers of a robot, {most:g} at most")
+
+
 def impossible_links(robot: RobotDescription) -> list[Link]:
     """The links that no real body can be, accepted or not."""
     return [link for link in robot.links if not is_possible(_body(link))]
@@ -50,9 +60,7 @@ def impossible_links(robot: RobotDescription) -> list[Link]:
 
 def _body(link: Link) -> np.ndarray:
     """(4, 4) pseudo-inertia."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        body = pseudo_inertia(float(link.mass_kg), np.array(link.com_m), link.inertia_kg_m2.matrix())
-    return body.astype(float)
+    return pseudo_inertia(float(link.mass_kg), np.array(link.com_m), link.inertia_kg_m2.matrix())
 
 
 def is_possible(body: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ from armwright.model.model import Model
 
 JOINTS = ("q", "qd", "qdd", "tau", "voltage", "u")  # arguments with one number a joint
 WRENCH = (6,)
+SCALARS = (scalar.Symbol, int, float, np.number)  # that arrays of objects may hold: in a trace both stand side by side
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -62,7 +63,7 @@ def _of_one_state(place: str, model: Model, name: str, value: Any) -> Any:
         raise _wrong_shape(f"{place}{name}", model, name, value, expected)
     try:
         entries = np.asarray(value)
-        if any(isinstance(each, scalar.Symbol) for each in entries):
+        if entries.dtype == object and all(isinstance(each, SCALARS) for each in entries):
             return scalar.array(entries)
         return scalar.real_numbers(entries)
     except (ValueError, TypeError, OverflowError) as error:

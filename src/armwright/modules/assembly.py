@@ -17,6 +17,7 @@ from armwright.description.toml_file import Read, read_record
 from armwright.errors import DescriptionError
 from armwright.modules.library import ModuleLibrary
 from armwright.quantity import Number, Record, Source, Vector3
+from armwright.reading import real_path
 
 MODULES, ASSEMBLY = ".modules.toml", ".assembly.toml"
 Place = Annotated[str, Field(pattern=r"^[^\s.\[\]]+\.[^\s.\[\]]+$")]
@@ -105,7 +106,11 @@ def read_assembly(name_or_path: str | os.PathLike[str]) -> tuple[Assembly, list[
         DescriptionError: no such file, or one that cannot be believed.
     """
     assembly = _read(name_or_path, Assembly, ASSEMBLY, "assembly")
-    return assembly, [read_modules(place) for place in _library_places(assembly, Path(name_or_path).parent)]
+    try:
+        places = _library_places(assembly, Path(name_or_path).parent)
+    except DescriptionError as error:
+        raise error.within(file=name_or_path) from None
+    return assembly, [read_modules(place) for place in places]
 
 
 def origin(name_or_path: str | os.PathLike[str], folder: str | os.PathLike[str] | None = None) -> BuiltFrom:
@@ -122,10 +127,24 @@ def origin(name_or_path: str | os.PathLike[str], folder: str | os.PathLike[str] 
 
 
 def _library_places(assembly: Assembly, beside: Path) -> list[str | Path]:
-    """Names of built-in libraries, and paths of the others."""
-    return [
-        name if name in library_names() or Path(name).is_absolute() else beside / name for name in assembly.libraries
-    ]
+    """Names of built-in libraries, and paths of the others, which stay below the assembly's folder.
+
+    Raises:
+        DescriptionError: a path that leads out of it, or a name that is neither.
+    """
+    places: list[str | Path] = []
+    for k, name in enumerate(assembly.libraries):
+        at, path = f"libraries[{k}]", beside / name
+        if name in library_names():
+            places.append(name)
+        elif "\0" in name or not real_path(path).is_relative_to(real_path(beside)):
+            expected = "the name of a built-in library, or a path below it"
+            raise DescriptionError(f"leads out of {os.fspath(beside)!r}", place=at, value=name, expected=expected)
+        elif path.suffix != ".toml" and not os.path.exists(path):
+            raise DescriptionError("neither built in nor a file", place=at, value=name, choices=library_names())
+        else:
+            places.append(path)
+    return places
 
 
 def _file(name_or_path: str | os.PathLike[str], ending: str) -> str | Path:

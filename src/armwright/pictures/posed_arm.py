@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright import scalar
 from armwright.errors import Problem, RunError, ShapeError
 from armwright.kinematics import body_placements
 from armwright.model import Model, check_arm
@@ -52,10 +53,13 @@ def posed_arm(arm: Model, q: Any = None) -> PosedArm:
         ModelError: it is no arm.   ShapeError: q is no pose of it.
     """
     check_arm(arm)
-    pose = np.zeros(arm.n) if q is None else np.asarray(q, dtype=float)
+    try:
+        pose = np.zeros(arm.n) if q is None else scalar.real_numbers(q)
+    except ValueError:
+        pose = np.zeros(0)
     if pose.shape != (arm.n,) or not np.isfinite(pose).all():
         expected = f"{arm.n} finite numbers, one for each joint of {arm.name}"
-        raise ShapeError(place="q", value=pose, expected=expected)
+        raise ShapeError(place="q", value=q, expected=expected)
     moved = pose if arm.mimics is None else arm.mimics.positions(pose)
     travel = {k: (float(position), float(position)) for k, position in enumerate(moved)}
     placed = body_placements(arm, pose)
