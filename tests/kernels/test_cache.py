@@ -1,6 +1,8 @@
 """Code comes from the cache where it can be believed, and is compiled again where not: the same bits, and never a crash."""
 
 import errno
+import hashlib
+import hmac
 import os
 import subprocess
 import sys
@@ -110,6 +112,52 @@ def test_damaged_entry_is_compiled_again_and_healed(folder, compiled, damage):
     assert len(compiled) == 2
     assert bits() == right
     assert len(compiled) == 2  # whole again
+
+
+def forged_with_hash(path):
+    """What version 2 of the format took for its own: everybody can make a checksum."""
+    data = path.read_bytes()
+    magic, key, _, _ = cache.HEAD.unpack_from(data)
+    code = data[cache.HEAD.size :].replace(b"wave", b"evil")
+    path.write_bytes(cache.HEAD.pack(magic, key, len(code), hashlib.sha256(code).digest()) + code)
+
+
+def forged_with_other_secret(path):
+    data = path.read_bytes()
+    magic, key, _, _ = cache.HEAD.unpack_from(data)
+    code = data[cache.HEAD.size :].replace(b"wave", b"evil")
+    path.write_bytes(cache.HEAD.pack(magic, key, len(code), hmac.digest(b"guess", key + code, "sha256")) + code)
+
+
+def without_its_secret(path):
+    path.with_name(cache.SECRET).unlink()
+
+
+def with_an_empty_secret(path):
+    path.with_name(cache.SECRET).write_bytes(b"")
+
+
+@pytest.mark.parametrize(
+    "forge", [forged_with_hash, forged_with_other_secret, without_its_secret, with_an_empty_secret]
+)
+def test_forged_entry_is_made_again_and_not_trusted(folder, compiled, forge):
+    right = bits()
+    forge(entry(folder))
+    assert bits() == right
+    assert len(compiled) == 2
+    assert bits() == right
+    assert len(compiled) == 2
+    assert len((folder / cache.SECRET).read_bytes()) == cache.SECRET_BYTES
+
+
+@POSIX
+def test_secret_is_its_owners_alone(folder, compiled):
+    bits()
+    assert (folder / cache.SECRET).stat().st_mode & 0o777 == 0o600
+    (folder / cache.SECRET).chmod(0o666)
+    bits()
+    assert len(compiled) == 2  # whoever may write it could have signed the entry
+    assert (folder / cache.SECRET).stat().st_mode & 0o777 == 0o600
 
 
 def test_entry_under_another_name_is_not_used(folder, compiled):
@@ -401,4 +449,4 @@ def test_full_disk_crashes_no_process(folder):
     """No file may grow beyond 1000 bytes: the entry is cut off in the middle of being written."""
     limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))"
     assert finish(process(folder, limit)) == (bits().hex(), 1)
-    assert len(list(folder.iterdir())) == 1  # ours, from here; of the process nothing is left
+    assert len(list(folder.glob("*.code"))) == len(list(folder.iterdir())) - 1 == 1  # ours, from here; and the secret

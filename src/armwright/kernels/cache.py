@@ -3,10 +3,11 @@
 An entry is the object code of one module. Its name is its key: a digest of everything the code follows from, so that it is
 known from a traced program alone, before any LLVM text is printed. In its file,
 
-    magic | key | length | SHA-256 of the code | code
+    magic | key | length | HMAC-SHA-256 of key and code | code
 
-all of which is checked before the code is linked: a linker takes a flipped byte without a word. An entry is written to a
-temporary file and renamed, so that of many processes each sees a whole entry or none. What cannot be read, written or
+all of which is checked before the code is linked: a linker takes a flipped byte without a word. The HMAC is made with random
+bytes that the folder's owner keeps in it, so that an entry which somebody else made is not taken for ours. An entry is written
+to a temporary file and renamed, so that of many processes each sees a whole entry or none. What cannot be read, written or
 believed is compiled again; nothing here raises.
 
 Code is executed, so it is read only from a folder, and a file, that belongs to this user and that no other can write.
@@ -18,7 +19,9 @@ import contextlib
 import errno
 import functools
 import hashlib
+import hmac
 import os
+import secrets
 import stat
 import struct
 import sys
@@ -34,9 +37,11 @@ import llvmlite
 from llvmlite import binding
 
 VARIABLE = "ARMWRIGHT_CACHE_DIR"  # the folder; empty: nothing is kept
-MAGIC = b"armwright code 2"
+MAGIC = b"armwright code 3"
 HEAD = struct.Struct(f"<{len(MAGIC)}s32sQ32s")
 SUFFIX = ".code"
+SECRET = "secret"  # file of random bytes, which no entry can be made without
+SECRET_BYTES = 32
 MOST_BYTES = 256 << 20  # of all entries; the least recently used ones go
 STALE = 3600.0  # [s] after which a temporary file is one that its writer left behind
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
@@ -105,13 +110,13 @@ def load(key: bytes | None) -> bytes | None:
         return None
     path = _path(folder, key)
     try:
-        data = _read(path)
+        data, secret = _read(path), _secret(folder)
     except OSError:
         return None
     if len(data) < HEAD.size:
         return None
     code = data[HEAD.size :]
-    if HEAD.unpack_from(data) != (MAGIC, key, len(code), hashlib.sha256(code).digest()):
+    if HEAD.unpack_from(data) != (MAGIC, key, len(code), _signature(secret, key, code)):
         return None
     with contextlib.suppress(OSError):  # a read-only file system does not remember which entries are used
         os.utime(path)
@@ -127,20 +132,47 @@ def store(key: bytes | None, code: bytes) -> None:
     folder = cache_folder() if key is not None else None
     if key is None or folder is None or _emitter() != _EMITTER:
         return
-    temporary = None
     try:
-        number, temporary = tempfile.mkstemp(dir=folder, suffix=".tmp")  # readable and writable by its owner only
-        with open(number, "wb") as file:
-            file.write(HEAD.pack(MAGIC, key, len(code), hashlib.sha256(code).digest()) + code)
-        os.replace(temporary, _path(folder, key))
+        signature = _signature(_secret(folder, create=True), key, code)
+        _write(_path(folder, key), HEAD.pack(MAGIC, key, len(code), signature) + code)
     except OSError as error:  # read-only, full, over a quota, or TAKEN
-        if temporary is not None:
-            with contextlib.suppress(OSError):
-                os.unlink(temporary)
         if not isinstance(error, TAKEN):
             _say_if_named(str(error.strerror))
         return
     _trim(folder)
+
+
+def _signature(secret: bytes, key: bytes, code: bytes) -> bytes:
+    return hmac.digest(secret, key + code, "sha256")
+
+
+def _secret(folder: Path, *, create: bool = False) -> bytes:
+    """The folder's random bytes. Of processes that create them at the same time one wins; what the others stored is made again.
+
+    Raises:
+        OSError: there are none, and none can be written.
+    """
+    path = folder / SECRET
+    with contextlib.suppress(OSError):
+        if len(secret := _read(path)) == SECRET_BYTES:
+            return secret
+    if not create:
+        raise FileNotFoundError(path)
+    _write(path, secrets.token_bytes(SECRET_BYTES))
+    return _read(path)
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Writes a file whole or not at all, readable and writable by its owner only."""
+    number, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+    try:
+        with open(number, "wb") as file:
+            file.write(content)
+        os.replace(temporary, path)
+    except OSError:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
+        raise
 
 
 def _path(folder: Path, key: bytes) -> Path:
