@@ -138,3 +138,12 @@ def test_held_values_are_steps_in_a_band_too():
     assert len(stepped.get_paths()[0].vertices) > 1.5 * len(smooth.get_paths()[0].vertices)
     for x, y in itertools.pairwise(stepped.get_paths()[0].vertices[:-1]):
         assert x[0] == y[0] or x[1] == y[1]  # each edge is level or upright
+
+
+@pytest.mark.parametrize("ending", ["svg", "pdf", "png", "html"])
+def test_pictures_of_equal_runs_are_equal_bytes(ending, tmp_path, monkeypatch):
+    """Whenever they are drawn: also where a build sets the time for reproducible results."""
+    for k, name in enumerate(("one", "two")):
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", str(1_000_000_000 * (k + 1)))
+        aw.plot(invented(aw.load("two-link"), rows=5), tmp_path / f"{name}.{ending}")
+    assert (tmp_path / f"one.{ending}").read_bytes() == (tmp_path / f"two.{ending}").read_bytes()

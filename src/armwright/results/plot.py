@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 ENDINGS = (".png", ".svg", ".pdf", ".html")
 TEXT, GRID, EDGE = "#222222", "#D9D9D9", "#888888"
 LEVEL = 1e-9  # relative: curves that differ by less are level, and their rounding is not blown up to the panel's height
+UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}  # equal runs: equal bytes
 LEGEND_ROWS = 24
 WIDE_LEGEND = 24  # letters: longer names stand below the panels and not beside them
 
@@ -80,8 +81,16 @@ def plot(
         if path.suffix.lower() == ".html":
             temporary.write_text(plot_page(described), encoding="utf-8")
         else:
-            draw(described).savefig(temporary, format=path.suffix[1:].lower())
+            _save(draw(described), temporary, path.suffix[1:].lower())
     return None
+
+
+def _save(figure: Figure, path: Path, ending: str) -> None:
+    """Writes a still picture without the time of writing, and with names of its parts that depend on the drawing alone."""
+    import matplotlib
+
+    with matplotlib.rc_context({"svg.hashsalt": "armwright"}):
+        figure.savefig(path, format=ending, metadata=UNDATED[ending])
 
 
 def check_plot(path: str | os.PathLike[str]) -> Path:
