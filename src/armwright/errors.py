@@ -9,6 +9,8 @@ from typing import Any, Self
 from armwright.printable import printable
 
 LONGEST = 60  # characters of a value that a sentence repeats
+LONGEST_PATH = 400  # of a file or a place
+LONGEST_LIST = 1000  # of names that exist
 UNKNOWN_KEY = "unknown key"  # `what` of a problem whose choices stand for the last key of its place, not for its value
 ABSENT: Any = type("Absent", (), {"__repr__": lambda self: "ABSENT", "__bool__": lambda self: False})()
 
@@ -33,13 +35,14 @@ class Problem:
 
     def __str__(self) -> str:
         value = "" if self.value is ABSENT else shown(self.value)
-        subject = f"{self.place} = {value}" if self.place and value else self.place or value
+        place = _shortened(self.place, LONGEST_PATH)
+        subject = f"{place} = {value}" if place and value else place or value
         reasons = [self.what, f"expected {self.expected}" if self.expected else ""]
         if self.choices or not any(reasons):
             is_key = self.value is ABSENT or self.what == UNKNOWN_KEY
             name = self.place.replace(" ", ".").rpartition(".")[2] if is_key else str(self.value)
             reasons.append(nearest(name, self.choices))
-        parts = (self.file, subject, "; ".join(filter(None, reasons)))
+        parts = (_shortened(self.file, LONGEST_PATH), subject, "; ".join(filter(None, reasons)))
         return printable(": ".join(part for part in parts if part))  # Python itself shows errors that nobody caught
 
     def within(self, place: str = "", file: Any = "") -> Problem:
@@ -226,5 +229,11 @@ def nearest(name: str, choices: Iterable[str]) -> str:
     choices = sorted(choices)
     close = difflib.get_close_matches(name, choices, n=3, cutoff=0.5)
     if close:
-        return f"did you mean {' or '.join(close)}?"
-    return f"there is {', '.join(choices)}" if choices else "there is none"
+        return f"did you mean {' or '.join(_shortened(each, LONGEST) for each in close)}?"
+    return f"there is {_shortened(', '.join(choices), LONGEST_LIST)}" if choices else "there is none"
+
+
+def _shortened(text: str, most: int) -> str:
+    """A text on one line, its end left out where it is too long."""
+    line = " ".join(text.splitlines())
+    return line if len(line) <= most else f"{line[:most]}…"

@@ -58,7 +58,7 @@ class Signal:
     def _check_list(self, name: str, kind: type) -> None:
         """Refuses a field that is no list of texts or of whole numbers from 0 on."""
         value = getattr(self, name)
-        if value is None or (name == "units" and isinstance(value, str)):
+        if (value is None and name in ("joints", "labels")) or (name == "units" and isinstance(value, str)):
             return
         is_list = isinstance(value, (list, tuple))
         if not is_list or not all(isinstance(each, kind) and (kind is str or each >= 0) for each in value):

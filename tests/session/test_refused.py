@@ -46,6 +46,8 @@ REFUSED = [  # line, place or file, value, reason where the expectation does not
     ("save-simulation x.nc", "save-simulation", None, "there is no simulation yet"),
     ("close-output-file", "close-output-file", None, "no output file is open"),
     ("open-output-file", "open-output-file file", None, "missing"),
+    ("open-output-file ''", "open-output-file file", None, "missing"),
+    ("save ''", "save file", None, "missing"),
     ("controller fuzzy", "controller kind", "fuzzy", "no such control law"),
     ("controller joint-pid kp=1", "controller scale", None, "missing"),
     ("controller joint-pid scale=1", "controller joint-pid kp", None, "missing"),

@@ -53,8 +53,8 @@ def _without(body: Any, name: str) -> Any:
 
 def _gravity(value: Any) -> Array:
     try:
-        gravity = scalar.array(value)
-    except (TypeError, ValueError, OverflowError):  # rows of unequal length, or no numbers
+        gravity = scalar.array([]) if scalar.has_masked_entries(value) else scalar.array(value)
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # rows of unequal length or without end, or no numbers
         gravity = scalar.array([])
     if gravity.shape != (3,) or not (scalar.is_symbolic(gravity) or np.isfinite(gravity).all()):
         raise ModelError(place="replace.gravity", value=value, expected="three finite numbers [m/s²] in base axes")

@@ -168,7 +168,7 @@ class Session(Workspace):
             return self._answer(self.ask, command, argument, default)
         if text is None or (text == NOTHING and argument.prompt and default == ""):
             text = default
-        if text is None:
+        if text is None or (not text and default is None):
             expected = " or ".join(argument.choices) or f"{argument.name}=…, {argument.help}"
             raise SessionError("missing", place=f"{command.name} {argument.name}", expected=expected)
         return text, argument.read(command.name, text) if text else None

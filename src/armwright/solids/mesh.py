@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 CLOSED = "a closed surface that does not cross itself"
 UNREADABLE = (  # exceptions of trimesh's readers on a broken file
     *(ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, OSError, struct.error),
+    NameError,  # of a name that a branch should have set
     ImportError,  # COLLADA (.dae) without pycollada
 )
 
