@@ -74,3 +74,10 @@ def test_bad_references_are_refused(make, said):
 def test_another_number_of_joints_is_refused():
     with pytest.raises(ScenarioError, match="the function gave shape"):
         reference_rows(arm("cmu-dd"), Step(START, GOAL), np.zeros(1))
+
+
+@pytest.mark.parametrize("duration", [1e300, 1e-300, 10**400, 5e-324])
+@pytest.mark.parametrize("kind", [aw.Quintic, aw.Ramp])
+def test_durations_whose_square_is_no_float_are_refused(kind, duration):
+    with pytest.raises(ScenarioError, match=r"\.duration = "):
+        kind([0.0], [1.0], duration)

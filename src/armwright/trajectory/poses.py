@@ -10,6 +10,8 @@ from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.parameters import Batch, Draw, numbers_by_lane
 
+LARGEST = 1e100  # of numbers, and of their reciprocals: squares stay within the range of floats
+
 
 def check_poses(reference: str, **poses: Any) -> None:
     """Refuses what is no pose (n,) [rad | m], or a `Batch` of poses, and poses of different lengths.
@@ -27,7 +29,7 @@ def check_poses(reference: str, **poses: Any) -> None:
             rows = numbers_by_lane(value)
         except ValueError:
             rows = np.zeros(0)
-        if rows.ndim != 2 or not rows.size or not np.isfinite(rows).all():
+        if rows.ndim != 2 or not rows.size or not (np.abs(rows) < LARGEST).all():
             expected = "finite numbers, one for each joint"
             raise ScenarioError(place=f"{reference}.{name}", value=value, expected=expected)
         sizes[name] = rows.shape[-1]
@@ -45,6 +47,7 @@ def check_number(reference: str, name: str, value: Any, *, above: float = -np.in
     drawn = isinstance(value, Draw)  # checked when it is
     for each in value.values if isinstance(value, Batch) else [] if drawn else [value]:
         number = scalar.real_number(each)
-        if number is None or not above < number < np.inf:
+        least = 1.0 / LARGEST if above == 0.0 else above
+        if number is None or not least < number < LARGEST:
             expected = "a finite number" if above == -np.inf else f"a number above {above:g}"
             raise ScenarioError(place=f"{reference}.{name}", value=each, expected=expected)
