@@ -13,7 +13,7 @@ DEMO   := simulate cmu-dd --schedule examples/cmu-dd-feedforward.csv --q0 0,0.35
 ARGS   :=
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check frozen bench docs pictures lock clean
+.PHONY: help demo test check frozen fuzz bench docs pictures lock clean
 .DELETE_ON_ERROR:
 
 help:  ## print this list
@@ -37,6 +37,9 @@ check: $(VENV)/.all  ## style, types, and which room imports which
 
 frozen: $(VENV)/.all  ## compare kernels and reference runs with what is frozen (ARGS=--write: freeze anew)
 	PYTHONPATH=tests $(BIN)/python -m frozen $(ARGS)
+
+fuzz: $(VENV)/.all  ## feed everything damaged input for MINUTES=10, count outcomes, keep failures
+	cd tests && ../$(BIN)/python -m fuzz --minutes $(or $(MINUTES),10) $(ARGS)
 
 bench: $(VENV)/.all  ## time the kernels beside their peers
 	$(BIN)/python benchmarks/run.py $(ARGS)

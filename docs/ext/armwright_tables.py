@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -17,6 +18,27 @@ from armwright.description.paths import quantities
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.kinematics.reach import reach
 from armwright.model.joint_signals import LONG_NAMES, UNITS
+
+KINDS_OF_INPUT = {
+    "assembly": "assemblies and module libraries",
+    "command": "command lines, each a process of its own, with the files that they name",
+    "csv": "schedules and tables",
+    "formula": "formulas that are typed",
+    "function": "arrays for the plain functions of an arm",
+    "kernel": "arrays for the compiled functions, outputs included",
+    "mesh": "STL, OBJ and PLY, as text and binary",
+    "mjcf": "MJCF",
+    "object": "arguments of schedules, references, controllers, sensors and other parts of a scenario",
+    "other": "arguments of further functions",
+    "parts": "parts files",
+    "robot": "robot files",
+    "run": "saved runs (NetCDF)",
+    "scenario": "scenario files",
+    "scenario-in-python": "fields of `aw.Scenario`",
+    "session": "scripts of `armwright sim`",
+    "task": "task files",
+    "urdf": "URDF and drive files",
+}
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
@@ -53,6 +75,20 @@ def results() -> str:
         units = ["V", "A", "N m", "N"] if name == "u" else list(dict.fromkeys(UNITS[name]))
         rows.append([f"`{name}`", text, " | ".join(units)])
     return table(("variable", "what it is", "unit"), rows)
+
+
+def fuzz() -> str:
+    """Outcomes of the campaign of damaged inputs, by kind."""
+    data = json.loads((Path(__file__).parents[2] / "tests" / "fuzz" / "counts.json").read_text(encoding="utf-8"))
+    heads, kinds = ("accepted", "refused", "other"), data["kinds"]
+    rows = [[f"{name}: {KINDS_OF_INPUT[name]}", *(f"{row[head]:,}" for head in heads)] for name, row in kinds.items()]
+    sums = [sum(row[head] for row in kinds.values()) for head in heads]
+    effort = f"{sum(sums):,} inputs in {data['minutes']:.0f} minutes of one process"
+    counted = table(
+        ("kind of input", "accepted", "refused in one line", "anything else"),
+        [*rows, ["all", *(f"{n:,}" for n in sums)]],
+    )
+    return f"{counted}\n\n{effort}, which never took more than {data['peak_mib']} MiB."
 
 
 def brushless() -> str:
@@ -225,5 +261,6 @@ GENERATORS = {
     "brushless": brushless,
     "robots": robots,
     "commands": commands,
+    "fuzz": fuzz,
     "program": program,
 }

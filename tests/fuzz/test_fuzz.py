@@ -1,0 +1,71 @@
+"""A short part of the campaign, the same every time, and the cases that once failed."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("resource", reason="the campaign limits memory as POSIX systems do")
+pytest.importorskip("mujoco", reason="MJCF is read through MuJoCo: pip install mujoco")
+
+TESTS = Path(__file__).parents[1]
+
+
+def fuzz(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """The campaign in a process of its own, which it limits and watches."""
+    command = [sys.executable, "-m", "fuzz", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=TESTS, timeout=300)
+
+
+def test_a_short_campaign_finds_nothing(tmp_path):
+    done = fuzz(
+        "--cases", 1000, "--seed", 1, "--processes", 1, "--counts", tmp_path / "counts.json", "--failures", tmp_path
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    kinds = json.loads((tmp_path / "counts.json").read_text())["kinds"]
+    assert sum(sum(row.values()) for row in kinds.values()) == 1000
+    assert {"robot", "urdf", "mesh", "csv", "session", "kernel", "function"} <= set(kinds)
+
+
+def test_what_once_failed_does_not_fail_again():
+    done = fuzz("--replay")
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+FAULTS = {  # code that fails in each of the ways that are counted, and what is found
+    "raise ValueError('x')": "ValueError",
+    "raise aw.ArmwrightError('two\\nlines')": "lines",
+    "raise type('Red', (aw.ArmwrightError,), {'__str__': lambda self: '\\x1b[31m'})": "control",
+    "warnings.warn('odd', stacklevel=1)": "warning",
+    "open('/etc/hostname').close()": "outside open",
+    "open('fifo.toml').close()": "hang",
+    "bytearray(1 << 40)": "memory",
+    "subprocess.run(['true'])": "outside subprocess.Popen",
+    "pathlib.Path('.armwright-0.nc').touch()": "left behind",
+}
+PROGRAM = """
+import pathlib, subprocess, tempfile, warnings
+import armwright as aw
+from fuzz import attempt
+from fuzz.case import Case
+attempt.LIMIT = 0.2
+with tempfile.TemporaryDirectory() as folder:
+    guard = attempt.Guard(pathlib.Path(folder))
+    assert attempt.attempt(Case("fine"), lambda case: 1, guard).what == "accepted"
+    for fault in FAULTS:
+        print(attempt.attempt(Case("faulty"), lambda case: exec(fault), guard).signature)
+"""
+
+
+def test_it_sees_every_kind_of_failure():
+    program = f"FAULTS = {[*FAULTS]!r}{PROGRAM}"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, cwd=TESTS)
+    assert done.returncode == 0, done.stderr
+    found = done.stdout.splitlines()
+    assert [line.startswith(wanted) for line, wanted in zip(found, FAULTS.values(), strict=True)] == [True] * len(
+        FAULTS
+    ), found
