@@ -1,14 +1,25 @@
-"""Output files: checked before long work, and written whole or not at all."""
+"""Output files: checked before long work, and written whole or not at all.
+
+A file is written under a temporary name, `.armwright-HOST-PROCESS-RANDOM.ending`, and then takes its place. What a killed process
+left under such a name is removed by the next write into that folder.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
+import platform
+import re
 import secrets
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from armwright.errors import OutputError
+
+TEMPORARY = re.compile(r"\.armwright-((?P<host>[0-9a-f]{8})-(?P<process>\d{1,10})-)?[0-9a-f]{16}(\..*)?")
+STALE = 86400.0  # [s] after which a temporary file is nobody's, where its process cannot be asked
 
 
 def check_destination(path: str | os.PathLike[str], endings: Sequence[str] = ()) -> Path:
@@ -50,7 +61,8 @@ def whole_file(path: str | os.PathLike[str], endings: Sequence[str] = ()) -> Ite
     """
     path = check_destination(path, endings)
     target = Path(os.path.realpath(path))  # behind a symbolic link the file is replaced, not the link
-    temporary = target.with_name(f".armwright-{secrets.token_hex(8)}{target.suffix}")
+    temporary = target.with_name(f".armwright-{_host()}-{os.getpid()}-{secrets.token_hex(8)}{target.suffix}")
+    _remove_left_behind(target.parent)
     with _as_output_error(path):
         try:
             yield temporary
@@ -58,6 +70,34 @@ def whole_file(path: str | os.PathLike[str], endings: Sequence[str] = ()) -> Ite
         finally:
             with contextlib.suppress(OSError):
                 temporary.unlink(missing_ok=True)
+
+
+def _remove_left_behind(folder: Path) -> None:
+    """Removes temporary files of processes that are gone, or older than a day."""
+    with contextlib.suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            match = TEMPORARY.fullmatch(entry.name)
+            with contextlib.suppress(OSError):  # another process was faster, or it is not ours to remove
+                if match and (_writer_is_gone(match) or entry.stat().st_mtime < time.time() - STALE):
+                    os.unlink(entry.path)
+
+
+def _writer_is_gone(name: re.Match[str]) -> bool:
+    """True if the process that began a temporary file ran on this machine and does not run now."""
+    if name["host"] != _host() or os.name == "nt":  # where signal 0 would end the process
+        return False
+    try:
+        os.kill(int(name["process"]), 0)
+    except ProcessLookupError:
+        return True
+    except (OSError, OverflowError):  # it runs, and belongs to somebody else
+        return False
+    return False
+
+
+def _host() -> str:
+    """Short digest of the machine's name: several machines may write into one folder."""
+    return hashlib.sha256(platform.node().encode()).hexdigest()[:8]
 
 
 @contextlib.contextmanager

@@ -1,0 +1,62 @@
+"""Temporary files of writes: none is left behind for longer than until the next write."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from armwright import output
+from armwright.output import whole_file
+
+KILLED = """
+import os, sys
+from armwright.output import whole_file
+with whole_file(sys.argv[1]) as temporary:
+    temporary.write_text("half")
+    os.kill(os.getpid(), 9)
+"""
+
+
+def write(path):
+    with whole_file(path) as temporary:
+        temporary.write_text("whole")
+
+
+def hidden(folder):
+    return [entry.name for entry in folder.iterdir() if entry.name.startswith(".")]
+
+
+def test_what_a_killed_write_left_is_removed_by_the_next_one(tmp_path):
+    done = subprocess.run([sys.executable, "-c", KILLED, tmp_path / "run.nc"], check=False)
+    assert done.returncode == -9
+    assert len(hidden(tmp_path)) == 1
+    write(tmp_path / "other.csv")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["other.csv"]
+
+
+def test_files_of_running_writes_and_of_other_machines_stay(tmp_path):
+    with whole_file(tmp_path / "run.nc") as temporary:
+        temporary.write_text("half")
+        elsewhere = tmp_path / f".armwright-00000000-{2**22 + 5}-{'0' * 16}.nc"
+        user = tmp_path / ".armwright-notes"
+        for path in (elsewhere, user):
+            path.write_text("theirs")
+        write(tmp_path / "other.csv")
+        assert temporary.read_text() == "half"
+        assert elsewhere.exists()
+        assert user.exists()
+    for path in (elsewhere, user):
+        os.utime(path, (0, 0))
+    write(tmp_path / "other.csv")
+    assert sorted(hidden(tmp_path)) == [user.name]
+
+
+@pytest.mark.parametrize("process", ["0", "-1", "99999999999999999999", "x"])
+def test_names_that_only_look_like_ours_are_left_alone(tmp_path, process):
+    path = tmp_path / f".armwright-{output._host()}-{process}-{'0' * 16}.nc"
+    path.write_text("")
+    write(tmp_path / "other.csv")
+    assert path.exists()
