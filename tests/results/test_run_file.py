@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import os
 import subprocess
 import sys
@@ -15,12 +16,14 @@ import pytest
 import xarray as xr
 
 import armwright as aw
+from armwright import terminal
 from armwright.errors import ArmwrightError, RunError, ScenarioError
+from armwright.pictures.terminal import show_runs
 from armwright.results.run_file import SEAL, SEAL_LENGTH
 from cli.test_bad_input import refused
 from results import damaged_runs
 
-FILES = 160
+FILES = 120
 TESTS = Path(__file__).parents[1]
 
 
@@ -101,6 +104,37 @@ def test_every_function_names_what_is_wrong(tmp_path, run, change, said):
     for command in (("plot", path), ("animate", path, "-o", tmp_path / "run.glb"), ("reproduce", path)):
         assert "run.nc" in refused(command)
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.nc"]
+
+
+HARD = {
+    "formula": lambda run: run.assign_attrs(robot="$x^{$"),
+    "control": lambda run: run.assign_coords(joint=["a\x1b[2J\0\ud800", "b"]),
+    "nan": lambda run: run.assign(q=run.q * np.nan),
+    "large": lambda run: run.assign(q=run.q * 0.0 + 1e308),
+    "fast": lambda run: run.assign(q=run.q * 1e12),
+    "late": lambda run: run.assign_coords(time=np.linspace(-1.0, 1.0, 21) * 1.7e308),
+    "whole": lambda run: run.assign(q=run.q.astype(int)),
+    "one row": lambda run: run.isel(time=[0]),
+    "no row": lambda run: run.isel(time=slice(0)),
+    "no joint": lambda run: run.isel(joint=slice(0)),
+    "no lane": lambda run: run.isel(lane=slice(0)),
+    "lane": lambda run: run.assign_coords(lane=[0.5, -1.0, 2.0]),
+}
+
+
+@pytest.mark.filterwarnings("error:.*(overflow|invalid value|cast)")
+@pytest.mark.parametrize("change", HARD.values(), ids=HARD)
+def test_what_is_hard_to_draw_is_drawn_or_refused(tmp_path, run, change):
+    bad, arm = change(run), aw.load("two-link")
+    for use in (
+        lambda: aw.plot(bad, tmp_path / "run.png"),
+        lambda: aw.plot(bad, tmp_path / "run.html"),
+        lambda: show_runs(bad, terminal.console(file=io.StringIO(), width=120)),
+        lambda: aw.animate(bad, arm, tmp_path / "run.glb", lane=0),
+        lambda: aw.statistics(bad),
+    ):
+        with contextlib.suppress(ArmwrightError):
+            use()
 
 
 def test_files_of_other_programs_are_read_if_they_are_runs(tmp_path, run):

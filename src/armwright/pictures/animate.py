@@ -19,6 +19,7 @@ from armwright.model import Model
 from armwright.output import check_destination, whole_file
 from armwright.pictures.arm_glb import animated_arm
 from armwright.results.aliases import PARTIAL
+from armwright.results.notes import UNREAL
 from armwright.results.plot_curves import describe
 from armwright.results.plot_page import PAGES as PLOT_PAGES
 from armwright.results.plot_page import Numbers, embedded, packed, page, plot_data
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ENDINGS = (".glb", ".html")
+MOST_TURNS = 1e5  # of a joint in one animation, four keyframes each
 PAGES = Path(__file__).parent / "pages"
 SCRIPTS = (
     *(PLOT_PAGES / name for name in ("unpack.js", "charts.js")),
@@ -108,9 +110,12 @@ def _motions(run: xr.Dataset, arm: Model) -> tuple[np.ndarray, dict[str, np.ndar
     if not len(t):
         raise RunError("the run has no rows", expected="at least one")
     _check_finite(t, q, joints)
+    _check_drawable(arm, q)
     motions = {"run": q}
-    if "q_reference" in run and np.isfinite(run["q_reference"].values).all():
-        motions["reference"] = np.asarray(run["q_reference"].values, dtype=float)
+    reference = run.get("q_reference")
+    if reference is not None and reference.dims == run["q"].dims and np.isfinite(reference.values).all():
+        motions["reference"] = np.asarray(reference.values, dtype=float)
+        _check_drawable(arm, motions["reference"])
     return t, motions
 
 
@@ -120,6 +125,17 @@ def _check_finite(t: np.ndarray, q: np.ndarray, joints: list[str]) -> None:
         what = f"from t = {t[row]:g} s on the simulation diverges"
         place = f"q of joint {joints[joint]!r}"
         raise RunError(what, place=place, value=float(q[row, joint]), expected="a run, or the part of it before")
+
+
+def _check_drawable(arm: Model, q: np.ndarray) -> None:
+    """Refuses positions at which nothing can be seen, and turns that need more keyframes than a viewer plays."""
+    for body, positions in zip(arm.coordinates, q.T, strict=True):
+        place, farthest = f"q of joint {body.joint!r}", float(np.abs(positions).max())
+        if farthest > UNREAL:
+            raise RunError(place=place, value=farthest, expected=f"at most {UNREAL:g}")
+        turns = float(np.abs(np.diff(positions)).sum()) / (2.0 * np.pi)
+        if body.kind == "revolute" and turns > MOST_TURNS:
+            raise RunError(f"{turns:.3g} turns", place=place, expected=f"at most {MOST_TURNS:g}")
 
 
 def _player(run: xr.Dataset, arm: Model, t: np.ndarray, glb: bytes, lane: int | None) -> str:

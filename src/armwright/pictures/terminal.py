@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armwright.results.plot_curves import INK, Curve, describe
+from armwright.results.plot_curves import HUGE, INK, Curve, describe
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,7 +19,6 @@ EMPTY = 0x2800  # the braille character without dots
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # of a character, from the top
 ROWS = 2  # characters that a strip is high
 WIDEST, NARROWEST = 100, 16  # characters that a strip may be wide
-HUGE = 1e300  # larger values, of a diverging run, are not drawn
 NUMBERS = 46  # characters that four numbers need
 
 

@@ -106,6 +106,7 @@ def draw(plot: Plot) -> Figure:
     """Matplotlib figure of a description, made without pyplot and so without its list of open figures."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
+    from matplotlib.text import Text
 
     count = len(plot.panels)
     columns = 2 if count % 2 == 0 or count > 3 else 1
@@ -132,6 +133,8 @@ def draw(plot: Plot) -> Figure:
     )  # fmt: skip
     title = "\n".join(filter(None, (plot.title, plot.note)))
     figure.suptitle(title, x=0.012, ha="left", fontsize=13, fontweight="bold", color=TEXT)
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)  # a name with two $ is a name, not a formula
     figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08, wspace=0.03, hspace=0.04)  # type: ignore[union-attr]
     return figure
 

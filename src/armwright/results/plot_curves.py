@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.errors import RunError
+from armwright.printable import printable
 from armwright.results.aliases import PARTIAL, QUANTITIES, joint_names, variables
 from armwright.results.recording import in_order, run_units
 
@@ -24,6 +25,7 @@ INK = COLOURS[-1]  # of what has no joint: lines that stand for a run or a refer
 DASHES = ((), (3.7, 1.6), (1.0, 1.65), (6.4, 1.6, 1.0, 1.6))  # lengths of dashes and gaps [line widths]; (): solid
 DOTTED = ((3.0, 2.0), (1.0, 1.2), (6.0, 1.5, 1.0, 1.5))  # of the references of the first run, of the second, …
 PLACE = "place"  # coordinate of the joints that are drawn: the number of each in its arm
+HUGE = 1e300  # larger values, of a diverging run, are not drawn: their sums and margins are infinite
 FEW_LANES = 12  # more are drawn as their median and bands
 BANDS = ((0.05, 0.95), (0.25, 0.75))  # quantiles: nine out of ten lanes, half of them
 BAND_OPACITY = 0.16  # of each; they lie on each other
@@ -132,20 +134,23 @@ def describe(
     quantities = variables(quantities)
     named = {name: _part(name or "run", in_order(run), joints, quantities) for name, run in _named(runs).items()}
     first, *others = named
-    names = [str(joint) for joint in named[first]["joint"].values]
+    names = [str(joint) for joint in named[first]["joint"].values]  # as they are, to be compared; printable below
     for other in others:
         theirs = [str(joint) for joint in named[other]["joint"].values]
         if theirs != names:
             raise RunError(place=f"{other} joints", value=theirs, expected=f"those of {first}: {', '.join(names)}")
-    drawing = _Drawing(tuple(named), tuple(named.values()), tuple(names))
+    shown = tuple(map(printable, named)), tuple(map(printable, names))
+    drawing = _Drawing(shown[0], tuple(named.values()), shown[1])
     panels = drawing.panels(quantities)
     if not panels:
         what = ", ".join(quantities or ["any quantity"])
         raise RunError(f"no finite number of {what} to be drawn", place=", ".join(named) or "run")
     robots = ", ".join(dict.fromkeys(str(run.attrs.get("robot", "run")) for run in named.values()))
-    title = [robots, names[0] if drawing.by_run else "", "" if others else first]
+    title = printable(
+        "   ·   ".join(filter(None, [robots, names[0] if drawing.by_run else "", "" if others else first]))
+    )
     times = tuple(np.asarray(run["time"].values, dtype=float) for run in named.values())
-    return Plot("   ·   ".join(filter(None, title)), _note(named), tuple(named), times, panels, drawing.legend(panels))
+    return Plot(title, printable(_note(named)), shown[0], times, panels, drawing.legend(panels))
 
 
 def _named(runs: xr.Dataset | Mapping[str, xr.Dataset] | Sequence[xr.Dataset]) -> dict[str, xr.Dataset]:
@@ -204,7 +209,8 @@ def _usual(run: xr.Dataset) -> list[str]:
 
 def _is_known(run: xr.Dataset, quantity: str) -> np.ndarray:
     """(n,) whether any value of the joint is finite."""
-    return np.asarray(np.isfinite(run[quantity].values).reshape(-1, run.sizes["joint"]).any(axis=0))
+    values = run[quantity].transpose(..., "joint").values.reshape(-1, run.sizes["joint"])
+    return np.asarray((np.abs(values) < HUGE).any(axis=0))
 
 
 def _plain(quantity: str) -> str:
@@ -247,7 +253,8 @@ class _Drawing:
         commands = {str(self.runs[k]["command"].values[joint]) for joint, k in places}
         stepped = quantity in ("u", "u_issued") or commands == {COMMANDED.get(quantity)}
         linear = str(run["kind"].values[joint]) == "prismatic"
-        return Panel(titles[linear], SYMBOLS.get(_plain(quantity), quantity), unit, stepped, tuple(curves))
+        symbol = SYMBOLS.get(_plain(quantity), quantity)
+        return Panel(printable(titles[linear]), printable(symbol), printable(unit), stepped, tuple(curves))
 
     def _curves(self, quantity: str, joint: int, k: int) -> list[Curve]:
         lanes, style, name = self._lanes(quantity, joint, k), self._style(joint, k), self.joints[joint]
@@ -274,7 +281,8 @@ class _Drawing:
     def _lanes(self, quantity: str, joint: int, k: int) -> np.ndarray:
         """(lanes, rows) of one joint."""
         values = self.runs[k][quantity].values
-        return (values if values.ndim == 3 else values[None])[:, :, joint]
+        lanes = (values if values.ndim == 3 else values[None])[:, :, joint]
+        return np.where(np.abs(lanes) < HUGE, lanes, np.nan)
 
     def _series(self, kind: str, k: int) -> str:
         if len(self.runs) == 1:

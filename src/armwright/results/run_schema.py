@@ -14,7 +14,8 @@ from armwright.results.aliases import LOOP_STATE, PARTIAL, SESSION
 
 A_RUN = "the dataset that simulate returns"
 LONGEST_NAME = 200  # letters of a variable's name
-NUMBERS, TEXTS = "numbers", "texts"
+LATEST = 1e15  # [s]; between later times differences are rounding
+NUMBERS, WHOLE, TEXTS = "real numbers", "whole numbers from 0", "texts"
 OVER_LANES = ("lane", "statistic")  # either; statistics of a run have the second instead of the first
 MOTION = (*OVER_LANES, "time", "joint")
 
@@ -24,16 +25,17 @@ class Rule:
     """Rule of a variable.
 
     Attributes:
-        dims: dimensions that it may have; a coordinate has its own wherever the run has it.   along: those of them that it has
-            wherever the run has them.
-        kind: of its values.   needed: every run has it.   finite: no NaN, no infinity.   rising: each above the one before.
-        unique: no value twice.   choices: all allowed values.   units: all allowed units.
+        dims: dimensions that it may have; a coordinate has its own wherever the run has it.
+        along: those of them that it has wherever the run has them.   kind: of its values.   needed: every run has it.
+        finite: no NaN, no infinity.   most: its largest size.   rising: each above the one before.   unique: no value twice.
+        choices: all allowed values.   units: all allowed units.
     """
 
     dims: tuple[str, ...]
     kind: str = NUMBERS
     needed: bool = False
     finite: bool = False
+    most: float = np.inf
     rising: bool = False
     unique: bool = False
     choices: tuple[str, ...] = ()
@@ -45,8 +47,8 @@ COORDINATES = {
     "joint": Rule(("joint",), TEXTS, needed=True, unique=True),
     "kind": Rule(("joint",), TEXTS, needed=True, choices=("revolute", "prismatic")),
     "command": Rule(("joint",), TEXTS, needed=True, choices=("voltage", "current", "torque")),
-    "time": Rule(("time",), finite=True, rising=True, units=("s",)),
-    "lane": Rule(("lane",), finite=True, unique=True),
+    "time": Rule(("time",), finite=True, most=LATEST, rising=True, units=("s",)),
+    "lane": Rule(("lane",), WHOLE, unique=True),
     "event": Rule(("event",), TEXTS, unique=True),
     "statistic": Rule(("statistic",), TEXTS, unique=True),
 }
@@ -110,21 +112,30 @@ def _listed(dims: tuple[str, ...]) -> str:
     return shown(", ".join(dims)).strip("'") if dims else "no dimension"
 
 
+def _is_of_kind(values: np.ndarray, variable: Any, rule: Rule) -> bool:
+    """True for values of the type that a rule asks for; what no time and no joint has may be of any type."""
+    if rule.kind == TEXTS:
+        return values.dtype.kind in "US" or all(isinstance(value, str) for value in values.ravel())
+    if rule.kind == WHOLE:
+        return values.dtype.kind in "iu" and bool((values >= 0).all())
+    return values.dtype.kind in "fiub" or (rule is OTHERS and not {"time", "joint"} & set(variable.dims))
+
+
 def _check_values(name: str, variable: Any, rule: Rule) -> None:
     values, units = np.asarray(variable.values), variable.attrs.get("units", "")
     if not isinstance(units, str):
         raise RunError(place=f"{name} attribute units", value=units, expected="text")
     if rule.units and units and units not in rule.units:
         raise RunError(place=f"unit of {name}", value=units, expected=" or ".join(rule.units))
-    if rule.kind == TEXTS:
-        if not (values.dtype.kind in "US" or all(isinstance(value, str) for value in values.ravel())):
-            raise RunError(f"{values.dtype} values", place=name, expected="texts")
-    elif values.dtype.kind not in "fiub" and (rule is not OTHERS or {"time", "joint"} & set(variable.dims)):
-        raise RunError(f"{values.dtype} values", place=name, expected="real numbers")
+    if not _is_of_kind(values, variable, rule):
+        raise RunError(f"{values.dtype} values", place=name, expected=rule.kind)
     flat = values.ravel()
     if rule.finite and not np.isfinite(flat).all():
         row = int(np.argmin(np.isfinite(flat)))
         raise RunError(place=f"{name}[{row}]", value=float(flat[row]), expected="a finite number")
+    if rule.most < np.inf and (np.abs(flat) > rule.most).any():
+        row = int(np.argmax(np.abs(flat) > rule.most))
+        raise RunError(place=f"{name}[{row}]", value=float(flat[row]), expected=f"at most {rule.most:g}")
     if rule.rising and not (np.diff(flat) > 0).all():
         row = int(np.argmin(np.diff(flat) > 0)) + 1
         what = f"behind {flat[row - 1]:g}"
