@@ -9,7 +9,7 @@ from typing import Any, Self
 from armwright.printable import printable
 
 LONGEST = 60  # characters of a value that a sentence repeats
-LONGEST_PATH = 400  # of a file or a place
+LONGEST_PATH = 600  # of a file or a place
 LONGEST_LIST = 1000  # of names that exist
 UNKNOWN_KEY = "unknown key"  # `what` of a problem whose choices stand for the last key of its place, not for its value
 ABSENT: Any = type("Absent", (), {"__repr__": lambda self: "ABSENT", "__bool__": lambda self: False})()

@@ -147,3 +147,7 @@ def test_what_the_machine_cannot_do(error, message, monkeypatch):
     monkeypatch.setattr("armwright.simulation.simulation.simulate", fail)
     monkeypatch.setattr("armwright.simulate", fail, raising=False)
     assert message in refused(SIMULATE)
+
+
+def test_a_word_of_any_length_is_one_short_line():
+    assert len(refused(("x" * 100_000,))) < 3000

@@ -24,7 +24,7 @@ from fuzz.case import Case
 
 LIMIT = 10.0  # s of the processor's time that a case may take
 WAIT = 6.0  # times that: s of the clock, of which other programs may take some
-LONGEST = 2000  # characters of a refusal
+LONGEST = 3000  # characters of a refusal
 ACCEPTED, REFUSED, OTHER = "accepted", "refused", "other"
 ROOT = Path(__file__).parents[2]
 RUNS = ("subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "socket.connect", "socket.getaddrinfo")

@@ -33,6 +33,7 @@ from armwright.cli.step_study import step_study
 from armwright.errors import ArmwrightError
 from armwright.terminal import say
 
+LONGEST = 2500  # characters of an error: a word that was typed may have any length
 UsageError: Any = typer.BadParameter.__mro__[1]  # typer keeps it to itself
 
 
@@ -94,7 +95,8 @@ def _silence() -> None:
 
 
 def _fail(message: str) -> int:
-    say(f"armwright: error: {' '.join(message.split())}", err=True)
+    line = " ".join(message.split())
+    say(f"armwright: error: {line if len(line) <= LONGEST else f'{line[:LONGEST]}…'}", err=True)
     return 2
 
 

@@ -299,12 +299,12 @@ class Scenario:
         """
         check_time("duration", duration)
         tick, name = self.tick, "loop.period" if self.sampled else "solver.step"
+        if duration > MOST_STEPS * tick:
+            expected = f"at most 2^53 times {name} = {tick:g} s"
+            raise ScenarioError(place="duration", value=duration, expected=expected)
         ticks = round(duration / tick)
         if ticks < 1 or abs(ticks * tick - duration) > 1e-6 * tick:
             raise ScenarioError(place="duration", value=duration, expected=f"a multiple of {name} = {tick:g} s")
-        if ticks > MOST_STEPS:
-            expected = f"at most 2^53 times {name} = {tick:g} s"
-            raise ScenarioError(place="duration", value=duration, expected=expected)
         if self.recording.every and ticks % self.recording.every:
             expected = f"a divisor of the {ticks} steps of the run"
             raise ScenarioError(place="recording.every", value=self.recording.every, expected=expected)

@@ -66,7 +66,8 @@ class Schedule:
 
 def _texts(names: Sequence[str]) -> tuple[str, ...]:
     """The names, if they are texts in a list."""
-    texts = tuple(names) if isinstance(names, (list, tuple, np.ndarray)) else (None,)
+    is_list = isinstance(names, (list, tuple)) or (isinstance(names, np.ndarray) and names.ndim == 1)
+    texts = tuple(names) if is_list else (None,)
     if not all(isinstance(text, str) for text in texts):
         raise ScheduleError(place="names", value=names, expected="a list of the joints' names")
     return texts  # type: ignore[return-value]
