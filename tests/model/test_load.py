@@ -24,6 +24,29 @@ def test_builtin(name):
     assert arm.n == len(arm.names) == sum(joint.type != "fixed" for joint in arm.description.joints)
 
 
+def test_the_report_s_arm_hangs():
+    """g = -9.80621 where z₀ points down, v̇₀ = [0 0 g]: free fall is along +z₀, and joints 2 and 4 swing back to 0."""
+    arm = load("cmu-dd")
+    np.testing.assert_array_equal(arm.gravity, [0.0, 0.0, 9.80621])
+    still, small = np.zeros(6), 1e-4
+    weight = lambda q: inverse_dynamics(arm, q, still, still)  # noqa: E731
+    stiffness = np.array([(weight(small * e) - weight(-small * e)) / (2 * small) for e in np.eye(6)])
+    assert (np.diag(stiffness)[[1, 3]] > 10.0).all()
+
+
+def test_numbers_of_the_report_s_arm_are_the_report_s_or_estimates():
+    """The report states gravity; sizes, masses, motors, friction and limits it does not."""
+    record = load("cmu-dd").description
+    assert record.source == "estimate"
+    assert record.gravity_m_s2.source == "report"
+    sources = record.sources
+    assert {source.kind for name, source in sources.items() if name != "report"} == {"estimate"}
+    assert "z₀ points down" in sources["report"].text
+    assert "states no size, mass, motor constant" in sources["estimate"].text
+    of_links = {link.source for link in record.links}
+    assert "report" not in of_links
+
+
 def test_errors_name_the_file(tmp_path):
     """What only the model finds out, an impossible inertia, names the file as well; the caller's word lets it pass."""
     path = tmp_path / "mine.toml"

@@ -8,7 +8,7 @@ from armwright.errors import OutputError, RunError
 from pictures.gltf_rules import Gltf
 from pictures.playing import pose_of
 from pictures.reading import Page
-from pictures.test_arm_glb import TO_Z_UP
+from pictures.test_arm_glb import TO_Z_UP, to_base
 from simulation.runs import MIXED, invented, mixed_arm
 
 
@@ -27,7 +27,7 @@ def test_simulated_run_ends_where_kinematics_says(tmp_path):
     aw.animate(run, arm, tmp_path / "run.glb")
     gltf = Gltf((tmp_path / "run.glb").read_bytes())
     assert len(gltf.animation("run")["channels"]) == 6
-    last = TO_Z_UP @ pose_of(gltf, "run", "tip hand", 0.5)
+    last = to_base(arm) @ pose_of(gltf, "run", "tip hand", 0.5)
     assert np.abs(last - aw.forward_kinematics(arm, run["q"].values[-1])).max() < 1e-5
 
 

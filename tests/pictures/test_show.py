@@ -18,7 +18,7 @@ from armwright.model import build_model
 from armwright.pictures.body_shapes import body_shapes
 from armwright.pictures.joint_figure import CYLINDER, bone_size
 from armwright.pictures.png import spacing, write_png
-from armwright.pictures.posed_arm import posed_arm
+from armwright.pictures.posed_arm import posed_arm, upright
 from armwright.pictures.scene import Y_UP
 from physics.arms import NAMES, arm, random_state, workshop
 
@@ -45,9 +45,11 @@ def test_a_scene_has_a_node_for_each_link_where_it_stands(name, tmp_path):
     shown = aw.show(model, tmp_path / "arm.glb", q)
     assert shown.notes == ()
     scene = trimesh.load_scene(tmp_path / "arm.glb")
+    stands = np.eye(4)
+    stands[:3, :3] = upright(model)
     for k, placed in body_placements(model, q).items():
         link = model.bodies[k].link if k >= 0 else "base"
-        np.testing.assert_allclose(scene.graph[link][0], Y_UP @ placed.matrix(), atol=1e-6)
+        np.testing.assert_allclose(scene.graph[link][0], Y_UP @ stands @ placed.matrix(), atol=1e-6)
     box = posed_arm(model, q).surfaces().corners.reshape(-1, 3) @ Y_UP[:3, :3].T
     np.testing.assert_allclose(scene.bounds, [box.min(axis=0), box.max(axis=0)], atol=1e-5)
 

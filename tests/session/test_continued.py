@@ -102,7 +102,7 @@ def test_a_joint_beyond_its_limits_is_told_once_at_the_time_of_the_whole_run():
     for line in ("simulate new steps=1000", "simulate continue steps=1000"):
         parts.run(line)
     assert sorted(notes(parts).splitlines()) == sorted(notes(whole).splitlines())
-    assert "joint2: passed its position limits [-1.92, 1.92] at t = 1.334 s" in notes(parts)
+    assert "joint3: passed its position limits [-2.88, 2.88] at t = 1.541 s" in notes(parts)
 
 
 def test_what_goes_on_is_given_by_place_too(tmp_path, monkeypatch):

@@ -175,12 +175,22 @@ def test_every_drive_stores_its_own_command(robot):
     assert np.allclose(VARIABLES["torque"].get(session.state), tau, rtol=1e-12)
 
 
-def test_gravity_is_the_z_component(session):
+def test_gravity_is_the_report_s(session):
+    """v̇₀ = [0 0 g]: below 0 where z₀ points down, as in cmu-dd, which hangs; `arm.gravity` is free fall."""
+    assert VARIABLES["gravity"].get(session.state) == -9.80621
+    assert session.state.arm.gravity.tolist() == [0.0, 0.0, 9.80621]
+    assert VARIABLES["gravity"].get(Session("puma560").state) == 9.81
     session.run("gravity = -1.62")
-    assert session.state.arm.gravity.tolist() == [0.0, 0.0, -1.62]
+    assert session.state.arm.gravity.tolist() == [0.0, 0.0, 1.62]
     moon = Session("two-link")
-    moon.run("gravity = -1.62")
+    moon.run("gravity = 1.62")
     assert moon.state.arm.gravity.tolist() == [0.0, -9.81, -1.62]
+    session.run("theta = 0")
+    session.run("theta[2] = 1 deg")
+    session.run("omega = 0")
+    session.run("voltage = 0")
+    session.run("forward-arm")
+    assert session.state.qdd[1] < 0.0  # it swings back to where it hangs
 
 
 def test_a_payload_is_felt_and_taken_out(session):

@@ -2,9 +2,9 @@
 
 trimesh reads such files and writes scenes, but no animations, so this writer is our own.
 
-    scene ─ NAME (turned so that z is up) ─ base ─┬─ meshes that do not move
-                                                  └─ joint1 ─┬─ its body's mesh
-                                                             └─ joint2 ─ … ─ tip, an empty node
+    scene ─ NAME (turned so that gravity points down) ─ base ─┬─ meshes that do not move
+                                                              └─ joint1 ─┬─ its body's mesh
+                                                                         └─ joint2 ─ … ─ tip, an empty node
 
 A body's frame has its joint's axis as z, so a turning joint's node only turns and a sliding one's only slides: rotation is
 R Rz(q + offset), translation p + R z q, with R and p of the body's placement in its parent.
@@ -21,10 +21,11 @@ from armwright.model import BASE, Body, Model
 from armwright.pictures.body_shapes import Shape, body_shapes
 from armwright.pictures.glb_container import Arrays, container
 from armwright.pictures.keyframes import keyframes
+from armwright.pictures.posed_arm import upright
 from armwright.spatial import rotation_quaternion
 
 TOLERANCE = 5e-6  # [m] at the tip, of the error of interpolation between keyframes
-Z_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]  # glTF's y is up, the arm's z
+Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # glTF's y is up
 
 
 def animated_arm(
@@ -67,7 +68,7 @@ def arm_glb(
     materials: list[dict[str, Any]] = []
     root = arm.name + "_" * (arm.name in names)  # names of nodes differ
     nodes: list[dict[str, Any]] = [
-        {"name": root, "rotation": Z_UP, "children": [1]},
+        {"name": root, "rotation": np.roll(rotation_quaternion(Y_UP @ upright(arm)), -1).tolist(), "children": [1]},
         {"name": names[0], "children": []},
     ]
     for name, body, position in zip(names[1:], arm.bodies, q, strict=True):

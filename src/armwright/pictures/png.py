@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.pictures.posed_arm import PosedArm
+from armwright.pictures.posed_arm import PosedArm, upright
 from armwright.pictures.render import Camera, camera, render
 
 AZIMUTH, ELEVATION = -0.95, 0.33  # [rad] where the camera stands
@@ -34,7 +34,7 @@ def write_png(posed: PosedArm, path: Path, longer: int) -> None:
     axes: Any = figure.add_axes((0, 0, 1, 1))
     axes.imshow(image, interpolation="nearest", aspect="auto", extent=(0, view.width, view.height, 0))
     axes.set_axis_off()
-    _triad(axes, view)
+    _triad(axes, view, upright(posed.arm))
     _scale(axes, view, points, square)
     figure.savefig(path, format="png", metadata={"Software": None})
 
@@ -58,11 +58,13 @@ def _view(points: np.ndarray, longer: int) -> Camera:
     return Camera(inner.rotation, inner.eye, inner.focal, width, height, 0.5 * height * (FOOT - MARGIN))
 
 
-def _triad(axes: Any, view: Camera) -> None:
+def _triad(axes: Any, view: Camera, stand: np.ndarray) -> None:
     """Base axes in the lower left corner, as the camera sees their directions."""
     length = 0.05 * max(view.width, view.height)
     x, y = 1.4 * length, view.height - 0.9 * length
-    for (name, colour), direction in sorted(zip(AXES, view.rotation.T, strict=True), key=lambda each: -each[1][2]):
+    for (name, colour), direction in sorted(
+        zip(AXES, (view.rotation @ stand).T, strict=True), key=lambda each: -each[1][2]
+    ):
         dx, dy = length * direction[:2]
         axes.plot([x, x + dx], [y, y + dy], color=colour, linewidth=2.2, solid_capstyle="round")
         axes.text(x + 1.32 * dx, y + 1.32 * dy, name, color=colour, fontsize=10, ha="center", va="center")

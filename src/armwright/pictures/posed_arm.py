@@ -14,7 +14,7 @@ from armwright.model import Model, check_arm
 from armwright.pictures.body_shapes import Shape, body_shapes
 from armwright.pictures.joint_figure import cylinder_figures
 from armwright.pictures.render import Surfaces
-from armwright.spatial import Placement
+from armwright.spatial import Placement, rotation_to_axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,16 +34,24 @@ class PosedArm:
     notes: tuple[Problem, ...]
 
     def surfaces(self) -> Surfaces:
-        """All triangles in base axes."""
+        """All triangles in base axes that were turned by `upright`: z points up, against gravity."""
         corners, normals, colours, bodies = [], [], [], []
+        stand = upright(self.arm)
         for body, shapes in self.shapes.items():
             at = self.placements[body]
+            turn, position = stand @ at.rotation, stand @ at.position
             for shape in shapes:
-                corners.append((shape.positions @ at.rotation.T + at.position)[shape.triangles])
-                normals.append((shape.normals @ at.rotation.T)[shape.triangles])
+                corners.append((shape.positions @ turn.T + position)[shape.triangles])
+                normals.append((shape.normals @ turn.T)[shape.triangles])
                 colours.append(np.tile(shape.colour, (len(shape.triangles), 1)))
                 bodies.append(np.full(len(shape.triangles), body))
         return Surfaces(*(np.concatenate(parts) for parts in (corners, normals, colours, bodies)))
+
+
+def upright(arm: Model) -> np.ndarray:
+    """(3, 3) the shortest rotation after which gravity points along -z; none without gravity, half a turn about x from +z."""
+    gravity = np.asarray(arm.gravity, dtype=float)
+    return rotation_to_axis(-gravity).T if gravity.any() else np.eye(3)
 
 
 def posed_arm(arm: Model, q: Any = None) -> PosedArm:

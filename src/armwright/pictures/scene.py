@@ -15,7 +15,9 @@ from armwright.pictures.posed_arm import PosedArm
 from armwright.pictures.render import camera
 from armwright.results.plot_page import embedded
 
-Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])  # glTF's y is up, the arm's z
+Y_UP = np.array(
+    [[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]]
+)  # glTF's y is up, z that of a picture
 RESOLUTION, FIELD = (1200, 900), 0.5  # of the page's first view: pixels, and the angle of view [rad]
 SQUARES = 24  # of the page's grid along each side
 
@@ -37,7 +39,7 @@ def write_html(posed: PosedArm, path: Path) -> None:
     view = camera(corners, AZIMUTH, ELEVATION, *RESOLUTION, field=FIELD)
     at = np.eye(4)
     at[:3, :3] = view.rotation.T * (1.0, -1.0, -1.0)  # the camera looks along its -z, y up
-    at[:3, 3] = view.eye + 0.12 * (view.eye - corners.mean(axis=0))  # one step back
+    at[:3, 3] = view.eye
     scene.camera.resolution = RESOLUTION
     scene.camera.fov = tuple(np.degrees(2 * np.arctan(0.5 * np.array(RESOLUTION) / view.focal)))
     scene.camera_transform = Y_UP @ at

@@ -207,7 +207,7 @@ STEPS = (
      "and alpha at zero, all that is left is gravity.", ("inverse-arm",)),
     ("Torque and voltage are tied: a motor turns volts into torque, and its own speed eats volts up. Give joint 2 some speed, "
      "the way that its motor pushes: the voltage stays, and less torque is left.",
-     ("voltage[2]", "torque[2]", "omega[2] = -0.5", "voltage[2]", "torque[2]", "omega = 0")),
+     ("voltage[2]", "torque[2]", "omega[2] = 0.5", "voltage[2]", "torque[2]", "omega = 0")),
     ("The other way round is the Forward Arm: voltage in, acceleration out. The voltage still holds the arm, so nothing "
      "moves. Take it away, and the arm begins to fall.", ("forward-arm", "voltage = 0", "forward-arm")),
     ("Step by step through time, that is a simulation: here a quarter of a second, in steps of a thousandth. Before it starts, "

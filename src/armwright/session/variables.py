@@ -60,8 +60,13 @@ def _field(field: str) -> tuple[Callable[[State], Any], Callable[[State, Any], S
     return lambda state: getattr(state, field), lambda state, value: state.replace(**{field: value})
 
 
-def _gravity(state: State, value: float) -> State:
-    return state.replace(loaded=replace(state.loaded, gravity=value))
+def _gravity(state: State) -> float:
+    """The report's g: v̇₀ = [0 0 g] is the opposite of free fall."""
+    return 0.0 - float(state.arm.gravity[2])  # never -0.0
+
+
+def _with_gravity(state: State, value: float) -> State:
+    return state.replace(loaded=replace(state.loaded, gravity=0.0 - value))
 
 
 def _time(name: str, field: str) -> Callable[[State, float], State]:
@@ -87,9 +92,9 @@ DAC_SOURCE = "CMU report, the sim program; sampled loops [AstromHagglund2006]"
 TABLE = (
     Variable(
         "gravity",
-        "gravitational acceleration along z of the base, the z component of arm.gravity",
-        None, "m/s²", lambda state: float(state.arm.gravity[2]), _gravity,
-        "v̇₀ = −gravity: it enters as the base's acceleration", "CMU report, Inverse Arm [LuhWalkerPaul1980]",
+        "gravitational acceleration g: above 0 where z of the base points up, below 0 where it points down",
+        None, "m/s²", _gravity, _with_gravity,
+        "v̇₀ = [0 0 g]: it enters as the base's acceleration", "CMU report, Inverse Arm [LuhWalkerPaul1980]",
     ),
     Variable(
         "DACSampTimePeriod",
