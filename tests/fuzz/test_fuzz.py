@@ -69,3 +69,16 @@ def test_it_sees_every_kind_of_failure():
     assert [line.startswith(wanted) for line, wanted in zip(found, FAULTS.values(), strict=True)] == [True] * len(
         FAULTS
     ), found
+
+
+def test_the_page_of_the_docs_has_every_kind(monkeypatch):
+    """Its table is made from the counts that were committed; a kind without a name there would be left out."""
+    from fuzz.campaign import COUNTS, KINDS
+
+    monkeypatch.syspath_prepend(str(TESTS.parent / "docs" / "ext"))
+    import armwright_tables  # pyright: ignore[reportMissingImports]
+
+    kinds = json.loads(COUNTS.read_text())["kinds"]
+    assert set(kinds) == set(KINDS) == set(armwright_tables.KINDS_OF_INPUT)
+    assert f"{sum(sum(row.values()) for row in kinds.values()):,} inputs" in armwright_tables.fuzz()
+    assert not any(row["other"] for row in kinds.values())
