@@ -6,6 +6,7 @@ import datetime
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from math import inf, isfinite
 from typing import Annotated, Any, Literal
 
@@ -173,6 +174,12 @@ def _one_or_three(value: Any) -> tuple[float, ...]:
     return (_finite(value),) * 3 if _is_number(value) else _several(3, value)
 
 
+def _one_or_more(value: Any) -> tuple[float, ...]:
+    if not isinstance(value, (list, tuple, np.ndarray)) or not len(value) or not all(_is_number(v) for v in value):
+        raise Invalid(expected="a list of numbers")
+    return tuple(_finite(v) for v in value)
+
+
 def _points(value: Any) -> tuple[tuple[float, ...], ...]:
     if not isinstance(value, (list, tuple, np.ndarray)):
         raise Invalid(expected="a list of points [x, y]")
@@ -213,6 +220,18 @@ NotNegative = Annotated[Quantity, Reading("a number of 0 or more", _one, lambda 
 NotPositive = Annotated[Quantity, Reading("a number of 0 or less", _one, lambda v: v <= 0, (-inf, 0.0))]
 NotZero = Annotated[Quantity, Reading("a number other than 0", _one, lambda v: v != 0)]
 Share = Annotated[Quantity, Reading("a number above 0, at most 1", _one, lambda v: (v > 0) & (v <= 1), (0.0, 1.0))]
+BelowOne = Annotated[
+    Quantity, Reading("a number of 0 or more, below 1", _one, lambda v: (v >= 0) & (v < 1), (0.0, 1.0))
+]
+Shares = Annotated[
+    Quantity, Reading("numbers above 0, at most 1", _one_or_more, lambda v: all(0 < share <= 1 for share in v))
+]
+RISING = Reading(
+    "numbers above 0, each above the one before",
+    _one_or_more,
+    lambda v: v[0] > 0 and all(b > a for a, b in pairwise(v)),
+)
+Rising = Annotated[Quantity, RISING]
 Vector3 = Annotated[Quantity, Reading("3 numbers", partial(_several, 3))]
 Direction = Annotated[Quantity, Reading("a direction, 3 numbers not all 0", partial(_several, 3), any)]
 Range = Annotated[Quantity, Reading("2 numbers", partial(_several, 2))]

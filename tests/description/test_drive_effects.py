@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.actuators.friction import joint_friction
 from armwright.description.database import parse
 from armwright.description.writer import to_toml
-from armwright.errors import DescriptionError
+from armwright.errors import DescriptionError, ModelError
+from armwright.export.drive_file import drive_file
+from armwright.export.losses import of_all_formats, of_friction
 from armwright.model import build_model
+from armwright.simulation.plant.plant import Plant
 from description.reports import check_report
 
 MOTOR = {
@@ -29,6 +33,7 @@ THERMAL = {
     "winding_capacity_j_per_k": 8.0,
     "winding_resistance_k_per_w": 1.5,
 }
+TABLE = {"torque_n_m": [5.0, 20.0], "rows": [{"driving": [0.5, 0.8], "driven_back": [0.3, 0.7]}]}
 BRAKE = {**SPRING, "holding_torque_n_m": 30.0, "release_time_s": 0.02}
 
 
@@ -74,6 +79,88 @@ def test_everything_at_once_is_read_and_written():
     assert description.provenance("hinge.motor.thermal.ambient_c").kind == "definition"
 
 
+def table(gear_efficiency=None, **keys):
+    """Keys of a joint whose gear has a table with some keys changed; None takes one away."""
+    record_ = {key: value for key, value in {**TABLE, **keys}.items() if value is not None}
+    own = {} if gear_efficiency is None else {"gear_efficiency": gear_efficiency}
+    return {"friction": COULOMB, "motor": {**MOTOR, "gear_efficiency_table": record_, **own}}
+
+
+def test_a_table_is_read_written_and_varied():
+    """Its numbers go through TOML and back, are parameters by path, vary, and are refused where none could stand."""
+    rows = [
+        {"speed_rad_per_s": 0.1, "driving": [0.5, 0.8], "driven_back": [0.3, 0.7]},
+        {"speed_rad_per_s": 2.0, "driving": [0.4, 0.7]},
+    ]
+    description = parse(record(**table(rows=rows)), "one")
+    assert parse(tomllib.loads(to_toml(description)), "one") == description
+    model = build_model(description)
+    efficiency = model.bodies[0].drive.efficiency
+    assert efficiency.speeds == (0.1, 2.0)
+    assert efficiency.driven_back == ((0.3, 0.7), (0.4, 0.7))
+    assert model.replace(efficiency=None).bodies[0].drive.efficiency is None
+    path = "hinge.motor.gear_efficiency_table"
+    assert model.parameters[f"{path}.rows[1].driving[0]"].value == 0.4
+    assert model.parameters[f"{path}.torque_n_m[1]"].unit == "N m"
+    names = [f"{path}.rows[1].driving", f"{path}.torque_n_m[0]", f"{path}.rows[0].speed_rad_per_s"]
+    dynamics, given = aw.compile(model, vary=names), (np.zeros(1), np.array([1.3]), np.array([2.0]))
+    other = aw.compile(build_model(parse(record(**table(
+        torque_n_m=[6.0, 20.0], rows=[{**rows[0], "speed_rad_per_s": 0.3}, {**rows[1], "driving": [0.45, 0.75]}]
+    )), "one")))  # fmt: skip
+    expected = other.inverse_dynamics(*given)
+    np.testing.assert_allclose(dynamics.inverse_dynamics(*given, [0.45, 0.75, 6.0, 0.3]), expected, rtol=1e-13)
+    for values, place in (
+        ([0.4, 1.2, 5.0, 0.1], f"parameters[0] {path}.rows[1].driving"),
+        ([0.9, 0.1, 5.0, 0.1], f"parameters[0] {path}.rows[1].driving"),
+        ([0.4, 0.7, 30.0, 0.1], f"parameters[0] {path}.torque_n_m"),
+        ([0.4, 0.7, 5.0, 3.0], f"parameters[0] {path}.rows[1].speed_rad_per_s"),
+    ):
+        with pytest.raises(ModelError) as raised:
+            dynamics.inverse_dynamics(*given, values)
+        assert raised.value.place == place
+
+
+def test_a_table_that_locks_itself_is_warned_of():
+    """By its efficiency under the largest load."""
+    (warning,) = build_model(parse(record(**table(rows=[{"driving": [0.4, 0.45]}])), "one")).warnings
+    assert "gear_efficiency_table.rows[0].driving" in warning
+    assert "self-locking" in warning
+    assert not build_model(parse(record(**table()), "one")).warnings
+
+
+def test_friction_changes_with_temperature_in_the_plant():
+    """Torque that a joint resists with at 25 and at 85 °C: level · (1 + α ΔT) of both parts, from 20 °C on, never below 0."""
+    friction = {**COULOMB, "viscous_n_m_s_per_rad": 0.8, "viscous_temperature_coefficient_per_k": -0.01}
+    friction["coulomb_temperature_coefficient_per_k"] = 0.005
+    model = build_model(parse(record(friction=friction, motor={**MOTOR, "thermal": THERMAL}), "one"))
+    (sliding,) = (body.friction for body in model.bodies)
+    s = 3.0 / np.hypot(3.0, 0.05)
+    for warming, viscous, coulomb in ((5.0, 0.95, 1.025), (65.0, 0.35, 1.325), (120.0, 0.0, 1.6)):
+        expected = viscous * 0.8 * 3.0 + coulomb * 2.0 * s
+        assert joint_friction(sliding, 3.0, warming=warming) == pytest.approx(expected, rel=1e-13)
+    assert joint_friction(sliding, 3.0) == pytest.approx(0.8 * 3.0 + 2.0 * s, rel=1e-13)
+    plant = Plant.of(model)
+    x = plant.initial([0.0], [3.0])
+    cold = plant.outputs(x, np.zeros(1))["friction_loss"][0]
+    plant.part(x, "winding_temperature")[:] = 85.0
+    warm = plant.outputs(x, np.zeros(1))["friction_loss"][0]
+    assert cold == pytest.approx(3.0 * joint_friction(sliding, 3.0, warming=5.0), rel=1e-12)
+    assert warm == pytest.approx(3.0 * joint_friction(sliding, 3.0, warming=65.0), rel=1e-12)
+
+
+def test_other_formats_say_that_they_cannot_hold_it(tmp_path):
+    """URDF and MJCF list the table, the load and the temperature; the drive file beside a URDF has them."""
+    friction = {**COULOMB, "load_coefficient": 0.1, "coulomb_temperature_coefficient_per_k": -0.003}
+    motor = {**MOTOR, "gear_efficiency_table": TABLE, "thermal": THERMAL}
+    description = parse(record(friction=friction, motor=motor), "one")
+    losses = [*of_all_formats(description), *of_friction(description)]
+    for what in ("gear efficiency", "load_coefficient", "coulomb_temperature_coefficient_per_k"):
+        assert any(what in loss and "hinge" in loss for loss in losses)
+    written = tomllib.loads(drive_file(description))["joints"]["hinge"]
+    assert written["motor"]["gear_efficiency_table"]["rows"][0]["driven_back"] == [0.3, 0.7]
+    assert written["friction"]["load_coefficient"] == 0.1
+
+
 REFUSED = [  # place in the joint, and some of what the error says
     ({"stops": SPRING}, "stops", "needs limits.position_rad, where they stand"),
     ({"elasticity": SPRING, "motor": {**MOTOR, "rotor_inertia_kg_m2": 0}}, "elasticity",
@@ -91,6 +178,37 @@ REFUSED = [  # place in the joint, and some of what the error says
     ({"friction": {"viscous_n_m_s_per_rad": 1.0, "viscous_fall_k": 9.0}}, "friction.viscous_fall_k",
      "needs motor.thermal, which knows the temperature"),
     ({"friction": {**COULOMB, "viscous_fall_k": 9.0}}, "friction.viscous_fall_k", "needs viscous friction, which falls"),
+    ({"friction": {**COULOMB, "load_coefficient": 1.0}}, "friction.load_coefficient", "a number of 0 or more, below 1"),
+    ({"friction": {**COULOMB, "viscous_temperature_coefficient_per_k": -0.01}}, "friction.viscous_temperature_coefficient_per_k",
+     "needs viscous friction, which changes"),
+    ({"friction": {"viscous_n_m_s_per_rad": 1.0, "coulomb_temperature_coefficient_per_k": -0.01}},
+     "friction.coulomb_temperature_coefficient_per_k", "needs coulomb_positive_n_m and coulomb_negative_n_m, which change"),
+    ({"friction": {"viscous_n_m_s_per_rad": 1.0, "viscous_fall_k": 30.0, "viscous_temperature_coefficient_per_k": -0.01}},
+     "friction.viscous_temperature_coefficient_per_k", "goes without viscous_fall_k"),
+    ({"friction": {**COULOMB, "coulomb_temperature_coefficient_per_k": -0.01}},
+     "friction.coulomb_temperature_coefficient_per_k", "needs motor.thermal, which knows the temperature"),
+    ({"motor": {**MOTOR, "gear_efficiency_table": TABLE}}, "motor.gear_efficiency_table",
+     "needs friction.smoothing_rad_per_s, the speed its loss is smoothed over"),
+    (table(gear_efficiency=0.8), "motor.gear_efficiency_table", "goes without gear_efficiency"),
+    (table(torque_n_m=None, force_n=[5.0, 20.0]), "motor.gear_efficiency_table.force_n", "torque_n_m"),
+    (table(force_n=[5.0, 20.0]), "motor.gear_efficiency_table", "either torque_n_m or force_n"),
+    (table(torque_n_m=[5.0, 5.0]), "motor.gear_efficiency_table.torque_n_m", "numbers above 0, each above the one before"),
+    (table(torque_n_m=[0.0, 5.0]), "motor.gear_efficiency_table.torque_n_m", "numbers above 0, each above the one before"),
+    (table(torque_n_m=[5.0]), "motor.gear_efficiency_table.rows[0].driving", "1 numbers, one for each of torque_n_m"),
+    (table(rows=[]), "motor.gear_efficiency_table.rows", "1 or more, not 0"),
+    (table(rows=[{"driving": [0.5, 1.1]}]), "motor.gear_efficiency_table.rows[0].driving", "numbers above 0, at most 1"),
+    (table(torque_n_m=[5.0, 6.0]), "motor.gear_efficiency_table.rows[0].driving",
+     "the torque into the gear, T / η, does not rise from torque_n_m 5 to 6"),
+    (table(rows=[{"driving": [0.9, 0.9], "driven_back": [0.8, 0.2]}]), "motor.gear_efficiency_table.rows[0].driven_back",
+     "the torque into the gear, T η, does not rise from torque_n_m 5 to 20"),
+    (table(rows=[{"driving": [0.8, 0.2]}]), "motor.gear_efficiency_table.rows[0].driving",
+     "the torque into the gear, T η, does not rise from torque_n_m 5 to 20"),
+    (table(rows=[{"driving": [0.5, 0.8]}, {"driving": [0.5, 0.8]}]), "motor.gear_efficiency_table.rows[0].speed_rad_per_s",
+     "a speed in each of several rows"),
+    (table(rows=[{"speed_rad_per_s": 1.0, "driving": [0.5, 0.8]}] * 2), "motor.gear_efficiency_table.rows[1].speed_rad_per_s",
+     "more than 1, that of the row before"),
+    (table(rows=[{"speed_m_per_s": 1.0, "driving": [0.5, 0.8]}]), "motor.gear_efficiency_table.rows[0].speed_m_per_s",
+     "speed_rad_per_s"),
     ({"motor": {**MOTOR, "current_loop_hz": 100.0}}, "motor.current_loop_hz",
      "needs inductance_h: without, the current follows at once"),
     ({"motor": {**MOTOR, "inductance_h": 1e-3, "current_loop_hz": 100.0}}, "motor.current_loop_hz",

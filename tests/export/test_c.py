@@ -25,6 +25,7 @@ from armwright.export.c_selftest import ROUNDINGS
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.model import Model, build_model
 from docs.pages import blocks, shell
+from dynamics.gear_tables import worn
 from export.cortex import CORTEX_M4, run_on_board
 from kernels.c_compilers import BITS, CORTEX_M7, STRICT, batch_function, build, compiler, run_batch
 from kernels.harness import same_bits
@@ -167,6 +168,16 @@ def test_strict_compilers_have_nothing_to_say_and_the_self_test_passes(written, 
         *(short_name(form) for form in offered(arm(name))),
     ]
     assert lines[-1] == f"{header.stem}: ok"
+
+
+def test_the_self_test_of_gears_with_tables_passes(tmp_path):
+    """Efficiency tables, and friction by load on either side, in C."""
+    forms = ["inverse_dynamics", "forward_dynamics", "forward_dynamics_derivatives"]
+    _, source, test = write_c(worn(), forms, tmp_path)
+    build([compiler("gcc"), *BITS, *STRICT, test, source, "-o", tmp_path / "selftest", "-lm"])
+    done = subprocess.run([tmp_path / "selftest"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+    assert [line.split()[0] for line in done.stdout.splitlines()[1:-1]] == forms
 
 
 def test_the_self_test_finds_what_is_wrong(tmp_path):

@@ -21,14 +21,14 @@ def smooth_sign(speed: Scalar, smoothing: Scalar) -> Scalar:
     return speed / scalar.sqrt(speed * speed + smoothing * smoothing)
 
 
-def coulomb(torque: Scalar, friction: Friction, speed: Scalar, load: Scalar | None) -> Scalar:
+def coulomb(torque: Scalar, friction: Friction, speed: Scalar, load: Scalar | None, warming: Scalar | None) -> Scalar:
     """torque + s · [ Fc + (Fs - Fc) exp(-(q̇/vs)²) ],  Fc by the sign of q̇, s = `smooth_sign`."""
     if friction.smoothing is None:
         return torque
-    return torque + dry_level(friction, speed, load) * smooth_sign(speed, friction.smoothing)
+    return torque + dry_level(friction, speed, load, warming) * smooth_sign(speed, friction.smoothing)
 
 
-def sigmoid(torque: Scalar, friction: Friction, speed: Scalar, load: Scalar | None) -> Scalar:
+def sigmoid(torque: Scalar, friction: Friction, speed: Scalar, load: Scalar | None, warming: Scalar | None) -> Scalar:
     """torque + a/(1 + exp(-b (q̇ + c))) - a/(1 + exp(-b c)).  [Gaz2019]"""
     a, b, c = friction.parameters
     return torque + a / (1.0 + scalar.exp(-b * (speed + c))) - a / (1.0 + scalar.exp(-b * c))
@@ -39,13 +39,13 @@ class Law:
     """A friction law.
 
     Attributes:
-        add: (torque, friction, speed, load) → the torque with the law's added to viscous friction and offset; [N m | N],
+        add: (torque, friction, speed, load, warming) → the torque with the law's added to viscous friction and offset; [N m | N],
             speed in [rad/s | m/s].
         steep: friction → middle and half width [rad/s | m/s] of the speeds, beside standstill, where it is steepest.
         bends: whether its slope jumps where a joint turns back.
     """
 
-    add: Callable[[Scalar, Friction, Scalar, Scalar | None], Scalar]
+    add: Callable[[Scalar, Friction, Scalar, Scalar | None, Scalar | None], Scalar]
     steep: Callable[[Friction], tuple[Scalar, Scalar]] = lambda friction: (0.0, 1.0)
     bends: bool = False
 
@@ -62,27 +62,35 @@ def joint_friction(
 ) -> Scalar:
     """Friction torque of one joint [N m | N] at a speed [rad/s | m/s], positive against positive motion.
 
-    f = offset + viscous q̇ + the law's torque. With a load [N m | N] and a warming [K], which only the simulator knows,
-    as `dry_level` and `viscous_torque`.
+    f = offset + viscous q̇ + the law's torque. With a warming [K], which only the simulator knows, as `dry_level` and
+    `viscous_torque`; with a load [N m | N], which it knows of elastic gears and bristles, as `dry_level`. The load-proportional
+    friction of all others is part of the gear's loss (`gear.gear_loss`).
     """
     if friction is None:
         return 0.0
     torque = friction.offset + viscous_torque(friction, speed, warming)
-    return LAWS[friction.law].add(torque, friction, speed, load)
+    return LAWS[friction.law].add(torque, friction, speed, load, warming)
 
 
 def viscous_torque(friction: Friction, speed: Scalar, warming: Scalar | None = None) -> Scalar:
-    """viscous q̇ exp(-warming / fall): oil thins as it warms.  [BittencourtGunnarsson2012]"""
-    if warming is None or friction.viscous_fall is None:
-        return friction.viscous * speed
-    return friction.viscous * speed * scalar.exp(-warming / friction.viscous_fall)
+    """viscous q̇ exp(-warming / fall), or viscous q̇ max(0, 1 + coefficient · warming).  [BittencourtGunnarsson2012]"""
+    torque = friction.viscous * speed
+    if warming is not None and friction.viscous_fall is not None:
+        return torque * scalar.exp(-warming / friction.viscous_fall)
+    return _warmed(torque, friction.viscous_temperature_coefficient, warming)
 
 
-def dry_level(friction: Friction, speed: Scalar, load: Scalar | None = None) -> Scalar:
-    """g(q̇) = Fc + (Fs - Fc) exp(-(q̇/vs)²) [N m | N], both levels raised by share · |load|.  [BittencourtGunnarsson2012]"""
+def dry_level(friction: Friction, speed: Scalar, load: Scalar | None = None, warming: Scalar | None = None) -> Scalar:
+    """g(q̇) = Fc + (Fs - Fc) exp(-(q̇/vs)²) [N m | N].  [BittencourtGunnarsson2012]
+
+    Both levels count max(0, 1 + coefficient · warming) times, and then rise by share · |load|.
+    """
     plus, minus = friction.coulomb_positive, friction.coulomb_negative
     level = plus if _same(plus, minus) else scalar.where(scalar.less(speed, 0.0), minus, plus)
-    most = friction.stribeck
+    level, most = (
+        None if part is None else _warmed(part, friction.coulomb_temperature_coefficient, warming)
+        for part in (level, friction.stribeck)
+    )
     if load is not None and friction.load_coefficient is not None:
         added = friction.load_coefficient * scalar.abs(load)
         level, most = level + added, None if most is None else most + added
@@ -90,6 +98,13 @@ def dry_level(friction: Friction, speed: Scalar, load: Scalar | None = None) -> 
         ratio = speed / friction.stribeck_speed
         level = level + (most - level) * scalar.exp(-(ratio * ratio))
     return level
+
+
+def _warmed(value: Scalar, coefficient: Scalar | None, warming: Scalar | None) -> Scalar:
+    """value · max(0, 1 + coefficient · warming)."""
+    if coefficient is None or warming is None:
+        return value
+    return value * scalar.maximum(1.0 + coefficient * warming, 0.0)
 
 
 def has_corner(friction: Friction) -> bool:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from armwright import scalar
-from armwright.model import Drive
+from armwright.actuators.friction import smooth_sign
+from armwright.interpolation import piecewise_linear
+from armwright.model import Body, Drive, EfficiencyTable, Friction
 from armwright.scalar import Scalar
 
 
@@ -39,6 +43,24 @@ class GearLoss:
         slope, offset = self.line_of_output(torque)
         return (torque - offset) / slope
 
+    def with_friction(self, share: Scalar, on_motor: bool) -> GearLoss:
+        """The gear with friction  share · |torque|  beside it, where share has the sign of the speed.
+
+        Behind the gear it takes from what leaves,  G - share |G|.  On the motor's side it takes from what enters: the gear gets
+        the x for which  x + share |x| = t.
+        """
+        middle = len(self.knots) // 2
+        below, above = (1.0 - share, 1.0 + share) if on_motor else (1.0 + share, 1.0 - share)
+        backward, forward = self.slopes[: middle + 1], self.slopes[middle + 1 :]
+        if not on_motor:
+            return GearLoss(self.knots, (*(slope * below for slope in backward), *(slope * above for slope in forward)))
+        knots = (
+            *(knot * below for knot in self.knots[:middle]),
+            self.knots[middle],
+            *(knot * above for knot in self.knots[middle + 1 :]),
+        )
+        return GearLoss(knots, (*(slope / below for slope in backward), *(slope / above for slope in forward)))
+
     @property
     def _offsets(self) -> list[Scalar]:
         """Offsets of the lines, by which neighbours meet at their knot."""
@@ -58,20 +80,68 @@ class GearLoss:
         return slope, offset
 
 
-def gear_loss(drive: Drive, speed: Scalar) -> GearLoss | None:
+LOSSLESS = GearLoss((0.0,), (1.0, 1.0))
+
+
+def loses_power(body: Body) -> bool:
+    """True if a joint's gear has an efficiency, or friction that is proportional to its load."""
+    return body.drive.efficiency is not None or (
+        body.friction is not None and body.friction.load_coefficient is not None
+    )
+
+
+def gear_loss(drive: Drive, speed: Scalar, friction: Friction | None = None) -> GearLoss | None:
     """G of design section 3 at a speed of the motor, referred to the joint [rad/s | m/s]; None: a gear without loss.
 
     With s = |w| / √(w² + smoothing²), and t what the rotor's acceleration and motor-side friction leave of the motor's torque:
 
         G = (1 - (1-η) s) t  where the motor drives, t w ≥ 0,     G = (1 + (1/η - 1) s) t  where it is driven back.
 
-    As Modelica's `LossyGear` with one efficiency. Continuous in t and w; slopes by w at rest are those for w > 0.
+    As Modelica's `LossyGear`. A table gives η at torques T that leave the gear: these two equations hold with each T for G, which
+    gives t there; G is linear between, and η of the ends holds beyond them. By speed η is interpolated linearly. Continuous in t
+    and w; slopes by w at rest are those for w > 0.
+
+    With `friction` also its load-proportional part, load_coefficient · |torque| · w/√(w² + smoothing²) of the torque that
+    leaves the gear, or of that which enters it where the friction is the motor's.
     """
-    if drive.efficiency is None:
+    share = None if friction is None else friction.load_coefficient
+    if drive.efficiency is None and share is None:
         return None
     assert drive.smoothing is not None, "a record that is read has it"
+    loss = LOSSLESS if drive.efficiency is None else _loss_by_efficiency(drive.efficiency, drive.smoothing, speed)
+    if friction is None or share is None:
+        return loss
+    return loss.with_friction(share * smooth_sign(speed, drive.smoothing), friction.on_motor)
+
+
+def _loss_by_efficiency(efficiency: Scalar | EfficiencyTable, smoothing: Scalar, speed: Scalar) -> GearLoss:
     backward = scalar.less(speed, 0.0)
     size = scalar.where(backward, -speed, speed)  # not abs, whose slope at 0 would be 0
-    s = size / scalar.sqrt(speed * speed + drive.smoothing * drive.smoothing)
-    driving, driven = 1.0 - (1.0 - drive.efficiency) * s, 1.0 + (1.0 / drive.efficiency - 1.0) * s
-    return GearLoss((0.0,), (scalar.where(backward, driving, driven), scalar.where(backward, driven, driving)))
+    s = size / scalar.sqrt(speed * speed + smoothing * smoothing)
+    torques: Sequence[Scalar] = ()
+    if not isinstance(efficiency, EfficiencyTable):
+        driving = driven_back = [efficiency]
+    else:
+        torques = efficiency.torques if len(efficiency.torques) > 1 else ()
+        driving, driven_back = (_at_speed(efficiency, of, size) for of in (efficiency.driving, efficiency.driven_back))
+    forth = _broken_line(torques, [1.0 - (1.0 - eta) * s for eta in driving])
+    back = _broken_line(torques, [1.0 + (1.0 / eta - 1.0) * s for eta in driven_back])
+    with_w = [scalar.where(backward, b, f) for f, b in zip(forth, back, strict=True)]
+    against_w = [scalar.where(backward, f, b) for f, b in zip(forth, back, strict=True)]
+    count = len(torques)  # knots first, then slopes
+    knots = (*(-knot for knot in reversed(against_w[:count])), 0.0, *with_w[:count])
+    return GearLoss(knots, (*reversed(against_w[count:]), *with_w[count:]))
+
+
+def _at_speed(table: EfficiencyTable, rows: Sequence[Sequence[Scalar]], size: Scalar) -> list[Scalar]:
+    """η at each torque of a table, at a speed of that size."""
+    if len(rows) == 1:
+        return list(rows[0])
+    return [piecewise_linear(size, table.speeds, column, "constant") for column in zip(*rows, strict=True)]
+
+
+def _broken_line(torques: Sequence[Scalar], factors: Sequence[Scalar]) -> list[Scalar]:
+    """Knots t = T / factor of G for one direction of power, then its slopes: before, between and beyond them."""
+    knots = [torque / factor for torque, factor in zip(torques, factors, strict=True)] if torques else []
+    between = [(b - a) / (t_b - t_a) for (a, b), (t_a, t_b) in zip(pairwise(torques), pairwise(knots), strict=True)]
+    return [*knots, factors[0], *between, *([factors[-1]] if torques else [])]

@@ -9,6 +9,8 @@ from armwright.actuators.friction import dry_level, viscous_torque
 from armwright.model import Friction
 from armwright.scalar import Array, Scalar
 
+LEAST = 1e-3  # of the dry level: bristles that slip at nothing would be infinitely fast
+
 
 @dataclass(frozen=True, eq=False)
 class Bristle:
@@ -28,10 +30,13 @@ def bristle_friction(
 
     Args:
         friction: referred to the joint.   speed: q̇ [rad/s | m/s].   z: mean bending [rad | m].
-        load: torque through the gear [N m | N].   warming: [K], as in `joint_friction`.
+        load: torque through the gear [N m | N].   warming: [K], as in `joint_friction`, but at least a thousandth of g remains.
     """
     stiffness, damping = friction.parameters
-    rate = -stiffness * scalar.abs(speed) / dry_level(friction, speed, load)
+    level = dry_level(friction, speed, load, warming)
+    if friction.coulomb_temperature_coefficient is not None:
+        level = scalar.maximum(level, LEAST * dry_level(friction, speed))
+    rate = -stiffness * scalar.abs(speed) / level
     bending = speed + rate * z
     torque = friction.offset + stiffness * z + damping * bending + viscous_torque(friction, speed, warming)
     return Bristle(torque, bending, rate)

@@ -152,10 +152,10 @@ def _drives(arm: Model, record: RobotDescription) -> Group | None:
         if body.joint not in with_motor:
             rows.append([body.joint, drive.command, *[""] * 8])
             continue
-        known = (drive.rotor_inertia, drive.reflected, drive.efficiency, drive.torque_constant, drive.back_emf_constant)
-        rows.append(
-            [body.joint, drive.command, *map(number, (drive.gear_ratio, *known, drive.resistance, drive.inductance))]
-        )
+        efficiency = "table" if hasattr(drive.efficiency, "torques") else number(drive.efficiency)
+        gear = (drive.gear_ratio, drive.rotor_inertia, drive.reflected)
+        motor = (drive.torque_constant, drive.back_emf_constant, drive.resistance, drive.inductance)
+        rows.append([body.joint, drive.command, *map(number, gear), efficiency, *map(number, motor)])
     heads = (
         "joint",
         "command",

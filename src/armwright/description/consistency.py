@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from armwright.description.drive import COMMAND_NEEDS
+from armwright.description.friction import BY_TEMPERATURE
 from armwright.description.paths import quantities
 from armwright.quantity import SourceKind
 from armwright.validation import Invalid
@@ -19,7 +20,7 @@ OF_A_DRIVE = (
     "brake",
 )  # a joint that mimics another has none of these
 OF_A_ROTOR = ("gear_ratio", "rotor_inertia_kg_m2", "source", "basis")  # all that the motor of such a joint may have
-SIMULATED = ("load_coefficient", "viscous_fall_k")  # friction that needs a drive's states
+OF_DRIVEN = ("load_coefficient", *BY_TEMPERATURE)  # friction that needs a drive's torque or temperature
 
 
 def check_robot(robot: Any) -> None:
@@ -147,11 +148,22 @@ def _check_command(robot: Any, joint: Any) -> None:
             raise Invalid(f"needs motor.{key}", place="command", value=command)
     if motor is None and friction is not None and friction.side == "motor":
         raise Invalid("needs a [joints.motor] with its gear_ratio", place="friction.side", value="motor")
-    if motor is not None and motor.gear_efficiency is not None and float(motor.gear_efficiency) < 1:
-        is_linear = joint.type == "prismatic" and not hasattr(friction, "smoothing_rad_per_s")
-        key = "smoothing_m_per_s" if is_linear else "smoothing_rad_per_s"
-        if getattr(friction, key, None) is None:
-            raise Invalid(f"needs friction.{key}, the speed its loss is smoothed over", place="motor.gear_efficiency")
+    if motor is not None:
+        _check_gear(joint)
+
+
+def _check_gear(joint: Any) -> None:
+    """A lossy gear has a speed over which its loss is smoothed, and a table units of its joint."""
+    friction, efficiency, table = joint.friction, joint.motor.gear_efficiency, joint.motor.gear_efficiency_table
+    linear = joint.type == "prismatic"
+    place = "motor.gear_efficiency" if table is None else "motor.gear_efficiency_table"
+    if table is not None:
+        table.check_units(place, linear)
+    elif efficiency is None or float(efficiency) == 1:
+        return
+    key = "smoothing_m_per_s" if linear and not hasattr(friction, "smoothing_rad_per_s") else "smoothing_rad_per_s"
+    if getattr(friction, key, None) is None:
+        raise Invalid(f"needs friction.{key}, the speed its loss is smoothed over", place=place)
 
 
 def _check_mimic(joint: Any, moving: dict[str, Any]) -> None:
@@ -174,7 +186,7 @@ def _check_mimic(joint: Any, moving: dict[str, Any]) -> None:
         drive = (key for key in defaults if key not in OF_A_ROTOR)
         wrong += [f"motor.{key}" for key in drive if getattr(motor, key) != defaults[key]]
     if friction is not None:
-        wrong += [f"friction.{key}" for key in SIMULATED if getattr(friction, key) is not None]
+        wrong += [f"friction.{key}" for key in OF_DRIVEN if getattr(friction, key) is not None]
         wrong += ["friction.law"] if friction.law == "lugre" else []
     if wrong:
         what = f"the joint mimics {joint.mimic.joint!r} and has no drive"
@@ -195,8 +207,9 @@ def _check_effects(robot: Any, joint: Any) -> None:
     if on_slide and hasattr(joint.brake, "holding_torque_n_m"):
         expected = 'side = "motor", or keys in N'
         raise Invalid("in N m on a prismatic joint, it is its motor's", place="brake", expected=expected)
-    if friction is not None and friction.viscous_fall_k is not None and (motor is None or motor.thermal is None):
-        raise Invalid("needs motor.thermal, which knows the temperature", place="friction.viscous_fall_k")
+    by_temperature = [key for key in BY_TEMPERATURE if getattr(friction, key, None) is not None]
+    if by_temperature and (motor is None or motor.thermal is None):
+        raise Invalid("needs motor.thermal, which knows the temperature", place=f"friction.{by_temperature[0]}")
     if motor is None:
         return
     if robot.supply is not None and motor.basis != "dc":

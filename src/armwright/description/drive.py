@@ -10,13 +10,15 @@ from pydantic import Field, model_validator
 
 from armwright.description.friction import LawName, check_friction
 from armwright.lazy_schema import imported_later
-from armwright.quantity import NotNegative, NotZero, Number, Positive, Range, Record, Share
+from armwright.quantity import BelowOne, NotNegative, NotZero, Number, Positive, Range, Record, Share
 from armwright.validation import Invalid
 
 if TYPE_CHECKING:
-    from armwright.description.drive_effects import Cogging, Coupling, Thermal
+    from armwright.description.drive_effects import Cogging, Coupling, GearEfficiencyTable, Thermal
 else:
-    Cogging, Coupling, Thermal = imported_later("armwright.description.drive_effects", "Cogging", "Coupling", "Thermal")
+    Cogging, Coupling, GearEfficiencyTable, Thermal = imported_later(
+        "armwright.description.drive_effects", "Cogging", "Coupling", "GearEfficiencyTable", "Thermal"
+    )
 
 Command = Literal["voltage", "current", "torque"]
 COMMAND_NEEDS = {  # keys of [motor] without which a drive cannot follow its command
@@ -63,6 +65,9 @@ class Motor(Record):
     gear_efficiency: Share | None = Field(
         default=None, description="η, the share of the power that passes; absent: 1. Below 0.5 the load warns."
     )
+    gear_efficiency_table: GearEfficiencyTable | None = Field(
+        default=None, description="η by load and speed, instead of gear_efficiency."
+    )
     torque_constant_n_m_per_a: Positive | None = Field(default=None, description="Kt: motor torque per ampere.")
     back_emf_constant_v_s_per_rad: Positive | None = Field(
         default=None, description="Absent: equal to the torque constant."
@@ -93,6 +98,8 @@ class Motor(Record):
         present = [key for key in electrical if getattr(self, key) is not None]
         if present and self.torque_constant_n_m_per_a is None:
             raise Invalid("needs torque_constant_n_m_per_a beside it", place=present[0])
+        if self.gear_efficiency is not None and self.gear_efficiency_table is not None:
+            raise Invalid("goes without gear_efficiency", place="gear_efficiency_table")
         if self.thermal is not None and self.resistance_ohm is None:
             raise Invalid("needs resistance_ohm, whose heat warms the winding", place="thermal")
         if self.inductance_h is not None and self.resistance_ohm is None:
@@ -116,8 +123,10 @@ class RotaryFriction(Record):
     ż = q̇ - bristle_stiffness |q̇| / g z,  g the bracket of the Coulomb law; that law itself in the kernels. [CanudasEtAl1995]
     With `side = "motor"` the motor's torques are referred by |n|, its viscous friction by n². Signs stay the joint's, also for
     n < 0: coulomb_positive is felt where q̇ > 0, though the motor then turns backwards; so with offset and sigmoid_shift.
-    Load and temperature count in the simulator only: Coulomb's levels rise by load_coefficient · |torque through the gear|,
-    viscous falls by exp(-(T - T_reference) / viscous_fall_k), T of the motor's housing, or winding. [BittencourtGunnarsson2012]
+    `load_coefficient` c adds c |torque| s: of the torque that leaves the gear, or of that which enters it with side = "motor".
+    Temperature counts in the simulator only, by the warming ΔT = T - T_reference of the motor's housing, or winding:
+    viscous · exp(-ΔT / viscous_fall_k), or viscous · max(0, 1 + viscous_temperature_coefficient ΔT), and coulomb and
+    stribeck_torque · max(0, 1 + coulomb_temperature_coefficient ΔT). [BittencourtGunnarsson2012]
     """
 
     source: str | None = None
@@ -151,12 +160,18 @@ class RotaryFriction(Record):
     sigmoid_shift_rad_per_s: Number | None = Field(default=None, description="c of the sigmoid law.")
     bristle_stiffness_n_m_per_rad: Positive | None = Field(default=None, description="σ0 of LuGre.")
     bristle_damping_n_m_s_per_rad: NotNegative | None = Field(default=None, description="σ1 of LuGre.")
-    load_coefficient: NotNegative | None = Field(
+    load_coefficient: BelowOne | None = Field(
         default=None, description="What the dry friction gains of the torque through the gear; absent: nothing."
     )
     viscous_fall_k: Positive | None = Field(
         default=None,
         description="Warming over which viscous falls to 1/e, from the motor's thermal.reference_c on; absent: constant.",
+    )
+    viscous_temperature_coefficient_per_k: Number | None = Field(
+        default=None, description="Relative change of viscous per kelvin; instead of viscous_fall_k."
+    )
+    coulomb_temperature_coefficient_per_k: Number | None = Field(
+        default=None, description="Relative change of Coulomb's and Stribeck's levels per kelvin; absent: none."
     )
 
     @model_validator(mode="after")
@@ -196,12 +211,18 @@ class LinearFriction(Record):
     sigmoid_shift_m_per_s: Number | None = Field(default=None, description="c of the sigmoid law.")
     bristle_stiffness_n_per_m: Positive | None = Field(default=None, description="σ0 of LuGre.")
     bristle_damping_n_s_per_m: NotNegative | None = Field(default=None, description="σ1 of LuGre.")
-    load_coefficient: NotNegative | None = Field(
+    load_coefficient: BelowOne | None = Field(
         default=None, description="What the dry friction gains of the torque through the gear; absent: nothing."
     )
     viscous_fall_k: Positive | None = Field(
         default=None,
         description="Warming over which viscous falls to 1/e, from the motor's thermal.reference_c on; absent: constant.",
+    )
+    viscous_temperature_coefficient_per_k: Number | None = Field(
+        default=None, description="Relative change of viscous per kelvin; instead of viscous_fall_k."
+    )
+    coulomb_temperature_coefficient_per_k: Number | None = Field(
+        default=None, description="Relative change of Coulomb's and Stribeck's levels per kelvin; absent: none."
     )
 
     @model_validator(mode="after")

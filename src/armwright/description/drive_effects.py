@@ -7,9 +7,20 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
-from armwright.quantity import NotNegative, NotPositive, NotZero, Number, Positive, Record, check_together
+from armwright.quantity import (
+    NotNegative,
+    NotPositive,
+    NotZero,
+    Number,
+    Positive,
+    Record,
+    Rising,
+    Shares,
+    check_together,
+)
 from armwright.validation import Invalid
 
 STIFFENING = "κ of a harmonic drive that stiffens under load; absent: the spring is linear. Goes without play."
@@ -56,6 +67,104 @@ class Thermal(Record):
     def _bodies(self) -> Thermal:
         check_together(self, "housing_capacity_j_per_k", "housing_resistance_k_per_w")
         return self
+
+
+class EfficiencyRow(Record):
+    """Efficiencies of a gear at one speed, one for each torque of the table."""
+
+    source: str | None = None
+    speed_rad_per_s: NotNegative | None = Field(
+        default=None, description="Of a revolute joint, either way; absent: the table has one row, for all speeds."
+    )
+    speed_m_per_s: NotNegative | None = Field(default=None, description="Of a prismatic joint, likewise.")
+    driving: Shares = Field(description="η where the motor drives.")
+    driven_back: Shares | None = Field(default=None, description="η where the load drives; absent: as driving.")
+
+
+class GearEfficiencyTable(Record):
+    """Efficiency of a gear by the torque T that leaves it and by the joint's speed.
+
+    At each T the gear is entered by  t = T / η  where the motor drives, by  t = T η  where it is driven back; between, T is
+    linear in t. Beyond the ends of the table η is that of the end; by speed it is interpolated linearly. t must rise with T.
+    """
+
+    source: str | None = None
+    torque_n_m: Rising | None = Field(default=None, description="T of a revolute joint, magnitudes.")
+    force_n: Rising | None = Field(default=None, description="T of a prismatic joint, magnitudes.")
+    rows: tuple[EfficiencyRow, ...] = Field(min_length=1, description="One a speed, in rising order.")
+
+    @property
+    def torque_key(self) -> Literal["torque_n_m", "force_n"]:
+        """Key of the torques or forces."""
+        return "force_n" if self.torque_n_m is None else "torque_n_m"
+
+    @property
+    def speed_key(self) -> Literal["speed_rad_per_s", "speed_m_per_s"]:
+        """Key of the speeds in each row."""
+        return "speed_m_per_s" if self.torque_n_m is None else "speed_rad_per_s"
+
+    def check_units(self, place: str, linear: bool) -> None:
+        """Refuses a table in N m on a prismatic joint, or in N on a revolute one.
+
+        Raises:
+            Invalid: names the key that is expected at that place.
+        """
+        wanted = "force_n" if linear else "torque_n_m"
+        if self.torque_key != wanted:
+            kind = "prismatic" if linear else "revolute"
+            raise Invalid(f"on a {kind} joint", place=f"{place}.{self.torque_key}", expected=wanted)
+
+    @model_validator(mode="after")
+    def _complete(self) -> GearEfficiencyTable:
+        if (self.torque_n_m is None) == (self.force_n is None):
+            raise Invalid(expected="either torque_n_m or force_n")
+        torques = np.array(getattr(self, self.torque_key).value)
+        for k, row in enumerate(self.rows):
+            back = "driving" if row.driven_back is None else "driven_back"
+            for key, driving in (("driving", True), (back, False)):
+                self._check_row(torques, np.array(getattr(row, key).value), f"rows[{k}].{key}", driving)
+        self._check_speeds()
+        return self
+
+    def _check_speeds(self) -> None:
+        """Every one of several rows has a speed, above that of the row before."""
+        (foreign,) = {"speed_rad_per_s", "speed_m_per_s"} - {self.speed_key}
+        before = -1.0
+        for k, row in enumerate(self.rows):
+            speed, place = getattr(row, self.speed_key), f"rows[{k}].{self.speed_key}"
+            if getattr(row, foreign) is not None:
+                raise Invalid(
+                    f"does not go with {self.torque_key}", place=f"rows[{k}].{foreign}", expected=self.speed_key
+                )
+            if speed is None:
+                if len(self.rows) > 1:
+                    raise Invalid("missing", place=place, expected="a speed in each of several rows")
+            elif speed.number <= before:
+                raise Invalid(place=place, value=speed.number, expected=f"more than {before:g}, that of the row before")
+            else:
+                before = speed.number
+
+    @staticmethod
+    def rises(torques: np.ndarray, shares: np.ndarray, driving: bool) -> np.ndarray:
+        """True where what enters the gear rises from one torque to the next (k-1, …).
+
+        Args:
+            torques, shares: (k, …) out of the gear, and its efficiencies.   driving: whether the motor drives.
+        """
+        entering = torques / shares if driving else torques * shares
+        return entering[1:] > entering[:-1]
+
+    def _check_row(self, torques: np.ndarray, shares: np.ndarray, place: str, driving: bool) -> None:
+        if len(shares) != len(torques):
+            expected = f"{len(torques)} numbers, one for each of {self.torque_key}"
+            raise Invalid(place=place, value=tuple(shares.tolist()), expected=expected)
+        rises = self.rises(torques, shares, driving)
+        if not rises.all():
+            k = int(np.argmin(rises))
+            a, b = (f"{torque:g}" for torque in torques[k : k + 2])
+            what = f"the torque into the gear, {'T / η' if driving else 'T η'}, does not rise from {self.torque_key} {a} to {b}"
+            expected = f"an efficiency that {'rises' if driving else 'falls'} by less than the torque grows"
+            raise Invalid(what, place=place, value=tuple(shares[k : k + 2].tolist()), expected=expected)
 
 
 class Cogging(Record):

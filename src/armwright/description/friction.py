@@ -46,6 +46,9 @@ LAWS: dict[LawName, FrictionKeys] = {
     ),
     "lugre": FrictionKeys((("bristle_stiffness", "stiffness"), ("bristle_damping", "damping")), dry="needed"),
 }
+VISCOUS_FALL = "viscous_fall_k"
+VISCOUS_SLOPE, COULOMB_SLOPE = "viscous_temperature_coefficient_per_k", "coulomb_temperature_coefficient_per_k"
+BY_TEMPERATURE = (VISCOUS_FALL, VISCOUS_SLOPE, COULOMB_SLOPE)  # keys that count where the motor's temperature is known
 LINEAR = tuple(  # law and place of every parameter of its own in which friction is linear
     (name, place) for name, law in LAWS.items() for place, (stem, _) in enumerate(law.own) if stem in law.linear
 )
@@ -84,8 +87,13 @@ def check_friction(friction: Any, linear: bool) -> None:
             raise Invalid(f'needs law = "{name}"', place=foreign[0])
     if "load_coefficient" in present and coulomb[0] not in present:
         raise Invalid(f"needs {coulomb[0]} and {coulomb[1]}, which rise with the load", place="load_coefficient")
-    if "viscous_fall_k" in present and key_of("viscous", "damping", linear) not in present:
-        raise Invalid("needs viscous friction, which falls", place="viscous_fall_k")
+    for key, needs in ((VISCOUS_FALL, "falls"), (VISCOUS_SLOPE, "changes")):
+        if key in present and key_of("viscous", "damping", linear) not in present:
+            raise Invalid(f"needs viscous friction, which {needs}", place=key)
+    if VISCOUS_FALL in present and VISCOUS_SLOPE in present:
+        raise Invalid(f"goes without {VISCOUS_FALL}", place=VISCOUS_SLOPE)
+    if COULOMB_SLOPE in present and coulomb[0] not in present:
+        raise Invalid(f"needs {coulomb[0]} and {coulomb[1]}, which change", place=COULOMB_SLOPE)
     dry = [key for key in (*coulomb, *stribeck) if key in present]
     if dry and law.dry == "none":
         raise Invalid(f'does not go with law = "{friction.law}"', place=dry[0])

@@ -7,6 +7,7 @@ import numpy as np
 from armwright import scalar
 from armwright.actuators.coupling import shares_of
 from armwright.actuators.friction import friction_torques
+from armwright.actuators.gear import loses_power
 from armwright.dynamics.inverse import inertial_forces
 from armwright.dynamics.springs import sprung_torques
 from armwright.errors import ModelError
@@ -37,7 +38,7 @@ def articulated_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Arra
         ModelError: a wrench on an arm that branches and names no tip; joints that follow others, coupled motors and gears with
             loss, all of which move together however far apart they are.
     """
-    lossy = any(body.drive.efficiency is not None for body in model.coordinates)
+    lossy = any(loses_power(body) for body in model.coordinates)
     for met, what in (
         (model.mimics is not None, "joints that follow others"),
         (any(shares_of(model)), "coupled motors"),

@@ -12,6 +12,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators.friction import link_friction
+from armwright.actuators.gear import loses_power
 from armwright.dynamics.gears import joint_torques, motors, through_gears
 from armwright.dynamics.inverse import inverse_torques, newton_euler, torques_of_links
 from armwright.dynamics.mass_matrix import mass_matrix
@@ -45,7 +46,7 @@ def inverse_dynamics_derivatives(
 
     slope = scalar.jacobian(torques, np.concatenate([scalar.zeros(n), qd, qdd]))
     by_qdd = slope[:, 2 * n :]
-    if all(body.drive.efficiency is None and not body.drive.coupling for body in model.coordinates):
+    if all(not loses_power(body) and not body.drive.coupling for body in model.coordinates):
         by_qdd = scalar.array([[by_qdd[min(i, j), max(i, j)] for j in range(n)] for i in range(n)])
     return slope[:, :n], slope[:, n : 2 * n], by_qdd
 

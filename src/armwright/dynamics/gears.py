@@ -25,16 +25,16 @@ from armwright.program import repeated
 from armwright.scalar import Array, Factored, Scalar
 
 MOST = 12  # solves: random and adversarial arms take up to four
-BOLD = (
-    5  # of them go all the way, which ends sooner; the others only as far as a convex function falls, which always ends
-)
+# Of them the first go all the way, which ends sooner; the others only as far as a convex function falls, which always ends.
+BOLD, BOLD_OF_TABLES = 5, 1
+SEARCHED = 6  # parts of the way at which the slope is looked at where gears have tables
 SETTLED = 1e-4  # of a gear's torque: an iteration that goes on leaves more of it, one that has ended only rounding
 
 
 def gear_losses(model: Model, qd: Array) -> list[GearLoss | None]:
-    """G of every motor at the joints' speeds; None for gears without loss."""
+    """G of every motor at the joints' speeds, load-proportional friction included; None for gears without loss."""
     w = to_motors(shares_of(model), qd)
-    return [gear_loss(body.drive, w[i]) for i, body in enumerate(model.coordinates)]
+    return [gear_loss(body.drive, w[i], body.friction) for i, body in enumerate(model.coordinates)]
 
 
 def motor_torques(model: Model, qd: Array, qdd: Array, joint_torques: Array) -> np.ndarray:
@@ -186,35 +186,52 @@ def _newton_step(qdd: Array, steps: Scalar, mass: Array, bias: Array, gears: Seq
     Both stay where every gear keeps its line on the way: `linearised` at q̈ then has the solution.
     """
     full = scalar.solve_symmetric(*linearised(mass, bias, gears, qdd))
-    move, kept, pieces, bends = full - qdd, 1.0, [], []
+    move, kept, pieces = full - qdd, 1.0, []
     for gear in gears:
         t, there = gear.entering(qdd), gear.entering(full)
         lines = zip(gear.loss.line(t), gear.loss.line(there), strict=True)
         for here, new in lines:
             kept = kept * scalar.equal(here, new)
-        change = there - t
-        pieces.append((gear.loss, gear.turned(move), t, change))
-        bends += [(knot - t) / scalar.where(scalar.equal(change, 0.0), 1.0, change) for knot in gear.loss.knots]
+        pieces.append((gear.loss, gear.turned(move), t, there - t))
     curvature, start = move @ (mass @ move), move @ (mass @ qdd + bias)
 
     def slope(part: Scalar) -> Scalar:
         """Of the convex function on the way; it rises, along lines between the bends."""
         return start + part * curvature - sum(turn * loss.output(t + part * change) for loss, turn, t, change in pieces)
 
-    low, high, at_low, at_high = 0.0, 1.0, slope(0.0), slope(1.0)
-    falling = scalar.less_equal(at_high, 0.0)
-    for bend in bends:  # the two that the lowest point lies between
-        value, inside = slope(bend), scalar.less(0.0, bend) * scalar.less(bend, 1.0)
-        before, behind = inside * scalar.less(value, 0.0), inside * scalar.less_equal(0.0, value)
-        low, at_low = (
-            scalar.where(before, scalar.maximum(low, bend), low),
-            scalar.where(before, scalar.maximum(at_low, value), at_low),
-        )
-        high, at_high = (
-            scalar.where(behind, scalar.minimum(high, bend), high),
-            scalar.where(behind, scalar.minimum(at_high, value), at_high),
-        )
-    lowest = (low * at_high - high * at_low) / scalar.where(falling, 1.0, at_high - at_low)
-    all_the_way = scalar.minimum(1.0, falling + scalar.less(steps, float(BOLD)))
+    at_start, at_end = slope(0.0), slope(1.0)
+    falling = scalar.less_equal(at_end, 0.0)
+    bracket, bold = (0.0, 1.0, at_start, at_end), BOLD
+    if all(len(loss.knots) == 1 for loss, *_ in pieces):
+        for loss, _, t, change in pieces:  # the two bends that the lowest point lies between
+            bend = (loss.knots[0] - t) / scalar.where(scalar.equal(change, 0.0), 1.0, change)
+            bracket = _narrowed(bracket, bend, slope(bend))
+    else:  # among many bends halving goes on where the secant creeps, and the secant is exact within a line
+        bold = BOLD_OF_TABLES
+        for k in range(SEARCHED):
+            low, high, _, _ = bracket
+            part = 0.5 * (low + high) if k % 2 else _secant(bracket, falling)
+            bracket = _narrowed(bracket, part, slope(part))
+    lowest = _secant(bracket, falling)
+    all_the_way = scalar.minimum(1.0, falling + scalar.less(steps, float(bold)))
     new = qdd + scalar.where(all_the_way, 1.0, lowest) * move
     return scalar.array([*scalar.where(kept, qdd, new), scalar.where(kept, steps, steps + 1.0)])
+
+
+def _narrowed(bracket: tuple[Scalar, ...], part: Scalar, value: Scalar) -> tuple[Scalar, ...]:
+    """The ends of a bracket and the slopes there, one of them moved to a part of the way between them with that slope."""
+    low, high, at_low, at_high = bracket
+    inside = scalar.less(0.0, part) * scalar.less(part, 1.0)
+    before, behind = inside * scalar.less(value, 0.0), inside * scalar.less_equal(0.0, value)
+    return (
+        scalar.where(before, scalar.maximum(low, part), low),
+        scalar.where(behind, scalar.minimum(high, part), high),
+        scalar.where(before, scalar.maximum(at_low, value), at_low),
+        scalar.where(behind, scalar.minimum(at_high, value), at_high),
+    )
+
+
+def _secant(bracket: tuple[Scalar, ...], falling: Scalar) -> Scalar:
+    """Where the line between a bracket's ends is 0; of no meaning where the function falls all the way."""
+    low, high, at_low, at_high = bracket
+    return (low * at_high - high * at_low) / scalar.where(falling, 1.0, at_high - at_low)

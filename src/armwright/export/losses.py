@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 from armwright.description.drive import LinearFriction, LinearLimits, RotaryFriction, RotaryLimits
 from armwright.description.drive_file import PARTS
+from armwright.description.friction import BY_TEMPERATURE
 from armwright.description.paths import quantities
 from armwright.description.robot import FixedJoint, RobotDescription
 from armwright.export.joints import is_of_coupled_motor
@@ -36,7 +37,9 @@ def of_all_formats(robot: RobotDescription) -> list[str]:
     moving = [joint for joint in robot.joints if not isinstance(joint, FixedJoint)]
     motors = [(joint.name, joint.motor) for joint in moving if joint.motor is not None]
     electric = [name for name, motor in motors if motor.torque_constant_n_m_per_a is not None]
-    lossy = [name for name, motor in motors if motor.gear_efficiency is not None]
+    lossy = [
+        name for name, motor in motors if motor.gear_efficiency is not None or motor.gear_efficiency_table is not None
+    ]
     driven = [joint.name for joint in moving if (joint.command or robot.command) != "torque"]
     supply = [j.name for j in moving if j.limits.voltage_v is not None or j.limits.current_a is not None]
     planned = [j.name for j in moving if _acceleration(j.limits) is not None]
@@ -103,7 +106,7 @@ def _beyond_coulomb(friction: RotaryFriction | LinearFriction) -> list[str]:
         lost.append("friction offset")
     lost += [
         f"{key} of the friction"
-        for key in ("load_coefficient", "viscous_fall_k")
+        for key in ("load_coefficient", *BY_TEMPERATURE)
         if getattr(friction, key, None) is not None
     ]
     if level is not None:

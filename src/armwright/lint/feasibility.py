@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armwright.description.drive import DC_EQUIVALENT
+from armwright.description.drive import DC_EQUIVALENT, Motor
 from armwright.description.paths import quantities, unit_at
 from armwright.description.robot import FixedJoint, Link, RobotDescription
 from armwright.errors import DescriptionError, Problem
@@ -131,6 +131,14 @@ def _possible(mass: float, com: np.ndarray, inertia_com: np.ndarray) -> bool:
     return bool(is_possible(pseudo_inertia(mass, com, inertia_com).astype(float)))
 
 
+def _efficiencies(motor: Motor) -> list[tuple[str, float]]:
+    """Efficiency of a gear under its largest load, by key; small loads of a table lose most of it without locking."""
+    if motor.gear_efficiency_table is None:
+        return [] if motor.gear_efficiency is None else [("gear_efficiency", float(motor.gear_efficiency))]
+    rows = motor.gear_efficiency_table.rows
+    return [(f"gear_efficiency_table.rows[{k}].driving", row.driving.numbers[-1]) for k, row in enumerate(rows)]
+
+
 def check_drives(robot: RobotDescription) -> list[Problem]:
     """Warnings about gears that lock themselves and motor constants that contradict each other."""
     warnings = []
@@ -138,9 +146,9 @@ def check_drives(robot: RobotDescription) -> list[Problem]:
         if isinstance(joint, FixedJoint) or joint.motor is None:
             continue
         motor, place = joint.motor, f"joint {joint.name!r} motor"
-        if motor.gear_efficiency is not None and float(motor.gear_efficiency) < SELF_LOCKING:
-            efficiency, what = float(motor.gear_efficiency), f"below {SELF_LOCKING}, self-locking"
-            warnings.append(Problem(what, f"{place}.gear_efficiency", efficiency))
+        for key, efficiency in _efficiencies(motor):
+            if efficiency < SELF_LOCKING:
+                warnings.append(Problem(f"below {SELF_LOCKING}, self-locking", f"{place}.{key}", efficiency))
         if motor.torque_constant_n_m_per_a is None or motor.back_emf_constant_v_s_per_rad is None:
             continue
         factor = DC_EQUIVALENT[motor.basis]

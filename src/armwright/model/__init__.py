@@ -1,7 +1,18 @@
 """The frozen numeric tree that the algorithms read, and how it is built from a description."""
 
 from armwright.model.arguments import check_arm, one_state
-from armwright.model.drive import Brake, Cogging, Drive, Elasticity, Friction, Limits, Stops, Supply, Thermal
+from armwright.model.drive import (
+    Brake,
+    Cogging,
+    Drive,
+    EfficiencyTable,
+    Elasticity,
+    Friction,
+    Limits,
+    Stops,
+    Supply,
+    Thermal,
+)
 from armwright.model.mimics import Mimics, on_tree
 from armwright.model.model import Model, build_model
 from armwright.model.springs import Cylinder, LinearSpring, Spring, TableSpring
@@ -14,6 +25,7 @@ __all__ = [
     "Cogging",
     "Cylinder",
     "Drive",
+    "EfficiencyTable",
     "Elasticity",
     "Frame",
     "Friction",

@@ -26,8 +26,10 @@ class Friction:
     law: LawName = "coulomb"
     parameters: tuple[Scalar, ...] = ()  # the law's own, in the order of `description.friction.LAWS`
     on_motor: bool = False  # whose speed it acts on, where the gear gives way or the motor turns several joints
-    load_coefficient: Scalar | None = None  # what Coulomb's levels gain of the torque through the gear [-]
+    load_coefficient: Scalar | None = None  # friction by the torque through the gear [-]; equation in `actuators.gear`
     viscous_fall: Scalar | None = None  # warming over which viscous falls to 1/e [K]
+    viscous_temperature_coefficient: Scalar | None = None  # relative change of viscous [1/K]
+    coulomb_temperature_coefficient: Scalar | None = None  # of Coulomb's and Stribeck's levels [1/K]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,13 +94,25 @@ class Supply:
 
 
 @dataclass(frozen=True, eq=False)
+class EfficiencyTable:
+    """Efficiency of a gear by load and speed, constant beyond the ends. Equations in `actuators.gear`."""
+
+    torques: tuple[Scalar, ...]  # that leave the gear, magnitudes [N m | N], increasing
+    speeds: tuple[Scalar, ...]  # of the joint, magnitudes [rad/s | m/s], increasing, one a row; empty: one row for all
+    driving: tuple[
+        tuple[Scalar, ...], ...
+    ]  # η where the motor drives [-], a row for each speed, a column for each torque
+    driven_back: tuple[tuple[Scalar, ...], ...]  # η where the load drives
+
+
+@dataclass(frozen=True, eq=False)
 class Drive:
     """Motor and gear of a joint. θ_motor = gear_ratio q; constants are DC-equivalent; None where the record is silent."""
 
     command: Literal["voltage", "current", "torque"]
     gear_ratio: Scalar = 1.0  # n [motor rad / rad | rad/m], signed
     rotor_inertia: Scalar = 0.0  # J_m [kg m²], motor side
-    efficiency: Scalar | None = None  # η [-]; None: 1, no loss
+    efficiency: Scalar | EfficiencyTable | None = None  # η [-]; None: 1, no loss
     smoothing: Scalar | None = None  # speed over which the gear's loss is smoothed [rad/s | m/s]
     torque_constant: Scalar | None = None  # Kt [N m/A]
     back_emf_constant: Scalar | None = None  # Ke [V s/rad]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,17 +10,32 @@ from armwright import scalar
 from armwright.description.drive import DC_EQUIVALENT, LinearFriction, RotaryFriction
 from armwright.description.friction import LAWS, Dimension, key_of
 from armwright.description.robot import MovingJoint, RevoluteJoint
-from armwright.model.drive import Brake, Cogging, Drive, Elasticity, Friction, Limits, Stops, Supply, Thermal
+from armwright.model.drive import (
+    Brake,
+    Cogging,
+    Drive,
+    EfficiencyTable,
+    Elasticity,
+    Friction,
+    Limits,
+    Stops,
+    Supply,
+    Thermal,
+)
 from armwright.model.springs import LinearSpring, Spring, TableSpring
 from armwright.quantity import Quantity
 from armwright.scalar import Scalar
+
+if TYPE_CHECKING:
+    from armwright.description.drive_effects import GearEfficiencyTable
 
 
 def drive_of(joint: MovingJoint, command: Any) -> Drive:
     """Motor and gear of a joint, electrical constants as DC-equivalents."""
     motor = joint.motor
     if motor is None:
-        return Drive(command)
+        loaded = joint.friction is not None and joint.friction.load_coefficient is not None
+        return Drive(command, smoothing=_smoothing(joint) if loaded else None)
     factor = DC_EQUIVALENT[motor.basis]
     constant = _scaled(motor.torque_constant_n_m_per_a, factor.torque_constant)
     ke = _scaled(motor.back_emf_constant_v_s_per_rad, factor.back_emf_constant)
@@ -28,7 +43,9 @@ def drive_of(joint: MovingJoint, command: Any) -> Drive:
         command,
         gear_ratio=motor.gear_ratio.number,
         rotor_inertia=motor.rotor_inertia_kg_m2.number,
-        efficiency=_lossy(motor.gear_efficiency),
+        efficiency=_lossy(motor.gear_efficiency, 1.0)
+        if motor.gear_efficiency_table is None
+        else _efficiency_table(motor.gear_efficiency_table),
         smoothing=_smoothing(joint),
         torque_constant=constant,
         back_emf_constant=constant if ke is None else ke,
@@ -73,11 +90,18 @@ def _scaled(quantity: Quantity | None, factor: float) -> Scalar | None:
     return None if quantity is None else quantity.number * factor
 
 
-def _lossy(efficiency: Quantity | None) -> Scalar | None:
-    """η of a gear that loses power; None for η = 1, which has no loss to smooth."""
-    if efficiency is None or (not scalar.is_symbolic(efficiency.number) and efficiency.number == 1.0):
+def _lossy(quantity: Quantity | None, lossless: float) -> Scalar | None:
+    """Efficiency or load coefficient of a gear; None where it loses no power, so that there is nothing to smooth."""
+    if quantity is None or (not scalar.is_symbolic(quantity.number) and quantity.number == lossless):
         return None
-    return efficiency.number
+    return quantity.number
+
+
+def _efficiency_table(record: GearEfficiencyTable) -> EfficiencyTable:
+    speeds = tuple(_number(getattr(row, record.speed_key)) for row in record.rows) if len(record.rows) > 1 else ()
+    driving = tuple(row.driving.numbers for row in record.rows)
+    driven_back = tuple((row.driving if row.driven_back is None else row.driven_back).numbers for row in record.rows)
+    return EfficiencyTable(getattr(record, record.torque_key).numbers, speeds, driving, driven_back)
 
 
 def _smoothing(joint: MovingJoint) -> Scalar | None:
@@ -120,8 +144,10 @@ def friction_of(joint: MovingJoint) -> Friction | None:
         law=record.law,
         parameters=tuple(on_joint_side(*key) for key in LAWS[record.law].own),
         on_motor=record.side == "motor",
-        load_coefficient=_number(record.load_coefficient),
+        load_coefficient=_lossy(record.load_coefficient, 0.0),
         viscous_fall=_number(record.viscous_fall_k),
+        viscous_temperature_coefficient=_number(record.viscous_temperature_coefficient_per_k),
+        coulomb_temperature_coefficient=_number(record.coulomb_temperature_coefficient_per_k),
     )
 
 

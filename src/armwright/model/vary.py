@@ -19,7 +19,7 @@ from armwright.errors import ModelError
 from armwright.lint.feasibility import IMPOSSIBLE, is_possible
 from armwright.model.model import Model, assembled
 from armwright.model.parameter_table import Parameter, parameters_of
-from armwright.quantity import INCREASING
+from armwright.quantity import INCREASING, RISING
 from armwright.scalar import Array
 from armwright.spatial import pseudo_inertia
 
@@ -139,20 +139,45 @@ class Varied:
                 lane = int(np.argmin(fits))
                 expected = p.reading.expected if single else "a finite number"
                 raise ModelError(place=f"parameters[{lane}] {p.name}", value=float(column[lane]), expected=expected)
-        for path in dict.fromkeys(p.path for p in self.parameters if p.reading is INCREASING):
-            self._check_increasing(path, rows)
+        for path, reading in {p.path: p.reading for p in self.parameters if p.reading in (INCREASING, RISING)}.items():
+            whole = self._whole(path, rows)
+            fits = (np.diff(whole, axis=0) > 0.0).all(axis=0) & ((reading is INCREASING) | (whole[0] > 0.0))
+            _refuse(whole, fits, path, reading.expected)
+        for table, path in self._efficiency_tables():
+            self._check_efficiencies(table, path, rows)
         for link, entries in self._links:
             self._check_link(link, [rows[:, e.column] if isinstance(e, _Column) else e for e in entries])
 
-    def _check_increasing(self, path: str, rows: np.ndarray) -> None:
-        """Refuses positions of a table that do not increase, in one of the lanes."""
-        columns = {p.entry: rows[:, k] for k, p in enumerate(self.parameters) if p.path == path}
-        whole = [columns.get(k, np.full(len(rows), value)) for k, value in enumerate(np.ravel(self._numbers[path]))]
-        wrong = (np.diff(whole, axis=0) <= 0.0).any(axis=0)
-        if wrong.any():
-            lane = int(np.argmax(wrong))
-            values = tuple(float(each[lane]) for each in whole)
-            raise ModelError(place=f"parameters[{lane}] {path}", value=values, expected=INCREASING.expected)
+    def _efficiency_tables(self) -> Iterator[tuple[Any, str]]:
+        """Efficiency tables of gears with varied numbers, and their paths."""
+        for joint in self._record.joints:
+            motor, path = getattr(joint, "motor", None), f"{joint.name}.motor.gear_efficiency_table"
+            if motor is not None and any(p.path.startswith(f"{path}.") for p in self.parameters):
+                yield motor.gear_efficiency_table, path
+
+    def _check_efficiencies(self, table: Any, path: str, rows: np.ndarray) -> None:
+        """Refuses a table through which the torque would not rise, in one of the lanes."""
+        torques, speed_before = self._whole(f"{path}.{table.torque_key}", rows), None
+        for k, row in enumerate(table.rows):
+            back = "driving" if row.driven_back is None else "driven_back"
+            for key, driving in (("driving", True), (back, False)):
+                at = f"{path}.rows[{k}].{key}"
+                shares = self._whole(at, rows)
+                _refuse(shares, ((shares > 0.0) & (shares <= 1.0)).all(axis=0), at, "numbers above 0, at most 1")
+                expected = "efficiencies with which the torque into the gear rises with that out of it"
+                _refuse(shares, table.rises(torques, shares, driving).all(axis=0), at, expected)
+            if len(table.rows) > 1:
+                at = f"{path}.rows[{k}].{table.speed_key}"
+                speed = self._whole(at, rows)
+                if speed_before is not None:
+                    _refuse(speed, (speed > speed_before).all(axis=0), at, "more than the speed of the row before")
+                speed_before = speed
+
+    def _whole(self, path: str, rows: np.ndarray) -> np.ndarray:
+        """Numbers at a path (size, lanes), those that do not vary included."""
+        columns = {p.entry or 0: rows[:, k] for k, p in enumerate(self.parameters) if p.path == path}
+        numbers = np.ravel(self._numbers[path])
+        return np.array([columns.get(k, np.full(len(rows), value)) for k, value in enumerate(numbers)])
 
     def _varied_links(self) -> Iterator[tuple[str, list[float | _Column]]]:
         """Links whose mass properties vary: each one's ten numbers, constant or a column of the values."""
@@ -191,6 +216,13 @@ class Varied:
                     place=f"parameters[{lanes[lane]}] link {link!r}",
                     expected=f"none below {-IMPOSSIBLE:g} of the largest",
                 )
+
+
+def _refuse(values: np.ndarray, fits: Any, path: str, expected: str) -> None:
+    """Refuses the first lane of values (size, lanes) that does not fit (lanes,)."""
+    if not fits.all():
+        lane = int(np.argmin(fits))
+        raise ModelError(place=f"parameters[{lane}] {path}", value=tuple(values[:, lane].tolist()), expected=expected)
 
 
 def _pseudo_inertias(numbers: np.ndarray) -> np.ndarray:

@@ -117,7 +117,8 @@ class PlantFlow:
             if joint.gear_loss is not None:
                 assert body.drive.smoothing is not None
                 t = joint.gear - body.drive.reflected * wd[i]
-                bends = SwitchingFunction(w[i], STANDING * body.drive.smoothing), SwitchingFunction(t)
+                bends = [SwitchingFunction(w[i], STANDING * body.drive.smoothing)]
+                bends += [SwitchingFunction(t - knot) for knot in joint.gear_loss.knots]
                 loss = joint.loss + (t - joint.gear_loss.output(t)) * w[i]
                 joint = replace(joint, loss=loss, switching=[*joint.switching, *bends])
             done.append(joint)

@@ -124,8 +124,14 @@ def driven_joint(
             body.elasticity, body.drive.gear_ratio, at.motor, at.motor_speed, at.link, at.link_speed, flanks
         )
         loss, switching = loss + spring.loss, [*switching, *_felt(spring.pushes, touching[of_stops:])]
+    of_gear = gear_loss(body.drive, at.motor_speed, None if _knows_its_load(body) else body.friction)
+    load = leaving = entering = torque
+    if spring is not None:
+        leaving = spring.slope * spring.torque
+        entering = leaving if of_gear is None else of_gear.input(leaving)
+        load = entering if body.friction is not None and body.friction.on_motor else spring.torque
     before, behind, rubbed = _friction(
-        body, states, at, torque if spring is None else spring.torque, warming, change, rates
+        body, states, at, load if _knows_its_load(body) else None, warming, change, rates
     )
     link_friction, loss = behind, loss + rubbed
     if body.friction is not None and has_corner(body.friction):
@@ -144,10 +150,8 @@ def driven_joint(
         stop = stopped(body.stops, *body.limits.position, at.q, at.qd, (touching[0], touching[1]))
         behind, loss = behind - stop.torque, loss + stop.loss
         switching += _felt(stop.pushes, touching)
-    acceleration, gear, of_gear = None, torque - before, gear_loss(body.drive, at.motor_speed)
+    acceleration, gear = None, torque - before
     if spring is not None:
-        leaving = spring.slope * spring.torque
-        entering = leaving if of_gear is None else of_gear.input(leaving)
         acceleration = body.drive.gear_ratio * (gear - entering) / body.drive.reflected
         if of_gear is not None:
             loss = loss + (entering - leaving) * at.motor_speed
@@ -194,8 +198,13 @@ def _warming(body: Body, states: JointStates, heat: Scalar | None, change: dict[
     return (winding if housing is None else housing) - thermal.reference
 
 
+def _knows_its_load(body: Body) -> bool:
+    """True if the torque through a gear is known before accelerations are: of springs, and for bristles that of the motor."""
+    return body.elasticity is not None or (body.friction is not None and body.friction.law == "lugre")
+
+
 def _friction(
-    body: Body, states: JointStates, at: JointMotion, load: Scalar, warming: Scalar | None,
+    body: Body, states: JointStates, at: JointMotion, load: Scalar | None, warming: Scalar | None,
     change: dict[str, Scalar], rates: dict[str, Scalar],
 ) -> tuple[Scalar, Scalar, Scalar]:  # fmt: skip
     """Friction torque before the gear's spring and behind it [N m | N], and its power [W]."""

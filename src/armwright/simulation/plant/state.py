@@ -51,7 +51,6 @@ def contacts_of(body: Body) -> int:
 
 def has_effect(body: Body) -> bool:
     """True if a joint's drive has an effect that `forward_dynamics` does not know, be it with a state or without."""
-    friction, drive = body.friction, body.drive
-    rising = friction is not None and friction.load_coefficient is not None
+    drive = body.drive
     effects = (body.elasticity, body.stops, drive.cogging, drive.thermal)
-    return rising or drive.coasts or bool(drive.coupling) or any(part is not None for part in effects)
+    return drive.coasts or bool(drive.coupling) or any(part is not None for part in effects)

@@ -10,6 +10,7 @@ import casadi
 import numpy as np
 
 from armwright.actuators.friction import LAWS
+from armwright.actuators.gear import loses_power
 from armwright.errors import ScenarioError
 from armwright.model import Body, Model, TableSpring
 from armwright.model.vary import Varied
@@ -171,7 +172,7 @@ class StepLimit:
             ScenarioError: names the time constant and the step that would do.
         """
         loaded = [np.zeros(self.model.n)]
-        if self.model.supply is not None or any(_is_loaded(body) for body in self.model.coordinates):
+        if self.model.supply is not None or any(loses_power(body) for body in self.model.coordinates):
             most = np.abs(commands).max(
                 axis=0
             )  # slopes grow with torques through gears, and with currents from the bus
@@ -278,13 +279,6 @@ def _nearest_rate(slope: np.ndarray, moved: np.ndarray) -> complex:
     rates, modes = np.linalg.eig(slope)
     parts = np.linalg.lstsq(modes, moved, rcond=None)[0]
     return rates[int(np.abs(np.where(rates == 0.0, 0.0, parts)).argmax())]
-
-
-def _is_loaded(body: Body) -> bool:
-    """True if a joint loses torque by its load: in its gear, or in friction that rises with it."""
-    return body.drive.efficiency is not None or (
-        body.friction is not None and body.friction.load_coefficient is not None
-    )
 
 
 def _with_stops(model: Model, poses: np.ndarray) -> list[np.ndarray]:
