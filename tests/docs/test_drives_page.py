@@ -14,7 +14,10 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "drives.md"
 
 
 def test_the_example_is_a_robot_that_moves(tmp_path):
-    (text,) = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    table, text = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    with_table = text.replace("[joints.motor.thermal]", f"{table}\n[joints.motor.thermal]")
+    (tmp_path / "table.toml").write_text(with_table, encoding="utf-8")
+    assert aw.load(tmp_path / "table.toml").bodies[0].drive.efficiency.speeds == (0.5, 2.0)
     (tmp_path / "pendulum.toml").write_text(text, encoding="utf-8")
     plant = Plant.of(aw.load(tmp_path / "pendulum.toml"), brakes=True)
     assert plant.layout.names == (

@@ -109,6 +109,23 @@ def test_a_table_with_one_efficiency_is_that_efficiency():
             np.testing.assert_allclose(forward_dynamics(model, *given), forward_dynamics(one, *given), rtol=1e-12)
 
 
+@pytest.mark.parametrize(("side", "share"), [("motor", 0.25), ("joint", 0.2)])
+def test_no_load_torque_and_proportional_loss_of_a_datasheet(side, share):
+    """T_in = T₀ + (1 + a) T_out with a = 0.25, as the page on drives reads it; T₀ = 3 N at the slide, 0.06 N m at the motor."""
+    of_motor = {
+        "side": "motor",
+        "coulomb_positive_n_m": 0.06,
+        "coulomb_negative_n_m": 0.06,
+        "smoothing_rad_per_s": 1e-6,
+    }
+    of_joint = {"coulomb_positive_n": 3.0, "coulomb_negative_n": 3.0, "smoothing_m_per_s": 1e-7}
+    friction = {**(of_motor if side == "motor" else of_joint), "load_coefficient": share}
+    model = lift({}, friction=friction)
+    out = WEIGHT + (0.0 if side == "motor" else 3.0)  # the joint's own dry friction is a load of the gear
+    (into,) = inverse_dynamics(model, np.zeros(1), np.array([0.4]), np.zeros(1))
+    assert into == pytest.approx(1.25 * out + (3.0 if side == "motor" else 0.0), rel=1e-9)
+
+
 def with_load(model: Model, share: float | None, side: str) -> Model:
     """The arm with load-proportional friction on a side of its gears."""
     if share is None:
