@@ -42,6 +42,8 @@ TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("mimic", "", (robot.RotaryMimic, robot.LinearMimic)),
     ("[joints.motor]", "", (drive.Motor,)),
     ("motor: coupling", "A list of them.", (drive_effects.Coupling,)),
+    ("motor: gear_efficiency_table", "", (drive_effects.GearEfficiencyTable,)),
+    ("motor: gear_efficiency_table.rows", "A list of them.", (drive_effects.EfficiencyRow,)),
     ("motor: thermal", "", (drive_effects.Thermal,)),
     ("motor: cogging", "", (drive_effects.Cogging,)),
     ("[joints.friction]", "", (drive.RotaryFriction, drive.LinearFriction)),

@@ -84,7 +84,7 @@ class EfficiencyRow(Record):
 class GearEfficiencyTable(Record):
     """Efficiency of a gear by the torque T that leaves it and by the joint's speed.
 
-    At each T the gear is entered by  t = T / η  where the motor drives, by  t = T η  where it is driven back; between, T is
+    At each T the gear is entered by t = T / η where the motor drives, by t = T η where it is driven back; between, T is
     linear in t. Beyond the ends of the table η is that of the end; by speed it is interpolated linearly. t must rise with T.
     """
 
