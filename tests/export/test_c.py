@@ -422,7 +422,9 @@ def test_the_header_tells_of_every_function(written, tmp_path):
         assert re.search(rf"\*/\nvoid panda_{short_name(form)}\(", text)
         equation = (parse_form(form).signature.function.__doc__ or "").splitlines()[0]
         assert plain(equation).rstrip() in text
-    assert re.search(r"\*   out  tau +\(PANDA_JOINTS\) +\[N m \| N\]\n \* +torques of the motors, each referred to", text)
+    assert re.search(
+        r"\*   out  tau +\(PANDA_JOINTS\) +\[N m \| N\]\n \* +torques of the motors, each referred to", text
+    )
     assert re.search(r"\*   in   wrench  \(6\) +\[N, N m\]\n \* +force and moment .* in base axes\n", text)
     forms = [parse_form(form) for form in offered(arm("panda"))]
     assert text.count("Here wrench = 0.\n") == len([form for form in forms if form.left_out])
