@@ -80,7 +80,7 @@ def test_diff_gathers_sources(tmp_path):
 def test_convert_tells_what_it_wrote_and_lost(tmp_path):
     shown = run("convert", "panda", tmp_path / "panda.urdf").stdout
     assert f"wrote {tmp_path / 'panda.urdf'}\nwrote {tmp_path / 'panda.drive.toml'}\n" in shown
-    assert "lost: friction by the law 'sigmoid': joints joint1" in shown
+    assert "lost: friction by the law 'sigmoid' (its viscous part is written): joints joint1" in shown
     assert run("convert", "panda", tmp_path / "panda.toml").stdout == f"wrote {tmp_path / 'panda.toml'}\n"
 
 

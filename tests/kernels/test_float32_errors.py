@@ -13,6 +13,7 @@ import pytest
 
 import armwright as aw
 from docs.pages import page
+from kernels.test_float32 import SPRINGS
 from kernels.test_kernels import FULL
 
 ROOT = Path(__file__).parents[2]
@@ -91,7 +92,8 @@ def test_an_error_is_that_of_the_plain_function():
 
 def test_the_table_is_whole():
     """Every function of every built-in arm, errors that grow from column to column."""
-    assert {(each["arm"], each["function"]) for each in TABLE} == set(FULL)
+    expected = {(name, kernel) for name, kernel in FULL if kernel != SPRINGS}
+    assert {(each["arm"], each["function"]) for each in TABLE} == expected
     for each in TABLE:
         errors = [number(each[column]) for column in COLUMNS]
         assert errors == sorted(errors), each

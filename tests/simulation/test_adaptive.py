@@ -179,7 +179,7 @@ def test_joint_stops_are_events_of_joints_with_limits():
     run = aw.simulate(
         aw.Scenario(
             model, duration=0.5, command=np.zeros(6),
-            start=aw.Start([0, high - 0.1, 0, 0, 0, 0], [0, 2.0, 0, 0, 0, 0]),
+            start=aw.Start([0, high - 0.1, 0, 0, 0, 0], [0, 8.0, 0, 0, 0, 0]),
             solver=aw.Solver(integrator="rk45", events=stops),
         )
     )  # fmt: skip

@@ -289,7 +289,9 @@ def test_a_limit_does_not_hide_a_diverged_lane():
 def test_position_limit_is_reported():
     """Nothing stops the arm at its limit yet, but the run says that it was passed and when."""
     arm = aw.load("cmu-dd")
-    run = aw.simulate(aw.Scenario(arm, duration=1.0, command=np.zeros(6), start=[0, 1.0, 0, 0, 0, 0]))
+    run = aw.simulate(
+        aw.Scenario(arm, duration=1.0, command=np.zeros(6), start=aw.Start([0, 1.5, 0, 0, 0, 0], [0, 8.0, 0, 0, 0, 0]))
+    )
     assert any(
         note.startswith("joint2: passed its position limits [-1.92, 1.92] at t = 0.")
         for note in run.attrs["notes"].splitlines()

@@ -24,7 +24,7 @@ from armwright.model import Model
 from armwright.program import repeated
 from armwright.scalar import Array, Factored, Scalar
 
-MOST = 12  # solves: random and adversarial arms take up to four
+MOST = 12  # solves: a million states of random and adversarial arms take up to seven
 # Of them the first go all the way, which ends sooner; the others only as far as a convex function falls, which always ends.
 BOLD, BOLD_OF_TABLES = 5, 1
 SEARCHED = 6  # parts of the way at which the slope is looked at where gears have tables
