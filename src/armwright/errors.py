@@ -10,7 +10,7 @@ from armwright.printable import printable
 
 LONGEST = 60  # characters of a value that a sentence repeats
 LONGEST_PATH = 600  # of a file or a place
-LONGEST_LIST = 1000  # of names that exist
+LONGEST_LIST = 1000  # of names that exist, of what is wrong and of what was expected
 UNKNOWN_KEY = "unknown key"  # `what` of a problem whose choices stand for the last key of its place, not for its value
 ABSENT: Any = type("Absent", (), {"__repr__": lambda self: "ABSENT", "__bool__": lambda self: False})()
 
@@ -37,7 +37,8 @@ class Problem:
         value = "" if self.value is ABSENT else shown(self.value)
         place = _shortened(self.place, LONGEST_PATH)
         subject = f"{place} = {value}" if place and value else place or value
-        reasons = [self.what, f"expected {self.expected}" if self.expected else ""]
+        reasons = [_shortened(self.what, LONGEST_LIST)]
+        reasons += [f"expected {_shortened(self.expected, LONGEST_LIST)}" if self.expected else ""]
         if self.choices or not any(reasons):
             is_key = self.value is ABSENT or self.what == UNKNOWN_KEY
             name = self.place.replace(" ", ".").rpartition(".")[2] if is_key else str(self.value)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import tomllib
+from typing import Any
 
 import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.actuators.coupling import from_motors, shares_of, to_motors
 from armwright.actuators.friction import joint_friction
 from armwright.description.database import parse
 from armwright.description.writer import to_toml
@@ -255,6 +257,35 @@ def test_a_bus_needs_direct_current_constants():
     with pytest.raises(DescriptionError) as raised:
         parse(record({"supply": SUPPLY}, motor={**MOTOR, "basis": "line_rms"}), "one")
     check_report(raised.value, "joint 'hinge' motor.basis", "[supply] goes with basis = 'dc'")
+
+
+def coupled_pair(share_of_first: float, share_of_second: float) -> dict[str, Any]:
+    """Two joints whose motors, of ratio 50 or as in MOTOR, each turn with both."""
+    data = record()
+    first, link = data["joints"][0], data["links"][0]
+    second = {**first, "name": "second", "parent": "rod", "child": "tip"}
+    first = {**first, "motor": {**MOTOR, "coupling": [{"joint": "second", "ratio": share_of_first}]}}
+    second["motor"] = {**MOTOR, "coupling": [{"joint": "hinge", "ratio": share_of_second}]}
+    return {**data, "joints": [first, second], "links": [link, {**link, "name": "tip"}]}
+
+
+def test_motors_that_cannot_turn_every_joint_are_refused():
+    """N singular, or nearly so."""
+    n = MOTOR["gear_ratio"]
+    for close in (0.0, 1e-8):
+        with pytest.raises(DescriptionError) as raised:
+            parse(coupled_pair(n, n * (1.0 + close)), "two")
+        check_report(raised.value, "joint 'hinge' motor.coupling", "invertible matrix")
+
+
+def test_strongly_coupled_motors_lose_no_more_digits_than_they_must():
+    """q̈ → tau → q̈ with det N at 1e-4 of its size: by elimination, not by its square."""
+    n = MOTOR["gear_ratio"]
+    arm = build_model(parse(coupled_pair(n, n * (1.0 + 1e-4)), "two"))
+    q, qd, qdd = np.array([0.3, -0.8]), np.array([1.5, -0.4]), np.array([3.0, 7.0])
+    back = aw.forward_dynamics(arm, q, qd, aw.inverse_dynamics(arm, q, qd, qdd))
+    np.testing.assert_allclose(back, qdd, rtol=1e-7)
+    np.testing.assert_allclose(from_motors(shares_of(arm), to_motors(shares_of(arm), qd)), qd, rtol=1e-11)
 
 
 def test_motors_that_two_joints_turn():

@@ -21,6 +21,8 @@ from armwright.dynamics import (
     mass_matrix,
 )
 from armwright.model import Model, build_model
+from armwright.program import interpret, trace
+from armwright.program.derivative import derivative
 from armwright.simulation.plant.plant import Plant
 from physics.arms import arm
 from reference.random_trees import random_description
@@ -242,3 +244,19 @@ def test_an_elastic_gear_loses_before_its_spring(stretch, speed):
     assert change[1] == pytest.approx((spring - WEIGHT) / MASS, rel=1e-9)
     rates = plant.energy_rates(x, np.array([force]))
     assert rates["friction"] == pytest.approx((entering - spring) * speed, rel=1e-9)
+
+
+def test_the_traced_slope_at_rest_is_that_of_the_gear():
+    """Of the program itself, as the simulator takes it, where the torques of motor and gear differ in sign."""
+    model = lift(0.05)
+    program = trace(
+        "a", lambda qd, tau: forward_dynamics(model, np.zeros(1), qd, tau), {"qd": (1,), "tau": (1,)}, ("qdd",)
+    )
+    slope = derivative(program, "qd")
+    for force in (-0.5, 1.0, 9.0):  # -0.5: pulls down, and still carries the rotor's fall
+        qd, tau = np.zeros(1), np.array([force])
+        traced = interpret(slope, qd, tau)[1][0, 0]
+        expected = forward_dynamics_derivatives(model, np.zeros(1), qd, tau)[1][0, 0]
+        ahead = (forward_dynamics(model, qd, qd + 1e-8, tau) - forward_dynamics(model, qd, qd, tau)) / 1e-8
+        assert traced == pytest.approx(expected, rel=1e-12)
+        assert traced == pytest.approx(ahead[0], rel=1e-5)

@@ -38,7 +38,7 @@ def test_what_once_failed_does_not_fail_again():
 
 FAULTS = {  # code that fails in each of the ways that are counted, and what is found
     "raise ValueError('x')": "ValueError",
-    "raise aw.ArmwrightError('two\\nlines')": "lines",
+    "raise type('Two', (aw.ArmwrightError,), {'__str__': lambda self: 'two\\nlines'})": "lines",
     "raise type('Red', (aw.ArmwrightError,), {'__str__': lambda self: '\\x1b[31m'})": "control",
     "warnings.warn('odd', stacklevel=1)": "warning",
     "open('/etc/hostname').close()": "outside open",

@@ -45,16 +45,33 @@ def from_motors(shares: Shares, motor: Array) -> Array:
     """B⁻¹ θ (n, …): positions or speeds of joints from those of the motors, referred to the motors' joints."""
     if not any(shares):
         return motor
-    b = _matrix(shares)
-    return scalar.solve_symmetric(b.T @ b, b.T @ motor)
+    return _solved(_matrix(shares), motor)
 
 
 def from_joints(shares: Shares, torque: Array) -> Array:
     """B⁻ᵀ tau (n, …): torques of the motors that act as these do on the joints [N m | N]."""
     if not any(shares):
         return torque
-    b = _matrix(shares)
-    return scalar.solve_symmetric(b @ b.T, b @ torque)
+    return _solved(_matrix(shares).T, torque)
+
+
+def _solved(matrix: np.ndarray, right: Array) -> np.ndarray:
+    """x with  matrix x = right,  right (n, …), by elimination; numbers choose the largest pivot, symbols take the diagonal's."""
+    a, x = np.array(matrix, dtype=object), np.array(right, dtype=object)
+    n = len(a)
+    for k in range(n):
+        if not scalar.is_symbolic(a[k:, k]):
+            row = k + int(np.abs(a[k:, k].astype(float)).argmax())
+            a[[k, row]], x[[k, row]] = a[[row, k]], x[[row, k]]
+        for i in range(k + 1, n):
+            if scalar.is_symbolic(a[i, k]) or a[i, k] != 0.0:
+                factor = a[i, k] / a[k, k]
+                a[i, k:], x[i] = a[i, k:] - factor * a[k, k:], x[i] - factor * x[k]
+    for k in reversed(range(n)):
+        x[k] = (
+            x[k] - sum(a[k, j] * x[j] for j in range(k + 1, n) if scalar.is_symbolic(a[k, j]) or a[k, j] != 0.0)
+        ) / a[k, k]
+    return scalar.array(x)
 
 
 def _matrix(shares: Shares) -> np.ndarray:

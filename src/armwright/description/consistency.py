@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
+
 from armwright.description.drive import COMMAND_NEEDS
 from armwright.description.friction import BY_TEMPERATURE
 from armwright.description.paths import quantities
@@ -12,6 +14,8 @@ from armwright.quantity import SourceKind
 from armwright.validation import Invalid
 
 KINDS: tuple[str, ...] = SourceKind.__args__  # type: ignore[attr-defined]
+LARGEST_RATIO = 1e9  # of a gear: squares and products with torques stay far from overflow
+WORST_COUPLING = 1e6  # condition of the motors' ratios
 OF_A_DRIVE = (
     "command",
     "bus_period_s",
@@ -45,6 +49,7 @@ def check_robot(robot: Any) -> None:
             _check_coupling(joint, independent)
         except Invalid as error:
             raise Invalid.of(error.problem.within(f"joint {joint.name!r}")) from None
+    _check_motors_move_joints([joint for joint in moving if joint.mimic is None])
     check_sources(robot)
 
 
@@ -212,6 +217,9 @@ def _check_effects(robot: Any, joint: Any) -> None:
         raise Invalid("needs motor.thermal, which knows the temperature", place=f"friction.{by_temperature[0]}")
     if motor is None:
         return
+    if abs(float(motor.gear_ratio)) > LARGEST_RATIO:
+        expected = f"a number of at most {LARGEST_RATIO:g} in size"
+        raise Invalid(place="motor.gear_ratio", value=float(motor.gear_ratio), expected=expected)
     if robot.supply is not None and motor.basis != "dc":
         what = "[supply] goes with basis = 'dc': the bus clips DC-equivalent volts"
         raise Invalid(what, place="motor.basis", value=motor.basis)
@@ -237,3 +245,25 @@ def _check_coupling(joint: Any, names: list[str]) -> None:
             raise Invalid("the joint itself, whose share is gear_ratio", place=place, value=other)
         if others.count(other) > 1:
             raise Invalid("named twice", place=place, value=other)
+
+
+def _check_motors_move_joints(joints: list[Any]) -> None:
+    """The speeds of coupled motors, N q̇, say those of the joints: N is not singular, nor nearly so."""
+    coupled = [joint for joint in joints if joint.motor is not None and joint.motor.coupling]
+    if not coupled:
+        return
+    place = {joint.name: k for k, joint in enumerate(joints)}
+    ratios = np.eye(len(joints))
+    for joint in coupled:
+        row = ratios[place[joint.name]]
+        row[place[joint.name]] = float(joint.motor.gear_ratio)
+        for each in joint.motor.coupling:
+            row[place[each.joint]] = float(each.ratio)
+    for axis in (1, 0):  # units and sizes of motors and joints do not count
+        ratios /= np.abs(ratios).max(axis=axis, keepdims=True)
+    if not np.linalg.cond(ratios) < WORST_COUPLING:
+        raise Invalid(
+            "these motors cannot turn every joint by itself: their ratios depend on each other",
+            place=f"joint {coupled[0].name!r} motor.coupling",
+            expected="gear_ratio and coupling that make an invertible matrix",
+        )

@@ -189,9 +189,10 @@ def _newton_step(qdd: Array, steps: Scalar, mass: Array, bias: Array, gears: Seq
     move, kept, pieces = full - qdd, 1.0, []
     for gear in gears:
         t, there = gear.entering(qdd), gear.entering(full)
-        lines = zip(gear.loss.line(t), gear.loss.line(there), strict=True)
-        for here, new in lines:
-            kept = kept * scalar.equal(here, new)
+        for (
+            knot
+        ) in gear.loss.knots:  # not by their slopes, which are equal at rest: derivatives need the right side there too
+            kept = kept * scalar.equal(scalar.less(t, knot), scalar.less(there, knot))
         pieces.append((gear.loss, gear.turned(move), t, there - t))
     curvature, start = move @ (mass @ move), move @ (mass @ qdd + bias)
 
