@@ -87,7 +87,7 @@ def test_no_efficiency_is_no_loss():
 
 
 def test_self_locking_is_warned_of():
-    """An efficiency below 0.5 cannot be driven back: the model says so."""
+    """A real gear below 0.5 holds its load by itself, the model does not: loading says so."""
     friction = {"viscous_n_m_s_per_rad": 0.0, "smoothing_rad_per_s": SMOOTH}
     motor = {"gear_ratio": 50.0, "rotor_inertia_kg_m2": 0.0}
     (warning,) = one_joint(friction, {**motor, "gear_efficiency": 0.4}).warnings

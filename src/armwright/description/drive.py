@@ -63,7 +63,9 @@ class Motor(Record):
         description="Motor side. 0 for a direct drive: the rotor is part of its link."
     )
     gear_efficiency: Share | None = Field(
-        default=None, description="η, the share of the power that passes; absent: 1. Below 0.5 the load warns."
+        default=None,
+        description="η, the share of the power that passes; absent: 1. Below 0.5 a warning: a real gear holds its load by "
+        "itself there, this one is driven back at η.",
     )
     gear_efficiency_table: GearEfficiencyTable | None = Field(
         default=None, description="η by load and speed, instead of gear_efficiency."

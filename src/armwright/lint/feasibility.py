@@ -14,7 +14,7 @@ IMPOSSIBLE = 1e-9  # an eigenvalue of the pseudo-inertia below minus this share 
 LARGEST = 1e100  # of any number
 FARTHEST = 1e9  # m
 TOO_LARGE = "its numbers are too large to compute with"
-SELF_LOCKING = 0.5  # a gear below this efficiency cannot be driven back
+SELF_LOCKING = 0.5  # a real gear below this efficiency holds its load by itself; the model of gear loss does not
 SIGNIFICANT = 0.01  # a product m c c above this share of the tensor's largest entry would show in it
 SAME = 1e-3  # relative: a product that was printed with three digits or more is no coincidence
 
@@ -140,7 +140,7 @@ def _efficiencies(motor: Motor) -> list[tuple[str, float]]:
 
 
 def check_drives(robot: RobotDescription) -> list[Problem]:
-    """Warnings about gears that lock themselves and motor constants that contradict each other."""
+    """Warnings about efficiencies of self-locking gears and motor constants that contradict each other."""
     warnings = []
     for joint in robot.joints:
         if isinstance(joint, FixedJoint) or joint.motor is None:
@@ -148,7 +148,11 @@ def check_drives(robot: RobotDescription) -> list[Problem]:
         motor, place = joint.motor, f"joint {joint.name!r} motor"
         for key, efficiency in _efficiencies(motor):
             if efficiency < SELF_LOCKING:
-                warnings.append(Problem(f"below {SELF_LOCKING}, self-locking", f"{place}.{key}", efficiency))
+                what = (
+                    f"below {SELF_LOCKING}: a real gear is self-locking there, in this model the load drives it back; "
+                    "a brake or motor-side friction can hold the load"
+                )
+                warnings.append(Problem(what, f"{place}.{key}", efficiency))
         if motor.torque_constant_n_m_per_a is None or motor.back_emf_constant_v_s_per_rad is None:
             continue
         factor = DC_EQUIVALENT[motor.basis]

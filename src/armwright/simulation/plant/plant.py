@@ -2,11 +2,12 @@
 
 x holds q and q̇, then only what the arm's record asks for: positions and speeds of motors behind elastic gears, winding
 currents, bristles, temperatures, the bus. What is absent has neither state nor operations. With B the motors' speeds by
-the joints' (B = 1 but for coupled motors, θ_motor / n = B q) and a rigid gear,
+the joints' (B = 1 but for coupled motors, θ_motor / n = B q), G the torque that leaves a gear (`actuators.gear`; the identity
+without loss) and f, f_m the friction of joints and motors with their brakes and stops, a rigid gear has
 
-    ( M_links + Bᵀ n² J_m B ) q̈ = Bᵀ ( e tau_m - f_m ) - C q̇ - g - s - f + Jᵀ wrench,   tau_m = n Kt i + n cogging;
+    M_links q̈ + C q̇ + g + s + f - Jᵀ wrench = Bᵀ G(tau_m - n² J_m B q̈ - f_m),   tau_m = n Kt i + n cogging;
 
-an elastic one has its motor's own  n² J_m θ̈ = e tau_m - f_m - ∂δ/∂θ · spring  and gives Bᵀ spring to the links. [Spong1987]
+an elastic one has its motor's own  n² J_m θ̈ = tau_m - f_m - G⁻¹(∂δ/∂θ · spring)  and gives Bᵀ spring to the links. [Spong1987]
 """
 
 from __future__ import annotations
