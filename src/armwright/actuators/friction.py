@@ -117,7 +117,7 @@ def _same(a: Scalar, b: Scalar) -> bool:
 
 
 def friction_torques(model: Model, qd: Array) -> np.ndarray:
-    """Friction of all joints and motors, f(q̇): what the motors must give beside the links' dynamics. [OlssonEtAl1998]
+    """Friction of all joints and motors, f(q̇): what the joints need beside the links' dynamics. [OlssonEtAl1998]
 
     Motor-side friction acts on the motors' speeds, and on the joints by Bᵀ where motors are coupled.
 

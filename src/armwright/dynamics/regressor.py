@@ -25,7 +25,7 @@ def regressor(model: Model, q: Array, qd: Array, qdd: Array) -> np.ndarray:
     """Y of  M_links q̈ + C q̇ + g = Y(q, q̇, q̈) π,  π = `arm.inertial_parameters`.  [AtkesonAnHollerbach1986]
 
     Columns for each moving link, in the order of joints: [m, m c_x, m c_y, m c_z, Ixx, Ixy, Ixz, Iyy, Iyz, Izz], the
-    tensor about the origin of the link's frame, in its axes, fixed links merged. Without gear loss
+    tensor about the origin of the link's frame, in its axes, fixed links merged. Without gear loss and coupled motors
     tau = Y π + Y_d π_d + s, with `regressor_drive` and `spring_torques`: take s off measured torques before a fit.
 
     Args:

@@ -14,7 +14,7 @@ from armwright.spatial import cross
 
 @one_state
 def spring_torques(model: Model, q: Array) -> np.ndarray:
-    """Torques that hold the arm against its springs:  s(q) = ∂U/∂q,  U their energy; what the motors must give beside g(q).
+    """Torques that hold the arm against its springs:  s(q) = ∂U/∂q,  U their energy; what the joints need beside g(q).
 
     A spring at a joint with the torque t(q) asks for s = -t(q). A cylinder of length L that pushes with F(L) asks for
     s = -F ∂L/∂q of every joint between its ends.

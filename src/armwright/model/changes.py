@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from typing import Any, TypeVar
 
 import numpy as np
@@ -53,8 +54,11 @@ def _without(body: Any, name: str) -> Any:
 
 def _gravity(value: Any) -> Array:
     try:
-        gravity = scalar.array([]) if scalar.has_masked_entries(value) else scalar.array(value)
-    except (TypeError, ValueError, OverflowError, RuntimeError):  # rows of unequal length or without end, or no numbers
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", np.exceptions.ComplexWarning)
+            gravity = scalar.array([]) if scalar.has_masked_entries(value) else scalar.array(value)
+    except (TypeError, ValueError, OverflowError, RuntimeError, np.exceptions.ComplexWarning):
+        # Rows of unequal length or without end, or no real numbers.
         gravity = scalar.array([])
     if gravity.shape != (3,) or not (scalar.is_symbolic(gravity) or np.isfinite(gravity).all()):
         raise ModelError(place="replace.gravity", value=value, expected="three finite numbers [m/s²] in base axes")

@@ -20,7 +20,7 @@ from armwright.model.load import outdated
 CHECKS = {  # name of a check → its subject
     "reading": "what was left out or guessed when another format was read",
     "mass properties": "every link's pseudo-inertia is one that a real body can have",
-    "drives": "gears that lock themselves, motor constants that contradict each other",
+    "drives": "gears that real ones of their kind would hold still, motor constants that contradict each other",
     "plausibility": "tensors about the wrong point or in wrong units, placeholders, joints that move no mass",
     "shapes": "densities and tensors against what the links look like",
     "age": "parts or modules that have changed since the file was built from them",

@@ -179,7 +179,7 @@ class Recording:
     def __post_init__(self) -> None:
         check_whole("recording.every", self.every, 0)
         check_choice("recording.what", self.what, KEPT)
-        if isinstance(self.reduce, str) or not isinstance(self.reduce, Sequence):
+        if not isinstance(self.reduce, (list, tuple)):
             expected = "a list of names, such as ['rms_error']"
             raise ScenarioError(place="recording.reduce", value=self.reduce, expected=expected)
         for name in self.reduce:
