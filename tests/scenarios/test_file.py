@@ -12,9 +12,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import armwright as aw
+from armwright.description.writer import write_toml
 from armwright.errors import ArmwrightError, RunError, ScenarioError
+from armwright.model.changes import TERMS
 from armwright.scenarios import records
 from armwright.simulation.inputs.input_schedule import all_rows
+from physics.arms import arm as arm_named
 
 HEAD = """
 robot = "cmu-dd"
@@ -44,9 +47,18 @@ def test_a_driven_arm_is_that_of_python(tmp_path):
     np.testing.assert_array_equal(run.q, same.q)
 
 
-def test_schedules_and_robots_lie_beside_the_file(tmp_path):
-    from armwright.description.writer import write_toml
+def test_terms_are_taken_away_as_in_python(tmp_path):
+    """Every term that `replace` takes away, springs and cylinders too."""
+    arm = arm_named("sprung")
+    write_toml(arm.record, tmp_path / "sprung.toml")
+    text = 'robot = "sprung.toml"\nduration_s = 0.01\nwithout = [%s]\n[commands]\nconstant = [0, 0, 0, 0, 0]\n'
+    for term in TERMS:
+        run = aw.simulate(scenario(tmp_path, text % f'"{term}"'))
+        same = aw.simulate(aw.Scenario(arm.replace(**{term: None}), command=[0.0] * 5, duration=0.01))
+        np.testing.assert_array_equal(run.q, same.q)
 
+
+def test_schedules_and_robots_lie_beside_the_file(tmp_path):
     arm = aw.load("cmu-dd")
     write_toml(arm.description, tmp_path / "mine.toml")
     (tmp_path / "volts.csv").write_text(

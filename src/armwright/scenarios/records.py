@@ -323,7 +323,7 @@ class ScenarioTable(Record):
 
     title: str | None = Field(default=None, description="One line for whoever reads the file.")
     robot: str = Field(description="A built-in arm, or a robot file beside this one.")
-    without: tuple[Literal["friction", "rotors", "efficiency"], ...] = Field(
+    without: tuple[Literal["friction", "springs", "rotors", "efficiency"], ...] = Field(
         default=(), description="Parts of the record that this run leaves away."
     )
     values: dict[str, Number | tuple[Number, ...]] = Field(
