@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import armwright as aw
 from armwright.actuators import friction_torques
 from armwright.dynamics import inverse_dynamics, regressor, regressor_drive, spring_torques
+from armwright.errors import ModelError
 from armwright.model import build_model
 from armwright.model.simplify import aligned_frames
 from armwright.spatial import inertia_about_origin
+from dynamics.test_gears import coupled
 from physics.arms import NAMES, arm, description, projection, random_state, traced
 from reference.random_trees import random_description
 
@@ -34,6 +37,19 @@ def test_regressor_times_parameters_is_inverse_dynamics(which):
         g, armature = projection(model), [body.drive.armature for body in model.bodies]
         rotors = g.T @ (armature * (g @ qdd))
         assert drive == pytest.approx(friction_torques(model, qd) + rotors, rel=0, abs=1e-12 * abs(tau).max())
+
+
+def test_coupled_motors_are_refused_as_their_parameters_are():
+    """Their rotors and friction lie between joints: no column of one joint holds them."""
+    model = coupled(arm("lwa4p"), 0.5)
+    with pytest.raises(ModelError) as parameters:
+        _ = model.drive_parameters
+    with pytest.raises(ModelError) as refused:
+        regressor_drive(model, np.ones(6), np.ones(6))
+    assert refused.value.problems == parameters.value.problems
+    with pytest.raises(ModelError, match="turns this motor too"):
+        aw.compile(model).regressor_drive(np.ones(6), np.ones(6))
+    assert regressor(model, np.ones(6), np.ones(6), np.ones(6)).shape == (6, 60)
 
 
 @pytest.mark.parametrize(("name", "rank"), [("puma560", 36), ("lwa4p", 36), ("panda", 43)])

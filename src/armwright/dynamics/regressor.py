@@ -53,7 +53,11 @@ def regressor_drive(model: Model, qd: Array, qdd: Array) -> np.ndarray:
         model: the arm.   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
     Returns:
         Y_d: (n, 7 N) [N m | N] per [kg m² | kg, N m s/rad | N s/m, then N m | N].
+    Raises:
+        ModelError: a motor that other joints turn as well, whose inertia is no number of one joint.
     """
+    for body in model.bodies:
+        _ = body.drive.armature  # refuses coupled motors
 
     def torques(parameters: np.ndarray) -> np.ndarray:
         rows = parameters.reshape(model.n, COLUMNS)
