@@ -8,7 +8,8 @@ import armwright as aw
 from armwright.description.database import parse
 from armwright.description.writer import write_toml
 from armwright.errors import DescriptionError
-from physics.arms import workshop
+from armwright.model import build_model
+from physics.arms import sprung, workshop
 
 
 @pytest.mark.parametrize("name", ["cmu-dd", "lwa4p", "panda", "two-link"])
@@ -45,6 +46,14 @@ def test_every_check_finds_what_it_looks_for(tmp_path):
     assert "link5" in found["shapes"]
     assert report.findings[0].level == "error"
     assert aw.check(parse(data, "workshop")).errors == report.errors
+
+
+def test_what_loading_doubts_of_cylinders_is_a_finding():
+    data = sprung()
+    data["cylinders"][0]["length_m"] = 5.0
+    robot = parse(data, "sprung")
+    (finding,) = (finding for finding in aw.check(robot).warnings if finding.check == "cylinders")
+    assert str(finding.problem) in build_model(robot).warnings
 
 
 def test_parts_that_have_changed(tmp_path):

@@ -15,6 +15,7 @@ from armwright.lint.hulls import implausible_shapes
 from armwright.lint.plausibility import implausible_values
 from armwright.model import Model, build_model
 from armwright.model.build import massless, places_of_joints
+from armwright.model.cylinder_lengths import implausible_lengths
 from armwright.model.load import outdated
 
 CHECKS = {  # name of a check → its subject
@@ -22,6 +23,7 @@ CHECKS = {  # name of a check → its subject
     "mass properties": "every link's pseudo-inertia is one that a real body can have",
     "drives": "gears that real ones of their kind would hold still, motor constants that contradict each other",
     "plausibility": "tensors about the wrong point or in wrong units, placeholders, joints that move no mass",
+    "cylinders": "lengths that the arm never has, ends that meet",
     "shapes": "densities and tensors against what the links look like",
     "age": "parts or modules that have changed since the file was built from them",
 }
@@ -89,6 +91,7 @@ def check(name_or_path: str | os.PathLike[str] | Model | RobotDescription, **rea
         "reading": robot.remarks,
         "drives": check_drives(robot),
         "plausibility": [*implausible_values(robot, places_of_joints(robot, model)), *massless(model)],
+        "cylinders": [*implausible_lengths(model)],
         "shapes": implausible_shapes(robot),
         "age": aged,
     }
