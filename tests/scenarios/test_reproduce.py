@@ -30,7 +30,7 @@ def test_a_changed_scenario_is_no_longer_the_files(tmp_path):
     changed = dataclasses.replace(scenario(tmp_path), duration=0.01)
     run = aw.simulate(changed)
     assert "scenario" not in run.attrs
-    with pytest.raises(RunError, match="keeps no scenario, since it was made by a Scenario in Python, or by a file's"):
+    with pytest.raises(RunError, match="keeps no scenario: only runs of a scenario file as it is read keep one"):
         aw.reproduce(saved(tmp_path, run))
 
 

@@ -54,13 +54,13 @@ def reproduce(path: str | os.PathLike[str], progress: Progress | None = None) ->
     Returns:
         reproduction: the new run, and in what it differs from the old one.
     Raises:
-        RunError: no run, or one that does not keep what it was made from: it was made in Python and not from a scenario
-            file, or files were too large to be kept.
+        RunError: no run, or one that does not keep what it was made from: it was made in Python or by options of the
+            command and not from a scenario file, or files were too large to be kept.
     """
     old = load_run(path)
     if not old.attrs.get("scenario"):
-        what = "keeps no scenario, since it was made by a Scenario in Python, or by a file's that Python changed"
-        raise RunError(what, file=path, expected="a run of a scenario file as it is read")
+        what = "keeps no scenario: only runs of a scenario file as it is read keep one"
+        raise RunError(what, file=path, expected="a run of armwright simulate FILE.scenario.toml")
     now, then = provenance(), _made_with(path, old.attrs.get("made_with", "{}"))
     kept = _kept_document(path, old.attrs["scenario"])
     text = kept.scenario.checked("content of the scenario", path)
