@@ -77,12 +77,54 @@ def test_refusals(robot, joint, place, words):
     check_report(refused.value, place, words)
 
 
+ON_AXIS = {**GAS, "anchor_a_m": [0.1, 0.2, 0.0], "anchor_b_m": [0.0, -0.1, 0.0]}  # the second on the hinge, along y
+
+
+@pytest.mark.parametrize("ends", [{}, {"anchor_a_m": [0.0, 0.0, 0.0], "anchor_b_m": [0.0, 0.0, 0.0]}])
+def test_a_cylinder_that_no_joint_stretches_is_refused(ends):
+    robot = parse(record({"cylinders": [{**ON_AXIS, **ends}]}), "one")
+    with pytest.raises(DescriptionError) as refused:
+        build_model(robot)
+    check_report(refused.value, "cylinder 'gas'", "no joint changes its length")
+
+
+def test_variants_leave_cylinders_out_that_nothing_stretches_any_more():
+    """From the base to a place on the elbow's axis, which the shoulder alone moves."""
+    robot = aw.load("two-link").record
+    ends = {
+        "link_b": robot.links[1].name,
+        "anchor_a_m": [0.3, 0.0, 0.5],
+        "anchor_b_m": [0.0, 0.0, 0.1],
+        "length_m": 0.6,
+    }
+    robot = aw.RobotDescription(
+        **{**robot.model_dump(exclude_none=True), "cylinders": [{**GAS, **ends, "source": "estimate"}]}
+    )
+    whole = build_model(robot)
+    assert whole.with_locked({"shoulder": 0.3}).cylinders == ()
+    assert len(whole.with_locked({"elbow": 0.3}).cylinders) == 1
+
+
 DOUBTS = [
     ({}, {"spring": TABLE, "limits": {"position_rad": [-1.5, 1.0]}}, "its table ends before the limits, -1.5 to 1 rad"),
     ({}, {"spring": {**LINE, "rest_rad": 90.0}}, "degrees for radians?"),
     ({"cylinders": [{**GAS, "length_m": 200.0}]}, {}, "millimetres for metres?"),
     ({"cylinders": [{**GAS, "length_m": 0.9}]}, {}, "another anchor or length?"),
-    ({"cylinders": [{**GAS, "anchor_a_m": [0.2, 0.0, 0.05]}]}, {}, "its force then has no direction"),
+    (
+        {"cylinders": [{**GAS, "anchor_a_m": [0.2, 0.0, 0.05]}]},
+        {},
+        "its ends meet, and its force then has no direction",
+    ),
+    (
+        {"cylinders": [{**GAS, "anchor_a_m": [0.0, 0.0, 0.3], "anchor_b_m": [0.3, 0.0, 0.0], "length_m": 0.4}]},
+        {},
+        "its ends meet",
+    ),
+    (
+        {"cylinders": [{**GAS, "anchor_a_m": [0.0, 0.0, 0.3], "anchor_b_m": [0.302, 0.0, 0.0]}]},
+        {},
+        "come within 0.002 m of",
+    ),
 ]
 
 

@@ -171,7 +171,7 @@ def sprung() -> dict[str, Any]:
     for joint in robot["joints"]:
         if joint["name"] in springs:
             joint["spring"] = springs[joint["name"]]
-    ends = [  # where the anchors never meet
+    ends = [  # where anchors meet in few poses, those of `balancer` and `long` in none
         ("balancer", "base", [0.3, -0.2, 0.9], "link1", [0.1, 0.5, 0.0], -80.0, 0.9, 240.0),
         ("across", "link3", [0.0, 0.1, 0.4], "link5", [0.2, 0.0, -0.5], 25.0, 0.5, 60.0),
         ("long", "hand", [0.0, 0.0, 0.3], "base", [-1.0, 0.5, 1.5], 12.0, 2.0, 0.0),

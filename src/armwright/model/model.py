@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from armwright.description.robot import RobotDescription, Source
-from armwright.errors import DescriptionError, ModelError
+from armwright.errors import DescriptionError, ModelError, Problem
 from armwright.lint.feasibility import check_bodies, check_drives, impossible_links
 from armwright.lint.plausibility import implausible_values
 from armwright.model.build import massless, places_of_joints, tree_of
 from armwright.model.changes import changed
-from armwright.model.cylinder_lengths import implausible_lengths
+from armwright.model.cylinder_lengths import implausible_lengths, is_stretched
 from armwright.model.parameter_table import Parameters, parameters_of
 from armwright.model.tree import Tree
 from armwright.spatial import rotated
@@ -154,13 +154,31 @@ def build_model(robot: RobotDescription, *, on_impossible: str = "error") -> Mod
         model: fixed links merged into the bodies that carry them, joints in the order of the file, those that follow others
             without an entry in q.
     Raises:
-        DescriptionError: a link whose mass properties no real body can have.
+        DescriptionError: a link whose mass properties no real body can have, a cylinder that no joint stretches.
     """
     if not isinstance(on_impossible, str) or on_impossible not in ("error", "warn"):
         raise DescriptionError(place="on_impossible", value=on_impossible, expected='"error" or "warn"')
     findings = [*check_bodies(robot, on_impossible), *check_drives(robot)]
     model = assembled(robot)
+    _check_stretched(model)
     findings += implausible_values(robot, places_of_joints(robot, model))
     return dataclasses.replace(
         model, warnings=(*robot.remarks, *map(str, (*findings, *massless(model), *implausible_lengths(model))))
     )
+
+
+def _check_stretched(model: Model) -> None:
+    """Refuses cylinders whose length no joint changes: they do nothing.
+
+    Raises:
+        DescriptionError: there are some.
+    """
+    problems = [
+        Problem(
+            "no joint changes its length", f"cylinder {cylinder.name!r}", expected="anchors that a joint moves apart"
+        )
+        for cylinder in model.cylinders
+        if not is_stretched(model, cylinder)
+    ]
+    if problems:
+        raise DescriptionError.of(*problems)

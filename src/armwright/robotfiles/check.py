@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from armwright.description import RobotDescription, read_description
 from armwright.description.record_of import record_of
-from armwright.errors import Problem
+from armwright.errors import DescriptionError, Problem
 from armwright.lint.feasibility import check_bodies, check_drives, impossible_links
 from armwright.lint.hulls import implausible_shapes
 from armwright.lint.plausibility import implausible_values
@@ -80,11 +80,14 @@ def check(name_or_path: str | os.PathLike[str] | Model | RobotDescription, **rea
         DescriptionError: a file that cannot be read as a record at all.   ModelError: an arm that differs from its description.
     """
     if isinstance(name_or_path, (Model, RobotDescription)):
-        robot, aged = record_of(name_or_path), []
+        robot, aged, file = record_of(name_or_path), [], ""
     else:
-        robot = read_description(name_or_path, **reading)
+        robot, file = read_description(name_or_path, **reading), os.fspath(name_or_path)
         aged = outdated(robot, Path(name_or_path))
-    model = build_model(robot, on_impossible="warn")
+    try:
+        model = build_model(robot, on_impossible="warn")
+    except DescriptionError as error:  # it knows the robot, not the file
+        raise error.within(file=file) from None
     refused = {link.name for link in impossible_links(robot) if link.accept_impossible is None}
     bodies = zip(impossible_links(robot), check_bodies(robot, "warn"), strict=True)
     others = {

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from armwright.description.robot import FixedJoint, Joint, RobotDescription
 from armwright.errors import DescriptionError
+from armwright.model.build import tree_of
+from armwright.model.cylinder_lengths import is_stretched
 from armwright.quantity import Quantity, Record
 from armwright.validation import validated
 
@@ -41,8 +43,14 @@ def chosen(*numbers: Any) -> Quantity:
     return Quantity(value=tuple(values) if len(values) > 1 else values[0], source=CHOSEN)
 
 
-def moving_cylinders(robot: RobotDescription, joints: Sequence[Joint], base: str) -> tuple[Any, ...]:
-    """The cylinders whose two links are there and still move with respect to each other, with these joints and this base."""
+def moving_cylinders(
+    robot: RobotDescription, joints: Sequence[Joint], base: str, held: Mapping[str, float]
+) -> tuple[Any, ...]:
+    """The cylinders whose two links are there and that are still stretched, with these joints and this base.
+
+    Args:
+        robot: the whole arm.   joints: those that are left.   base: theirs.   held: positions of those that move no more.
+    """
     fixed = {joint.child: joint.parent for joint in joints if isinstance(joint, FixedJoint)}
     there = {base, *(joint.child for joint in joints)}
 
@@ -51,7 +59,14 @@ def moving_cylinders(robot: RobotDescription, joints: Sequence[Joint], base: str
             link = fixed[link]
         return link
 
-    return tuple(c for c in robot.cylinders if {c.link_a, c.link_b} <= there and rigid(c.link_a) != rigid(c.link_b))
+    tree = tree_of(robot)
+    return tuple(
+        record
+        for record, cylinder in zip(robot.cylinders, tree.cylinders, strict=True)
+        if {record.link_a, record.link_b} <= there
+        and rigid(record.link_a) != rigid(record.link_b)
+        and is_stretched(tree, cylinder, held)
+    )
 
 
 def check_name(robot: RobotDescription, place: str, name: str, known: Iterable[str]) -> None:

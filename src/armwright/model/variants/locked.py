@@ -56,7 +56,7 @@ def with_locked(robot: RobotDescription, positions: Mapping[str, Any]) -> RobotD
     if moving and all(name in all_positions for name in moving):
         raise DescriptionError("all joints are locked", place="with_locked", expected="one that moves", file=robot.name)
     joints = tuple(_locked(robot, joint, all_positions) for joint in robot.joints)
-    cylinders = moving_cylinders(robot, joints, robot.base)
+    cylinders = moving_cylinders(robot, joints, robot.base, all_positions)
     return replaced(robot, "with_locked", joints=joints, cylinders=cylinders)
 
 

@@ -65,7 +65,7 @@ def subchain(robot: RobotDescription, base: str, tip: str) -> Subchain:
                 expected=f"{mimic.joint!r} locked first, by with_locked",
                 file=robot.name,
             )
-    cylinders = moving_cylinders(robot, joints, base)
+    cylinders = moving_cylinders(robot, joints, base, dict.fromkeys(names, 0.0))
     at = _at_zero(tree_of(robot), base)
     part = replaced(
         robot,
