@@ -46,6 +46,14 @@ def test_every_letter_of_an_equation_is_explained(entry):
     assert "letters   help symbols" in lines(entry.name)
 
 
+def test_the_example_of_gravity_is_the_arms_own():
+    assert "example   gravity = -9.80621" in lines("gravity")
+    session = Session("puma560")
+    session.run("gravity = 1.6")
+    said = [part.text for part in session.run("help gravity") if isinstance(part, Line)]
+    assert "example   gravity = 9.81" in said
+
+
 def test_symbols_are_a_page_that_help_names():
     (sheet,) = sheets("symbols")
     symbols = " ".join(row[0] for row in sheet.rows)

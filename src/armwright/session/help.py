@@ -11,7 +11,7 @@ from typing import Any
 
 from armwright.session.arguments import Argument, same, unknown
 from armwright.session.controllers import gain_names, laws
-from armwright.session.listing import Line, Output, Sheet
+from armwright.session.listing import Line, Output, Sheet, significant
 from armwright.session.variables import TABLE, VARIABLES, Variable
 from armwright.session.workspace import Command, Workspace
 
@@ -132,7 +132,8 @@ def _of_command(command: Command) -> list[Output]:
 def _of_variable(session: Workspace, variable: Variable) -> list[Output]:
     unit = " | ".join(dict.fromkeys(variable.units(session.state.arm)))
     form = "one number" if variable.quantity is None else "one number a joint"
-    example = {"m/s²": "-9.80621", "s": "1 ms"}.get(variable.unit, "0")
+    own = 0.0 - float(session.state.loaded.base.gravity[2])
+    example = {"m/s²": significant(own), "s": "1 ms"}.get(variable.unit, "0")
     return [
         Line(f"{variable.name} [{unit}]", "head"),
         Line(f"{variable.meaning}; {form}"),
