@@ -19,7 +19,7 @@ REFUSED = [
     (("info", "pma560"), "robot = 'pma560': not a built-in arm and not a file; did you mean puma560?"),
     (("info", "nowhere.toml"), "nowhere.toml: no such file"),
     (("simulate", "two-link"), "two-link: no command given; expected one of --schedule FILE and --torque N m,N m"),
-    (("simulate", "two-link", "--torque", "0"), "duration = None: expected a time above 0 [s]"),
+    (("simulate", "two-link", "--torque", "0"), "error: --duration: expected a time above 0 [s]"),
     (
         ("simulate", "lwa4p", "--voltage", "1"),
         "lwa4p --voltage: joint 'joint1' is driven by current; expected --current",
@@ -46,7 +46,7 @@ REFUSED = [
     ),
     ((*SIMULATE, "--q0", "pi/0"), "--q0 of joint 'shoulder' = 'pi/0'"),
     ((*SIMULATE, "--duration", "long"), "Invalid value for '--duration'"),
-    ((*SIMULATE, "--duration", "-1"), "duration = -1.0: expected a time above 0 [s]"),
+    ((*SIMULATE, "--duration", "-1"), "error: --duration = -1.0: expected a time above 0 [s]"),
     ((*SIMULATE, "--duration", "nan"), "duration = nan"),
     ((*SIMULATE, "--step", "0"), "solver.step = 0.0: expected a time above 0 [s]"),
     ((*SIMULATE, "--step", "0.03"), "expected a multiple of solver.step = 0.03 s"),

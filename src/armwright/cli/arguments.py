@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from math import isfinite, nan, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armwright.errors import ScenarioError
+from armwright.errors import ABSENT, ScenarioError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -167,3 +169,22 @@ def refuse_allow(folders: list[Path] | None) -> None:
         raise ScenarioError(
             "goes with a scenario file", place="--allow", value=str(folders[0]), expected=f"FILE{SCENARIO}"
         )
+
+
+@contextmanager
+def naming_options(*names: str) -> Iterator[None]:
+    """Errors about fields of a scenario name the options of the command that gave them: `duration` → `--duration`.
+
+    Raises:
+        ScenarioError: as it was raised, its place an option where it is one of these fields.
+    """
+    try:
+        yield
+    except ScenarioError as error:
+        problems = [
+            replace(each, place=f"--{each.place}", value=ABSENT if each.value is None else each.value)
+            if each.place in names
+            else each
+            for each in error.problems
+        ]
+        raise ScenarioError.of(*problems) from None

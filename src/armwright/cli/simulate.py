@@ -21,6 +21,7 @@ from armwright.cli.arguments import (
     Velocity,
     Voltage,
     commands_of,
+    naming_options,
     option,
     refuse_allow,
     refuse_options,
@@ -102,15 +103,16 @@ def simulate(
         return
     refuse_allow(allow)
     arm = aw.load(robot)
-    scenario = aw.Scenario(
-        arm,
-        duration=duration,
-        command=commands_of(arm, schedule, constants),
-        start=start_of(arm, q0, qd0),
-        solver=aw.Solver(integrator or "rk3", step),
-        recording=aw.Recording(1 if record_every is None else record_every),
-    )
-    _run(scenario, output, plot)
+    with naming_options("duration"):
+        scenario = aw.Scenario(
+            arm,
+            duration=duration,
+            command=commands_of(arm, schedule, constants),
+            start=start_of(arm, q0, qd0),
+            solver=aw.Solver(integrator or "rk3", step),
+            recording=aw.Recording(1 if record_every is None else record_every),
+        )
+        _run(scenario, output, plot)
 
 
 def _run(scenario: Scenario, output: Path | None, plot: Path | None) -> None:

@@ -22,6 +22,7 @@ from armwright.cli.arguments import (
     Velocity,
     Voltage,
     commands_of,
+    naming_options,
     option,
     refuse_allow,
     refuse_options,
@@ -85,14 +86,16 @@ def step_study(
     else:
         refuse_allow(allow)
         arm = aw.load(robot)
-        scenario = aw.Scenario(
-            arm,
-            duration=duration,
-            command=commands_of(arm, schedule, constants),
-            start=start_of(arm, q0, qd0),
-            solver=aw.Solver(integrator or "rk3", step),
-        )
-    with progress(f"trying steps for {scenario.arm.name}"):
+        with naming_options("duration"):
+            scenario = aw.Scenario(
+                arm,
+                duration=duration,
+                command=commands_of(arm, schedule, constants),
+                start=start_of(arm, q0, qd0),
+                solver=aw.Solver(integrator or "rk3", step),
+            )
+    named = () if robot.endswith(SCENARIO) else ("duration",)
+    with naming_options(*named), progress(f"trying steps for {scenario.arm.name}"):
         start = time.perf_counter()
         study = aw.step_study(scenario, steps=steps, accuracies=_accuracies(accuracy))
         spent = time.perf_counter() - start
