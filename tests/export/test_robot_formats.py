@@ -7,7 +7,8 @@ import pytest
 
 import armwright as aw
 from armwright.description import builtin_names, read_description
-from armwright.description.robot import MovingJoint, RevoluteJoint, RobotDescription
+from armwright.description.database import parse
+from armwright.description.robot import MovingJoint, PrismaticJoint, RevoluteJoint, RobotDescription
 from armwright.description.urdf import read_urdf
 from armwright.description.writer import write_toml
 from armwright.errors import OutputError
@@ -15,6 +16,7 @@ from armwright.export.mjcf import write_mjcf
 from armwright.export.urdf import write_urdf
 from armwright.model import Model, build_model
 from description.urdf_files import INERTIAL, one_joint, written
+from physics.arms import workshop
 from reference.random_trees import random_description
 
 TOLERANCE = 1e-9
@@ -231,6 +233,21 @@ def test_unknown_limits_are_not_written_as_zero(tmp_path, known):
     assert set(model.velocityLimit) == {3.0 if "velocity_rad_per_s" in known else 1e9}
 
 
+@pytest.mark.parametrize("drive", [True, False])
+def test_a_slide_without_limits_comes_back_without(tmp_path, drive):
+    description = parse(workshop(), "workshop")
+    joints = tuple(
+        joint.replace(limits=joint.limits.replace(position_m=None)) if isinstance(joint, PrismaticJoint) else joint
+        for joint in description.joints
+    )
+    told = write_urdf(description.replace(joints=joints), tmp_path / "arm.urdf", drive=drive)
+    assert any(sentence.startswith("position limits, which are not known (written as ±1e+09 m)") for sentence in told)
+    slides = [j for j in read_urdf(tmp_path / "arm.urdf").joints if isinstance(j, PrismaticJoint)]
+    assert slides
+    assert all(joint.limits.position_m is None for joint in slides)
+    assert any("read as unknown" in warning for warning in aw.load(tmp_path / "arm.urdf").warnings)
+
+
 def test_the_drive_file_keeps_what_no_other_format_knows(tmp_path):
     """A gear that gives way, stops, a current loop, accelerations: in the drive file, and listed as lost in the others."""
     description = read_description("lwa4p")
@@ -245,9 +262,14 @@ def test_the_drive_file_keeps_what_no_other_format_knows(tmp_path):
     )
     description = description.replace(joints=(changed, *others))
     losses = write_urdf(description, tmp_path / "arm.urdf"), write_mjcf(description, tmp_path / "arm.xml")
-    for told in losses:
+    for told, kept in zip(losses, (" (kept in arm.drive.toml)", ""), strict=True):
         for what in ("elasticity", "current_loop_hz of the motor", "acceleration limits"):
-            assert f"{what}: joint joint1" in told
+            assert f"{what}: joint joint1{kept}" in told
+        assert any(
+            sentence.startswith("commands other than torque") and sentence.endswith(f"joint6{kept}")
+            for sentence in told
+        )
+        assert not any("kept" in sentence for sentence in told if "sources" in sentence or "Denavit" in sentence)
         assert not any("coupling" in sentence or "stops" in sentence for sentence in told)
     again = read_urdf(tmp_path / "arm.urdf").joints[0]
     assert isinstance(again, RevoluteJoint)

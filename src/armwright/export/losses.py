@@ -32,8 +32,12 @@ class Losses:
 EFFECTS = ("current_loop_hz", "pwm", "thermal", "cogging", "coupling")
 
 
-def of_all_formats(robot: RobotDescription) -> list[str]:
-    """Properties for which neither URDF nor MJCF has a place."""
+def of_all_formats(robot: RobotDescription, kept: str = "") -> list[str]:
+    """Properties for which neither URDF nor MJCF has a place.
+
+    Args:
+        robot: the description.   kept: what is said behind those that a drive file keeps.
+    """
     moving = [joint for joint in robot.joints if not isinstance(joint, FixedJoint)]
     motors = [(joint.name, joint.motor) for joint in moving if joint.motor is not None]
     electric = [name for name, motor in motors if motor.torque_constant_n_m_per_a is not None]
@@ -51,7 +55,7 @@ def of_all_formats(robot: RobotDescription) -> list[str]:
         part: [joint.name for joint in moving if getattr(joint, part) is not None] for part in PARTS if part != "spring"
     }
     within = {key: [name for name, motor in motors if getattr(motor, key) not in (None, ())] for key in EFFECTS}
-    sentences = [
+    of_drives = [
         loss_of("electrical constants", electric),
         loss_of("gear efficiency", lossy),
         loss_of("voltage and current limits", supply),
@@ -60,13 +64,15 @@ def of_all_formats(robot: RobotDescription) -> list[str]:
         *(loss_of(f"{key} of the motor", names) for key, names in within.items()),
         "supply" if robot.supply is not None else "",
         loss_of("commands other than torque", driven),
+    ]
+    others = [
         loss_of("Denavit-Hartenberg rows (frames are written instead)", dh),
         loss_of("the reasons why impossible inertias are accepted", accepted, "link"),
         f"the sources of {len(numbers)} numbers",
         f"{spread} standard deviations" if spread else "",
         "title and notes" if robot.title or robot.notes else "",
     ]
-    return [sentence for sentence in sentences if sentence]
+    return [*(f"{sentence}{kept}" for sentence in of_drives if sentence), *filter(None, others)]
 
 
 def _acceleration(limits: RotaryLimits | LinearLimits) -> Quantity | None:

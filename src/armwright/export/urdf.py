@@ -23,8 +23,6 @@ from armwright.solids.shapes import Box, Cylinder, Sphere
 from armwright.solids.visual import Visual
 from armwright.spatial import Placement, roll_pitch_yaw
 
-FAR = 1e6  # [m]; a slide must have position limits in a URDF
-
 
 def write_urdf(arm: Arm | RobotDescription, path: str | os.PathLike[str], *, drive: bool = True) -> list[str]:
     """Writes a URDF, and beside NAME.urdf the drive file NAME.drive.toml, from which `read_urdf` has the dynamics again.
@@ -53,7 +51,7 @@ def write_urdf(arm: Arm | RobotDescription, path: str | os.PathLike[str], *, dri
     gravity = [f"gravity{kept}"] if description.gravity_m_s2 is not None else []
     friction = [f"{sentence}{kept}" for sentence in of_friction(description)]
     springs = [f"{sentence}{kept}" for sentence in spring_losses(description)]
-    return [*motors, *gravity, *friction, *springs, *of_all_formats(description), *losses.sentences()]
+    return [*motors, *gravity, *friction, *springs, *of_all_formats(description, kept), *losses.sentences()]
 
 
 def urdf_text(description: RobotDescription, path: Path, losses: Losses) -> str:
@@ -146,8 +144,8 @@ def _limits(joint: Any, losses: Losses) -> dict[str, str]:
     if position is not None:
         written |= dict(zip(("lower", "upper"), (repr(v) for v in np.array(position).tolist()), strict=True))
     elif slides:
-        losses.add(f"position limits, which are not known (written as ±{FAR:g} m)", joint.name)
-        written |= {"lower": repr(-FAR), "upper": repr(FAR)}
+        losses.add(f"position limits, which are not known (written as ±{LARGEST:g} m)", joint.name)
+        written |= {"lower": repr(-LARGEST), "upper": repr(LARGEST)}
     for name, value in (("effort", effort), ("velocity", velocity)):
         if value is not None:
             written[name] = repr(float(value))

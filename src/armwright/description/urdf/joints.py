@@ -100,7 +100,9 @@ def _limits(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]:
     limits: dict[str, Any] = {}
     lower, upper = (_limit(limit, side) for side in ("lower", "upper"))
     if kind != "continuous":
-        if lower is not None and upper is not None and lower < upper:
+        if lower is not None and upper is not None and lower <= -LARGEST and upper >= LARGEST:
+            reading.remark("joint", name, f"position limits of {LARGEST:g} or more either way: read as unknown")
+        elif lower is not None and upper is not None and lower < upper:
             limits[f"position_{unit}"] = [lower, upper]
         elif lower is not None and upper is not None and lower > upper:
             raise limit.error(place=f"joint {name!r} lower", value=lower, expected=f"a number below upper = {upper:g}")
