@@ -99,8 +99,9 @@ def _finite(values: np.ndarray) -> np.ndarray:
 
 
 def _steps(limit: Any, step: Any) -> Any:
-    """Number of steps within a limit."""
-    return np.floor(limit / step + WHOLE)
+    """Number of steps within a limit; infinite for steps that are next to nothing."""
+    with np.errstate(over="ignore"):
+        return np.floor(limit / step + WHOLE)
 
 
 def command_stages(n: int, period: float, command_filter: CommandFilter, delays: Delays) -> list[Stage]:
