@@ -37,7 +37,9 @@ def check_destination(path: str | os.PathLike[str], endings: Sequence[str] = ())
         raise OutputError(what, file=path, expected=f"{', '.join(endings[:-1])} or {endings[-1]}")
     what = expected = ""
     with _as_output_error(path):
-        if path.is_dir():
+        if "\0" in str(path):
+            what = "no file has such a name"
+        elif path.is_dir():
             what, expected = "is a folder", "the name of a file"
         elif not path.parent.is_dir():
             what = f"there is no folder {str(path.parent)!r} to write it in"
