@@ -53,7 +53,7 @@ class Varied:
         """
         if arm.description is None:
             raise ModelError("this model was not made from a description", place="vary", file=arm.name)
-        if isinstance(names, str) or not all(isinstance(name, str) for name in names):
+        if isinstance(names, (str, memoryview)) or not all(isinstance(name, str) for name in names):
             raise ModelError(place="vary", value=names, expected="a list of names of parameters")
         self.arm, self._record = arm, arm.description
         self._cylinders = {cylinder.name for cylinder in arm.description.cylinders}

@@ -15,6 +15,7 @@ from armwright.spatial import Placement, rotation_x, rotation_z
 
 PARTNER = {"m": "f", "f": "m", "n": "n"}
 STEP = 1e-6  # [rad] within which an angle is taken for a step: π/2 in a file has 7 digits or more
+MOST_STEPS = 1e9  # of an angle; beyond, floats tell no steps apart
 MEETING = Placement(rotation_x(HALF_TURN), np.zeros(3))  # one face in the other, at the angle 0
 
 
@@ -115,8 +116,9 @@ def _angle(instance: Instance, carrier: Connector, connector: Connector) -> floa
             return 0.0
         raise DescriptionError("missing", place=place, expected=f"a multiple of 2π/{steps} rad")
     angle = float(instance.placed.angle_rad)
-    count = round(angle * steps / (2 * pi))
-    if abs(angle * steps / (2 * pi) - count) * 2 * pi / steps > STEP:
+    turned = angle * steps / (2 * pi)
+    count = round(turned) if abs(turned) < MOST_STEPS else 0
+    if abs(turned - count) * 2 * pi / steps > STEP:
         expected = f"a multiple of 2π/{steps} = {2 * pi / steps:.7g} rad"
         what = f"no step of {instance.placed.on!r} and '{instance.name}.{connector.name}'"
         raise DescriptionError(what, place=place, value=angle, expected=expected)
