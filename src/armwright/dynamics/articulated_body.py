@@ -36,7 +36,7 @@ def articulated_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Arra
         qdd: (n,) [rad/s² | m/s²]; not finite where the mass matrix is singular.
     Raises:
         ModelError: a wrench on an arm that branches and names no tip; joints that follow others, coupled motors and gears with
-            loss, all of which move together however far apart they are.
+            loss, whose accelerations depend on each other all at once.
     """
     lossy = any(loses_power(body) for body in model.coordinates)
     for met, what in (

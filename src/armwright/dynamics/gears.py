@@ -92,7 +92,7 @@ class Gear:
 def lossy_gears(
     model: Model, torques: Array, losses: Sequence[GearLoss | None]
 ) -> tuple[Model, np.ndarray, list[Gear]]:
-    """What an arm's motors do, apart by whether the rotor's acceleration counts in the loss.
+    """Torques of an arm's motors, divided into those that its rotors' accelerations change in the gear and the others.
 
     Args:
         model: the arm.   torques: (n,) tau - f_m(w) of the motors [N m | N].   losses: of their gears.
@@ -181,7 +181,7 @@ def linearised(mass: Array, bias: Array, gears: Sequence[Gear], qdd: Array) -> t
 
 
 def _newton_step(qdd: Array, steps: Scalar, mass: Array, bias: Array, gears: Sequence[Gear]) -> np.ndarray:
-    """Where Newton's method goes on from q̈ after so many steps, and their number then (n + 1,).
+    """Accelerations after one more of Newton's steps from q̈, and the number of steps then (n + 1,).
 
     Both stay where every gear keeps its line on the way: `linearised` at q̈ then has the solution.
     """
@@ -233,6 +233,6 @@ def _narrowed(bracket: tuple[Scalar, ...], part: Scalar, value: Scalar) -> tuple
 
 
 def _secant(bracket: tuple[Scalar, ...], falling: Scalar) -> Scalar:
-    """Where the line between a bracket's ends is 0; of no meaning where the function falls all the way."""
+    """Part of the way at which the line between a bracket's ends is 0; of no meaning where the function falls all the way."""
     low, high, at_low, at_high = bracket
     return (low * at_high - high * at_low) / scalar.where(falling, 1.0, at_high - at_low)

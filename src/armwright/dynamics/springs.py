@@ -53,8 +53,8 @@ def _add_cylinder(s: np.ndarray, model: Model, cylinder: Cylinder, motion: list[
             point = arms[i] + motion[i].position
         ends.append(point)
         levers.append(arms)
-    apart = ends[1] - ends[0]
-    push = _force_over_length(cylinder, scalar.sqrt(apart @ apart)) * apart  # on the second end
+    line = ends[1] - ends[0]
+    push = _force_over_length(cylinder, scalar.sqrt(line @ line)) * line  # on the second end
     for arms, path, force in zip(levers, paths, (-push, push), strict=True):
         for k, i in enumerate(path[common:]):
             axis = model.bodies[i].placement.rotation[:, 2]
