@@ -83,7 +83,7 @@ def test_the_reference_of_scenario_files_tells_what_each_key_takes(monkeypatch: 
     assert takes["substeps"] == (whole, "default `1`")
     assert takes["seed"][0] == f"{whole}, 0 or more"
     assert takes["every"] == (f"{whole}, 0 or more", "default `1`")
-    assert takes["max_steps"] == (whole, "")
+    assert takes["max_substeps"] == (whole, "")
     assert takes["reduce"] == (texts, "")
     assert takes["duration_s"] == takes["rtol"] == takes["cutoff_hz"] == ("a number", "")
     assert takes["jitter_s"] == ("a number", "default `0.0`")

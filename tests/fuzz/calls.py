@@ -36,7 +36,7 @@ OBJECTS: dict[str, dict[str, Any]] = {  # classes and their good arguments
     "Sine": {"centre": ZERO, "amplitude": POSE, "frequency_hz": 1.0, "phase": 0.0},
     "Step": {"start": ZERO, "goal": POSE, "time": 0.0},
     "Signal": {"name": "x", "units": ["m", "m"], "shape": [2], "labels": ["a", "b"]},
-    "Solver": {"integrator": "rk3", "step": 1e-3, "substeps": 1, "rtol": 1e-6, "atol": 1e-9, "max_steps": 100},
+    "Solver": {"integrator": "rk3", "step": 1e-3, "substeps": 1, "rtol": 1e-6, "atol": 1e-9, "max_substeps": 100},
     "Start": {"q": POSE, "qd": ZERO},
     "Recording": {"every": 1, "what": "all", "reduce": []},
     "Inputs": {"wrench": [0, 0, 1, 0, 0, 0], "brake": None, "payload": None},

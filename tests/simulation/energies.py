@@ -15,7 +15,8 @@ from armwright.program import trace
 from armwright.signals import Layout
 from armwright.simulation.integrate.exponential import Split
 from armwright.simulation.integrate.integrators import INTEGRATORS
-from armwright.simulation.integrate.stepping import Adaptivity, adaptive_stage, speed_pairs
+from armwright.simulation.integrate.step_control import Allowed
+from armwright.simulation.integrate.stepping import Adaptivity, adaptive_stage, dormand_prince_trial, speed_pairs
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
 from armwright.simulation.plant.switching import Watched, switching_programs
@@ -61,9 +62,13 @@ class Balance:
             return scalar.array([*plant.settled(moved[:size]), *moved[size:]])
 
         if tolerance is not None:
-            adaptivity, switching = Adaptivity(tolerance, 0.1 * tolerance, 10**5), watched if contacts else None
+            adaptivity, switching = (
+                Adaptivity(Allowed(tolerance, 0.1 * tolerance), 10**5),
+                watched if contacts else None,
+            )
             derivative = lambda *given: slopes(*given)[0]  # noqa: E731
-            stage = adaptive_stage(derivative, shapes, adaptivity, Layout(), watched=switching)
+            trial = dormand_prince_trial(derivative, {**shapes, **held})
+            stage = adaptive_stage(trial, shapes, adaptivity, Layout(), watched=switching)
         elif landing:
             landing_programs = switching_programs(watched if contacts else None, shapes)
             stage = Integrate(trace("step", step, {**shapes, **held, "h": ()}, ("x_next",)), **landing_programs)

@@ -14,11 +14,13 @@ from armwright.kernels.loop import Loop
 from armwright.kernels.target import select_target
 from armwright.simulation.integrate import dormand_prince
 from armwright.simulation.integrate.cvodes import Cvodes
-from armwright.simulation.integrate.dormand_prince import along, trial_step
+from armwright.simulation.integrate.dormand_prince import ORDER, along, dormand_prince_step
+from armwright.simulation.integrate.step_control import GROW, SHRINK, Allowed, growth
 from armwright.simulation.integrate.stepping import (
     Adaptivity,
     adaptive_stage,
     begin_adaptive,
+    dormand_prince_trial,
     speed_pairs,
 )
 from armwright.simulation.plant.plant import Plant, plant_derivative
@@ -47,15 +49,17 @@ def test_a_step_has_order_five_and_its_path_order_four():
     u, x = np.array([0.3]), np.array([1.0, -0.5])
     ends, middles = [], []
     for h in (0.4, 0.2, 0.1):
-        new, error, grow, path = trial_step(pendulum, x, u, h, 1e-6, 1e-6)
+        new, error, path = dormand_prince_step(pendulum, x, u, h)
+        share = Allowed(1e-6, 1e-6).share(x, new, error)
+        grow = growth(share, ORDER)
         exact = solve_ivp(
             lambda t, x: pendulum(x, u), (0, h), x, "DOP853", rtol=1e-13, atol=1e-15, t_eval=[0.37 * h, h]
         ).y
         ends.append(np.abs(np.asarray(new, float) - exact[:, 1]).max())
         middles.append(np.abs(np.asarray(along(x, path, 0.37), float) - exact[:, 0]).max())
         np.testing.assert_allclose(np.asarray(along(x, path, 1.0), float), np.asarray(new, float), atol=1e-15)
-        assert dormand_prince.SHRINK <= float(grow) <= dormand_prince.GROW
-        assert float(error) > 0
+        assert SHRINK <= float(grow) <= GROW
+        assert float(share) > 0
     assert np.all(np.log2(np.array(ends[:-1]) / ends[1:]) > 5.7), ends  # one step: an order more
     assert np.all(np.log2(np.array(middles[:-1]) / middles[1:]) > 4.6), middles
 
@@ -193,21 +197,21 @@ def test_a_lane_without_enough_steps_is_frozen_and_marked_and_the_others_go_on()
     run = aw.simulate(
         aw.Scenario(
             model, duration=0.1, command=aw.Batch([[0.0], [6.0]]), start=aw.Start(qd=aw.Batch([[0.0], [30.0]])),
-            solver=aw.Solver(step=0.02, integrator="rk45", rtol=1e-9, max_steps=2),
+            solver=aw.Solver(step=0.02, integrator="rk45", rtol=1e-9, max_substeps=2),
         )
     )  # fmt: skip
     assert np.isnan(run.stalled_at.values[0])
     assert run.stalled_at.values[1] == 0.0
     assert np.isnan(run.diverged_at.values).all()
     assert run.steps_tried.values[1] == 2
-    with pytest.raises(DivergenceError, match=r"ran out of steps in the tick at t = 0 s.*max_steps"):
+    with pytest.raises(DivergenceError, match=r"ran out of substeps.* in the tick at t = 0 s.*max_substeps"):
         aw.simulate(
             aw.Scenario(
                 model,
                 duration=0.1,
                 command=[6.0],
                 start=aw.Start(qd=[30.0]),
-                solver=aw.Solver(step=0.02, integrator="rk45", max_steps=2),
+                solver=aw.Solver(step=0.02, integrator="rk45", max_substeps=2),
             )
         )
 
@@ -217,7 +221,7 @@ def test_a_lane_that_diverges_is_told_apart():
         aw.Scenario(
             motor_alone(), duration=0.01, command=[1.0],
             start=aw.Start(aw.Batch([[1e308], [0.0]]), aw.Batch([[1e308], [0.0]])),
-            solver=aw.Solver(integrator="rk45", max_steps=20),
+            solver=aw.Solver(integrator="rk45", max_substeps=20),
         )
     )  # fmt: skip
     assert run.diverged_at.values[0] == 0.0
@@ -280,15 +284,17 @@ def test_a_drive_with_windings_bristles_and_a_spring_is_followed():
     model = pendulum_arm(motor={**MOTOR, "inductance_h": 1e-3}, elasticity=ELASTIC, friction=LUGRE)
     plant = Plant.of(model)
     shapes = {"x": (plant.size,), "u": (1,)}
-    chosen = Adaptivity(1e-8, 1e-10, 1000, (("there", lambda t, x: x.motor_q[0] - 6.0),))
-    loop = Loop((adaptive_stage(plant.derivative, shapes, chosen, plant.layout),), select_target())
+    chosen = Adaptivity(Allowed(1e-8, 1e-10), 1000, (("there", lambda t, x: x.motor_q[0] - 6.0),))
+    loop = Loop(
+        (adaptive_stage(dormand_prince_trial(plant.derivative, shapes), shapes, chosen, plant.layout),), select_target()
+    )
     lanes, x0, u = loop.lanes(1), plant.initial([0.1], [0.0])[None], np.array([12.0])
     lanes.set("x", x0)
     lanes.set("u", u)
     begin_adaptive(lanes, chosen, plant.layout, x0)
     loop.run(lanes, 1e-2, (0, 5))
     for stiff in (True, False):
-        solver = Cvodes(plant.derivative, shapes, Adaptivity(1e-12, 1e-13, 0), stiff)
+        solver = Cvodes(plant.derivative, shapes, Adaptivity(Allowed(1e-12, 1e-13), 0), stiff)
         expected = solver.after(x0[0], u, np.zeros(0), 1e-2, 5)
         assert expected is not None
         np.testing.assert_allclose(lanes.get("x")[0], expected[-1], rtol=1e-6, atol=1e-9)

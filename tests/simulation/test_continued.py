@@ -28,7 +28,7 @@ WITHOUT_BITS = [name for name in RUNS if "cvodes" in name]  # a multistep solver
 def halved(name):
     """A reference run, the ticks of its first half, and the ticks of its second."""
     scenario = RUNS[name]()
-    every = scenario.recording.every or scenario.ticks
+    every = scenario.every or scenario.ticks
     first = scenario.ticks // every // 2 * every
     return scenario, first, scenario.ticks - first
 

@@ -81,7 +81,7 @@ def step_study(
         refuse_options(robot, {**options, "q0": q0, "qd0": qd0})
         scenario = aw.read_scenario(robot, allow=allow or ())
         if integrator is not None:
-            solver = replace(scenario.solver, integrator=integrator, rtol=None, atol=None, max_steps=None)
+            solver = replace(scenario.solver, integrator=integrator, rtol=None, atol=None, max_substeps=None)
             scenario = replace(scenario, solver=solver)
     else:
         refuse_allow(allow)

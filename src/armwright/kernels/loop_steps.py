@@ -10,6 +10,7 @@ import sys
 from armwright.kernels.loop_blocks import BlockPrinter
 from armwright.kernels.machine import Value
 from armwright.kernels.stages import HALVINGS, NEXT, SECANTS, SEEN, SINCE, SWITCHES, Adapt, Integrate
+from armwright.program import Program
 
 NEARLY = 1.01  # a step that would leave less than a hundredth of itself to the edge goes on to it
 LOST = 0.1  # how much shorter the next trial is where the state is infinite or NaN
@@ -127,6 +128,7 @@ class StepPrinter(BlockPrinter):
             cut_short = self._cut(stage, label, fine, s, "true")
             s, ends = self._load("h"), m.both(ends, m.inverse(cut_short))
         error, grow = self._load("error"), self._load("grow")
+        self._follow(stage.trial, active)
         good = m.both(active, m.le(error, one))
         then = m.select(ends, edge, m.add(now, s))
         crossed = None
@@ -143,7 +145,11 @@ class StepPrinter(BlockPrinter):
         if crossed is not None:
             following = m.select(crossed, wanted, following)
         self._store("h_try", 0, m.select(active, following, wanted))
-        self._store("rejected", 0, m.truth(m.both(active, m.inverse(m.le(error, one)))))
+        rejected = m.truth(m.both(active, m.inverse(m.le(error, one))))
+        self._store("rejected", 0, rejected)
+        self._store("repeats", 0, m.add(self._load("repeats"), rejected))
+        largest = self._load("largest")
+        self._store("largest", 0, m.select(m.both(good, m.lt(largest, error)), error, largest))
         tried = m.add(self._load("tried"), m.truth(active))
         self._store("tried", 0, tried)
         self._store("trials", 0, m.add(self._load("trials"), m.truth(active)))
@@ -155,10 +161,21 @@ class StepPrinter(BlockPrinter):
         over = m.both(waits, m.le(m.constant(float(stage.most)), tried))
         self._store("frozen", 0, m.select(over, self._splat("%tick"), self._load("frozen")))
         self._store("stalled", 0, m.add(self._load("stalled"), m.truth(m.both(over, measured))))
+        if "worst" in self.sizes:
+            self._store("stalled_by", 0, m.select(over, self._load("worst"), self._load("stalled_by")))
         again = m.any(m.both(waits, m.inverse(over)))
         m.branch(again, f"{label}.trial", f"{label}.reached")
         m.begin(f"{label}.reached")
         self._end_segment(stage, label, t, edge)
+
+    def _follow(self, trial: Program, active: Value) -> None:
+        """What a trial computes beside the state for the next ones, in the lanes that made it."""
+        for port in trial.outputs:
+            block = port.name.removesuffix(NEXT)
+            if block not in (port.name, "x"):
+                for k in range(port.size):
+                    after, before = self._load(port.name, k), self._load(block, k)
+                    self._store(block, k, self.m.select(active, after, before))
 
     def _find_events(
         self, stage: Adapt, label: str, now: Value, then: Value, active: Value, good: Value

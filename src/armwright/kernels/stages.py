@@ -28,8 +28,10 @@ lane in tick k of h seconds, with `b` the dict of its blocks:
 Both end a step at every change. With a plan, the command in force is chosen among several planned ones: entry s of block
 "u_plan" from "u_from"[s - 1] seconds on. A lane whose state leaves the finite numbers keeps its last finite one, and block
 "frozen" says in which tick it happened, -1 before. So does one that takes more than `most` trials in one tick; block
-"stalled" is then 1. With events, a step of `Adapt` in which one happens is halved along its path `HALVINGS` times to find
-when, taken again to just behind it, and noted: "event_first" the first time [s], "event_count" how often.
+"stalled" is then 1, and "stalled_by" the entry with the largest error. "trials" counts them, "repeats" those that were too
+long, and "largest" is the largest error of a step that was taken. With events, a step of `Adapt` in which one happens is
+halved along its path `HALVINGS` times to find when, taken again to just behind it, and noted: "event_first" the first time
+[s], "event_count" how often.
 
 Where something may switch within steps, each substep of s seconds of `Integrate` is, in NumPy,
 
@@ -61,7 +63,7 @@ CURSOR = (
     "end",
 )  # of a lane's schedule: when its next row comes, which it is, the one behind its last
 NEVER = 2.0**62  # a tick that does not come
-ADAPTING = ("h_try", "tried", "rejected", "trials", "stalled")  # of a lane that chooses its steps
+ADAPTING = ("h_try", "tried", "rejected", "trials", "repeats", "largest", "stalled")  # of a lane that chooses its steps
 HALVINGS = 40  # of the step in which an event lies: 1e-12 of it are left
 SWITCHES = 8  # places in one substep where something switches; the rest is then one step
 SECANTS = 10  # of a substep, to find one: enough where the state bends by as much as it moves
@@ -229,7 +231,9 @@ def _uses(stage: Stage) -> tuple[set[str], set[str]]:
     reads = ({port.name for port in stage.step.inputs} | {"frozen"}) - inside
     writes = {"x", "frozen"}
     if isinstance(stage, Adapt):
-        adaptive = {"h_try", "trials", "stalled"} | ({"side", "event_first", "event_count"} if stage.events else set())
+        adaptive = {"h_try", "trials", "repeats", "largest", "stalled"}
+        adaptive |= {"side", "event_first", "event_count"} if stage.events else set()
+        adaptive |= {port.name.removesuffix(NEXT) for port in stage.trial.outputs if port.name.endswith(NEXT)}
         reads, writes = reads | adaptive, writes | adaptive
     if stage.planned:
         reads, writes = reads | {"u_plan", "u_from"}, writes | {"u"}
@@ -257,6 +261,8 @@ def block_sizes(stages: tuple[Stage, ...]) -> dict[str, int]:
             add(SINCE, 1)
             for name in ADAPTING if isinstance(stage, Adapt) else ():
                 add(name, 1)
+            if any(port.name == "worst" for port in stage.step.outputs):
+                add("stalled_by", 1)
             events = stage.events if isinstance(stage, Adapt) else ()
             for port in (port for p in (*events, *stage.switching) for port in (*p.inputs, *p.outputs)):
                 add(port.name, port.size)

@@ -117,7 +117,10 @@ def _parts(table: ScenarioTable, arm: Model, files: Files) -> dict[str, dict[str
     parts: dict[str, dict[str, Any]] = {
         "start": {"q": _joints("start.q", start.q, arm), "qd": _joints("start.qd", start.qd, arm)},
         "solver": _without_units(table.solver),
-        "recording": {**recording.model_dump(), "reference": _reference("recording", recording.reference, arm, files)},
+        "recording": {
+            **_without_units(recording),
+            "reference": _reference("recording", recording.reference, arm, files),
+        },
         "inputs": {
             "wrench": _wrench(inputs.wrench, files),
             "brake": _brake(inputs.brake, arm, files),

@@ -184,20 +184,35 @@ class InputsTable(Record):
 class SolverTable(Record):
     """Integrator and its steps; see `armwright.Solver`."""
 
-    integrator: str = Field(default="rk3", description="rk3, rk4, semi_implicit_euler, rk45 or cvodes.")
-    step_s: Number | None = Field(default=None, description="Absent: period_s / substeps in a loop, else 1e-3.")
-    substeps: Whole = Field(default=1, description="Integration steps in a period of the loop.")
+    integrator: str = Field(
+        default="rk3", description="auto, or with a fixed step rk3, rk4, semi_implicit_euler; rk45; cvodes."
+    )
+    accuracy: Number | None = Field(
+        default=None, description="Of auto: how wrong a run may be, in parts of each quantity's range; absent: 1e-3."
+    )
+    step_s: Number | None = Field(
+        default=None,
+        description="Of a fixed step; absent: period_s / substeps in a loop, else 1e-3. With auto: by rk3.",
+    )
+    substeps: Whole | None = Field(default=None, description="Fixed steps in a period of the loop. With auto: by rk3.")
     rtol: Number | None = Field(default=None, description="Relative tolerance of rk45 and cvodes.")
     atol: Number | None = Field(
         default=None, description="Absolute tolerance of rk45 and cvodes, in each state's unit."
     )
-    max_steps: Whole | None = Field(default=None, description="Of rk45 in one tick; a lane that needs more is frozen.")
+    max_substeps: Whole | None = Field(
+        default=None, description="Of auto and rk45 in one tick, absent: 1000; a lane that needs more is frozen."
+    )
 
 
 class RecordingTable(Record):
     """Rows and numbers that a run keeps; see `armwright.Recording`."""
 
-    every: Whole = Field(default=1, ge=0, description="Ticks from one row to the next; 0: the first and the last only.")
+    period_s: Number | None = Field(
+        default=None, description="From row to row; absent: 1e-3 with auto steps and nothing sampled, else `every`."
+    )
+    every: Whole | None = Field(
+        default=None, ge=0, description="Ticks from one row to the next, absent: 1; 0: the first and the last only."
+    )
     what: Literal["all", "state", "none"] = Field(default="all", description="All, q and qd alone, or no rows at all.")
     reduce: tuple[str, ...] = Field(default=(), description="Numbers computed while the loop runs, such as rms_error.")
     reference: Kind | None = Field(

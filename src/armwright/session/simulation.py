@@ -169,7 +169,7 @@ def _run(
     try:
         return aw.simulate(scenario, progress=progress), steps
     except KeyboardInterrupt:
-        part = ticks_done * (1 if scenario.controller is None else scenario.solver.substeps)
+        part = ticks_done * (1 if scenario.controller is None else scenario.substeps)
         part -= part % (arguments["every"] or 1)
         if session.ask is None or not 0 < part < steps:
             raise

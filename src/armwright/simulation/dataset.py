@@ -17,7 +17,7 @@ from armwright.results.reducers import Ends, reducer
 from armwright.signals import Signal
 from armwright.simulation.batch_runner import Finished
 from armwright.simulation.inputs.input_schedule import values_at_ticks
-from armwright.simulation.integrate.stepping import LaneStatus
+from armwright.simulation.integrate.lane_status import LaneStatus
 from armwright.simulation.loop.config import LoopConfig
 from armwright.simulation.loop.tick import USUAL
 from armwright.simulation.loop_runner import LoopRunner
@@ -86,7 +86,7 @@ def _parts(simulation: LoopRunner, rows: np.ndarray) -> dict[str, np.ndarray]:
 def run_dataset(simulation: LoopRunner, recorded: Recorded) -> xarray.Dataset:
     """The dataset of a run."""
     scenario, arm, finished = simulation.scenario, simulation.arm, recorded.finished
-    attrs: dict[str, Any] = {"integrator": scenario.solver.integrator, "step_s": scenario.integration_step}
+    attrs: dict[str, Any] = {"integrator": scenario.solver.rule, "step_s": scenario.integration_step}
     if scenario.sampled:
         attrs["sample_period_s"] = simulation.period
         why = simulation.untraced
@@ -102,7 +102,8 @@ def run_dataset(simulation: LoopRunner, recorded: Recorded) -> xarray.Dataset:
     if finished.ticks == recorded.ticks and simulation.reduction is not None:
         _reduced(simulation, dataset, recorded)
     status = recorded.status.of_lanes(finished.lanes)
-    status.add_to(dataset, simulation.period, scenario.solver.adaptivity, scenario.lane_count is None)
+    single, entries = scenario.lane_count is None, simulation.state_entries
+    status.add_to(dataset, simulation.period, scenario.solver.adaptivity, entries, single)
     return dataset
 
 

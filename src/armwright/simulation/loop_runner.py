@@ -82,7 +82,7 @@ class LoopRunner:
         self.rows = {name: landing_rows(schedule, self.period) for name, schedule in self.inputs.items()}
         if self.reference is not None and self.reference.rows is not None:
             self.rows["r"] = landing_rows(self.reference.rows, self.period)
-        self._solver = self._cvodes() if scenario.solver.integrator == "cvodes" else None
+        self._solver = self._cvodes() if scenario.solver.rule == "cvodes" else None
         called = self.untraced is not None and scenario.controller is not None
         self._in_python = PythonController(self.controller, self.arm, self.period) if called else None
         self._keep = self._kept_blocks()
@@ -97,9 +97,9 @@ class LoopRunner:
 
     def _check_step(self, loop: CompiledLoop | None) -> None:
         """Refuses an arm that cannot move, and a step that is too large for one that can."""
-        scenario, arm, name = self.scenario, self.arm, self.scenario.solver.integrator
+        scenario, arm, name = self.scenario, self.arm, self.scenario.solver.rule
         check_inertia(arm, scenario.initial_state[0, : arm.n])
-        if name not in INTEGRATORS:
+        if name not in INTEGRATORS:  # a step that is too long is taken again
             return
         limit = StepLimit(arm) if loop is None else loop.step_limit
         commands = full_voltage(arm)[None] if scenario.sampled else all_rows(scenario.commands)
@@ -146,9 +146,9 @@ class LoopRunner:
         config = LoopConfig(
             self.arm,
             scenario.varied,
-            scenario.solver.integrator,
+            scenario.solver.rule,
             scenario.solver.adaptivity,
-            scenario.solver.substeps if scenario.sampled else 1,
+            scenario.substeps if scenario.sampled else 1,
             inputs={name: all_rows(schedule).shape[1] for name, schedule in scenario.input_schedules.items()},
             payload_frames=scenario.payload_frames,
             recorded={name: layouts[name] for name in stored},
@@ -261,6 +261,14 @@ class LoopRunner:
     def _anew(self, state: LoopState) -> set[str]:
         """Blocks and rings that do not go on, since the state comes from another controller."""
         return {"s"} if self.scenario.controller is not None and state.controller != self.controller.name else set()
+
+    @property
+    def state_entries(self) -> list[str]:
+        """Names of the entries of the plant's state: "qd of joint2"."""
+        names, layout = self.arm.names, self.plant.layout
+        return [
+            f"{part.name} of {names[i]}" if part.joints else part.name for part in layout for i in part.joints or (0,)
+        ]
 
     def measured_in(self, state: LoopState | None) -> bool:
         """True for a state to go on from that has the measurement of its tick already.

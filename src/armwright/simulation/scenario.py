@@ -137,7 +137,7 @@ class Scenario:
 
     def _check_step(self) -> None:
         """Refuses steps that do not fit the period of the loop."""
-        step, substeps = self.solver.step, self.solver.substeps
+        step, substeps = self.solver.step, self.solver.substeps or 1
         if self.loop is None or self.loop.period is None:
             if substeps != 1 and (self.loop is None or self.loop.controller is None):
                 expected = "a loop with a period, or a smaller step"
@@ -263,10 +263,17 @@ class Scenario:
         return Layout((joint_signal(self.arm, "u"),))
 
     @property
+    def substeps(self) -> int:
+        """Equal steps of the integrator in a period; 1 where it chooses them."""
+        return self.solver.substeps or 1
+
+    @property
     def integration_step(self) -> float:
-        """[s] of the integrator."""
+        """[s] of the integrator; where it chooses its steps, of the longest."""
         if self.loop is not None and self.loop.period is not None:
-            return float(self.loop.period) / self.solver.substeps
+            return float(self.loop.period) / self.substeps
+        if self.loop is None and self.solver.rule == "auto" and self.recording.period is not None:
+            return float(self.recording.period)
         return STEP if self.solver.step is None else float(self.solver.step)
 
     @property
@@ -274,7 +281,19 @@ class Scenario:
         """[s] of the loop: the integrator's step, or the controller's sample period."""
         if self.loop is None:
             return self.integration_step
-        return self.integration_step * self.solver.substeps if self.loop.period is None else float(self.loop.period)
+        return self.integration_step * self.substeps if self.loop.period is None else float(self.loop.period)
+
+    @cached_property
+    def every(self) -> int:
+        """Ticks from one recorded row to the next; 0: the first and the last alone."""
+        period, tick = self.recording.period, self.tick
+        if period is None:
+            return 1 if self.recording.every is None else self.recording.every
+        every = round(period / tick)
+        if every < 1 or abs(every * tick - period) > 1e-9 * period:
+            what = "loop.period" if self.sampled else "solver.step"
+            raise ScenarioError(place="recording.period", value=period, expected=f"a multiple of {what} = {tick:g} s")
+        return every
 
     @cached_property
     def ticks(self) -> int:
@@ -298,17 +317,24 @@ class Scenario:
             ScenarioError: no whole number of them, too many to count, or rows that do not end with them.
         """
         check_time("duration", duration)
-        tick, name = self.tick, "loop.period" if self.sampled else "solver.step"
+        tick, name = self.tick, "loop.period" if self.sampled else self._of_tick
         if duration > MOST_STEPS * tick:
             expected = f"at most 2^53 times {name} = {tick:g} s"
             raise ScenarioError(place="duration", value=duration, expected=expected)
         ticks = round(duration / tick)
         if ticks < 1 or abs(ticks * tick - duration) > 1e-6 * tick:
             raise ScenarioError(place="duration", value=duration, expected=f"a multiple of {name} = {tick:g} s")
-        if self.recording.every and ticks % self.recording.every:
-            expected = f"a divisor of the {ticks} steps of the run"
-            raise ScenarioError(place="recording.every", value=self.recording.every, expected=expected)
+        if self.every and ticks % self.every:
+            place, expected = "recording.every", f"a divisor of the {ticks} steps of the run"
+            if self.recording.period is not None:
+                place, expected = "recording.period", f"a divisor of the duration, {duration:g} s"
+            raise ScenarioError(place=place, value=getattr(self.recording, place[10:]), expected=expected)
         return ticks
+
+    @property
+    def _of_tick(self) -> str:
+        """The field that says how long a tick is where nothing is sampled."""
+        return "recording.period" if self.solver.rule == "auto" else "solver.step"
 
     @cached_property
     def lane_count(self) -> int | None:

@@ -14,14 +14,14 @@ from armwright.interfaces import Sensor
 from armwright.results.reducers import reducer
 from armwright.simulation.checks import check_choice, check_time, check_whole
 from armwright.simulation.integrate.events import EventFunction
-from armwright.simulation.integrate.integrators import RULES
+from armwright.simulation.integrate.integrators import RULES, TOLERANCES
 from armwright.simulation.integrate.stepping import Adaptivity
 from armwright.simulation.loop.command_filter import CommandFilter
 from armwright.simulation.loop.controller import check_controller
 from armwright.simulation.loop.sensors import Sensors
 from armwright.simulation.loop.timing import Timing
 
-MOST_SUBSTEPS = 10**6  # of a period, in which nothing can be interrupted
+MOST_FIXED = 10**6  # substeps of a period, in which nothing can be interrupted
 KEPT = ("all", "state", "none")
 
 
@@ -116,13 +116,17 @@ class Start:
 class Solver:
     """Integrator and its steps.
 
+    By default ("auto") every lane takes as many substeps of each tick as its own error asks for, by a rule that suits the arm.
+
     Args:
-        integrator: a name of `integrators.RULES`: "rk3", "rk4", "semi_implicit_euler"; "rk45", which chooses its own steps
-            within each tick; or "cvodes", slow and accurate, for some lanes.
-        step: [s], default 1 ms; in a loop with a period it is that over `substeps`.
+        integrator: a name of `integrators.RULES`: "auto"; with a fixed step "rk3", "rk4", "semi_implicit_euler"; "rk45", which
+            chooses its own steps within each tick; or "cvodes", slow and accurate, for some lanes.
+        accuracy: of "auto": how wrong a run may be at its end, in parts of each quantity's range; default 1e-3.
+        step: [s] of a rule of fixed step, default 1 ms; in a loop with a period it is that over `substeps`. With "auto", a step
+            or a number of substeps is taken as it is, by "rk3".
         substeps: steps in each period of a loop.
         rtol, atol: of "rk45" and "cvodes": what each entry of the state may be wrong by in a step; default `TOLERANCES`.
-        max_steps: of "rk45" in one tick; a lane that needs more is frozen and marked.
+        max_substeps: of "auto" and "rk45" in one tick; a lane that needs more is frozen and marked; default 1000.
         events: of "rk45", by name: functions (t, x) of time and state; their changes of sign are found and reported,
             as `events.joint_stops` makes them.
         target: processor level to compile for, as in `compile`.
@@ -132,10 +136,11 @@ class Solver:
 
     integrator: str = "rk3"
     step: float | None = None
-    substeps: int = 1
+    substeps: int | None = None
+    accuracy: float | None = None
     rtol: float | None = None
     atol: float | None = None
-    max_steps: int | None = None
+    max_substeps: int | None = None
     events: Mapping[str, EventFunction] = field(default_factory=dict)
     target: str | None = None
 
@@ -143,19 +148,35 @@ class Solver:
         check_choice("solver.integrator", self.integrator, tuple(RULES))
         if self.step is not None:
             check_time("solver.step", self.step)
-        check_whole("solver.substeps", self.substeps, 1)
-        if self.substeps > MOST_SUBSTEPS:
-            expected = f"at most {MOST_SUBSTEPS}, or a shorter loop.period"
-            raise ScenarioError(place="solver.substeps", value=self.substeps, expected=expected)
-        try:
-            _ = self.adaptivity
-        except ScenarioError as error:
-            raise error.within("solver") from None
+        if self.substeps is not None:
+            self._check_substeps(self.substeps)
+        _ = self.adaptivity  # which checks the others
+
+    def _check_substeps(self, substeps: int) -> None:
+        check_whole("solver.substeps", substeps, 1)
+        if substeps > MOST_FIXED:
+            expected = f"at most {MOST_FIXED}, or a shorter loop.period"
+            raise ScenarioError(place="solver.substeps", value=substeps, expected=expected)
+        if self.rule in TOLERANCES and substeps != 1:
+            raise ScenarioError(f"{self.rule} chooses its own", place="solver.substeps", value=substeps, expected="1")
+
+    @property
+    def rule(self) -> str:
+        """The rule: "rk3" where "auto" has a step or a number of substeps given by hand."""
+        by_hand = self.step is not None or self.substeps is not None
+        return "rk3" if self.integrator == "auto" and by_hand else self.integrator
 
     @property
     def adaptivity(self) -> Adaptivity | None:
-        """Step control of the integrator; None for rules of fixed step."""
-        return Adaptivity.of(self.integrator, self.substeps, self.rtol, self.atol, self.max_steps, self.events)
+        """Step control of the rule; None for rules of fixed step."""
+        return Adaptivity.of(
+            self.rule,
+            accuracy=self.accuracy,
+            rtol=self.rtol,
+            atol=self.atol,
+            max_substeps=self.max_substeps,
+            events=self.events,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +184,9 @@ class Recording:
     """Rows and numbers that a run keeps.
 
     Args:
-        every: rows are kept every so many steps, or periods of a loop; 0 keeps the first and the last state only.
+        period: [s] from row to row, a whole number of steps or periods of a loop; default: 1 ms where steps are "auto" and
+            nothing is sampled, else `every`.
+        every: rows are kept every so many steps, or periods of a loop, default 1; 0 keeps the first and the last state only.
         what: "all", or "state" for q and qd alone, which many lanes over many rows may want, or "none" beside `reduce`.
         reduce: names of `reducers.REDUCERS`, computed for each joint while the loop runs: ("rms_error", "peak_voltage", …).
         reference: what `reduce` measures errors from where commands are given over time; a loop has its own.
@@ -171,13 +194,19 @@ class Recording:
         ScenarioError: names the field, its value and what was expected.
     """
 
-    every: int = 1
+    every: int | None = None
     what: str = "all"
     reduce: Sequence[str] = ()
     reference: Any = None
+    period: float | None = None
 
     def __post_init__(self) -> None:
-        check_whole("recording.every", self.every, 0)
+        if self.period is not None:
+            check_time("recording.period", self.period)
+            if self.every is not None:
+                raise ScenarioError("beside every", place="recording.period", value=self.period, expected="one of them")
+        if self.every is not None:
+            check_whole("recording.every", self.every, 0)
         check_choice("recording.what", self.what, KEPT)
         if not isinstance(self.reduce, (list, tuple)):
             expected = "a list of names, such as ['rms_error']"

@@ -54,7 +54,7 @@ def sensitivities(scenario: Scenario, by: Sequence[str]) -> xarray.Dataset:
     stages, active = _augmented(simulation, seeds, count)
     loop = Loop(stages, select_target(opened.solver.target))
     width, ticks = loop.target.width, opened.ticks
-    every = opened.recording.every or ticks
+    every = opened.every or ticks
     lanes = Lanes(simulation.count, width, 0, opened.first_lane)
     loop.extend(lanes)
     _begin(simulation, loop, lanes, seeds, active, count)
@@ -93,7 +93,7 @@ def _opened(scenario: Scenario, by: Sequence[str]) -> tuple[Scenario, dict[str, 
         if not isinstance(value, Batch):
             controller = replace(cast(Any, controller), **{field: Batch(np.asarray(value, dtype=float)[None])})
     loop = scenario.loop and replace(scenario.loop, controller=controller)
-    recording = Recording(every=scenario.recording.every)
+    recording = Recording(every=scenario.recording.every, period=scenario.recording.period)
     opened = replace(scenario, vary=vary, loop=loop, recording=recording)
     columns: list[tuple[str, str, int]] = []  # name, input, place
     for name in by:
@@ -155,7 +155,7 @@ def _gain_places(name: str, lanes: LaneFields) -> list[tuple[str, int]]:
 def _check(simulation: Simulation) -> None:
     """Refuses what has no such derivatives."""
     scenario, sampling = simulation.scenario, simulation.config.sampling
-    name, loop = scenario.solver.integrator, scenario.loop
+    name, loop = scenario.solver.rule, scenario.loop
     if name not in INTEGRATORS:
         raise ScenarioError(place="solver.integrator", value=name, expected=f"one of {', '.join(INTEGRATORS)}")
     if simulation.untraced is not None:

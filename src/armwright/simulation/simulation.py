@@ -20,7 +20,7 @@ from armwright.simulation.batch_runner import Progress, Work, handed_out, run_gr
 from armwright.simulation.checks import check_whole
 from armwright.simulation.dataset import Recorded, run_dataset
 from armwright.simulation.inputs.input_schedule import lane_numbers
-from armwright.simulation.integrate.stepping import LaneStatus
+from armwright.simulation.integrate.lane_status import LaneStatus
 from armwright.simulation.loop.compiled import CompiledLoop
 from armwright.simulation.loop.controller import reference_of
 from armwright.simulation.loop.sensor_set import measurement_of
@@ -95,7 +95,7 @@ class Simulation(LoopRunner):
         ticks = scenario.ticks if duration is None else scenario.ticks_of(duration)
         if self.reference is not None:
             self.reference = self.reference_of_ticks(ticks)
-        every, width = scenario.recording.every or ticks, self.loop.loops[0].target.width
+        every, width = scenario.every or ticks, self.loop.loops[0].target.width
         record = self._room(ticks, every, width) if self.config.recorded else None
         status = LaneStatus.of(self.count, len(scenario.solver.events))
         reduced = np.zeros((self.count, 0 if self.reduction is None else self.reduction.size))
@@ -134,7 +134,7 @@ class Simulation(LoopRunner):
         finished = run_groups(self.count, width, ticks, begin, progress, workers, whole=whole)
         recorded, end = Recorded(record, every, ticks, finished, status, reduced, origin), None
         if scenario.lane_count is None:
-            status.check(self.arm.name, self.period, recorded.last_row(self))
+            status.check(self.arm.name, self.period, self.state_entries, recorded.last_row(self))
         if keep_state and not finished.stopped:
             self._started = end = _joined(groups)
             self.tick, self._measured = origin + ticks, False
@@ -155,7 +155,7 @@ class Simulation(LoopRunner):
             return np.empty(shape)
         except (MemoryError, ValueError):
             size = f"{shape[0]} rows of {self.count} lanes, {8e-9 * np.prod(shape, dtype=float):.3g} GB"
-            what, every = f"the run would record {size}, more than there is memory for", self.scenario.recording.every
+            what, every = f"the run would record {size}, more than there is memory for", self.scenario.every
             raise ScenarioError(what, expected=f"a shorter one, or recording.every above {every}") from None
 
     # Stepping.
@@ -189,7 +189,7 @@ class Simulation(LoopRunner):
         if self.scenario.lane_count is None and lanes.get("frozen")[0, 0] >= 0.0:
             status = LaneStatus.of(1, len(self.scenario.solver.events))
             status.read(lanes)
-            status.check(self.arm.name, self.period)
+            status.check(self.arm.name, self.period, self.state_entries)
 
     def _stepped(self) -> Lanes:
         """The lanes of a loop that is stepped, all in one group."""

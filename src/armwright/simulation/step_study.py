@@ -99,7 +99,7 @@ def step_study(
         ScenarioError: an integrator that chooses its own steps, no steps, no such accuracy, too many lanes for CVODES.
         DivergenceError: CVODES cannot solve it.
     """
-    name = scenario.solver.integrator
+    name = scenario.solver.rule
     if name not in INTEGRATORS:
         expected = f"one of {', '.join(INTEGRATORS)}"
         raise ScenarioError("chooses its own steps", place="solver.integrator", value=name, expected=expected)
@@ -112,7 +112,7 @@ def step_study(
     trials: list[Trial] = []
     runs: list[xarray.Dataset] = []
     for variant in variants:
-        step, substeps = variant.integration_step, variant.solver.substeps
+        step, substeps = variant.integration_step, variant.substeps
         cost = rule.stages / step
         try:
             runs.append(simulate(variant, threads=threads))
@@ -173,7 +173,7 @@ def _variants(scenario: Scenario, steps: int) -> list[Scenario]:
             scenario,
             duration=duration,
             solver=replace(solver, step=largest / 2**k * scenario.tick, substeps=1),
-            recording=replace(recording, what="state", every=recording.every and 2**k),
+            recording=replace(recording, what="state", every=scenario.every and 2**k, period=None),
         )
         for k in range(steps)
     ]

@@ -154,8 +154,8 @@ class Cvodes:
             span = casadi.SX.sym("span")  # type: ignore[arg-type]
             rate = span * self._f(x, *constant)
             options = {
-                "reltol": self._adaptivity.rtol,
-                "abstol": self._adaptivity.atol,
+                "reltol": self._adaptivity.allowed.rtol,
+                "abstol": self._adaptivity.allowed.atol,
                 "max_num_steps": MOST_INNER,
                 "linear_multistep_method": method,
                 "nonlinear_solver_iteration": "newton",

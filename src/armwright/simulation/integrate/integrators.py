@@ -12,6 +12,7 @@ from armwright.scalar import Array, Scalar
 from armwright.simulation.integrate.exponential import (
     Pairs,
     rk3_exponential,
+    rk3_exponential_pair,
     rk4_exponential,
     semi_implicit_euler_exponential,
     staggered,
@@ -65,10 +66,21 @@ def rk3_step(f: Derivative, x: Array, u: Array, h: Scalar) -> Array:
     Returns:
         x⁺: (nx,) the state h later.
     """
+    return rk3_pair(f, x, u, h)[0]
+
+
+def rk3_pair(f: Derivative, x: Array, u: Array, h: Scalar) -> tuple[Array, Array]:
+    """`rk3_step`, and by how much the midpoint rule  x + h k2  of order 2 differs from it:  h/6 (k1 - 2 k2 + k3).
+
+    Args:
+        f, x, u, h: as `rk3_step`.
+    Returns:
+        x⁺: (nx,) the state h later.   error: (nx,) of the rule of order 2.
+    """
     k1 = f(x, u)
     k2 = f(x + (0.5 * h) * k1, u)
     k3 = f(x + (2.0 * h) * k2 - h * k1, u)
-    return x + (h / 6.0) * (k1 + 4.0 * k2 + k3)
+    return x + (h / 6.0) * (k1 + 4.0 * k2 + k3), (h / 6.0) * (k1 - 2.0 * k2 + k3)
 
 
 def rk4_step(f: Derivative, x: Array, u: Array, h: Scalar) -> Array:
@@ -121,8 +133,13 @@ INTEGRATORS = {
     ),
 }
 
+PAIR = Integrator(
+    rk3_pair, 3, INTEGRATORS["rk3"].growth, stages=3, exponential=rk3_exponential_pair
+)  # steps with errors
+ORDER_OF_ERROR = 3  # in h, of a pair's
+
 TOLERANCES = {  # (rtol, atol) of rules that choose their own steps, if nothing else is said
     "rk45": (1e-8, 1e-10),
     "cvodes": (1e-12, 1e-13),
 }
-RULES = (*INTEGRATORS, *TOLERANCES)
+RULES = ("auto", *INTEGRATORS, *TOLERANCES)

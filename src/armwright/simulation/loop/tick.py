@@ -27,8 +27,8 @@ from armwright.interfaces import UNTRACEABLE, why
 from armwright.kernels.stages import NEXT, SEEN, Call, Delay, Draw, Integrate, Record, Rows, Stage
 from armwright.program import Program, trace
 from armwright.scalar import Array
-from armwright.simulation.integrate.integrators import INTEGRATORS
-from armwright.simulation.integrate.stepping import adaptive_stage, speed_pairs
+from armwright.simulation.integrate.integrators import INTEGRATORS, PAIR
+from armwright.simulation.integrate.stepping import adaptive_stage, dormand_prince_trial, speed_pairs
 from armwright.simulation.loop.command_filter import command_stages
 from armwright.simulation.loop.config import LoopConfig, Sampling
 from armwright.simulation.loop.controller import traced_controller
@@ -172,14 +172,15 @@ def _integration(config: LoopConfig, seen: tuple[str, ...]) -> list[Stage]:
     delays = None if config.sampling is None else config.sampling.delays
     planned = delays.pending + 2 if delays is not None and delays.fractional else 0
     watched = plant_watched(config)
-    derivative, shapes = plant_derivative(config)
+    _, shapes = plant_derivative(config)
     if config.integrator in INTEGRATORS:
         step = plant_step(config, {} if watched is None else watched.block)
         return [Integrate(step, config.substeps, planned, seen, **switching_programs(watched, shapes))]
     if config.integrator == "cvodes":
         return []
     assert config.adaptivity is not None
-    return [adaptive_stage(derivative, shapes, config.adaptivity, config.bare.layout, planned, seen, watched)]
+    layout = config.bare.layout
+    return [adaptive_stage(plant_trial(config, watched), shapes, config.adaptivity, layout, planned, seen, watched)]
 
 
 def _plant_call(config: LoopConfig, u: Array, rest: Sequence[Array]) -> tuple[Plant, PlantInputs]:
@@ -212,6 +213,20 @@ def plant_step(config: LoopConfig, contacts: Mapping[str, tuple[int, ...]] = NOT
         return plant.step(rule, x, plant_inputs, h)
 
     return trace("step", step, {**shapes, **contacts, "h": ()}, (f"x{NEXT}",))
+
+
+def plant_trial(config: LoopConfig, watched: Watched | None) -> Callable[..., tuple[Array, ...]]:
+    """(x, u, …, h) → x⁺ and its error: a step of a rule that estimates how wrong it is."""
+    derivative, shapes = plant_derivative(config)
+    if config.integrator == "rk45":
+        return dormand_prince_trial(derivative, {**shapes, **({} if watched is None else watched.block)})
+
+    def pair(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
+        *inputs, h = rest
+        plant, plant_inputs = _plant_call(config, u, inputs)
+        return plant.step_with_error(PAIR, x, plant_inputs, h)
+
+    return pair
 
 
 def plant_watched(config: LoopConfig) -> Watched | None:

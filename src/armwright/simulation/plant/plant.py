@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -118,6 +119,17 @@ class Plant(PlantOutputs):
         Returns:
             x_next: (size,).
         """
+        return self.settled(self._stepped(rule, x, inputs, h))
+
+    def step_with_error(
+        self, rule: Integrator, x: Array, inputs: PlantInputs | Array, h: Scalar
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """`step` by a rule that tells its error: the state one step later, and how wrong it may be, (size,) each."""
+        new, error = self._stepped(rule, x, inputs, h)
+        return self.settled(new), error
+
+    def _stepped(self, rule: Integrator, x: Array, inputs: PlantInputs | Array, h: Scalar) -> Any:
+        """What a rule gives for one step, inputs held."""
         inputs = PlantInputs.of(inputs)
         if inputs.contacts is None and any(self.contacts):
             inputs = replace(inputs, contacts=self.active_contacts(x))
@@ -133,7 +145,7 @@ class Plant(PlantOutputs):
             lambda at, command: self.fast(at, inputs_at(command)),
             self.stiff,
         )
-        return self.settled(rule.exponential(exact, x, inputs.command, h))
+        return rule.exponential(exact, x, inputs.command, h)
 
     def program(self, inputs: PlantInputs) -> PlantProgram:
         """The derivative as one program that traces call, not copy, with those inputs that are given."""

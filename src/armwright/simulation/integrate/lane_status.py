@@ -1,0 +1,111 @@
+"""Status of lanes at the end of a run: where they stopped, what their steps cost, and the events they met."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armwright.errors import DivergenceError
+from armwright.kernels.loop import Lanes
+from armwright.simulation.integrate.stepping import Adaptivity
+
+if TYPE_CHECKING:
+    import xarray
+
+BLOCKS = {"frozen": -1.0, "stalled": 0.0, "stalled_by": 0.0, "trials": 0.0, "repeats": 0.0, "largest": 0.0}
+
+
+@dataclass(frozen=True, eq=False)
+class LaneStatus:
+    """Status of the lanes at the end of a run: (lanes, …) each.
+
+    Attributes:
+        frozen: tick in which a lane stopped, -1: none.   stalled: 1 where for want of substeps.   stalled_by: entry of the
+            state whose error asked for more.
+        trials: substeps tried.   repeats: those that were too long.   largest: error of a substep in parts of what is allowed.
+        first, count: (lanes, E) of events: the first time [s], NaN: none, and how often.
+    """
+
+    frozen: np.ndarray
+    stalled: np.ndarray
+    stalled_by: np.ndarray
+    trials: np.ndarray
+    repeats: np.ndarray
+    largest: np.ndarray
+    first: np.ndarray
+    count: np.ndarray
+
+    @classmethod
+    def of(cls, lanes: int, events: int) -> LaneStatus:
+        """Status of lanes to which nothing has happened yet."""
+        blocks = {name: np.full(lanes, value) for name, value in BLOCKS.items()}
+        return cls(**blocks, first=np.full((lanes, events), np.nan), count=np.zeros((lanes, events), dtype=int))
+
+    def read(self, lanes: Lanes) -> None:
+        """Takes over the status of a group of lanes from their blocks."""
+        group = slice(lanes.first, lanes.first + lanes.count)
+        for name in BLOCKS:
+            if name in lanes.blocks:
+                getattr(self, name)[group] = lanes.get(name)[:, 0]
+        if "event_first" in lanes.blocks:
+            self.first[group] = lanes.get("event_first")
+            self.count[group] = lanes.get("event_count")
+
+    def of_lanes(self, lanes: np.ndarray) -> LaneStatus:
+        """Status of some of the lanes."""
+        if len(lanes) == len(self.frozen):
+            return self
+        return LaneStatus(**{each.name: getattr(self, each.name)[lanes] for each in fields(self)})
+
+    def check(self, name: str, tick: float, entries: Sequence[str], last_row: str = "") -> None:
+        """Refuses a single run that stopped.
+
+        Args:
+            name: of the arm.   tick: [s].   entries: names of those of the state.   last_row: in words.
+        Raises:
+            DivergenceError: with the time, the reason and the last row.
+        """
+        if self.frozen[0] < 0:
+            return
+        what, expected = "the simulation left the finite numbers", ""
+        if self.stalled[0]:
+            what = (
+                f"the integrator ran out of substeps, as {entries[int(self.stalled_by[0])]} asked for more, in the tick"
+            )
+            expected = "a looser accuracy or tolerance, a larger max_substeps, or integrator = 'cvodes'"
+        what += f" at t = {self.frozen[0] * tick:g} s{'; ' * bool(last_row)}{last_row}"
+        raise DivergenceError(what, expected=expected, file=name)
+
+    def add_to(
+        self, run: xarray.Dataset, tick: float, adaptivity: Adaptivity | None, entries: Sequence[str], single: bool
+    ) -> None:
+        """Adds variables to a run: times at which lanes diverged or stalled, substeps, the largest error, events."""
+
+        def put(name: str, dims: tuple[str, ...], values: np.ndarray, unit: str, about: str) -> None:
+            attrs: dict[str, Any] = {"units": unit, "long_name": about}
+            run[name] = (dims, values[0], attrs) if single else (("lane", *dims), values, attrs)
+
+        stopped, stalled = np.where(self.frozen < 0, np.nan, self.frozen * tick), self.stalled > 0.0
+        if not single:
+            diverged = np.where(stalled, np.nan, stopped)
+            put("diverged_at", (), diverged, "s", "time at which the lane left the finite numbers")
+        if adaptivity is None:
+            return
+        run.attrs |= adaptivity.allowed.attributes
+        if not adaptivity.most:
+            return
+        if not single:
+            put("stalled_at", (), np.where(stalled, stopped, np.nan), "s", "time at which the lane ran out of substeps")
+            if stalled.any():
+                asked = np.where(stalled, np.array(entries)[self.stalled_by.astype(int)], "")
+                put("stalled_by", (), asked, "1", "what asked for more substeps")
+        put("steps_tried", (), self.trials, "1", "substeps that the integrator tried")
+        put("steps_repeated", (), self.repeats, "1", "substeps that were too long, and taken again")
+        put("largest_error", (), self.largest, "1", "largest error of a substep, in parts of what is allowed")
+        if adaptivity.events:
+            run.coords["event"] = ("event", [name for name, _ in adaptivity.events])
+            put("event_time", ("event",), self.first, "s", "first time of the event")
+            put("event_count", ("event",), self.count, "1", "how often the event happened")

@@ -1,0 +1,75 @@
+"""Step control: how wrong a trial step is in units of what is allowed, and how long the next trial should be.
+
+A rule gives the state after a step and an estimate e of its error, which shrinks with a power of the step. What each entry
+of the state may be wrong by follows either from its size, or from its range: how far it has moved in the lane's own run. The
+norm and the next step's length are those of [HairerNorsettWanner1993], II.4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armwright import scalar
+from armwright.scalar import Array, Scalar
+from armwright.signals import Layout
+
+SAFETY, SHRINK, GROW = 0.9, 0.2, 5.0  # of the step that would just do; and the most that a step changes
+LEAST_ERROR = 1e-10  # in units of what is allowed: below it a step grows as much as it may anyway
+SHARE = 0.1  # of the accuracy of a whole run, for the estimate of one step
+FLOORS = {  # the least range of a quantity by its unit: what moves by less is as accurate as if it moved by that
+    "rad": 1e-3,
+    "m": 1e-4,
+    "rad/s": 1e-2,
+    "m/s": 1e-3,
+    "A": 1e-2,
+    "V": 1e-2,
+    "°C": 1e-1,
+}
+
+
+@dataclass(frozen=True)
+class Allowed:
+    """What a step may be wrong by: atol + rtol |x|, or a share of each quantity's range where an accuracy is asked for.
+
+    Attributes:
+        rtol, atol: of each entry of the state, in its own unit.
+        accuracy: of a run, in parts of every quantity's range; None: rtol and atol count.
+    """
+
+    rtol: float
+    atol: float
+    accuracy: float | None = None
+
+    @property
+    def attributes(self) -> dict[str, float]:
+        """What a run says of it."""
+        return {"rtol": self.rtol, "atol": self.atol} if self.accuracy is None else {"accuracy": self.accuracy}
+
+    def share(self, x: Array, new: Array, error: Array) -> Scalar:
+        """Root mean square of the errors (nx,) of a step from x to `new`, in units of what is allowed; 1 or less is good."""
+        allowed = self.atol + self.rtol * scalar.maximum(scalar.abs(x), scalar.abs(new))
+        shares = error / allowed
+        return scalar.sqrt(sum(entry * entry for entry in shares) / len(shares))
+
+    def share_of_range(self, error: Array, low: Array, high: Array, floors: Array) -> tuple[Scalar, Scalar]:
+        """The largest error of a step in units of what its entry may be wrong by, and which entry that is."""
+        assert self.accuracy is not None
+        shares = scalar.abs(error) / (SHARE * self.accuracy * scalar.maximum(high - low, floors))
+        largest, worst = shares[0], 0.0
+        for k, share in enumerate(shares[1:], 1):
+            worst = scalar.where(scalar.less_equal(share, largest), worst, float(k))
+            largest = scalar.maximum(largest, share)
+        return largest, worst
+
+
+def growth(share: Scalar, order: int) -> Scalar:
+    """Factor by which the next step, or another trial of this one, should be longer, for an error that shrinks with h^order."""
+    grow = SAFETY * scalar.exp((-1.0 / order) * scalar.log(share + LEAST_ERROR))
+    return scalar.clip(grow, SHRINK, GROW)
+
+
+def floors(layout: Layout) -> np.ndarray:
+    """The least range (nx,) of every entry of a state, each in its own unit."""
+    return np.array([FLOORS[unit] for signal in layout for unit in signal.units])
