@@ -148,7 +148,12 @@ def _finite(value: Any) -> float:
     return number
 
 
-def _one(value: Any) -> float:
+def one_number(value: Any) -> float:
+    """One finite number of a file.
+
+    Raises:
+        Invalid: it is none, or several.
+    """
     if isinstance(value, (list, tuple, np.ndarray)):
         raise Invalid(expected=f"one number, not {len(value)}")
     if not _is_number(value):
@@ -214,14 +219,16 @@ class Reading:
         return {**entry, "value": value} if isinstance(entry, dict) else {"value": value}
 
 
-Number = Annotated[Quantity, Reading("a number", _one)]
-Positive = Annotated[Quantity, Reading("a number above 0", _one, lambda v: v > 0, (0.0, inf))]
-NotNegative = Annotated[Quantity, Reading("a number of 0 or more", _one, lambda v: v >= 0, (0.0, inf))]
-NotPositive = Annotated[Quantity, Reading("a number of 0 or less", _one, lambda v: v <= 0, (-inf, 0.0))]
-NotZero = Annotated[Quantity, Reading("a number other than 0", _one, lambda v: v != 0)]
-Share = Annotated[Quantity, Reading("a number above 0, at most 1", _one, lambda v: (v > 0) & (v <= 1), (0.0, 1.0))]
+Number = Annotated[Quantity, Reading("a number", one_number)]
+Positive = Annotated[Quantity, Reading("a number above 0", one_number, lambda v: v > 0, (0.0, inf))]
+NotNegative = Annotated[Quantity, Reading("a number of 0 or more", one_number, lambda v: v >= 0, (0.0, inf))]
+NotPositive = Annotated[Quantity, Reading("a number of 0 or less", one_number, lambda v: v <= 0, (-inf, 0.0))]
+NotZero = Annotated[Quantity, Reading("a number other than 0", one_number, lambda v: v != 0)]
+Share = Annotated[
+    Quantity, Reading("a number above 0, at most 1", one_number, lambda v: (v > 0) & (v <= 1), (0.0, 1.0))
+]
 BelowOne = Annotated[
-    Quantity, Reading("a number of 0 or more, below 1", _one, lambda v: (v >= 0) & (v < 1), (0.0, 1.0))
+    Quantity, Reading("a number of 0 or more, below 1", one_number, lambda v: (v >= 0) & (v < 1), (0.0, 1.0))
 ]
 Shares = Annotated[
     Quantity, Reading("numbers above 0, at most 1", _one_or_more, lambda v: all(0 < share <= 1 for share in v))

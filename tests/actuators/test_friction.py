@@ -31,6 +31,24 @@ SYMMETRIC = {
         "smoothing_rad_per_s": 5.0,
     },
 }
+STICKING = {  # without a smoothing speed
+    "coulomb": {"coulomb_positive_n_m": 3.0, "coulomb_negative_n_m": 1.0, "viscous_n_m_s_per_rad": 2.0},
+    "motor side": {"side": "motor", "coulomb_positive_n_m": 0.01, "coulomb_negative_n_m": 0.03},
+    "stribeck": {
+        "coulomb_positive_n_m": 3.0,
+        "coulomb_negative_n_m": 2.0,
+        "stribeck_torque_n_m": 5.0,
+        "stribeck_speed_rad_per_s": 0.3,
+    },
+    "lugre": {
+        "law": "lugre",
+        "coulomb_positive_n_m": 3.0,
+        "coulomb_negative_n_m": 2.0,
+        "bristle_stiffness_n_m_per_rad": 1e4,
+        "bristle_damping_n_m_s_per_rad": 10.0,
+    },
+    "load": {"coulomb_positive_n_m": 0.0, "coulomb_negative_n_m": 0.0, "load_coefficient": 0.1},
+}
 LOPSIDED = {
     "coulomb": {"coulomb_positive_n_m": 3.0, "coulomb_negative_n_m": 1.0, "smoothing_rad_per_s": 0.1},
     "stribeck": {**SYMMETRIC["stribeck"], "coulomb_negative_n_m": 4.0},
@@ -156,7 +174,27 @@ def test_sigmoid_on_the_motor_side(ratio, speed):
         assert friction_at(model, speed) == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
-@pytest.mark.parametrize("record", [*SYMMETRIC.values(), *LOPSIDED.values()])
+@pytest.mark.parametrize("law", STICKING)
+def test_the_sign_of_the_speed_without_a_smoothing_speed(law):
+    """f = Fc sgn q̇ and the rest of each law, 0 at rest: the limit of the smoothed law, which it is far above its speed."""
+    record = STICKING[law]
+    model, smooth = one_joint(record, MOTOR), one_joint({**record, "smoothing_rad_per_s": 1e-9}, MOTOR)
+    assert friction_at(model, 0.0) == 0.0
+    for speed in (-3.0, -0.2, 1e-3, 0.4):
+        assert friction_at(model, speed) == pytest.approx(friction_at(smooth, speed), rel=1e-9)
+    friction = model.bodies[0].friction
+    assert friction.is_dry
+    assert friction.sticks == (law != "lugre")
+    assert not smooth.bodies[0].friction.sticks
+
+
+def test_what_is_not_dry_does_not_stick():
+    """Viscous friction, an offset and a sigmoid vanish with the speed, or act at rest as they do beside it."""
+    for record in (SYMMETRIC["viscous"], LOPSIDED["sigmoid"], {"offset_n_m": 1.0}):
+        assert not one_joint(record).bodies[0].friction.sticks
+
+
+@pytest.mark.parametrize("record", [*SYMMETRIC.values(), *LOPSIDED.values(), *STICKING.values()])
 def test_traced_is_the_same(record):
     """The law through trace and interpreter, both directions and rest."""
     model = one_joint(record, MOTOR)

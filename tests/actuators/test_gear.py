@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from actuators.drives import one_joint
-from armwright.actuators.gear import GearLoss, gear_loss
+from armwright.actuators.gear import GearLoss, gear_loss, holds_by_loss
 from armwright.model import Model
 
 ETA, SMOOTH = 0.6, 0.05
@@ -49,6 +49,20 @@ def test_the_formula():
     s = 0.03 / np.hypot(0.03, SMOOTH)
     assert transmitted(0.03, 2.0) == pytest.approx(2.0 * (1 - (1 - ETA) * s), rel=1e-14)
     assert transmitted(-0.03, 2.0) == pytest.approx(2.0 * (1 + (1 / ETA - 1) * s), rel=1e-14)
+
+
+@given(torques)
+def test_without_a_smoothing_speed(torque):
+    """η and 1/η at any speed, and nothing lost at rest."""
+    motor = {"gear_ratio": 50.0, "rotor_inertia_kg_m2": 0.0, "gear_efficiency": ETA}
+    body = one_joint(None, motor).bodies[0]
+    assert holds_by_loss(body)
+    assert not holds_by_loss(GEAR.bodies[0])
+    for speed in (1e-12, 3.0, -1e-12, -3.0):
+        factor = ETA if speed * torque >= 0.0 else 1.0 / ETA
+        assert gear_loss(body.drive, speed).output(torque) == pytest.approx(factor * torque, rel=1e-15)
+    assert gear_loss(body.drive, 0.0).output(torque) == torque
+    assert gear_loss(body.drive, 0.0).input(torque) == torque
 
 
 @given(speeds, torques)

@@ -189,8 +189,6 @@ REFUSED = [  # place in the joint, and some of what the error says
      "friction.viscous_temperature_coefficient_per_k", "goes without viscous_fall_k"),
     ({"friction": {**COULOMB, "coulomb_temperature_coefficient_per_k": -0.01}},
      "friction.coulomb_temperature_coefficient_per_k", "needs motor.thermal, which knows the temperature"),
-    ({"motor": {**MOTOR, "gear_efficiency_table": TABLE}}, "motor.gear_efficiency_table",
-     "needs friction.smoothing_rad_per_s, the speed its loss is smoothed over"),
     (table(gear_efficiency=0.8), "motor.gear_efficiency_table", "goes without gear_efficiency"),
     (table(torque_n_m=None, force_n=[5.0, 20.0]), "motor.gear_efficiency_table.force_n", "torque_n_m"),
     (table(force_n=[5.0, 20.0]), "motor.gear_efficiency_table", "either torque_n_m or force_n"),

@@ -85,7 +85,12 @@ def test_a_reduction_without_a_motor_is_told(tmp_path):
         ("gear_ratio = 100,", "gear_ratio = 60,", "joints.j1.motor.gear_ratio", "50, as in the transmission"),
         ("gear_ratio = 100,", "gear = 100,", "joints.j1.motor.gear", "gear_ratio"),
         ("voltage_v = 24", "voltage_v = -24", "joints.j1.limits.voltage_v", "a number above 0"),
-        (", smoothing_rad_per_s = 0.01", "", "joints.j1.friction.smoothing_rad_per_s", "missing"),
+        (
+            "smoothing_rad_per_s = 0.01",
+            "smoothing_rad_per_s = 0",
+            "joints.j1.friction.smoothing_rad_per_s",
+            "then sticks",
+        ),
         ('source = "sheet"', "", "joints.j1.motor", "has no source"),
         ('source = "sheet"', 'source = "sheat"', "gravity_m_s2 source", "sheet"),
         ("command =", "comand =", "comand", "command"),

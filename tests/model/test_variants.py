@@ -206,7 +206,7 @@ def test_values():
         ({"link6.com_m[3]": 0.0}, r"'link6.com_m\[3\]': no such entry"),
         ({"link6.mass_kg": 2.0, "link6.inertia_kg_m2.xx": 1e3}, "link 'link6': an impossible inertia"),
         ({"joint1.limits.position_rad": [1.0, -1.0]}, "with_values: joint1.limits"),
-        ({"joint1.friction.smoothing_rad_per_s": 0.0}, "expected a number above 0"),
+        ({"joint1.friction.smoothing_rad_per_s": 0.0}, "expected a number above 0, or no such key"),
     ],
 )
 def test_values_that_cannot_stand_there(values, told):

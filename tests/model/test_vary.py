@@ -166,6 +166,7 @@ def test_bound_pickled_and_symbolic():
         (["lnk6.mass_kg"], "lnk6.mass_kg", "expected a parameter of gravity_m_s2, waist, shoulder"),
         (["link6.com_m[3]"], "link6.com_m[3]", "no such parameter"),
         (["link6.mass_kg[0]"], "link6.mass_kg[0]", "no such parameter"),
+        (["elbow.friction.smoothing_m_per_s"], "elbow.friction.smoothing_m_per_s", "elbow.X, X one of"),
         (["link6.com_m", "link6.com_m[1]"], "link6.com_m[1]", "named twice"),
         ("link6.mass_kg", "link6.mass_kg", "expected a list of names"),
         ([6], [6], "expected a list of names"),
@@ -175,6 +176,12 @@ def test_unknown_names_list_what_exists(vary, value, said):
     with pytest.raises(ModelError, match=said) as error:
         aw.compile(arm("puma560"), vary=vary)
     assert (error.value.place, error.value.value) == ("vary", value)
+
+
+def test_an_absent_smoothing_speed_cannot_vary():
+    with pytest.raises(ModelError, match=r"no smoothing speed in .joints.friction. of 'joint1'.* to vary it") as error:
+        aw.compile(arm("rough"), vary=["joint1.friction.smoothing_rad_per_s"])
+    assert error.value.value == "joint1.friction.smoothing_rad_per_s"
 
 
 def test_what_was_taken_away_cannot_vary():

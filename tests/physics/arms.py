@@ -1,4 +1,4 @@
-"""The arms that the laws are tested on: every built-in one, and one that has all that the built-in ones lack."""
+"""The arms that the laws are tested on: every built-in one, and some that have all that the built-in ones lack."""
 
 from __future__ import annotations
 
@@ -14,19 +14,16 @@ from armwright.description.database import parse
 from armwright.model import Model, build_model
 from armwright.program import interpret, trace
 
-NAMES = [*builtin_names(), "workshop", "gripper", "sprung"]
-OWN = ("workshop", "gripper", "sprung")
+OWN = ("workshop", "gripper", "sprung", "rough")
+NAMES = [*builtin_names(), *OWN]
 FREE = [name for name in NAMES if name != "gripper"]  # whose joints all move by themselves
 
 
 @functools.cache
 def description(name: str) -> RobotDescription:
-    """The description of a built-in arm, of `workshop`, `gripper` or `sprung`."""
-    return (
-        parse({"workshop": workshop, "gripper": gripper, "sprung": sprung}[name](), name)
-        if name in OWN
-        else read_description(name)
-    )
+    """The description of a built-in arm, or of one of `OWN`."""
+    made = {"workshop": workshop, "gripper": gripper, "sprung": sprung, "rough": rough}
+    return parse(made[name](), name) if name in made else read_description(name)
 
 
 @functools.cache
@@ -119,6 +116,19 @@ def workshop() -> dict[str, Any]:
         "links": [*(link(f"link{k}", 6.0 - k) for k in range(1, 6)), link("hand", 0.8)],
         "frames": [{"name": "tool", "link": "hand", "xyz_m": [0.02, 0.03, 0.15], "rpy_rad": [0.5, -0.4, 0.2]}],
     }
+
+
+def rough() -> dict[str, Any]:
+    """`workshop` without smoothing speeds: friction and gear loss jump where joints turn back."""
+    return {**without_smoothing(workshop()), "name": "rough"}
+
+
+def without_smoothing(robot: dict[str, Any]) -> dict[str, Any]:
+    """A robot's record, its smoothing speeds removed."""
+    for joint in robot["joints"]:
+        for key in ("smoothing_rad_per_s", "smoothing_m_per_s"):
+            joint.get("friction", {}).pop(key, None)
+    return robot
 
 
 def gripper() -> dict[str, Any]:

@@ -54,6 +54,20 @@ def test_inverse_of_forward_is_identity(name, seed):
     np.testing.assert_allclose(back, tau, rtol=0, atol=1e-9 * max(1.0, np.abs(tau).max()))
 
 
+@pytest.mark.parametrize("seed", SEEDS)
+def test_forward_is_the_inverse_with_joints_at_rest(seed):
+    """Without smoothing speeds each joint moves or stands: what stands has no dry friction and no gear loss, both ways."""
+    model = arm("rough")
+    q, qd, qdd = random_state(model, seed)
+    qd = np.where(np.arange(model.n) == seed % (model.n + 1), qd, 0.0)
+    tau = inverse_dynamics(model, q, qd, qdd)
+    np.testing.assert_allclose(forward_dynamics(model, q, qd, tau), qdd, rtol=0, atol=1e-9)
+    still = np.zeros(model.n)
+    plain = inverse_dynamics(model.replace(friction=None, efficiency=None), q, still, qdd)
+    offsets = [0.0 if body.friction is None else body.friction.offset for body in model.bodies]
+    np.testing.assert_allclose(inverse_dynamics(model, q, still, qdd), plain + offsets, rtol=0, atol=1e-10)
+
+
 def test_lossy_gears_are_met_driving_and_driven_back():
     """The states above hold each lossy gear of `workshop` both ways, so that both branches of e are inverted."""
     model = arm("workshop")

@@ -161,11 +161,14 @@ def test_a_reversal_under_coulomb_friction():
 def test_what_has_no_derivative_is_refused():
     stops = pendulum(motor=MOTOR, friction=COULOMB, stops=STOPS, limits={"position_rad": [-0.4, 0.5]})
     play = pendulum(motor=MOTOR, friction=COULOMB, elasticity={**ELASTIC, "backlash_rad": 0.02})
+    rough = {key: value for key, value in COULOMB.items() if not key.startswith("smoothing")}
+    sticking = pendulum(motor=MOTOR, friction=rough)
     open_loop = {"command": [1.0], "duration": 0.01, "step": 1e-4}
     mass = ["rod0.mass_kg"]
     cases = [
         (scenario_of(stops, **open_loop), mass, "stops"),
         (scenario_of(play, **open_loop), mass, "play"),
+        (scenario_of(sticking, **open_loop), mass, "'joint0' friction.smoothing_rad_per_s"),
         (
             aw.Scenario(MANY["plain"], command=[1.0], duration=0.01, solver=aw.Solver(integrator="rk45")),
             mass,

@@ -1,5 +1,7 @@
-"""Joint friction as a smooth static map of speed: viscous friction, an offset, and one of `LAWS`.
+"""Joint friction as a static map of speed: viscous friction, an offset, and one of `LAWS`.
 
+Dry friction without a smoothing speed is any torque within its levels at rest, which the simulator solves for (`sticks` of the
+record's friction). The map here has its value in motion, and 0 at rest: one number for every state, as kernels need it.
 A law of its own state stands in a file of its own (`lugre`); here it has the map of its steady state.
 """
 
@@ -12,18 +14,24 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators.coupling import shares_of, to_joints, to_motors
+from armwright.description.friction import key_of
 from armwright.model import Body, Friction, Mimics, Model, on_tree
 from armwright.scalar import Array, Scalar
 
 
-def smooth_sign(speed: Scalar, smoothing: Scalar) -> Scalar:
-    """s = q̇ / √(q̇² + smoothing²): a sign that passes through 0 with the slope 1/smoothing."""
+def smooth_sign(speed: Scalar, smoothing: Scalar | None) -> Scalar:
+    """s = q̇ / √(q̇² + smoothing²): a sign that passes through 0 with the slope 1/smoothing.
+
+    Without smoothing, None, s = sgn q̇ with sgn 0 = 0; its slope is 0 everywhere.
+    """
+    if smoothing is None:
+        return scalar.sign(speed)
     return speed / scalar.sqrt(speed * speed + smoothing * smoothing)
 
 
 def coulomb(torque: Scalar, friction: Friction, speed: Scalar, load: Scalar | None, warming: Scalar | None) -> Scalar:
     """torque + s · [ Fc + (Fs - Fc) exp(-(q̇/vs)²) ],  Fc by the sign of q̇, s = `smooth_sign`."""
-    if friction.smoothing is None:
+    if friction.smoothing is None and not friction.is_dry:
         return torque
     return torque + dry_level(friction, speed, load, warming) * smooth_sign(speed, friction.smoothing)
 
@@ -105,6 +113,12 @@ def _warmed(value: Scalar, coefficient: Scalar | None, warming: Scalar | None) -
     if coefficient is None or warming is None:
         return value
     return value * scalar.maximum(1.0 + coefficient * warming, 0.0)
+
+
+def smoothing_key(body: Body) -> str:
+    """Key of a joint's smoothing speed in its record."""
+    on_motor = body.friction is not None and body.friction.on_motor
+    return f"friction.{key_of('smoothing', 'speed', body.kind == 'prismatic' and not on_motor)}"
 
 
 def has_corner(friction: Friction) -> bool:

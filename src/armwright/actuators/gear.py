@@ -90,34 +90,52 @@ def loses_power(body: Body) -> bool:
     )
 
 
+def holds_by_loss(body: Body) -> bool:
+    """True if a joint's gear loses power and has no smoothing speed: at rest it passes on any torque between both laws'.
+
+    Of bristles the part by load is in their level, which needs no smoothing.
+    """
+    by_load = body.friction is not None and body.friction.load_coefficient is not None and body.friction.law != "lugre"
+    return body.drive.smoothing is None and (body.drive.efficiency is not None or by_load)
+
+
+def sticks(body: Body) -> bool:
+    """True if a joint's friction or gear loss has no smoothing speed: in simulation it holds the joint at rest."""
+    return holds_by_loss(body) or (body.friction is not None and body.friction.sticks)
+
+
 def gear_loss(drive: Drive, speed: Scalar, friction: Friction | None = None) -> GearLoss | None:
     """G of design section 3 at a speed of the motor, referred to the joint [rad/s | m/s]; None: a gear without loss.
 
-    With s = |w| / √(w² + smoothing²), and t what the rotor's acceleration and motor-side friction leave of the motor's torque:
+    With s = |w| / √(w² + smoothing²), without a smoothing speed s = 1 in motion and 0 at rest, and t what the rotor's
+    acceleration and motor-side friction leave of the motor's torque:
 
         G = (1 - (1-η) s) t  where the motor drives, t w ≥ 0,     G = (1 + (1/η - 1) s) t  where it is driven back.
 
     As Modelica's `LossyGear`. A table gives η at torques T that leave the gear: these two equations hold with each T for G, which
     gives t there; G is linear between, and η of the ends holds beyond them. By speed η is interpolated linearly. Continuous in t
-    and w; slopes by w at rest are those for w > 0.
+    and, with a smoothing speed, in w; slopes by w at rest are then those for w > 0, and without one they are 0.
 
-    With `friction` also its load-proportional part, load_coefficient · |torque| · w/√(w² + smoothing²) of the torque that
+    With `friction` also its load-proportional part, load_coefficient · |torque| · `smooth_sign(w)` of the torque that
     leaves the gear, or of that which enters it where the friction is the motor's.
     """
     share = None if friction is None else friction.load_coefficient
     if drive.efficiency is None and share is None:
         return None
-    assert drive.smoothing is not None, "a record that is read has it"
     loss = LOSSLESS if drive.efficiency is None else _loss_by_efficiency(drive.efficiency, drive.smoothing, speed)
     if friction is None or share is None:
         return loss
     return loss.with_friction(share * smooth_sign(speed, drive.smoothing), friction.on_motor)
 
 
-def _loss_by_efficiency(efficiency: Scalar | EfficiencyTable, smoothing: Scalar, speed: Scalar) -> GearLoss:
+def _loss_by_efficiency(efficiency: Scalar | EfficiencyTable, smoothing: Scalar | None, speed: Scalar) -> GearLoss:
     backward = scalar.less(speed, 0.0)
     size = scalar.where(backward, -speed, speed)  # not abs, whose slope at 0 would be 0
-    s = size / scalar.sqrt(speed * speed + smoothing * smoothing)
+    s = (
+        scalar.abs(scalar.sign(speed))
+        if smoothing is None
+        else size / scalar.sqrt(speed * speed + smoothing * smoothing)
+    )
     torques: Sequence[Scalar] = ()
     if not isinstance(efficiency, EfficiencyTable):
         driving = driven_back = [efficiency]

@@ -143,7 +143,7 @@ def carrier(robot: Any, link: str) -> str:
 
 
 def _check_command(robot: Any, joint: Any) -> None:
-    """The numbers of the motor that a command and a lossy gear need."""
+    """The numbers of the motor that a command needs, and the units of its gear's table."""
     motor, friction = joint.motor, joint.friction
     command = joint.command or robot.command if joint.mimic is None else "torque"
     if command is None:
@@ -153,22 +153,8 @@ def _check_command(robot: Any, joint: Any) -> None:
             raise Invalid(f"needs motor.{key}", place="command", value=command)
     if motor is None and friction is not None and friction.side == "motor":
         raise Invalid("needs a [joints.motor] with its gear_ratio", place="friction.side", value="motor")
-    if motor is not None:
-        _check_gear(joint)
-
-
-def _check_gear(joint: Any) -> None:
-    """A lossy gear has a speed over which its loss is smoothed, and a table units of its joint."""
-    friction, efficiency, table = joint.friction, joint.motor.gear_efficiency, joint.motor.gear_efficiency_table
-    linear = joint.type == "prismatic"
-    place = "motor.gear_efficiency" if table is None else "motor.gear_efficiency_table"
-    if table is not None:
-        table.check_units(place, linear)
-    elif efficiency is None or float(efficiency) == 1:
-        return
-    key = "smoothing_m_per_s" if linear and not hasattr(friction, "smoothing_rad_per_s") else "smoothing_rad_per_s"
-    if getattr(friction, key, None) is None:
-        raise Invalid(f"needs friction.{key}, the speed its loss is smoothed over", place=place)
+    if motor is not None and motor.gear_efficiency_table is not None:
+        motor.gear_efficiency_table.check_units("motor.gear_efficiency_table", joint.type == "prismatic")
 
 
 def _check_mimic(joint: Any, moving: dict[str, Any]) -> None:

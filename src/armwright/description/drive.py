@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, model_validator
 
-from armwright.description.friction import LawName, check_friction
+from armwright.description.friction import SMOOTHING, LawName, SmoothingSpeed, check_friction
 from armwright.lazy_schema import imported_later
 from armwright.quantity import BelowOne, NotNegative, NotZero, Number, Positive, Range, Record, Share
 from armwright.validation import Invalid
@@ -117,7 +117,8 @@ class Motor(Record):
 class RotaryFriction(Record):
     """Friction torque against the speed of a revolute joint, or of any joint's motor (`side = "motor"`).
 
-    With s = q̇ / √(q̇² + smoothing²):
+    With s = q̇ / √(q̇² + smoothing²), or s = sgn q̇ without a smoothing speed (at rest any s from -1 to 1 in the simulator, 0 in
+    the kernels):
     `law = "coulomb"`:  f = offset + viscous q̇ + s · [ coulomb + (stribeck_torque - coulomb) exp(-(q̇/stribeck_speed)²) ],
     coulomb_positive where q̇ > 0, coulomb_negative where q̇ < 0 (both magnitudes).
     `law = "sigmoid"`:  f = a / (1 + exp(-b (q̇ + c))) - a / (1 + exp(-b c)) + viscous q̇ + offset. [Gaz2019]
@@ -153,10 +154,7 @@ class RotaryFriction(Record):
     stribeck_speed_rad_per_s: Positive | None = Field(
         default=None, description="Speed over which it falls to Coulomb's."
     )
-    smoothing_rad_per_s: Positive | None = Field(
-        default=None,
-        description="Speed over which dry friction and gear loss change their sign; sets the largest step.",
-    )
+    smoothing_rad_per_s: SmoothingSpeed | None = Field(default=None, description=SMOOTHING)
     sigmoid_amplitude_n_m: NotNegative | None = Field(default=None, description="a of the sigmoid law.")
     sigmoid_slope_s_per_rad: Positive | None = Field(default=None, description="b of the sigmoid law.")
     sigmoid_shift_rad_per_s: Number | None = Field(default=None, description="c of the sigmoid law.")
@@ -204,10 +202,7 @@ class LinearFriction(Record):
         default=None, description="Magnitude at the beginning of motion, above Coulomb's."
     )
     stribeck_speed_m_per_s: Positive | None = Field(default=None, description="Speed over which it falls to Coulomb's.")
-    smoothing_m_per_s: Positive | None = Field(
-        default=None,
-        description="Speed over which dry friction and gear loss change their sign; sets the largest step.",
-    )
+    smoothing_m_per_s: SmoothingSpeed | None = Field(default=None, description=SMOOTHING)
     sigmoid_amplitude_n: NotNegative | None = Field(default=None, description="a of the sigmoid law.")
     sigmoid_slope_s_per_m: Positive | None = Field(default=None, description="b of the sigmoid law.")
     sigmoid_shift_m_per_s: Number | None = Field(default=None, description="c of the sigmoid law.")

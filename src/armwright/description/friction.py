@@ -6,9 +6,10 @@ The equations are in `armwright.actuators.friction`, under the same names.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from math import inf
+from typing import Annotated, Any, Literal
 
-from armwright.quantity import check_together
+from armwright.quantity import Quantity, Reading, check_together, one_number
 from armwright.validation import Invalid
 
 LawName = Literal["coulomb", "sigmoid", "lugre"]
@@ -30,11 +31,13 @@ class FrictionKeys:
         own: keys that only this law has, without their unit, and the dimension of each; it needs all of them.
         dry: Coulomb's and Stribeck's levels: "allowed", "needed" (Coulomb's, above 0), or "none".
         linear: those of `own` in which friction is linear: columns of `regressor_drive`.
+        smoothed: whether it needs a smoothing speed; others take sgn q̇ without one.
     """
 
     own: tuple[tuple[str, Dimension], ...] = ()
     dry: Literal["allowed", "needed", "none"] = "allowed"
     linear: tuple[str, ...] = ()
+    smoothed: bool = False
 
 
 LAWS: dict[LawName, FrictionKeys] = {
@@ -49,6 +52,16 @@ LAWS: dict[LawName, FrictionKeys] = {
 VISCOUS_FALL = "viscous_fall_k"
 VISCOUS_SLOPE, COULOMB_SLOPE = "viscous_temperature_coefficient_per_k", "coulomb_temperature_coefficient_per_k"
 BY_TEMPERATURE = (VISCOUS_FALL, VISCOUS_SLOPE, COULOMB_SLOPE)  # keys that count where the motor's temperature is known
+SmoothingSpeed = Annotated[
+    Quantity,
+    Reading(
+        "a number above 0, or no such key: friction then sticks in simulation", one_number, lambda v: v > 0, (0.0, inf)
+    ),
+]
+SMOOTHING = (
+    "Speed over which dry friction and gear loss change their sign; it limits the step. Absent: in simulation they hold a joint "
+    "at rest, and kernels take the sign of the speed."
+)
 LINEAR = tuple(  # law and place of every parameter of its own in which friction is linear
     (name, place) for name, law in LAWS.items() for place, (stem, _) in enumerate(law.own) if stem in law.linear
 )
@@ -72,7 +85,8 @@ def check_friction(friction: Any, linear: bool) -> None:
     check_together(friction, *coulomb)
     check_together(friction, *stribeck)
     law = LAWS[friction.law]
-    needed = [*(key_of(*key, linear) for key in law.own), *(coulomb if law.dry == "needed" else [])]
+    smoothing = [key_of("smoothing", "speed", linear)] if law.smoothed else []
+    needed = [*(key_of(*key, linear) for key in law.own), *(coulomb if law.dry == "needed" else []), *smoothing]
     missing = [key for key in needed if key not in present]
     if missing:
         raise Invalid(f"needs {' and '.join(missing)}", place="law", value=friction.law)
@@ -97,8 +111,5 @@ def check_friction(friction: Any, linear: bool) -> None:
     dry = [key for key in (*coulomb, *stribeck) if key in present]
     if dry and law.dry == "none":
         raise Invalid(f'does not go with law = "{friction.law}"', place=dry[0])
-    smoothing = key_of("smoothing", "speed", linear)
-    if dry and smoothing not in present:
-        raise Invalid("missing", place=smoothing, expected="the speed over which Coulomb friction is smoothed")
     if stribeck[0] in present and coulomb[0] not in present:
         raise Invalid(f"needs {coulomb[0]} and {coulomb[1]} beside it", place=stribeck[0])

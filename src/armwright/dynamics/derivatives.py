@@ -27,7 +27,8 @@ def inverse_dynamics_derivatives(
     """Derivatives of `inverse_dynamics`:  ∂tau/∂q, ∂tau/∂q̇ and ∂tau/∂q̈, which is M without gear loss.  [GriewankWalther2008]
 
     Friction and gear loss are in them. Where a slope jumps as a joint turns back (lossy gears, unequal Coulomb friction), at
-    rest it is that for motion in the positive direction.
+    rest it is that for motion in the positive direction. Without a smoothing speed they jump themselves: at rest they count 0,
+    and the slopes are those beside the jump.
 
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
@@ -58,7 +59,8 @@ def forward_dynamics_derivatives(
     """Derivatives of `forward_dynamics`:  ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂tau, which is M⁻¹ without gear loss.  [CarpentierMansard2018]
 
     Of the equation that `forward_dynamics` solves, at its solution: one factorisation serves all. Friction and gear loss are in
-    them. Where a slope jumps as a joint turns back, at rest it is that for motion in the positive direction.
+    them. Where a slope jumps as a joint turns back, at rest it is that for motion in the positive direction; without a
+    smoothing speed dry friction and gear loss count 0 at rest, and the slopes are those beside their jump.
 
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].

@@ -17,7 +17,8 @@ def forward_arm_linearised(model: Model, q: Array, qd: Array, u: Array) -> tuple
 
     A = [[0, 1], [∂q̈/∂q, ∂q̈/∂q̇]],  B = [[0], [∂q̈/∂u]],  back EMF, friction and gear loss included.
     [CarpentierMansard2018] The state need not be an equilibrium. Where a slope jumps as a joint
-    turns back (lossy gears, unequal Coulomb friction), at rest it is that for motion in the positive direction.
+    turns back (lossy gears, unequal Coulomb friction), at rest it is that for motion in the positive direction. Dry friction and
+    gear loss without a smoothing speed count 0 at rest, where they would hold a joint: their jump is in neither matrix.
 
     Args:
         model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].

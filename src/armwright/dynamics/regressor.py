@@ -47,7 +47,8 @@ def regressor_drive(model: Model, qd: Array, qdd: Array) -> np.ndarray:
     """Y_d of  Nᵀ J_m N q̈ + f(q̇) = Y_d(q̇, q̈) π_d,  π_d = `arm.drive_parameters`.  [OlssonEtAl1998]
 
     Columns for each joint: [n² J_m, viscous, offset, Coulomb where q̇ > 0, Coulomb where q̇ < 0, Stribeck, sigmoid
-    amplitude]. A column is 0 where the record has no such term: no smoothing speed for Coulomb, no Stribeck level, no sigmoid.
+    amplitude]. A column is 0 where the record has no such term: neither a Coulomb level nor a smoothing speed, no
+    Stribeck level, no sigmoid.
 
     Args:
         model: the arm.   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
@@ -74,6 +75,8 @@ def _drive(body: Body, parameters: Array, speed: Scalar, acceleration: Scalar) -
     for value, (law, place) in zip(linear, LINEAR, strict=True):
         if known.law == law:
             coefficients[place] = value
+    if known.smoothing is None and not known.is_dry:
+        positive = negative = 0.0
     friction = replace(
         known,
         viscous=viscous,

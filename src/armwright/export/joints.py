@@ -118,8 +118,7 @@ def plain_friction(joint: MovingJoint) -> tuple[float, float]:
     friction = friction_of(joint)
     if friction is None or is_of_coupled_motor(joint):
         return 0.0, 0.0
-    dry = 0.0 if friction.smoothing is None else 0.5 * (friction.coulomb_positive + friction.coulomb_negative)
-    return float(friction.viscous), float(dry)
+    return float(friction.viscous), float(0.5 * (friction.coulomb_positive + friction.coulomb_negative))
 
 
 def is_of_coupled_motor(joint: MovingJoint) -> bool:

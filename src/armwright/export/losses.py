@@ -105,7 +105,8 @@ def _beyond_coulomb(friction: RotaryFriction | LinearFriction) -> list[str]:
     if friction.side == "motor":
         lost.append("that friction is the motor's (written as the joint's, by n² and |n|)")
     if plus is not None and minus is not None:
-        lost.append("the speed that smooths dry friction")
+        if (friction.smoothing_rad_per_s if rotary else friction.smoothing_m_per_s) is not None:
+            lost.append("the speed that smooths dry friction")
         if float(plus) != float(minus):
             lost.append("dry friction that differs by direction (the mean is written)")
     if offset is not None and float(offset):

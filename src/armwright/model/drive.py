@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from armwright import scalar
 from armwright.description.friction import LawName
 from armwright.errors import ModelError
 from armwright.scalar import Scalar
@@ -22,7 +23,7 @@ class Friction:
     offset: Scalar = 0.0  # [N m | N]
     stribeck: Scalar | None = None  # [N m | N], level at standstill; None: Coulomb only
     stribeck_speed: Scalar = 1.0  # [rad/s | m/s]
-    smoothing: Scalar | None = None  # [rad/s | m/s]; None where nothing is smoothed
+    smoothing: Scalar | None = None  # [rad/s | m/s]; None: dry friction is a set at rest (`sticks`), or there is none
     law: LawName = "coulomb"
     parameters: tuple[Scalar, ...] = ()  # the law's own, in the order of `description.friction.LAWS`
     on_motor: bool = False  # whose speed it acts on, where the gear gives way or the motor turns several joints
@@ -30,6 +31,17 @@ class Friction:
     viscous_fall: Scalar | None = None  # warming over which viscous falls to 1/e [K]
     viscous_temperature_coefficient: Scalar | None = None  # relative change of viscous [1/K]
     coulomb_temperature_coefficient: Scalar | None = None  # of Coulomb's and Stribeck's levels [1/K]
+
+    @property
+    def is_dry(self) -> bool:
+        """True if part of it does not vanish with the speed: Coulomb's or Stribeck's level, or friction by load."""
+        levels = (self.coulomb_positive, self.coulomb_negative, self.stribeck, self.load_coefficient)
+        return any(level is not None and (scalar.is_symbolic(level) or level != 0) for level in levels)
+
+    @property
+    def sticks(self) -> bool:
+        """True if dry friction has no smoothing speed: at rest it is any torque within its levels. LuGre's bristles hold."""
+        return self.law == "coulomb" and self.smoothing is None and self.is_dry
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +125,7 @@ class Drive:
     gear_ratio: Scalar = 1.0  # n [motor rad / rad | rad/m], signed
     rotor_inertia: Scalar = 0.0  # J_m [kg m²], motor side
     efficiency: Scalar | EfficiencyTable | None = None  # η [-]; None: 1, no loss
-    smoothing: Scalar | None = None  # speed over which the gear's loss is smoothed [rad/s | m/s]
+    smoothing: Scalar | None = None  # speed over which the gear's loss is smoothed [rad/s | m/s]; None: it is not
     torque_constant: Scalar | None = None  # Kt [N m/A]
     back_emf_constant: Scalar | None = None  # Ke [V s/rad]
     resistance: Scalar | None = None  # R [Ω]

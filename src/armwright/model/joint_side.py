@@ -105,7 +105,7 @@ def _efficiency_table(record: GearEfficiencyTable) -> EfficiencyTable:
 
 
 def _smoothing(joint: MovingJoint) -> Scalar | None:
-    """Speed of the joint over which friction and gear loss are smoothed; one on the motor side is divided by |n|."""
+    """Speed of the joint over which friction and gear loss are smoothed, None if absent; the motor's is divided by |n|."""
     if isinstance(joint.friction, LinearFriction):
         speed, ratio = joint.friction.smoothing_m_per_s, 1.0
     elif isinstance(joint.friction, RotaryFriction):

@@ -82,6 +82,11 @@ class Varied:
             path, entry = name[: name.rfind("[")], int(name[name.rfind("[") + 1 : -1])
         value = self._numbers.get(path)
         size = len(value) if isinstance(value, tuple) else 1
+        joint, of_friction, _ = path.partition(".friction.smoothing_")
+        if of_friction and not any(known.startswith(joint + of_friction) for known in self._numbers):
+            what = f"no smoothing speed in [joints.friction] of {joint!r}"
+            expected = "one in the record, to vary it; without one friction is not smoothed"
+            raise ModelError(what, place="vary", value=name, expected=expected, file=self.arm.name)
         if value is None or (entry is not None and (not isinstance(value, tuple) or entry >= size)):
             raise ModelError(
                 "no such parameter", place="vary", value=name, expected=self._alternatives(path), file=self.arm.name

@@ -2,7 +2,8 @@
 
 Every program of a tick carries tangents along, so that what comes out is the derivative of the simulated discrete system.
 It is that of the continuous one in the limit of small steps where the plant's derivative is continuous in the state: friction
-is smoothed, and limits cut off continuously. Stops and gears with play make it jump; they are refused, as are quantisers.
+is smoothed, and limits cut off continuously. Stops, gears with play and friction without a smoothing speed make it jump; they
+are refused, as are quantisers.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from armwright.actuators.friction import smoothing_key
+from armwright.actuators.gear import sticks
 from armwright.errors import ScenarioError
 from armwright.kernels.batch import Kernel
 from armwright.kernels.loop import Lanes, Loop
@@ -164,6 +167,13 @@ def _check(simulation: Simulation) -> None:
     if sum(simulation.plant.contacts):
         what = "accelerations jump where stops and gears with play touch, and have no sensitivities there"
         raise ScenarioError(what, place="arm", expected="one whose record has no `stops` and no `backlash_rad`")
+    sticking = next((body for body in simulation.arm.bodies if sticks(body)), None)
+    if sticking is not None:
+        raise ScenarioError(
+            "friction and gear loss without a smoothing speed jump where a joint turns back, and have no sensitivities there",
+            place=f"joint {sticking.joint!r} {smoothing_key(sticking)}",
+            expected="a smoothing speed in the record",
+        )
     if sampling is None or loop is None:
         return
     if sampling.delays.fractional or np.any(sampling.delays.earlier):

@@ -21,12 +21,12 @@ from armwright.scalar import Array, Scalar
 from armwright.signals import Layout
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.joint_drive import (
-    STANDING,
     DrivenJoint,
     JointMotion,
     JointStates,
     SwitchingFunction,
     driven_joint,
+    standing,
 )
 from armwright.simulation.plant.state import contacts_of
 
@@ -115,9 +115,8 @@ class PlantFlow:
         done = []
         for i, (body, joint) in enumerate(zip(self.model.coordinates, joints, strict=True)):
             if joint.gear_loss is not None:
-                assert body.drive.smoothing is not None
                 t = joint.gear - body.drive.reflected * wd[i]
-                bends = [SwitchingFunction(w[i], STANDING * body.drive.smoothing)]
+                bends = [SwitchingFunction(w[i], standing(body.drive.smoothing))]
                 bends += [SwitchingFunction(t - knot) for knot in joint.gear_loss.knots]
                 loss = joint.loss + (t - joint.gear_loss.output(t)) * w[i]
                 joint = replace(joint, loss=loss, switching=[*joint.switching, *bends])

@@ -21,7 +21,7 @@ from armwright.actuators.winding import Winding, driven_winding, is_limit
 from armwright.model import Body, Model
 from armwright.scalar import Array, Scalar
 
-STANDING = 1e-9  # of the speed that friction is smoothed over: a joint that is slower stands
+STANDING = 1e-9  # of the speed that friction is smoothed over, or [rad/s | m/s]: a joint that is slower stands
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,10 +169,12 @@ def _felt(pushes: Sequence[Scalar], touching: Sequence[Scalar]) -> list[Switchin
 
 def _turning(body: Body, speed: Scalar) -> SwitchingFunction:
     """A speed, and below which the joint stands."""
-    friction = body.friction
-    return SwitchingFunction(
-        speed, STANDING * (1.0 if friction is None or friction.smoothing is None else friction.smoothing)
-    )
+    return SwitchingFunction(speed, standing(None if body.friction is None else body.friction.smoothing))
+
+
+def standing(smoothing: Scalar | None) -> Scalar:
+    """Speed [rad/s | m/s] below which a joint stands, by the speed that its friction or gear loss is smoothed over."""
+    return STANDING * (1.0 if smoothing is None else smoothing)
 
 
 def _winding(body: Body, states: JointStates, speed: Scalar, u: Scalar, volts: Scalar | None) -> Winding:
