@@ -115,13 +115,13 @@ def segments(x, changes, substeps=1):
 
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_planned_commands_act_from_their_time_and_the_newest_wins(substeps):
-    loop = Loop((Record("run", ("x",), (2,)), Integrate(STEP, substeps=substeps, planned=3)), select_target())
+    loop = Loop((Record("run", ("x",), (2,)), Integrate(STEP, planned=3)), select_target())
     lanes = loop.lanes(4)
     lanes.set("x", starts(4))
     lanes.set("u_plan", np.array([1.0, -2.0, 3.0]))
     begins = np.array([[0.004, 0.007], [0.006, 0.002], [NEVER, 0.005], [NEVER, 0.0]])  # the second: overtaken
     lanes.set("u_from", begins)
-    found = recorded(loop, lanes, 1, 2)[1]
+    found = recorded(loop, lanes, 1, 2, substeps=substeps)[1]
     changes = [
         [(0.0, 1.0), (0.004, -2.0), (0.007, 3.0)],
         [(0.0, 1.0), (0.002, 3.0), (0.006, 3.0)],

@@ -25,7 +25,11 @@ def by_part(values: dict[str, Any], *, looped: bool) -> dict[str, dict[str, Any]
 
 
 def scenario_of(arm: aw.Model, **values: Any) -> aw.Scenario:
-    """A scenario from its own fields and those of its parts; q0 and qd0 are those of `Start`, and are left out beside a start."""
+    """A scenario from its own fields and those of its parts, by rk3 unless another integrator is named.
+
+    q0 and qd0 are those of `Start`, and are left out beside a start.
+    """
+    values = {"integrator": "rk3", **values}
     parts = by_part(values, looped=values.get("command") is None)
     made = {name: kind(**parts[name]) for name, kind in PARTS.items() if name in parts}
     if "start" in parts and "start" not in values:

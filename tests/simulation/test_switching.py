@@ -122,12 +122,12 @@ def in_pieces(x, u, s):
 @pytest.mark.parametrize("width", [1, 4, 8])
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_the_stage_does_what_it_says_in_numpy(width, substeps):
-    loop = Loop((Integrate(STEP, substeps, **PROGRAMS),), replace(select_target("x86-64-v3"), width=width))
+    loop = Loop((Integrate(STEP, **PROGRAMS),), replace(select_target("x86-64-v3"), width=width))
     starts = np.random.default_rng(0).normal(size=(11, 2)) * [0.3, 1.0] + [0.3, 0.0]
     lanes, h, u = loop.lanes(11), 0.02, np.array([0.4])
     lanes.set("x", starts)
     lanes.set("u", u)
-    loop.run(lanes, h, (0, 60))
+    loop.run(lanes, h, (0, 60), substeps=substeps)
     expected = starts
     for _ in range(60 * substeps):
         expected = np.array([in_pieces(x, u, h / substeps) for x in expected])

@@ -44,9 +44,17 @@ def simulate(
     torque: Torque = None,
     command: Command = None,
     duration: Duration = None,
-    step: Annotated[float | None, option("--step", "S", "Step of the integrator in s; default 1e-3.")] = None,
+    accuracy: Annotated[
+        float | None, option("--accuracy", "E", "How wrong the motion may be, in parts of its range; default 1e-3.")
+    ] = None,
+    step: Annotated[
+        float | None, option("--step", "S", "A fixed step in s; by default steps are as long as the accuracy allows.")
+    ] = None,
     integrator: Annotated[
-        str | None, option("--integrator", "NAME", "rk3 (by default), rk4, semi_implicit_euler, rk45 or cvodes.")
+        str | None,
+        option(
+            "--integrator", "NAME", "auto (by default), rk3 (with a step), rk4, semi_implicit_euler, rk45 or cvodes."
+        ),
     ] = None,
     q0: Position = None,
     qd0: Velocity = None,
@@ -54,6 +62,9 @@ def simulate(
     record_every: Annotated[
         int | None,
         option("--record-every", "K", "Record every K-th step, default 1; 0: only start and end."),
+    ] = None,
+    record_period: Annotated[
+        float | None, option("--record-period", "S", "Time in s from row to row; default 1e-3 without a step.")
     ] = None,
     output: Annotated[
         Path | None, option("--output -o", "FILE", "Where the run goes: .nc (NetCDF), .csv or .parquet.")
@@ -91,7 +102,18 @@ def simulate(
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
         options = {**constants, "schedule": schedule, "duration": duration, "integrator": integrator}
-        refuse_options(robot, {**options, "q0": q0, "qd0": qd0, "step": step, "record-every": record_every})
+        refuse_options(
+            robot,
+            {
+                **options,
+                "q0": q0,
+                "qd0": qd0,
+                "step": step,
+                "record-every": record_every,
+                "record-period": record_period,
+                "accuracy": accuracy,
+            },
+        )
         scenario = aw.read_scenario(robot, allow=allow or ())
         if plot is not None and scenario.recording.what == "none":
             expected = "'all' or 'state', or no --plot, which draws rows"
@@ -109,8 +131,8 @@ def simulate(
             duration=duration,
             command=commands_of(arm, schedule, constants),
             start=start_of(arm, q0, qd0),
-            solver=aw.Solver(integrator or "rk3", step),
-            recording=aw.Recording(1 if record_every is None else record_every),
+            solver=aw.Solver(integrator or "auto", step, accuracy=accuracy),
+            recording=aw.Recording(record_every, period=record_period),
         )
         _run(scenario, output, plot)
 
@@ -145,10 +167,10 @@ def _show(scenario: Scenario, run: xr.Dataset, spent: float, written: list[Path]
     stopped = lanes_that_stopped(run) if "lane" in run.dims else 0
     lanes += f", of which {stopped} left the finite numbers or ran out of steps" if stopped else ""
     end = float(run["time"][-1]) if "time" in run.coords else scenario.ticks * step
-    screen.print(
-        f"{scenario.arm.name}: {end:g} s in {round(end / step)} {what} of {step * 1e3:g} ms{lanes}, "
-        f"compiled and run in {spent:.2f} s"
-    )
+    extent = f"{round(end / step)} {what} of {step * 1e3:g} ms"
+    if scenario.solver.rule == "auto":
+        extent = f"{float(run['steps_tried'].mean()):.0f} steps" + (f" in {extent}" if scenario.sampled else "")
+    screen.print(f"{scenario.arm.name}: {end:g} s in {extent}{lanes}, compiled and run in {spent:.2f} s")
     for path in written:
         screen.print(f"wrote {path}")
     if not written:

@@ -81,7 +81,7 @@ def step_study(
         refuse_options(robot, {**options, "q0": q0, "qd0": qd0})
         scenario = aw.read_scenario(robot, allow=allow or ())
         if integrator is not None:
-            solver = replace(scenario.solver, integrator=integrator, rtol=None, atol=None, max_substeps=None)
+            solver = aw.Solver(integrator, scenario.solver.step, scenario.solver.substeps)
             scenario = replace(scenario, solver=solver)
     else:
         refuse_allow(allow)
@@ -92,7 +92,7 @@ def step_study(
                 duration=duration,
                 command=commands_of(arm, schedule, constants),
                 start=start_of(arm, q0, qd0),
-                solver=aw.Solver(integrator or "rk3", step),
+                solver=aw.Solver(integrator or "auto", step),
             )
     named = () if robot.endswith(SCENARIO) else ("duration",)
     with naming_options(*named), progress(f"trying steps for {scenario.arm.name}"):
@@ -124,14 +124,14 @@ def _show(study: StepStudy, spent: float) -> None:
     parted = any(isfinite(trial.counts_differ_at) for trial in study.trials)
     rows = [
         [
-            f"{1e3 * trial.step:.4g}",
+            f"auto, {1e3 * trial.step:.3g} on average" if trial is study.auto else f"{1e3 * trial.step:.4g}",
             "too large" if trial.refused else f"{trial.error_q:.1e}",
             "" if trial.refused else f"{trial.error_qd:.1e}",
             number(round(trial.order, 2)),
             f"{trial.evaluations:,.0f}",
             *([number(trial.counts_differ_at)] if parted else []),
         ]
-        for trial in study.trials
+        for trial in (*study.trials, study.auto)
     ]
     console.print(table(title, [*heads, *(["other counts from [s]"] if parted else [])], rows))
     if parted:

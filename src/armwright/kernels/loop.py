@@ -148,6 +148,7 @@ class Loop:
         every: int = ENDLESS,
         seed: int = 0,
         origin: int = 0,
+        substeps: int = 1,
         tables: Mapping[str, np.ndarray] | None = None,
         schedules: Mapping[str, Schedules] | None = None,
         records: Mapping[str, np.ndarray] | None = None,
@@ -159,6 +160,7 @@ class Loop:
             last: in this tick and behind it nothing is integrated, nor anything done that comes behind in the stages.
             every: ticks from one recorded row to the next.   seed: of random draws.
             origin: the tick that tables and records begin with.
+            substeps: equal steps of the plant between two changes, where it has a fixed step.
             tables: (ticks, entries) by block.   schedules: by block.
             records: by name, (rows, tiles · W, entries) of this group, contiguous along the last two axes.
         """
@@ -169,10 +171,12 @@ class Loop:
             "tick1": ticks[1],
             "last": last,
             "every": every,
-            "h": struct.unpack("<q", struct.pack("<d", h))[0],
+            "h": _bits(h),
             "lane0": lanes.first + lanes.offset,
             "seed": seed,
             "origin": origin,
+            "substeps": substeps,
+            "part": _bits(1.0 / substeps),
         }
         arguments = [numbers[name] for name in NUMBERS]
         arrays: list[np.ndarray] = []
@@ -195,6 +199,11 @@ class Loop:
                 arguments += [pointer(record), record.strides[0] // 8]
         table = (ctypes.c_int64 * len(arguments))(*arguments)
         self._run(ctypes.addressof(table))
+
+
+def _bits(value: float) -> int:
+    """The bits of a double as a whole number."""
+    return struct.unpack("<q", struct.pack("<d", value))[0]
 
 
 def _aligned(shape: tuple[int, ...]) -> np.ndarray:

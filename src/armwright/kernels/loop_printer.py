@@ -13,7 +13,8 @@ from armwright.kernels.machine import Value
 from armwright.kernels.stages import SINCE, Call, Delay, Draw, Record, Rows, Stage, Table, block_sizes
 from armwright.kernels.tiles import store_tile
 
-NUMBERS = ("tile0", "tile1", "tick0", "tick1", "last", "every", "h", "lane0", "seed", "origin")
+NUMBERS = ("tile0", "tile1", "tick0", "tick1", "last", "every", "h", "lane0", "seed", "origin", "substeps", "part")
+REALS = ("h", "part")  # of them; part: of a segment that a substep is
 
 
 def argument_names(plan: tuple[Stage, ...]) -> list[str]:
@@ -48,7 +49,7 @@ class _Printer(StepPrinter):
         names = argument_names(self.plan)
         for k, name in enumerate(names):
             place = m.emit(f"getelementptr i64, ptr %arguments, i64 {k}")
-            kind = "double" if name == "h" else "i64" if name in NUMBERS or name.endswith(".stride") else "ptr"
+            kind = "double" if name in REALS else "i64" if name in NUMBERS or name.endswith(".stride") else "ptr"
             self._out(f'  %"{name}" = load {kind}, ptr {place}, align 8')
         self._out("  %some = icmp slt i64 %tile0, %tile1")
         m.branch("%some", "tiles", "done")

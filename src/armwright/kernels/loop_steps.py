@@ -22,10 +22,9 @@ class StepPrinter(BlockPrinter):
     def _integrate(self, stage: Integrate, label: str) -> None:
         m = self.m
         t, edge = self._segment(stage, label)
-        span = m.sub(edge, t)
-        length = span if stage.substeps == 1 else m.mul(span, m.constant(1.0 / stage.substeps))
+        length = m.mul(m.sub(edge, t), self._splat("%part"))
         self._store("h", 0, length)
-        with m.repeat(f"{label}.substep", stage.substeps):
+        with m.repeat(f"{label}.substep", "%substeps"):
             if stage.switching:
                 self._step_in_pieces(stage, label, length)
             else:

@@ -140,7 +140,7 @@ class Integrate(_Switching):
     """One tick of the plant: `step(x, …, h) → x_next`, in segments between changes, each in equal substeps.
 
     Attributes:
-        step: the program; its other inputs are blocks.   substeps: in each segment.
+        step: the program; its other inputs are blocks.
         planned: how many commands block "u_plan" holds, of which "u" is the one in force; 0: "u" is held.
         seen: blocks, "x" first, that are kept as they are at "see_at" seconds, in (0, h], as "x_seen" and so on; a step ends
             there. Inputs are those in force until then.
@@ -151,7 +151,6 @@ class Integrate(_Switching):
     """
 
     step: Program
-    substeps: int = 1
     planned: int = 0
     seen: tuple[str, ...] = ()
     touching: Program | None = None

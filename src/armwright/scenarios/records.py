@@ -185,7 +185,7 @@ class SolverTable(Record):
     """Integrator and its steps; see `armwright.Solver`."""
 
     integrator: str = Field(
-        default="rk3", description="auto, or with a fixed step rk3, rk4, semi_implicit_euler; rk45; cvodes."
+        default="auto", description="auto, or with a fixed step rk3, rk4, semi_implicit_euler; rk45; cvodes."
     )
     accuracy: Number | None = Field(
         default=None, description="Of auto: how wrong a run may be, in parts of each quantity's range; absent: 1e-3."

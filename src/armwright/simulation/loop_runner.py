@@ -148,7 +148,6 @@ class LoopRunner:
             scenario.varied,
             scenario.solver.rule,
             scenario.solver.adaptivity,
-            scenario.substeps if scenario.sampled else 1,
             inputs={name: all_rows(schedule).shape[1] for name, schedule in scenario.input_schedules.items()},
             payload_frames=scenario.payload_frames,
             recorded={name: layouts[name] for name in stored},
@@ -312,12 +311,19 @@ class LoopRunner:
         every: int,
         *,
         measured: bool = False,
+        substeps: int | None = None,
     ) -> None:
         """Takes a group of lanes through ticks, from one to before another; in tick `last` nothing moves.
 
-        `measured`: whether the stages before the controller are done for the first of them.
+        `measured`: whether the stages before the controller are done for the first of them.   `substeps`: of each tick, by
+        default the scenario's.
         """
-        run = {**self.given(), "last": last, "every": every, "records": {} if record is None else {"run": record}}
+        run = {
+            **self.given(substeps or self.scenario.substeps),
+            "last": last,
+            "every": every,
+            "records": {} if record is None else {"run": record},
+        }
         loops = self.loop.loops
         if len(loops) == 1 and self._solver is None:
             loops[0].run(lanes, self.period, (tick, end), **run)
@@ -334,8 +340,9 @@ class LoopRunner:
                 steady = 1 if self.scenario.sampled else last - k  # ticks in which schedules alone change anything
                 self._solver.tick(lanes, k, self.period, self.rows, steady)
 
-    def given(self) -> dict[str, Any]:
+    def given(self, substeps: int = 1) -> dict[str, Any]:
         """Arguments of compiled loops beside lanes and ticks."""
         table = None if self.reference is None else self.reference.table
         tables = {} if table is None else {"r": table}
-        return {"origin": self.origin, "seed": self.scenario.seed, "tables": tables, "schedules": self.rows}
+        fixed = {"origin": self.origin, "seed": self.scenario.seed, "substeps": substeps}
+        return {**fixed, "tables": tables, "schedules": self.rows}

@@ -134,7 +134,7 @@ class Solver:
         ScenarioError: names the field, its value and what was expected.
     """
 
-    integrator: str = "rk3"
+    integrator: str = "auto"
     step: float | None = None
     substeps: int | None = None
     accuracy: float | None = None

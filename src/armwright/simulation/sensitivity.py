@@ -25,6 +25,7 @@ from armwright.model.vary import Varied
 from armwright.parameters import Batch, LaneFields
 from armwright.program.derivative import with_tangents
 from armwright.signals import Signal
+from armwright.simulation.fixed_steps import with_fixed_steps
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Recording
@@ -42,7 +43,7 @@ def sensitivities(scenario: Scenario, by: Sequence[str]) -> xarray.Dataset:
     """Derivatives of simulated signals by parameters and initial states.
 
     Args:
-        scenario: of a fixed-step rule, with or without a compiled controller; lanes as ever.
+        scenario: with or without a compiled controller, lanes as ever; steps that are "auto" are `with_fixed_steps`.
         by: numbers of the record ("link6.mass_kg"), fields of the controller ("loop.controller.kp", "loop.controller.kp[2]"),
             initial positions and speeds ("start.q[1]", "start.qd[0]"); a name of several numbers stands for all of them.
     Returns:
@@ -50,7 +51,7 @@ def sensitivities(scenario: Scenario, by: Sequence[str]) -> xarray.Dataset:
     Raises:
         ScenarioError: what has no such derivative, or is not there; names it and what was expected.
     """
-    opened, seeds, names = _opened(scenario.resolved, by)
+    opened, seeds, names = _opened(with_fixed_steps(scenario.resolved), by)
     simulation = Simulation(opened)
     _check(simulation)
     count = len(names)
@@ -68,7 +69,8 @@ def sensitivities(scenario: Scenario, by: Sequence[str]) -> xarray.Dataset:
     first = simulation.tick
     loop.run(
         lanes, simulation.period, (first, first + ticks + 1), last=first + ticks, every=every, seed=opened.seed, origin=first,
-        tables={} if table is None else {"r": table}, schedules=simulation.rows, records={"run": record},
+        substeps=opened.substeps, tables={} if table is None else {"r": table}, schedules=simulation.rows,
+        records={"run": record},
     )  # fmt: skip
     single = scenario.lane_count is None
     return _dataset(simulation, record[:, : simulation.count], blocks, loop.sizes, names, every, single)

@@ -19,7 +19,9 @@ from armwright.signals import Values
 from armwright.simulation.batch_runner import Progress, Work, handed_out, run_groups
 from armwright.simulation.checks import check_whole
 from armwright.simulation.dataset import Recorded, run_dataset
+from armwright.simulation.fixed_steps import COARSE, coarse_step_note
 from armwright.simulation.inputs.input_schedule import lane_numbers
+from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.integrate.lane_status import LaneStatus
 from armwright.simulation.loop.compiled import CompiledLoop
 from armwright.simulation.loop.controller import reference_of
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     import xarray
 
 AHEAD = 1024  # ticks whose reference is worked out at once while a loop is stepped
+WATCHED = 1000  # ticks in which a step given by hand is looked at
 SLICE = 0.01  # [s] of a run in real time between two looks at the clock
 
 
@@ -132,6 +135,8 @@ class Simulation(LoopRunner):
         workers = 1 if in_python or real_time else threads or os.cpu_count() or 1
         whole = self._in_python is not None and self.controller.vectorised
         finished = run_groups(self.count, width, ticks, begin, progress, workers, whole=whole)
+        if record is not None and not in_python and scenario.solver.rule in INTEGRATORS:
+            self._note_coarse_step(state, min(ticks, WATCHED))
         recorded, end = Recorded(record, every, ticks, finished, status, reduced, origin), None
         if scenario.lane_count is None:
             status.check(self.arm.name, self.period, self.state_entries, recorded.last_row(self))
@@ -147,10 +152,23 @@ class Simulation(LoopRunner):
             run.attrs["scenario"] = scenario.document
         return handed_out(run, finished, ticks, self.count)
 
-    def _room(self, ticks: int, every: int, width: int) -> np.ndarray:
-        """Room for what is recorded (rows, lanes in whole tiles, entries)."""
+    def _note_coarse_step(self, state: LoopState | None, ticks: int) -> None:
+        """Adds a note where the first lane moves otherwise with half the step, over some ticks from here."""
+        rows = []
+        for parts in (1, 2):
+            lanes = Lanes(1, self.loop.loops[0].target.width, 0, self.scenario.first_lane)
+            self.begin(lanes, state)
+            record = self._room(ticks, 1, lanes.width, 1)
+            last = self.origin + ticks
+            self.advance(lanes, self.origin, last + 1, last, record, 1, substeps=parts * self.scenario.substeps)
+            rows.append(record[:, 0, : self.plant.size])
+        note = coarse_step_note(self.scenario, self.plant.layout, self.state_entries, *rows)
+        self.notes = [each for each in self.notes if COARSE not in each] + ([] if note is None else [note])
+
+    def _room(self, ticks: int, every: int, width: int, count: int | None = None) -> np.ndarray:
+        """Room for what is recorded of so many lanes, by default all: (rows, lanes in whole tiles, entries)."""
         entries = sum(layout.size for layout in self.config.recorded.values())
-        shape = (ticks // every + 1, -(-self.count // width) * width, entries)
+        shape = (ticks // every + 1, -(-(count or self.count) // width) * width, entries)
         try:
             return np.empty(shape)
         except (MemoryError, ValueError):

@@ -19,7 +19,7 @@ from armwright.errors import DivergenceError, ScenarioError
 from armwright.simulation.checks import check_whole
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.scenario import Scenario
-from armwright.simulation.scenario_parts import Recording
+from armwright.simulation.scenario_parts import Recording, Solver
 from armwright.simulation.simulation import simulate
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ class StepStudy:
     Attributes:
         name: of the arm.   integrator: the rule.   order: the rule's own.   trials: largest step first.
         recommended: for each accuracy [rad, rad/s | m, m/s] the largest step which keeps it, as all smaller ones do; None: none.
+        auto: what a run is wrong by in which every lane chooses its steps; its step is their mean.
         floor: [rad, rad/s | m, m/s] what CVODES itself is wrong by, as the smallest steps show; 0 where they do not.
     """
 
@@ -74,6 +75,7 @@ class StepStudy:
     integrator: str
     order: int
     trials: tuple[Trial, ...]
+    auto: Trial
     floor: float
     recommended: dict[float, Trial | None]
 
@@ -87,8 +89,9 @@ def step_study(
 ) -> StepStudy:
     """Runs a scenario with steps that halve, and says which are small enough.
 
-    A sampled controller keeps its period and its substeps are doubled; in open loop the step itself is halved. Errors are
-    those at times that all runs share, up to where a quantiser decides otherwise. Draws of noise and jitter are the same in all.
+    Steps that are "auto" are compared with those of rk3. A sampled controller keeps its period and its substeps are doubled;
+    in open loop the step itself is halved. Errors are those at times that all runs share, up to where a quantiser decides
+    otherwise. Draws of noise and jitter are the same in all.
 
     Args:
         scenario: with an integrator of fixed step.   steps: how many are tried.
@@ -99,9 +102,12 @@ def step_study(
         ScenarioError: an integrator that chooses its own steps, no steps, no such accuracy, too many lanes for CVODES.
         DivergenceError: CVODES cannot solve it.
     """
+    if scenario.solver.rule == "auto":
+        fixed = replace(scenario.solver, integrator="rk3", accuracy=None, max_substeps=None)
+        scenario = replace(scenario, solver=fixed)
     name = scenario.solver.rule
     if name not in INTEGRATORS:
-        expected = f"one of {', '.join(INTEGRATORS)}"
+        expected = f"'auto' or one of {', '.join(INTEGRATORS)}"
         raise ScenarioError("chooses its own steps", place="solver.integrator", value=name, expected=expected)
     check_whole("steps", steps, 1)
     wrong = [accuracy for accuracy in accuracies if not 0.0 < accuracy < np.inf]
@@ -128,7 +134,20 @@ def step_study(
         floor = max(trials[-1].error - rest, 0.0)
     ordered = [trials[0], *(replace(trial, order=_order(last, trial, floor)) for last, trial in pairwise(trials))]
     chosen = {accuracy: _largest(ordered, accuracy) for accuracy in accuracies}
-    return StepStudy(scenario.arm.name, name, rule.order, tuple(ordered), floor, chosen)
+    auto = _auto(variants[0], exact, threads)
+    return StepStudy(scenario.arm.name, name, rule.order, tuple(ordered), auto, floor, chosen)
+
+
+def _auto(scenario: Scenario, exact: xarray.Dataset, threads: int | None) -> Trial:
+    """The error where every lane chooses its steps, and what these are on average."""
+    recording = scenario.recording
+    if not scenario.sampled:
+        recording = replace(recording, every=None, period=scenario.tick)
+    auto = replace(scenario, solver=Solver(target=scenario.solver.target), recording=recording)
+    run = simulate(auto, threads=threads)
+    q, qd, differ_at = _compared(run, exact, scenario)
+    steps = float(np.mean(run["steps_tried"])) / (scenario.ticks * scenario.tick)
+    return Trial(1.0 / steps, 1, q, qd, np.nan, INTEGRATORS["rk3"].stages * steps, differ_at)
 
 
 def _order(last: Trial, trial: Trial, floor: float) -> float:

@@ -47,7 +47,7 @@ class LoopConfig:
 
     Attributes:
         arm: the model.   varied: the same with parameters left open, where some vary.
-        integrator, adaptivity, substeps: the rule that moves the plant.
+        integrator, adaptivity: the rule that moves the plant.
         inputs: of the plant beside its commands: blocks and their entries.
         payload_frames: names of the frames that payloads hang on, ten entries of block "payload" each.
         recorded: blocks that are stored, with their layouts.   reduction: what is computed along the way.
@@ -58,7 +58,6 @@ class LoopConfig:
     varied: Varied | None
     integrator: str
     adaptivity: Adaptivity | None = None
-    substeps: int = 1
     inputs: Mapping[str, int] = field(default_factory=dict)
     payload_frames: tuple[str, ...] = ()
     recorded: Mapping[str, Layout] = field(default_factory=dict)

@@ -175,7 +175,7 @@ def _integration(config: LoopConfig, seen: tuple[str, ...]) -> list[Stage]:
     _, shapes = plant_derivative(config)
     if config.integrator in INTEGRATORS:
         step = plant_step(config, {} if watched is None else watched.block)
-        return [Integrate(step, config.substeps, planned, seen, **switching_programs(watched, shapes))]
+        return [Integrate(step, planned, seen, **switching_programs(watched, shapes))]
     if config.integrator == "cvodes":
         return []
     assert config.adaptivity is not None

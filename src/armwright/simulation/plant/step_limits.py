@@ -188,7 +188,7 @@ class StepLimit:
             f"{name} would blow up or lose track",
             place="step",
             value=step,
-            expected=f"{_round_down(0.8 * largest):g} s or less",
+            expected=f"{round_down(0.8 * largest):g} s or less",
         )
 
 
@@ -308,7 +308,7 @@ def _steep_speeds(body: Body) -> list[float]:
     return [0.0, *about_rest, middle, middle + width, middle - width]
 
 
-def _round_down(value: float) -> float:
+def round_down(value: float) -> float:
     """One significant digit: a step that people would choose."""
     digit = 10.0 ** floor(log10(value))
     return floor(value / digit) * digit
