@@ -220,6 +220,37 @@ def test_factors_serve_many_right_sides(n):
     np.testing.assert_allclose(lower @ scalar.solve_lower(factors, right), right, rtol=0, atol=atol)
 
 
+@pytest.mark.parametrize("n", [1, 4, 9])
+def test_sparse_factors_solve_what_numpy_solves(n):
+    """Half of the entries are 0, of floats and in a trace; the elimination fills some of them."""
+    rng = np.random.default_rng(n)
+    matrix = np.where(rng.random((n, n)) < 0.5, rng.normal(size=(n, n)), 0.0) + n * np.eye(n)
+    right = rng.normal(size=n)
+
+    def solved(matrix, right):
+        return scalar.solve_sparse(scalar.factor_sparse(matrix), right)
+
+    expected = np.linalg.solve(matrix, right)
+    np.testing.assert_allclose(solved(matrix, right), expected, rtol=1e-12)
+    np.testing.assert_allclose(evaluate(solved, matrix, right), expected, rtol=1e-12)
+    with np.errstate(all="ignore"):
+        assert not np.isfinite(solved(np.zeros((n, n)), right)).any()
+
+
+def test_an_arrow_is_eliminated_from_its_point():
+    """A full row and column in front, else a diagonal: taken first they would fill everything; work grows with n, not n³."""
+
+    def arrow(entries, right):
+        n = len(right)
+        matrix = scalar.eye(n)
+        for k in range(n):
+            matrix[0, k] = matrix[k, 0] = entries[k]
+        return scalar.solve_sparse(scalar.factor_sparse(entries[0] * scalar.array(matrix)), right)
+
+    counts = [sum(trace("arrow", arrow, {"e": (n,), "r": (n,)}).operation_counts().values()) for n in (10, 20, 40)]
+    assert counts[2] - counts[1] == 2 * (counts[1] - counts[0])
+
+
 def test_jacobian():
     """Exact slopes of a function of any shape, on floats, and in a trace of what it also depends on."""
 

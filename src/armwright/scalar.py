@@ -359,6 +359,69 @@ def inverse_factored(factors: Factored) -> np.ndarray:
     return array(full)
 
 
+@dataclass(frozen=True, eq=False)
+class SparseFactors:
+    """A matrix as L U: the order in which it was eliminated, and the entries of both that are not 0, by row and column.
+
+    Attributes:
+        order: (n,) rows and columns.   lower: L without its ones on the diagonal, by column.   upper: U without its diagonal.
+        inverse: (n,) of U's diagonal.
+    """
+
+    order: list[int]
+    lower: list[dict[int, Scalar]]
+    upper: list[dict[int, Scalar]]
+    inverse: list[Scalar]
+
+
+def factor_sparse(matrix: Array) -> SparseFactors:
+    """L U of a matrix with pivots on its diagonal; entries that are known to be 0 cost nothing.  [Markowitz1957]
+
+    The next pivot is always the one that takes the fewest products, (entries in its row - 1) (entries in its column - 1).
+
+    Args:
+        matrix: (n, n); the leading minors in that order are not 0.
+    Returns:
+        factors: for `solve_sparse`. Not finite where a pivot is 0.
+    """
+    n = len(matrix)
+    rows = [{j: matrix[i, j] for j in range(n) if not _is_zero(matrix[i, j])} for i in range(n)]
+    lower: list[dict[int, Scalar]] = [{} for _ in range(n)]
+    inverse: list[Scalar] = [0.0] * n
+    left, order = list(range(n)), []
+    while left:
+        counts = {j: sum(j in rows[i] for i in left) for j in left}
+        pivot = min(left, key=lambda j: (len(rows[j].keys() & counts.keys()) - 1) * (counts[j] - 1))
+        left.remove(pivot)
+        order.append(pivot)
+        diagonal = rows[pivot].pop(pivot, np.float64(0.0))
+        inverse[pivot] = np.float64(1.0) / diagonal
+        for i in left:
+            if pivot in rows[i]:
+                lower[pivot][i] = factor = rows[i].pop(pivot) * inverse[pivot]
+                for j, entry in rows[pivot].items():
+                    rows[i][j] = rows[i].get(j, 0.0) - factor * entry
+    return SparseFactors(order, lower, rows, inverse)
+
+
+def solve_sparse(factors: SparseFactors, right: Array) -> np.ndarray:
+    """x (n,) with  L U x = right (n,)."""
+    x = list(right)
+    for pivot in factors.order:
+        for i, factor in factors.lower[pivot].items():
+            x[i] = x[i] - factor * x[pivot]
+    for pivot in reversed(factors.order):
+        for j, entry in factors.upper[pivot].items():
+            x[pivot] = x[pivot] - entry * x[j]
+        x[pivot] = x[pivot] * factors.inverse[pivot]
+    return array(x)
+
+
+def _is_zero(value: Scalar) -> bool:
+    """True of the number 0, and of symbols that are it, such as h · 0."""
+    return bool(value.sx.is_zero()) if isinstance(value, Symbol) else value == 0.0
+
+
 def _dot(a: np.ndarray, b: np.ndarray) -> Scalar:
     return a @ b if len(a) else 0.0
 
