@@ -14,7 +14,7 @@ from armwright.actuators.supply import Bus, bus, drive_voltage
 from armwright.actuators.winding import is_ideal
 from armwright.dynamics import mass_matrix
 from armwright.dynamics.forward import accelerations
-from armwright.dynamics.gears import lossy_gears, without_rotors
+from armwright.dynamics.gears import Gear, lossy_gears, without_rotors
 from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
@@ -42,6 +42,17 @@ class Flow:
     change: dict[str, list[Scalar]]  # d/dt of each signal of the state
     rates: list[Scalar]  # [1/s] of the stiff entries, in the order of x
     fed: Bus | None  # what happens on the bus, where the arm has one
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """Torques of the drives on the links, as `forward.accelerations` takes them."""
+
+    joints: list[DrivenJoint]
+    links: Model  # without the rotors of `gears`
+    driven: Array  # (n,) [N m | N]
+    resisting: Array  # (n,) [N m | N]
+    gears: list[Gear]  # with loss, behind rotors
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,18 +108,28 @@ class PlantFlow:
 
     def _flow(self, x: Array, inputs: PlantInputs) -> Flow:
         """Every joint's drive, then the arm they move, then what all that makes of the state."""
-        model, n = self.model, self.model.n
+        n = self.model.n
         q, qd = x[:n], x[n : 2 * n]
+        loads = self.loads(x, inputs)
+        qdd = accelerations(loads.links, q, qd, loads.driven, loads.resisting, inputs.wrench, loads.gears)
+        joints = self._with_gear_loss(loads.joints, to_motors(self.shares, qd), to_motors(self.shares, qdd))
+        change, rates, fed = self._of_drives(x, joints)
+        return Flow(qdd, joints, {"q": list(qd), "qd": list(qdd), **change}, rates, fed)
+
+    def loads(self, x: Array, inputs: PlantInputs) -> Loads:
+        """Torques of the drives on the links in a state."""
         joints = self._driven(x, inputs)
         losses = [joint.gear_loss for joint in joints]
         links, driven, gears = lossy_gears(self._rigid, scalar.array([joint.gear for joint in joints]), losses)
         resisting = scalar.array([joint.resisting for joint in joints])
-        if model.mimics is not None:
-            resisting = resisting + friction_torques(self._followers, qd)
-        qdd = accelerations(links, q, qd, driven, resisting, inputs.wrench, gears)
-        joints = self._with_gear_loss(joints, to_motors(self.shares, qd), to_motors(self.shares, qdd))
-        change, rates, fed = self._of_drives(x, joints)
-        return Flow(qdd, joints, {"q": list(qd), "qd": list(qdd), **change}, rates, fed)
+        if self.model.mimics is not None:
+            resisting = resisting + friction_torques(self._followers, x[self.model.n : 2 * self.model.n])
+        return Loads(joints, links, driven, resisting, gears)
+
+    def drive_rates(self, x: Array, inputs: PlantInputs) -> np.ndarray:
+        """Derivatives of the state's entries behind q and q̇, without the arm's dynamics."""
+        change, _, _ = self._of_drives(x, self._driven(x, inputs))
+        return scalar.array([value for name in self.layout.names[2:] for value in change[name]])
 
     def _with_gear_loss(self, joints: list[DrivenJoint], w: Array, wd: Array) -> list[DrivenJoint]:
         """The joints with the loss (t - G(t)) w of rigid gears and where they bend; w, ẇ of the motors (n,)."""
