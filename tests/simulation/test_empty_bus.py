@@ -68,6 +68,7 @@ SOLVERS = {
     "rk4": (aw.Solver("rk4", step=1e-4), 2e-5),
     "semi_implicit_euler": (aw.Solver("semi_implicit_euler", step=1e-4), 2e-2),
     "rk45": (aw.Solver("rk45", rtol=1e-9, atol=1e-9), 1e-7),
+    "rodas3": (aw.Solver("rodas3"), 1e-5),
     "cvodes": (aw.Solver("cvodes"), 1e-7),
 }
 

@@ -27,7 +27,7 @@ def state(run):
     return np.concatenate([run.q.values[..., -1, :], run.qd.values[..., -1, :]], axis=-1)
 
 
-@pytest.mark.parametrize("integrator", ["rk3", "rk4", "semi_implicit_euler", "rk45", "cvodes"])
+@pytest.mark.parametrize("integrator", ["rk3", "rk4", "semi_implicit_euler", "rk45", "rodas3", "cvodes"])
 def test_a_switch_is_two_runs_one_behind_the_other(integrator):
     """Without, with and without the body again, each run beginning where the one before ended."""
     bare = arm("two-link")

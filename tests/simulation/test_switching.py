@@ -152,7 +152,7 @@ def arm_with_contacts():
     return chain([{**joint, **each} for each in own])
 
 
-@pytest.mark.parametrize("integrator", ["rk3", "rk45"])
+@pytest.mark.parametrize("integrator", ["rk3", "rk45", "rodas3"])
 def test_a_lane_does_not_depend_on_its_neighbours(integrator):
     arm, draw, count = arm_with_contacts(), np.random.default_rng(1), 29
     q0, qd0, u = draw.uniform(-0.28, 0.3, (count, 2)), draw.uniform(-1, 1, (count, 2)), draw.uniform(-9, 9, (count, 2))

@@ -53,7 +53,9 @@ def simulate(
     integrator: Annotated[
         str | None,
         option(
-            "--integrator", "NAME", "auto (by default), rk3 (with a step), rk4, semi_implicit_euler, rk45 or cvodes."
+            "--integrator",
+            "NAME",
+            "auto (by default), rk3 (with a step), rk4, semi_implicit_euler, rk45, rodas3 or cvodes.",
         ),
     ] = None,
     q0: Position = None,

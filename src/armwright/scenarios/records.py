@@ -185,7 +185,8 @@ class SolverTable(Record):
     """Integrator and its steps; see `armwright.Solver`."""
 
     integrator: str = Field(
-        default="auto", description="auto, or with a fixed step rk3, rk4, semi_implicit_euler; rk45; cvodes."
+        default="auto",
+        description="auto, or with a fixed step rk3, rk4, semi_implicit_euler; rk45; rodas3 for stiff arms; cvodes.",
     )
     accuracy: Number | None = Field(
         default=None, description="Of auto: how wrong a run may be, in parts of each quantity's range; absent: 1e-3."
@@ -195,12 +196,13 @@ class SolverTable(Record):
         description="Of a fixed step; absent: period_s / substeps in a loop, else 1e-3. With auto: by rk3.",
     )
     substeps: Whole | None = Field(default=None, description="Fixed steps in a period of the loop. With auto: by rk3.")
-    rtol: Number | None = Field(default=None, description="Relative tolerance of rk45 and cvodes.")
+    rtol: Number | None = Field(default=None, description="Relative tolerance of rk45, rodas3 and cvodes.")
     atol: Number | None = Field(
-        default=None, description="Absolute tolerance of rk45 and cvodes, in each state's unit."
+        default=None, description="Absolute tolerance of rk45, rodas3 and cvodes, in each state's unit."
     )
     max_substeps: Whole | None = Field(
-        default=None, description="Of auto and rk45 in one tick, absent: 1000; a lane that needs more is frozen."
+        default=None,
+        description="Of auto, rk45 and rodas3 in one tick, absent: 1000; a lane that needs more is frozen.",
     )
 
 

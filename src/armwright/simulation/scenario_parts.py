@@ -119,15 +119,16 @@ class Solver:
     By default ("auto") every lane takes as many substeps of each tick as its own error asks for, by a rule that suits the arm.
 
     Args:
-        integrator: a name of `integrators.RULES`: "auto"; with a fixed step "rk3", "rk4", "semi_implicit_euler"; "rk45", which
-            chooses its own steps within each tick; or "cvodes", slow and accurate, for some lanes.
+        integrator: a name of `integrators.RULES`: "auto"; with a fixed step "rk3", "rk4", "semi_implicit_euler"; "rk45", and
+            "rodas3" for stiff arms, which choose their steps within each tick; or "cvodes", slow and accurate, for some lanes.
         accuracy: of "auto": how wrong a run may be at its end, in parts of each quantity's range; default 1e-3.
         step: [s] of a rule of fixed step, default 1 ms; in a loop with a period it is that over `substeps`. With "auto", a step
             or a number of substeps is taken as it is, by "rk3".
         substeps: steps in each period of a loop.
-        rtol, atol: of "rk45" and "cvodes": what each entry of the state may be wrong by in a step; default `TOLERANCES`.
-        max_substeps: of "auto" and "rk45" in one tick; a lane that needs more is frozen and marked; default 1000.
-        events: of "rk45", by name: functions (t, x) of time and state; their changes of sign are found and reported,
+        rtol, atol: of "rk45", "rodas3" and "cvodes": what each entry of the state may be wrong by in a step, in its own unit;
+            default `TOLERANCES`.
+        max_substeps: of "auto", "rk45" and "rodas3" in one tick; a lane that needs more is frozen and marked; default 1000.
+        events: of "rk45" and "rodas3", by name: functions (t, x) of time and state; their changes of sign are found and reported,
             as `events.joint_stops` makes them.
         target: processor level to compile for, as in `compile`.
     Raises:

@@ -140,6 +140,8 @@ ORDER_OF_ERROR = 3  # in h, of a pair's
 
 TOLERANCES = {  # (rtol, atol) of rules that choose their own steps, if nothing else is said
     "rk45": (1e-8, 1e-10),
+    "rodas3": (1e-5, 1e-7),
     "cvodes": (1e-12, 1e-13),
 }
+STEPPING = ("rk45", "rodas3")  # of them those whose steps are taken in the compiled loop
 RULES = ("auto", *INTEGRATORS, *TOLERANCES)

@@ -63,6 +63,31 @@ def rodas3_step(slopes: Slopes, f: Derivative, x: Array, u: Array, h: Scalar) ->
     return _sum(END, k, x), _sum(ERROR, k, scalar.zeros(len(x)))
 
 
+def rodas3_trial(
+    derivative: Derivative,
+    slopes: Slopes,
+    shapes: Mapping[str, tuple[int, ...]],
+    settled: Callable[[Array], Array],
+    lands: bool,
+) -> Callable[..., tuple[Array, ...]]:
+    """(x, u, …, h) → x⁺, error and, with events to land on, the path of `rodas3_step`, for arguments of those shapes.
+
+    Args:
+        derivative: (x, u, …) → dx/dt.   slopes: (x, u, …) → dx/dt, A, E.   settled: x → the state that it stands for.
+    """
+    whole = trace("plant", derivative, shapes, ("xd",), noinline=True)
+    linear = as_program(slopes, shapes)
+
+    def step(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
+        *inputs, h = rest
+        f = lambda at, u: call(whole, at, u, *inputs)  # noqa: E731
+        new, error = rodas3_step(lambda at, u: linear(at, u, *inputs), f, x, u, h)
+        new = settled(new)
+        return (new, error, hermite_path(x, new, f(x, u), f(new, u), h)) if lands else (new, error)
+
+    return step
+
+
 def hermite_path(x: Array, new: Array, rate: Array, rate_new: Array, h: Scalar) -> np.ndarray:
     """Coefficients (4, nx) for `dormand_prince.along` of the cubic through both ends of a step, with the slopes there.
 

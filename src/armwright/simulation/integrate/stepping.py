@@ -19,7 +19,7 @@ from armwright.signals import Layout
 from armwright.simulation.integrate.dormand_prince import ORDER, dormand_prince_step
 from armwright.simulation.integrate.events import EventFunction, event_programs, event_values
 from armwright.simulation.integrate.exponential import Pairs
-from armwright.simulation.integrate.integrators import ORDER_OF_ERROR, TOLERANCES
+from armwright.simulation.integrate.integrators import STEPPING, TOLERANCES
 from armwright.simulation.integrate.step_control import Allowed, floors, growth
 from armwright.simulation.plant.switching import Watched, switching_programs
 
@@ -59,14 +59,21 @@ class Adaptivity:
         Raises:
             ScenarioError: names the field, its value and what was expected.
         """
-        auto, chooses, lands = rule == "auto", rule in TOLERANCES, rule == "rk45"
+        auto, chooses, steps = rule == "auto", rule in TOLERANCES, rule in STEPPING
         whole = isinstance(max_substeps, Integral) and _is_number(max_substeps) and int(max_substeps) > 0
         tolerance = f"a number of at least {LEAST_TOLERANCE:g} and below 1"
         checks = (  # name, value, whether it fits the rule, the rules that it fits, whether it may stand there, expected
             ("accuracy", accuracy, auto, "'auto' without a step", _is_tolerance(accuracy), tolerance),
-            ("rtol", rtol, chooses, "'rk45' or 'cvodes'", _is_tolerance(rtol), tolerance),
-            ("atol", atol, chooses, "'rk45' or 'cvodes'", _is_positive(atol), "a number above 0 and below 1"),
-            ("max_substeps", max_substeps, auto or lands, "'auto' or 'rk45'", whole, "a whole number, 1 or more"),
+            ("rtol", rtol, chooses, "'rk45', 'rodas3' or 'cvodes'", _is_tolerance(rtol), tolerance),
+            ("atol", atol, chooses, "'rk45', 'rodas3' or 'cvodes'", _is_positive(atol), "a number above 0 and below 1"),
+            (
+                "max_substeps",
+                max_substeps,
+                auto or steps,
+                "'auto', 'rk45' or 'rodas3'",
+                whole,
+                "a whole number, 1 or more",
+            ),
         )
         for name, value, fits, rules, allowed, expected in checks:
             if value is not None and not fits:
@@ -76,15 +83,15 @@ class Adaptivity:
                 raise ScenarioError(place=f"solver.{name}", value=value, expected=expected)
         if not isinstance(events, Mapping) or not all(callable(each) for each in events.values()):
             raise ScenarioError(place="solver.events", value=events, expected="functions (t, x) by name")
-        if events and not lands:
-            raise ScenarioError(f"go with integrator = 'rk45', not {rule!r}", place="solver.events")
+        if events and not steps:
+            raise ScenarioError(f"go with integrator = 'rk45' or 'rodas3', not {rule!r}", place="solver.events")
         if not chooses and not auto:
             return None
         relative, absolute = TOLERANCES.get(rule, (0.0, 0.0))
         relative, absolute = relative if rtol is None else float(rtol), absolute if atol is None else float(atol)
         wanted = (ACCURACY if accuracy is None else float(accuracy)) if auto else None
         most = MOST_SUBSTEPS if max_substeps is None else int(max_substeps)
-        return cls(Allowed(relative, absolute, wanted), most if auto or lands else 0, tuple(events.items()))
+        return cls(Allowed(relative, absolute, wanted), most if auto or steps else 0, tuple(events.items()))
 
 
 def _is_number(value: Any) -> bool:
@@ -130,6 +137,7 @@ def adaptive_stage(
     planned: int = 0,
     seen: tuple[str, ...] = (),
     watched: Watched | None = None,
+    order: int = ORDER,
 ) -> Adapt:
     """One tick of a plant by a rule that estimates its error, in steps that each lane chooses.
 
@@ -138,6 +146,7 @@ def adaptive_stage(
             and "u" first.
         adaptivity: tolerances and events.   layout: of x.   planned, seen: as in `Integrate`.
         watched: what may switch; `step` then takes which contacts count as made, as its last argument before h.
+        order: of the error in h.
     """
     held, events, allowed = (
         {**shapes, **({} if watched is None else watched.block)},
@@ -153,11 +162,11 @@ def adaptive_stage(
         new, error, *path = step(x, *inputs, h)
         if not by_range:
             share = allowed.share(x, new, error)
-            return (new, share, growth(share, ORDER), *(path if events else ()))
+            return (new, share, growth(share, order), *(path if events else ()))
         low, high = rest[len(held) - 1 : -1]
         low, high = scalar.minimum(low, x), scalar.maximum(high, x)
         share, worst = allowed.share_of_range(error, scalar.minimum(low, new), scalar.maximum(high, new), least)
-        return new, share, growth(share, ORDER_OF_ERROR), worst, low, high
+        return new, share, growth(share, order), worst, low, high
 
     names = ("worst", f"low{NEXT}", f"high{NEXT}") if by_range else ("path",) * bool(events)
     program = trace("trial", trial, {**held, **by_range, "h": ()}, (f"x{NEXT}", "error", "grow", *names))

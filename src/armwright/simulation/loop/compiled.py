@@ -107,7 +107,7 @@ def compile_loop(
 
     Args:
         arm: the model.   integrator: a name of `integrators.RULES`.   target: processor level, as in `compile`.
-        adaptivity: how "rk45" chooses its steps, as `Solver.adaptivity` says.
+        adaptivity: how "rk45" or "rodas3" chooses its steps, as `Solver.adaptivity` says.
         varied: the same arm with parameters left open, which are then a block "p" of the loop.
     Raises:
         ModelError: a drive without the constants that its command needs.

@@ -27,18 +27,23 @@ from armwright.interfaces import UNTRACEABLE, why
 from armwright.kernels.stages import NEXT, SEEN, Call, Delay, Draw, Integrate, Record, Rows, Stage
 from armwright.program import Program, trace
 from armwright.scalar import Array
-from armwright.simulation.integrate.integrators import INTEGRATORS, PAIR
+from armwright.simulation.integrate import dormand_prince, rosenbrock
+from armwright.simulation.integrate.integrators import INTEGRATORS, ORDER_OF_ERROR, PAIR
+from armwright.simulation.integrate.rosenbrock import rodas3_trial
 from armwright.simulation.integrate.stepping import adaptive_stage, dormand_prince_trial, speed_pairs
 from armwright.simulation.loop.command_filter import command_stages
 from armwright.simulation.loop.config import LoopConfig, Sampling
 from armwright.simulation.loop.controller import traced_controller
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
+from armwright.simulation.plant.slopes import plant_slopes
 from armwright.simulation.plant.switching import Watched, switching_programs
 from armwright.simulation.plant.view import PlantView
 
 USUAL = ("qdd", "tau", "voltage", "current")  # stored of every arm
 NOTHING: Mapping[str, tuple[int, ...]] = {}
+
+ORDERS = {"rk45": dormand_prince.ORDER, "rodas3": rosenbrock.ORDER}  # of the errors that rules estimate, in h
 
 SENSING, TIMING = 0, 1  # channels of random numbers
 
@@ -179,8 +184,9 @@ def _integration(config: LoopConfig, seen: tuple[str, ...]) -> list[Stage]:
     if config.integrator == "cvodes":
         return []
     assert config.adaptivity is not None
-    layout = config.bare.layout
-    return [adaptive_stage(plant_trial(config, watched), shapes, config.adaptivity, layout, planned, seen, watched)]
+    trial, layout = plant_trial(config, watched), config.bare.layout
+    order = ORDERS.get(config.integrator, ORDER_OF_ERROR)
+    return [adaptive_stage(trial, shapes, config.adaptivity, layout, planned, seen, watched, order)]
 
 
 def _plant_call(config: LoopConfig, u: Array, rest: Sequence[Array]) -> tuple[Plant, PlantInputs]:
@@ -216,10 +222,19 @@ def plant_step(config: LoopConfig, contacts: Mapping[str, tuple[int, ...]] = NOT
 
 
 def plant_trial(config: LoopConfig, watched: Watched | None) -> Callable[..., tuple[Array, ...]]:
-    """(x, u, …, h) → x⁺ and its error: a step of a rule that estimates how wrong it is."""
+    """(x, u, …, h) → x⁺, its error, and the path where events need one: a step of a rule that estimates how wrong it is."""
     derivative, shapes = plant_derivative(config)
+    shapes |= {} if watched is None else watched.block
     if config.integrator == "rk45":
-        return dormand_prince_trial(derivative, {**shapes, **({} if watched is None else watched.block)})
+        return dormand_prince_trial(derivative, shapes)
+    if config.integrator == "rodas3":
+
+        def slopes(x: Array, u: Array, *rest: Array) -> tuple[Array, Array, Array]:
+            plant, inputs = _plant_call(config, u, rest)
+            return plant_slopes(plant, x, inputs)
+
+        lands = config.adaptivity is not None and bool(config.adaptivity.events)
+        return rodas3_trial(derivative, slopes, shapes, config.bare.settled, lands)
 
     def pair(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
         *inputs, h = rest
