@@ -150,7 +150,7 @@ def _mass(body: Body) -> dict[str, str]:
 def _damping(body: Body) -> str:
     if body.friction is None:
         return "0"
-    assert body.friction.smoothing is None, "MuJoCo's own dry friction is another law: viscous only"
+    assert not body.friction.is_dry, "MuJoCo's own dry friction is another law: viscous only"
     return repr(float(body.friction.viscous))
 
 

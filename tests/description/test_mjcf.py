@@ -73,7 +73,7 @@ def test_the_dynamics_are_mujocos(tmp_path):
 
 
 def test_drives(tmp_path):
-    """Armature is n² J_m; a motor's limit is gear · ctrlrange; servo gains are the controller's; dry friction needs a speed."""
+    """Armature is n² J_m; a motor's limit is gear · ctrlrange; servo gains are the controller's; frictionloss is Coulomb's."""
     path = written(tmp_path, ARM, "arm.xml")
     arm = aw.load(path)
     one, two, three = arm.bodies
@@ -85,14 +85,37 @@ def test_drives(tmp_path):
     assert one.friction.viscous == 0.4
     assert two.friction is None
     assert three.friction is not None
-    assert three.friction.coulomb_positive == 0
+    assert (three.friction.coulomb_positive, three.friction.coulomb_negative) == (3.0, 3.0)
+    assert three.friction.sticks
     assert any("joint 'j2': its servo or activation (gains 100 -100 -3)" in told for told in arm.warnings)
-    assert any("joint 'j_3': frictionloss 3 N is left out" in told for told in arm.warnings)
     np.testing.assert_array_equal(arm.gravity, [0.5, 0, -9.5])
     smooth = aw.load(path, smoothing=0.02).bodies[2].friction
     assert smooth is not None
     assert (smooth.coulomb_positive, smooth.smoothing) == (3.0, 0.02)
     assert arm.provenance("upper.mass_kg").kind == "import"
+
+
+def test_friction_in_motion_is_mujocos(tmp_path):
+    """Where every joint slides, MuJoCo's constraint of frictionloss is at its bound: its accelerations are ours."""
+    path = written(tmp_path, ARM, "arm.xml")
+    arm, model = aw.load(path), mujoco.MjModel.from_xml_path(str(path))
+    model.jnt_limited[:] = 0
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    data, rng = mujoco.MjData(model), np.random.default_rng(5)
+    for _ in range(5):
+        q, qd, tau = rng.normal(size=(3, 3))
+        qd = qd + np.sign(qd)  # not within its soft zone about rest
+        data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q, qd, 10.0 * tau
+        mujoco.mj_forward(model, data)
+        ours = aw.forward_dynamics(arm, q, qd, 10.0 * tau)
+        np.testing.assert_allclose(ours, data.qacc, rtol=0, atol=1e-8 * np.abs(ours).max())
+        frictionless = aw.forward_dynamics(arm.replace(friction=None), q, qd, 10.0 * tau)
+        assert np.abs(frictionless - ours).max() > 0.01 * np.abs(ours).max()
+
+
+def test_frictionloss_can_be_off(tmp_path):
+    text = ARM.replace('gravity="0.5 0 -9.5"/>', 'gravity="0 0 -9"><flag frictionloss="disable"/></option>')
+    assert not aw.load(written(tmp_path, text, "arm.xml")).bodies[2].friction.is_dry
 
 
 def test_gravity_can_be_off(tmp_path):

@@ -58,20 +58,16 @@ def test_a_base_with_mass_or_looks_stands_on_the_world(tmp_path):
 
 @pytest.mark.parametrize(("kind", "unit"), [("revolute", "rad"), ("prismatic", "m")])
 def test_friction(tmp_path, kind, unit):
-    """Damping is viscous; Coulomb friction needs the caller's smoothing speed, or is left out and told."""
+    """Damping is viscous, friction Coulomb's either way: it sticks, or is smoothed over the caller's speed."""
     path = written(tmp_path, one_joint(AXIS + LIMIT + '<dynamics damping="0.5" friction="0.25"/>', kind))
-    arm = aw.load(path)
-    assert arm.bodies[0].friction is not None
-    assert (arm.bodies[0].friction.viscous, arm.bodies[0].friction.coulomb_positive) == (0.5, 0.0)
-    (told,) = arm.warnings
-    assert "joint 'j1': Coulomb friction 0.25 N" in told
-    assert "left out" in told
-    arm = aw.load(path, smoothing=0.01)
-    assert arm.bodies[0].friction is not None
-    assert arm.bodies[0].friction.coulomb_negative == 0.25
-    assert arm.bodies[0].friction.smoothing == 0.01
+    for options, sticks in (({}, True), ({"smoothing": 0.01}, False)):
+        arm = aw.load(path, **options)
+        friction = arm.bodies[0].friction
+        assert friction is not None
+        assert (friction.viscous, friction.coulomb_positive, friction.coulomb_negative) == (0.5, 0.25, 0.25)
+        assert (friction.sticks, friction.smoothing) == (sticks, options.get("smoothing"))
+        assert not arm.warnings
     assert arm.provenance(f"j1.friction.smoothing_{unit}_per_s").kind == "estimate"
-    assert not arm.warnings
 
 
 @pytest.mark.parametrize(

@@ -122,6 +122,29 @@ def test_without_the_drive_file(tmp_path):
     assert_same_arm(arm.replace(rotors=None), back.replace(gravity=arm.gravity), tip=False)
 
 
+def test_dry_friction_without_a_smoothing_speed_survives(tmp_path):
+    """Coulomb friction goes to URDF and MJCF and comes back as it was; nothing of it is listed as lost."""
+    description = read_description("lwa4p")
+    frictions = [(joint, getattr(joint, "friction", None)) for joint in description.joints]
+    joints = tuple(
+        joint.replace(friction=f.replace(smoothing_rad_per_s=None)) for joint, f in frictions if f is not None
+    )
+    assert len(joints) == len(frictions)
+    description = description.replace(joints=joints)
+    ours = [body.friction for body in build_model(description).bodies]
+    lost = [
+        *write_urdf(description, tmp_path / "arm.urdf", drive=False),
+        *write_mjcf(description, tmp_path / "arm.xml"),
+    ]
+    assert not any("friction" in sentence for sentence in lost)
+    for name in ("arm.urdf", "arm.xml"):
+        for one, two in zip(ours, aw.load(tmp_path / name).bodies, strict=True):
+            assert one is not None
+            assert two.friction is not None
+            assert two.friction.sticks
+            assert vars(two.friction) == vars(one)
+
+
 def test_friction_that_neither_holds_is_listed(tmp_path):
     for name, what in (("panda", "friction by the law 'sigmoid'"), ("puma560", "that friction is the motor's")):
         description = read_description(name)

@@ -22,7 +22,7 @@ def convert(
         typer.Option(
             "--smoothing",
             metavar="V",
-            help="For URDF and MJCF: speed over which Coulomb friction changes its sign; without it, it is left out.",
+            help="For URDF and MJCF: speed over which Coulomb friction changes its sign; by default it sticks in simulation.",
         ),
     ] = None,
 ) -> None:
@@ -34,7 +34,7 @@ def convert(
     \b
     Examples:
       armwright convert panda my-panda.toml
-      armwright convert my-arm.urdf my-arm.toml --smoothing 0.01
+      armwright convert my-arm.urdf my-arm.toml
       armwright convert my-arm.toml my-arm.xml
     """
     import armwright as aw

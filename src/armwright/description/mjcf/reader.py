@@ -36,8 +36,8 @@ def read_mjcf(path: str | os.PathLike[str], *, smoothing: float | None = None) -
 
     Args:
         path: the file.
-        smoothing: speed [rad/s | m/s] over which frictionloss changes its sign, an estimate of the caller's. Without it
-            frictionloss is left out with a warning: MuJoCo smooths it by its solver, not by a speed.
+        smoothing: speed [rad/s | m/s] over which frictionloss, which is Coulomb friction, changes its sign, an estimate of the
+            caller's; by default it is not smoothed, and sticks in simulation.
     Returns:
         description: `remarks` tell what was left out or doubtful, `notes` what was ignored.
     Raises:
@@ -190,13 +190,10 @@ class _Reader:
         damping, loss = float(np.ravel(model.dof_damping[dof])[0]), float(model.dof_frictionloss[dof])
         if damping and not disabled & int(getattr(self.mujoco.mjtDisableBit, "mjDSBL_DAMPER", 0)):
             friction[f"viscous_{viscous}"] = damping
-        if loss and self.smoothing is not None:
+        if loss and not disabled & int(self.mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS):
             friction |= {f"coulomb_{side}_{force}": loss for side in ("positive", "negative")}
-            friction[f"smoothing_{length}_per_s"] = {"value": self.smoothing, "source": SMOOTHING}
-        elif loss:
-            lost = f"frictionloss {loss:g} {'N m' if hinge else 'N'}"
-            what = f"{lost} is left out, as no speed smooths it: give smoothing"
-            self.remarks.add("joint", name, Problem(what))
+            if self.smoothing is not None:
+                friction[f"smoothing_{length}_per_s"] = {"value": self.smoothing, "source": SMOOTHING}
         record: dict[str, Any] = {"name": name, "type": "revolute" if hinge else "prismatic", "limits": limits}
         armature, gear = float(model.dof_armature[dof]), actuation.gear
         if armature or gear != 1.0:

@@ -129,7 +129,7 @@ def _limit(limit: Element, attribute: str) -> float | None:
 
 
 def _friction(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]:
-    """Damping is viscous friction. `friction` is Coulomb's, which needs a smoothing speed that a URDF cannot give."""
+    """Damping is viscous friction, `friction` Coulomb's either way; a URDF has no smoothing speed, so that it sticks."""
     dynamics, name = joint.one("dynamics"), joint.word("name")
     if dynamics is None:
         return {}
@@ -143,14 +143,10 @@ def _friction(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]
             raise dynamics.error(place=f"joint {name!r} {key}", value=value, expected="a number of 0 or more")
     force, viscous, length = ("n", "n_s_per_m", "m") if kind == "prismatic" else ("n_m", "n_m_s_per_rad", "rad")
     record: dict[str, Any] = {f"viscous_{viscous}": damping} if damping else {}
-    if coulomb and reading.smoothing is not None:
-        both = {f"coulomb_{side}_{force}": coulomb for side in ("positive", "negative")}
-        smoothing = {"value": reading.smoothing, "source": reading.smoothing_source}
-        record |= {**both, f"smoothing_{length}_per_s": smoothing}
-    elif coulomb and getattr(reading.drive_of(name), "friction", None) is None:
-        unit = "N" if kind == "prismatic" else "N m"
-        why = "as a URDF has no speed to smooth it over: give smoothing, or friction in the drive file"
-        reading.remark("joint", name, f"Coulomb friction {coulomb:g} {unit} is left out, {why}")
+    if coulomb:
+        record |= {f"coulomb_{side}_{force}": coulomb for side in ("positive", "negative")}
+        if reading.smoothing is not None:
+            record[f"smoothing_{length}_per_s"] = {"value": reading.smoothing, "source": reading.smoothing_source}
     return record
 
 

@@ -40,8 +40,8 @@ def read_urdf(
         path: the file.
         packages: folders in which `package://` looks first; then ROS_PACKAGE_PATH and the parents of the file.
         drive: the file of the drive train; by default NAME.drive.toml beside NAME.urdf, where there is one.
-        smoothing: speed [rad/s | m/s] over which Coulomb friction changes its sign, an estimate of the caller's. Without
-            it (and without friction in the drive file) Coulomb friction is left out with a warning: a URDF has no such speed.
+        smoothing: speed [rad/s | m/s] over which Coulomb friction changes its sign, an estimate of the caller's; by default
+            it is not smoothed, and sticks in simulation.
         mimic: joints that follow others: "coupled" (default, as the file says), "independent" (joints of their own), or
             "fixed" (held).
         ignore: tags to leave out that are neither read nor known to be harmless.
