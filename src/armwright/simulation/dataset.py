@@ -87,6 +87,8 @@ def run_dataset(simulation: LoopRunner, recorded: Recorded) -> xarray.Dataset:
     """The dataset of a run."""
     scenario, arm, finished = simulation.scenario, simulation.arm, recorded.finished
     attrs: dict[str, Any] = {"integrator": scenario.solver.rule, "step_s": scenario.integration_step}
+    if scenario.solver.rule == "auto":
+        attrs["rule"] = "rk3" if simulation.rule == "auto" else simulation.rule
     if scenario.sampled:
         attrs["sample_period_s"] = simulation.period
         why = simulation.untraced

@@ -12,6 +12,7 @@ from armwright.errors import ScenarioError
 from armwright.kernels.loop import Lanes
 from armwright.kernels.stages import SEEN, state_blocks
 from armwright.results.reducers import Reduction, check_known
+from armwright.simulation.auto_rule import auto_rule
 from armwright.simulation.inputs.input_schedule import all_rows, landing_rows, values_at_ticks
 from armwright.simulation.integrate.cvodes import Cvodes, check_lanes
 from armwright.simulation.integrate.integrators import INTEGRATORS
@@ -46,6 +47,7 @@ class LoopRunner:
         config, initialisation, loop: what a tick is made of, how lanes begin, and both in native code.
         inputs, rows: held from row to row, by block; and the ticks of their rows.
         reference, reduction: what is followed, and computed along the way; None where there is none.
+        rule: that moves the plant: "auto" is rk3 in substeps of each lane's own.
         notes: what a user should know of how it is run.   plant: with the record's numbers.
         untraced: why the controller runs in Python; None where it is compiled, or there is none.
     """
@@ -55,7 +57,9 @@ class LoopRunner:
         self.arm = scenario.arm
         self.count, self.period = scenario.lane_count or 1, scenario.tick
         self.notes: list[str] = list(scenario.notes)
-        self._check_step(loop)
+        limit = StepLimit(self.arm) if loop is None else loop.step_limit
+        self._check_step(limit)
+        self.rule = auto_rule(limit) if scenario.solver.rule == "auto" else scenario.solver.rule
         self._started = scenario.started
         self.inputs = dict(scenario.input_schedules)
         if not scenario.sampled:
@@ -95,13 +99,12 @@ class LoopRunner:
         assert self.config.sampling is not None
         return self.config.sampling.controller
 
-    def _check_step(self, loop: CompiledLoop | None) -> None:
+    def _check_step(self, limit: StepLimit | VariedStepLimit) -> None:
         """Refuses an arm that cannot move, and a step that is too large for one that can."""
         scenario, arm, name = self.scenario, self.arm, self.scenario.solver.rule
         check_inertia(arm, scenario.initial_state[0, : arm.n])
         if name not in INTEGRATORS:  # a step that is too long is taken again
             return
-        limit = StepLimit(arm) if loop is None else loop.step_limit
         commands = full_voltage(arm)[None] if scenario.sampled else all_rows(scenario.commands)
         if scenario.varied is not None:
             limit = VariedStepLimit(scenario.varied, scenario.parameters, scenario.lane_count is not None)
@@ -146,7 +149,7 @@ class LoopRunner:
         config = LoopConfig(
             self.arm,
             scenario.varied,
-            scenario.solver.rule,
+            self.rule,
             scenario.solver.adaptivity,
             inputs={name: all_rows(schedule).shape[1] for name, schedule in scenario.input_schedules.items()},
             payload_frames=scenario.payload_frames,

@@ -107,6 +107,15 @@ class StepLimit:
             self._rates[key] = np.ravel(np.linalg.eigvals(slopes))
         return self._rates[key]
 
+    def exact_rates(self, name: str, command: np.ndarray) -> np.ndarray:
+        """λ [1/s] at all those states of the entries of one signal that are integrated exactly; none of a plant without it."""
+        if name not in self.plant.layout:
+            return np.zeros(0)
+        place = self.plant.layout.place(name)
+        return self._linearised(command)[1][
+            :, [k for k, at in enumerate(self.plant.stiff) if place.start <= at < place.stop]
+        ]
+
     def largest_step(self, integrator: Integrator, command: np.ndarray) -> float:
         """The step [s] up to which modes that die away do so in the simulation, and the others are followed."""
         return self.limit(integrator, command)[0]
