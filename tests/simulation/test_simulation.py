@@ -253,7 +253,7 @@ def test_coulomb_friction_bounds_the_step():
     """An explicit rule needs h < 2.5 J qd_smooth / Fc, here less than the default 1 ms."""
     friction = {"coulomb_positive_n_m": 2.0, "coulomb_negative_n_m": 2.0, "smoothing_rad_per_s": 1e-4}
     arm = motor_alone(friction=friction)
-    with pytest.raises(ScenarioError, match="friction slope included"):
+    with pytest.raises(ScenarioError, match=r"dry friction of joint 'axis' \(friction.smoothing_rad_per_s\)"):
         aw.simulate(aw.Scenario(arm, duration=0.1, command=[1.0]))
     limit = 2.5127 * (0.02 + 25e-4) * 1e-4 / 2.0
     assert compile_loop(arm).step_limit.largest_step(_rk3(), np.zeros(1)) == pytest.approx(limit, rel=0.01)

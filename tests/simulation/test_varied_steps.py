@@ -11,7 +11,7 @@ from armwright.errors import ScenarioError
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.plant.step_limits import VariedStepLimit
 from simulation.fields import scenario_of
-from simulation.plants import MOTOR, chain
+from simulation.plants import COULOMB, MOTOR, SUPPLY, chain
 
 NAME = "joint0.motor.resistance_ohm"
 LOW = 1e-5
@@ -43,6 +43,18 @@ def test_the_lane_is_found_among_many_and_named(arm):
     values = np.full(100_000, float(MOTOR["resistance_ohm"]))
     values[54_321] = LOW
     assert f"(in lane 54321, with {NAME} = {LOW:g})" in refusal(arm, vary={NAME: aw.Batch(values)}, every=0).what
+
+
+def test_the_lane_with_the_fastest_bus_is_found():
+    """Though the modes of other lanes' arms are faster, and it loads the bus at full voltage only."""
+    supply = {**SUPPLY, "source_resistance_ohm": 4.0}
+    arm = chain([{"command": "voltage", "motor": MOTOR, "friction": COULOMB}], robot={"supply": supply})
+    masses, capacitances = np.linspace(1.0, 4.0, 12), np.full(12, 5e-3)
+    capacitances[7] = 1e-5
+    error = refusal(
+        arm, command=[48.0], vary={"rod0.mass_kg": aw.Batch(masses), "supply.capacitance_f": aw.Batch(capacitances)}
+    )
+    assert "that of the bus that drives load (supply.capacitance_f) (in lane 7, with" in error.what
 
 
 def test_lanes_that_all_do_are_run(arm):
