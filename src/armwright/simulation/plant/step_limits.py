@@ -119,9 +119,8 @@ class StepLimit:
         if name not in self.plant.layout:
             return np.zeros(0)
         place = self.plant.layout.place(name)
-        return self._linearised(command)[1][
-            :, [k for k, at in enumerate(self.plant.stiff) if place.start <= at < place.stop]
-        ]
+        entries = [k for k, at in enumerate(self.plant.stiff) if place.start <= at < place.stop]
+        return self._slopes(command)[0].fast[:, entries]
 
     def largest_step(self, integrator: Integrator, command: np.ndarray) -> float:
         """The step [s] up to which modes that die away do so in the simulation, and the others are followed."""
