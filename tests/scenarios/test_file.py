@@ -189,6 +189,36 @@ def test_what_cannot_be_run_is_refused_in_one_line(tmp_path, text, said):
     assert "\n" not in str(refused.value)
 
 
+HUGE = "9" * 400  # beyond float range
+NO_NUMBERS = ("2020-01-01", "12:00:00", "1979-05-27T07:32:00Z", "[2020-01-01, 1]", "{ elbow = 2020-01-01 }", "nan", "[nan, 0]",
+              "[[1, 2]]", "[{ a = 1 }]", HUGE, f"[{HUGE}, 1]", f"{{ elbow = {HUGE} }}")  # fmt: skip
+PLACES = {
+    "loop.controller.kp": "kp = {}\n[loop.reference]\nkind = 'pose'\nq = 0\n",
+    "loop.reference.q": "kp = 1\n[loop.reference]\nkind = 'pose'\nq = {}\n",
+    "loop.reference.time": "kp = 1\n[loop.reference]\nkind = 'step'\nstart = [0, 0]\ngoal = [1, 1]\ntime = {}\n",
+}
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("value", NO_NUMBERS)
+def test_values_of_toml_that_are_no_numbers_are_refused_in_one_line(tmp_path, value, place):
+    """Also where one entry of them differs by lane."""
+    text = "robot = 'two-link'\nduration_s = 0.01\n[loop]\nperiod_s = 1e-3\n[loop.controller]\nkind = 'joint_pid'\n"
+    lanes = "[lanes]\nkind = 'list'\n[lanes.vary]\n'loop.controller.kp[0]' = { values = [1.0, 2.0] }\n"
+    for more in ("", lanes):
+        with pytest.raises(ScenarioError) as refused:
+            scenario(tmp_path, text + PLACES[place].format(value) + more)
+        assert refused.value.place == place
+        assert "\n" not in str(refused.value)
+
+
+def test_formulas_that_are_none_name_their_place(tmp_path):
+    text = PID.replace('"0.2*sin(3*t)"', "2020-01-01")
+    with pytest.raises(ArmwrightError) as refused:
+        scenario(tmp_path, text)
+    assert refused.value.place == "loop.reference.q"
+
+
 @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_any_file_is_a_scenario_or_refused(tmp_path, data):

@@ -7,6 +7,7 @@ import importlib
 import json
 import os
 import re
+import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -224,9 +225,10 @@ def _check_joints(place: str, table: Mapping[str, Any], arm: Model) -> None:
 
 
 def _check_numbers(place: str, value: Any, arm: Model) -> None:
-    """Refuses what is neither a number nor a list of numbers."""
+    """Refuses what is neither a number nor a list of numbers: TOML has dates, nan, and integers of any length."""
     for each in value if isinstance(value, (list, tuple)) else [value]:
-        if isinstance(each, bool) or not isinstance(each, (int, float)):
+        is_number = isinstance(each, (int, float)) and not isinstance(each, bool) and each == each
+        if not is_number or (isinstance(each, int) and abs(each) > sys.float_info.max):
             expected = f"a number, or one for each joint: {', '.join(arm.names)}"
             raise ScenarioError(place=place, value=value, expected=expected)
 
@@ -255,9 +257,9 @@ def _fields(place: str, table: Kind, arm: Model) -> dict[str, Any]:
     for name, value in fields.items():
         if isinstance(value, Mapping):
             fields[name] = _joints(f"{place}.{name}", value, arm)
-        elif isinstance(value, list):
+        elif not isinstance(value, (str, bool)):
             _check_numbers(f"{place}.{name}", value, arm)
-            fields[name] = np.array(value, dtype=float)
+            fields[name] = np.array(value, dtype=float) if isinstance(value, list) else value
     return fields
 
 
@@ -316,7 +318,10 @@ def _formulas(place: str, texts: Any, arm: Model) -> Any:
         texts = [str(texts.get(name, "0")) for name in arm.names]
     if not isinstance(texts, list) or len(texts) != arm.n:
         raise ScenarioError(place=place, value=texts, expected=f"{arm.n} formulas of t: {', '.join(arm.names)}")
-    formulas = [expression(str(text), ("t",)) for text in texts]
+    try:
+        formulas = [expression(str(text), ("t",)) for text in texts]
+    except ExpressionError as error:
+        raise ScenarioError.of(*error.within(place).problems) from None
 
     def q(t: Scalar) -> np.ndarray:
         values = []
