@@ -8,7 +8,9 @@ import sys
 
 import pytest
 
+import armwright as aw
 from armwright import output
+from armwright.export.c import write_c
 from armwright.output import whole_file
 
 KILLED = """
@@ -60,3 +62,19 @@ def test_names_that_only_look_like_ours_are_left_alone(tmp_path, process):
     path.write_text("")
     write(tmp_path / "other.csv")
     assert path.exists()
+
+
+def test_a_link_in_place_of_a_file_that_the_user_did_not_name_is_replaced(tmp_path):
+    """Files beside the one that was named: behind a foreign folder's link another file would be overwritten."""
+    (tmp_path / "secret").write_text("kept")
+    for name in ("arm.urdf", "arm.drive.toml", "two_link.c"):
+        (tmp_path / name).symlink_to(tmp_path / "secret" if name != "arm.urdf" else tmp_path / "named.urdf")
+    aw.convert("two-link", tmp_path / "arm.urdf")
+    write_c(aw.load("two-link"), ["jacobian"], tmp_path)
+    assert (tmp_path / "secret").read_text() == "kept"
+    assert (tmp_path / "named.urdf").is_file()
+    assert [(tmp_path / name).is_symlink() for name in ("arm.urdf", "arm.drive.toml", "two_link.c")] == [
+        True,
+        False,
+        False,
+    ]

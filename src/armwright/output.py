@@ -53,16 +53,23 @@ def check_destination(path: str | os.PathLike[str], endings: Sequence[str] = ())
 
 
 @contextlib.contextmanager
-def whole_file(path: str | os.PathLike[str], endings: Sequence[str] = ()) -> Iterator[Path]:
+def whole_file(
+    path: str | os.PathLike[str], endings: Sequence[str] = (), *, follow_link: bool = True
+) -> Iterator[Path]:
     """A temporary path in the same folder, which replaces `path` when the block ends well.
 
     If the block fails, the temporary file is removed, and a file that was at `path` stays as it was.
 
+    Args:
+        path: where the file should be.   endings: as of `check_destination`.
+        follow_link: whether a symbolic link there stays, and the file that it leads to is replaced, as other programs do it
+            with a name that the user typed; False for names that the user did not type: the link itself is replaced.
     Raises:
         OutputError: the file cannot be written, or could not be finished: a full disk, a folder that has gone.
     """
     path = check_destination(path, endings)
-    target = Path(os.path.realpath(path))  # behind a symbolic link the file is replaced, not the link
+    target = Path(os.path.realpath(path if follow_link else path.parent))
+    target = target if follow_link else target / path.name
     temporary = target.with_name(f".armwright-{_host()}-{os.getpid()}-{secrets.token_hex(8)}{target.suffix}")
     _remove_left_behind(target.parent)
     with _as_output_error(path):

@@ -56,6 +56,21 @@ def test_found_beside_the_urdf(tmp_path):
         assert arm.provenance(where).kind == kind
 
 
+def test_a_link_out_of_the_folder_is_not_read(tmp_path):
+    """Unless the URDF is a link to the same folder, as in folders that colcon installs by links."""
+    (tmp_path / "other").mkdir()
+    (tmp_path / "here").mkdir()
+    written(tmp_path / "other", DRIVE, "arm.drive.toml")
+    path = written(tmp_path / "here", one_joint())
+    path.with_name("arm.drive.toml").symlink_to(tmp_path / "other" / "arm.drive.toml")
+    with pytest.raises(DescriptionError, match=r"arm\.drive\.toml: is a link that leads out of its folder"):
+        aw.load(path)
+    assert aw.load(path, drive=tmp_path / "other" / "arm.drive.toml").bodies[0].drive.gear_ratio == 100
+    path.rename(tmp_path / "other" / path.name)
+    path.symlink_to(tmp_path / "other" / path.name)
+    assert aw.load(path).bodies[0].drive.gear_ratio == 100
+
+
 def test_given_by_name(tmp_path):
     path = written(tmp_path, one_joint())
     other = written(tmp_path, DRIVE, "other.toml")

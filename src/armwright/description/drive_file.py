@@ -27,6 +27,7 @@ from armwright.description.drive import Command, LinearFriction, LinearLimits, M
 from armwright.description.toml_file import read_document
 from armwright.errors import DescriptionError
 from armwright.quantity import Positive, Record, Source, Vector3
+from armwright.reading import real_path
 from armwright.validation import validated
 
 ENDING = ".drive.toml"
@@ -65,11 +66,21 @@ class DriveFile(Record):
 
 
 def find_drive_file(robot_file: Path, drive: str | os.PathLike[str] | None) -> Path | None:
-    """The drive file that was given, or the one beside the robot file; None where there is none."""
+    """The drive file that was given, or the one beside the robot file; None where there is none.
+
+    Raises:
+        DescriptionError: the one beside is a link to another folder, which nobody named.
+    """
     if drive is not None:
         return Path(drive)
     beside = robot_file.with_name(robot_file.stem + ENDING)
-    return beside if os.path.isfile(beside) else None
+    if not os.path.isfile(beside):
+        return None
+    # Both may be links into one other folder, as in the install folders of colcon.
+    folders = (real_path(robot_file.parent), real_path(robot_file).parent)
+    if real_path(beside).parent not in folders:
+        raise DescriptionError("is a link that leads out of its folder", expected="drive = FILE names it", file=beside)
+    return beside
 
 
 def read_drive_file(path: Path) -> DriveFile:

@@ -43,7 +43,8 @@ def write_c(arm: Model, functions: Sequence[str], folder: str | Path, real: str 
     texts = c_library(arm, functions, real)
     with _folder(Path(folder)) as place, ExitStack() as files:
         for name, text in texts.items():
-            files.enter_context(whole_file(place / name)).write_text(text, encoding="ascii", newline="\n")
+            temporary = files.enter_context(whole_file(place / name, follow_link=False))
+            temporary.write_text(text, encoding="ascii", newline="\n")
     return [Path(folder) / name for name in texts]
 
 

@@ -43,7 +43,7 @@ def write_urdf(arm: Arm | RobotDescription, path: str | os.PathLike[str], *, dri
     with whole_file(path, (".urdf",)) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
         if drive:
-            with whole_file(beside) as other:
+            with whole_file(beside, follow_link=False) as other:
                 other.write_text(drive_file(description), encoding="utf-8", newline="\n")
     kept = f" (kept in {beside.name})" if drive else ""
     gears = [joint.name for joint in description.joints if getattr(joint, "motor", None) is not None]
