@@ -20,6 +20,7 @@ from typing import Any
 
 from armwright.errors import ArmwrightError
 from armwright.kernels.cache import cache_folder
+from armwright.output import TEMPORARY
 from fuzz.case import Case
 
 LIMIT = 10.0  # s of the processor's time that a case may take
@@ -72,6 +73,7 @@ class Guard:
             (self.folder / f"folder.{ending}").mkdir()
             (self.folder / f"gone.{ending}").symlink_to("nowhere")
             (self.folder / f"out.{ending}").symlink_to(secret / f"secret.{ending}")
+        self.secret = os.path.realpath(secret)
         self.kept = set(os.listdir(self.folder))
         tempfile.tempdir = str(self.root / "tmp")
         allowed = [self.root, sys.prefix, sys.base_prefix, ROOT, cache_folder() or self.root]
@@ -92,8 +94,14 @@ class Guard:
             except (ValueError, TypeError):  # a zero byte: nothing was opened
                 return
             is_allowed = f"{place}{os.sep}".startswith(self.allowed) or self.root.is_relative_to(place)
-            if not is_allowed and os.path.basename(os.fsdecode(arguments[0])) not in self.named:
+            if not is_allowed and not self._is_named(os.fsdecode(arguments[0]), place):
                 self.seen.append(f"{event} {os.fsdecode(arguments[0])}"[:200])
+
+    def _is_named(self, path: str, place: str) -> bool:
+        """True of a file that the user named, and of the temporary file of a write to one, or to what a named link leads to."""
+        name = os.path.basename(path)
+        is_write = TEMPORARY.fullmatch(name) is not None and os.path.dirname(place) == self.secret
+        return name in self.named or (is_write and ("out." in self.named or "secret." in self.named))
 
     @contextmanager
     def files(self, case: Case) -> Iterator[None]:

@@ -23,7 +23,7 @@ from fuzz.files import FILES
 
 KINDS = {**FILES, **CALLS, **COMMAND}
 MEMORY = 4 << 30  # bytes of address space of a worker
-MOST_CASES = 20_000  # of a worker before another takes its place, so that caches and leaks stay small
+MOST_CASES = 50_000  # of a worker before another takes its place, so that caches and leaks stay small
 PATIENCE = LIMIT * WAIT + 20  # s without a word after which a worker is killed: code in C that no signal interrupts
 COUNTS = Path(__file__).parent / "counts.json"
 FAILURES = Path(__file__).parents[1] / "regressions"

@@ -48,7 +48,14 @@ LINES: tuple[tuple[str, ...], ...] = (
     ("assemble", "--all", "--modules", "toy.modules.toml", "--max-joints", "2", "--limit", "5"),
     ("parts", "build", "arm.parts.toml", "-o", "new.toml"),
     ("export", "c", "two-link", "--functions", "mass_matrix", "-o", "firmware"),
+    ("export", "c", "arm.toml", "--functions", "inverse_dynamics,forward_dynamics", "-o", "firmware", "--float"),
     ("sim", "two-link", "--script", "day.sim"),
+    ("sim", "arm.toml", "--script", "day.sim", "--echo"),
+    ("step-study", "two-link", *SHORT, "--steps", "2", "--integrator", "rk4", "--accuracy", "1e-3"),
+    ("simulate", "one.scenario.toml", "--allow", "..", "--record-every", "2"),
+    ("convert", "arm.toml", "new.xml"),
+    ("forward-dynamics", "arm.toml", "sets.csv", "-o", "out.csv"),
+    ("animate", "one.nc", "-o", "run.html"),
 )
 MAKERS = {  # what makes each of the files that a line may name
     "arm.toml": files.make_robot, "arm.urdf": files.make_urdf, "arm.xml": files.make_mjcf, "arm.parts.toml": files.make_parts,

@@ -28,16 +28,22 @@ UNREADABLE = (  # exceptions of HDF5, h5netcdf and xarray on a damaged file
 def read_unsealed(path: Path) -> tuple[bytes, str]:
     """The file's variables and attributes as a new NetCDF file; or nothing, and the reason why they cannot be read."""
     patience = PATIENCE * _processor_time(path)
-    program = [sys.executable, "-P", __file__, os.fspath(path.absolute())]
     try:
-        done = subprocess.run(program, capture_output=True, timeout=patience, check=False, stdin=subprocess.DEVNULL)
+        answer = _of_another_process(path, patience)
     except subprocess.TimeoutExpired:
         return b"", f"not read after {patience:.0f} s"
-    if done.stdout.startswith(GOOD):
-        return done.stdout.removeprefix(GOOD), ""
-    if done.stdout.startswith(BAD):
-        return b"", done.stdout.removeprefix(BAD).decode("utf-8", "replace")
+    if answer.startswith(GOOD):
+        return answer.removeprefix(GOOD), ""
+    if answer.startswith(BAD):
+        return b"", answer.removeprefix(BAD).decode("utf-8", "replace")
     return b"", "HDF5, which reads it, breaks down"
+
+
+def _of_another_process(path: Path, patience: float) -> bytes:
+    """What this module answers as a program, within a time [s]; nothing, or a part, if the process breaks down."""
+    program = [sys.executable, "-P", __file__, os.fspath(path.absolute())]
+    done = subprocess.run(program, capture_output=True, timeout=patience, check=False, stdin=subprocess.DEVNULL)
+    return done.stdout
 
 
 def undeclared(path: Path) -> str:
@@ -74,10 +80,15 @@ def _processor_time(path: Path) -> float:
     return PROCESSOR_TIME + path.stat().st_size / SPEED
 
 
-def _answer(path: Path) -> bytes:
-    """The copy of a file, or the reason why there is none."""
+def copy_or_reason(path: Path) -> bytes:
+    """The copy of a file, or the reason why there is none. From now on this process may take a limited time."""
     import xarray as xr
 
+    if sys.platform != "win32":
+        import resource
+
+        seconds = int(_processor_time(path))
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
     try:
         reason = undeclared(path)
         if reason:
@@ -89,9 +100,4 @@ def _answer(path: Path) -> bytes:
 
 
 if __name__ == "__main__":
-    if sys.platform != "win32":
-        import resource
-
-        seconds = int(_processor_time(Path(sys.argv[1])))
-        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
-    sys.stdout.buffer.write(_answer(Path(sys.argv[1])))
+    sys.stdout.buffer.write(copy_or_reason(Path(sys.argv[1])))
