@@ -5,6 +5,7 @@ Classic Denavit-Hartenberg parameters put a link's frame elsewhere.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,8 +102,8 @@ def is_identity(placement: Placement) -> bool:
 
 def _unit(axis: np.ndarray) -> tuple[float, ...]:
     """The direction at length 1, in the digits it was given in where it has that length already."""
-    scaled = axis / np.abs(axis).max()
-    length = float(np.linalg.norm(axis))
+    scaled = axis / np.abs(axis).max()  # the squares of 1e300 overflow
+    length = math.hypot(*axis)
     return tuple((axis if abs(length - 1.0) < 1e-15 else snap(scaled / np.linalg.norm(scaled))).tolist())
 
 
