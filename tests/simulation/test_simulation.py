@@ -474,6 +474,12 @@ def test_too_much_to_record(cmu):
             aw.simulate(aw.Scenario(arm, duration=duration, command=np.zeros(6)), loop=loop)
 
 
+def test_too_many_ticks_of_a_reference():
+    arm = aw.load("two-link")
+    with pytest.raises(ScenarioError, match=r"more than there is memory for; expected a shorter run"):
+        aw.Simulation(aw.Scenario(arm, duration=1e9, loop=aw.Loop(aw.JointPID(kp=1.0), period=1e-3)))
+
+
 def test_ctrl_c_comes_back_soon(cmu):
     """An interruption while threads share the lanes ends them after the piece each is in."""
     import time

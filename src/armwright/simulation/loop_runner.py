@@ -115,7 +115,7 @@ class LoopRunner:
         scenario = self.scenario
         if not scenario.sampled and self.reduction is None:
             return None
-        numbers = np.arange(self.tick, self.tick + ticks + 1)
+        numbers = range(self.tick, self.tick + ticks + 1)
         state = {} if self._started is None else self._started.blocks
         start = state.get("r", scenario.initial_state)[:, : self.arm.n]
         reference = scenario.reference
@@ -123,7 +123,8 @@ class LoopRunner:
             begun = (
                 0 if scenario.started is None else scenario.started.tick
             )  # the rows count from there; the last one stays
-            reference = np.asarray(reference)[np.clip(numbers - begun, 0, len(reference) - 1)]
+            rows = np.arange(numbers.start, numbers.stop) - begun
+            reference = np.asarray(reference)[np.clip(rows, 0, len(reference) - 1)]
         try:
             return LoopReference.of(self.arm, reference, start, numbers, self.period)
         except ScenarioError as error:

@@ -45,34 +45,35 @@ class LoopReference:
     notes: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, arm: Model, reference: Any, start: np.ndarray, ticks: np.ndarray, period: float) -> LoopReference:
+    def of(cls, arm: Model, reference: Any, start: np.ndarray, ticks: range, period: float) -> LoopReference:
         """The reference of a run.
 
         Args:
             arm: the model.   reference: as `Scenario.reference`; None: the initial position.
-            start: (lanes or 1, n) initial positions.   ticks: (k,) of the run.   period: [s] of a tick.
+            start: (lanes or 1, n) initial positions.   ticks: of the run.   period: [s] of a tick.
         Raises:
             ScenarioError: what is no reference of this arm; names what was expected.
         """
-        n, layout = arm.n, reference_layout(arm, reference)
+        n, layout, last = arm.n, reference_layout(arm, reference), np.array([float(ticks[-1])])
         if reference is None:
             same = bool((start == start[0]).all())
             reference = start[0] if same else Batch(start)
         if isinstance(reference, Batch):
             rows = _lane_rows(arm, reference)
-            final = values_at_ticks(rows, ticks[-1:].astype(float), period)[:, 0, :n]
+            final = values_at_ticks(rows, last, period)[:, 0, :n]
             return cls(layout, rows=rows, final=final)
         lanes = LaneFields.of(reference, "reference")
         if not lanes.names:
             notes: list[str] = []
             try:
-                table = np.ascontiguousarray(reference_rows(arm, reference, ticks * period, notes))
+                times = np.arange(ticks.start, ticks.stop) * period
+                table = np.ascontiguousarray(reference_rows(arm, reference, times, notes))
             except MemoryError:
                 size = f"{len(ticks) - 1} ticks of {period:g} s take {8e-9 * layout.size * len(ticks):.3g} GB"
                 what = f"{size}, more than there is memory for"
                 raise ScenarioError(what, place="reference", expected="a shorter run") from None
             if "qdd" in layout:
-                notes += reference_notes(arm, table, ticks * period)
+                notes += reference_notes(arm, table, times)
             return cls(layout, table, final=layout.part(table[-1:], "q") if "q" in layout else None, notes=tuple(notes))
         shapes = {"tick": (1,), PARAMETERS: lanes.values.shape[1:]}
         try:
@@ -88,7 +89,7 @@ class LoopReference:
             what = f"with a Batch it must be compiled, and cannot be ({why(error)})"
             expected = "a trajectory written with armwright.scalar"
             raise ScenarioError(what, place=f"reference {called(reference)!r}", expected=expected) from None
-        final = interpret(program, ticks[-1:].astype(float), lanes.values)
+        final = interpret(program, last, lanes.values)
         return cls(
             layout, program=program, values=lanes.values, final=layout.part(final, "q") if "q" in layout else None
         )
