@@ -6,7 +6,6 @@ import datetime
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 from math import inf, isfinite
 from typing import Annotated, Any, Literal
 
@@ -233,17 +232,23 @@ BelowOne = Annotated[
 Shares = Annotated[
     Quantity, Reading("numbers above 0, at most 1", _one_or_more, lambda v: all(0 < share <= 1 for share in v))
 ]
-RISING = Reading(
-    "numbers above 0, each above the one before",
-    _one_or_more,
-    lambda v: v[0] > 0 and all(b > a for a, b in pairwise(v)),
-)
+APART = 1e-9  # of the largest: by how much numbers rise at least, since tables divide by the differences
+
+
+def rise(values: Any) -> np.ndarray:
+    """True where numbers (k, …) rise from each to the next, by more than rounding could take away; shape (…)."""
+    values = np.asarray(values, dtype=float)
+    size = np.maximum(np.abs(values).max(axis=0), np.finfo(float).tiny)
+    return (np.diff(values / size, axis=0) > APART).all(axis=0)
+
+
+RISING = Reading("numbers above 0, each above the one before", _one_or_more, lambda v: v[0] > 0 and bool(rise(v)))
 Rising = Annotated[Quantity, RISING]
 Vector3 = Annotated[Quantity, Reading("3 numbers", partial(_several, 3))]
 Direction = Annotated[Quantity, Reading("a direction, 3 numbers not all 0", partial(_several, 3), any)]
 Range = Annotated[Quantity, Reading("2 numbers", partial(_several, 2))]
 Numbers = Annotated[Quantity, Reading("two numbers or more", _many)]
-INCREASING = Reading("two numbers or more, each above the one before", _many, lambda v: bool((np.diff(v) > 0).all()))
+INCREASING = Reading("two numbers or more, each above the one before", _many, lambda v: bool(rise(v)))
 Increasing = Annotated[Quantity, INCREASING]
 Size3 = Annotated[Quantity, Reading("3 numbers above 0", partial(_several, 3), lambda v: all(k > 0 for k in v))]
 Scale3 = Annotated[Quantity, Reading("a number other than 0, or 3 of them", _one_or_three, all)]

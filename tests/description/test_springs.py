@@ -8,11 +8,13 @@ import pytest
 import armwright as aw
 from armwright.description.database import parse
 from armwright.description.paths import unit_at
+from armwright.description.springs import LinearSpring
 from armwright.description.writer import to_toml
 from armwright.errors import DescriptionError, ModelError
 from armwright.export.urdf import write_urdf
 from armwright.model import build_model
 from armwright.model.vary import Varied
+from armwright.validation import validated
 from description.reports import check_report
 from description.test_drive_effects import record
 from physics.arms import arm, sprung
@@ -164,6 +166,20 @@ def test_positions_of_a_table_stay_in_order():
         varied.check(np.array([[0.3], [0.9]]))
     assert refused.value.place == "parameters[1] joint2.spring.positions_m"
     assert "each above the one before" in refused.value.expected
+
+
+CLOSE = ([-0.2, 0.0, 1e-160], [0.0, 0.0, 1.0], [-1e308, 1e308, -1e308], [1.0, 1.0 + 1e-12, 1e3])
+
+
+@pytest.mark.parametrize("positions", CLOSE)
+def test_points_that_rounding_brings_together_are_refused(positions):
+    """The slope between them would be a division by zero."""
+    with pytest.raises(DescriptionError, match="each above the one before"):
+        validated(
+            LinearSpring,
+            {"positions_m": positions, "forces_n": [1, 0, 2], "outside": "linear"},
+            error=DescriptionError,
+        )
 
 
 def test_springs_that_were_taken_away_do_not_vary():

@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from armwright.quantity import (
+    APART,
     NotNegative,
     NotPositive,
     NotZero,
@@ -129,9 +130,10 @@ class GearEfficiencyTable(Record):
     def _check_speeds(self) -> None:
         """Every one of several rows has a speed, above that of the row before."""
         (foreign,) = {"speed_rad_per_s", "speed_m_per_s"} - {self.speed_key}
-        before = -1.0
-        for k, row in enumerate(self.rows):
-            speed, place = getattr(row, self.speed_key), f"rows[{k}].{self.speed_key}"
+        speeds = [getattr(row, self.speed_key) for row in self.rows]
+        before, gap = -1.0, APART * max((speed.number for speed in speeds if speed is not None), default=0.0)
+        for k, (row, speed) in enumerate(zip(self.rows, speeds, strict=True)):
+            place = f"rows[{k}].{self.speed_key}"
             if getattr(row, foreign) is not None:
                 raise Invalid(
                     f"does not go with {self.torque_key}", place=f"rows[{k}].{foreign}", expected=self.speed_key
@@ -139,7 +141,7 @@ class GearEfficiencyTable(Record):
             if speed is None:
                 if len(self.rows) > 1:
                     raise Invalid("missing", place=place, expected="a speed in each of several rows")
-            elif speed.number <= before:
+            elif speed.number <= before + gap:
                 raise Invalid(place=place, value=speed.number, expected=f"more than {before:g}, that of the row before")
             else:
                 before = speed.number
@@ -151,8 +153,9 @@ class GearEfficiencyTable(Record):
         Args:
             torques, shares: (k, …) out of the gear, and its efficiencies.   driving: whether the motor drives.
         """
-        entering = torques / shares if driving else torques * shares
-        return entering[1:] > entering[:-1]
+        with np.errstate(over="ignore"):
+            entering = torques / shares if driving else torques * shares
+        return entering[1:] > entering[:-1] * (1.0 + APART)
 
     def _check_row(self, torques: np.ndarray, shares: np.ndarray, place: str, driving: bool) -> None:
         if len(shares) != len(torques):

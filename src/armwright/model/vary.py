@@ -19,7 +19,7 @@ from armwright.errors import ModelError
 from armwright.lint.feasibility import IMPOSSIBLE, is_possible
 from armwright.model.model import Model, assembled
 from armwright.model.parameter_table import Parameter, parameters_of
-from armwright.quantity import INCREASING, RISING
+from armwright.quantity import INCREASING, RISING, rise
 from armwright.scalar import Array
 from armwright.spatial import pseudo_inertia
 
@@ -146,7 +146,7 @@ class Varied:
                 raise ModelError(place=f"parameters[{lane}] {p.name}", value=float(column[lane]), expected=expected)
         for path, reading in {p.path: p.reading for p in self.parameters if p.reading in (INCREASING, RISING)}.items():
             whole = self._whole(path, rows)
-            fits = (np.diff(whole, axis=0) > 0.0).all(axis=0) & ((reading is INCREASING) | (whole[0] > 0.0))
+            fits = rise(whole) & ((reading is INCREASING) | (whole[0] > 0.0))
             _refuse(whole, fits, path, reading.expected)
         for table, path in self._efficiency_tables():
             self._check_efficiencies(table, path, rows)
@@ -175,7 +175,9 @@ class Varied:
                 at = f"{path}.rows[{k}].{table.speed_key}"
                 speed = self._whole(at, rows)
                 if speed_before is not None:
-                    _refuse(speed, (speed > speed_before).all(axis=0), at, "more than the speed of the row before")
+                    _refuse(
+                        speed, rise(np.concatenate([speed_before, speed])), at, "more than the speed of the row before"
+                    )
                 speed_before = speed
 
     def _whole(self, path: str, rows: np.ndarray) -> np.ndarray:
