@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import functools
 import itertools
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 import armwright as aw
 from armwright.description.database import parse
-from armwright.model import build_model
+from armwright.model import EfficiencyTable, build_model
 
 CHAIN = "chain-"  # the name of a random chain is this and its number of joints
 
@@ -39,6 +40,46 @@ def sprung_arms(name: str) -> dict[str, aw.Model]:
         robot = aw.RobotDescription(**record)
         arms[kind] = build_model(robot).replace(friction=None, efficiency=None)
     return arms
+
+
+@dataclass(frozen=True)
+class LossyGear:
+    """Efficiency at torques that leave a gear [N m], the same either way; one of them holds at every torque."""
+
+    efficiency: tuple[float, ...]
+    torques: tuple[float, ...] = (1.0,)
+    smoothing: float = 0.05  # [rad/s]
+
+    def fitted(self, arm: aw.Model) -> aw.Model:
+        """The arm with such gears at all joints."""
+        eta: Any = self.efficiency[0]
+        if len(self.torques) > 1:
+            eta = EfficiencyTable(self.torques, (), (self.efficiency,), (self.efficiency,))
+        drives = (replace(body.drive, efficiency=eta, smoothing=self.smoothing) for body in arm.bodies)
+        bodies = (replace(body, drive=drive) for body, drive in zip(arm.bodies, drives, strict=True))
+        return replace(arm, bodies=tuple(bodies))
+
+    def entering(self, leaving: np.ndarray, speed: np.ndarray) -> np.ndarray:
+        """Torques that enter the gears, of any shape: a line between T / factor(T), the factor that of the end beyond it."""
+        s = np.abs(speed) / np.hypot(speed, self.smoothing)
+        eta, size = np.array(self.efficiency), np.abs(leaving)
+        driving = 1.0 - (1.0 - eta) * s[..., None]
+        factors = np.where((leaving * speed >= 0.0)[..., None], driving, 1.0 + (1.0 / eta - 1.0) * s[..., None])
+        at, t = np.array(self.torques), self.torques / factors
+        k = np.clip(np.searchsorted(at, size) - 1, 0, max(len(at) - 2, 0))[..., None]
+        low, high = (np.take_along_axis(t, np.minimum(k + j, len(at) - 1), -1)[..., 0] for j in (0, 1))
+        gap = at[np.minimum(k + 1, len(at) - 1)] - at[k]
+        share = (size - at[k][..., 0]) / np.where(gap == 0.0, 1.0, gap)[..., 0]
+        beyond = np.where(size < at[0], size / factors[..., 0], size / factors[..., -1])
+        inside = (at[0] <= size) & (size <= at[-1])
+        return np.sign(leaving) * np.where(inside, low + share * (high - low), beyond)
+
+
+GEARS = {
+    "gears of 80 %": LossyGear((0.8,)),
+    "gears by a table of 2 torques": LossyGear((0.6, 0.8), (5.0, 20.0)),
+    "gears by a table of 4 torques": LossyGear((0.4, 0.6, 0.72, 0.8), (2.0, 5.0, 12.0, 30.0)),
+}
 
 
 def random_chain(n: int) -> aw.Model:

@@ -1,5 +1,5 @@
-"""The same kernels of `puma560` in other forms: fewer lanes, with friction, with springs, in single precision, with
-parameters left open.
+"""The same kernels of `puma560` in other forms: fewer lanes, with friction, with springs, with gears that lose power, in single
+precision, with parameters left open.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from arms import random_states, sprung_arms, timed_arm
+from arms import GEARS, random_states, sprung_arms, timed_arm
 from peers.pinocchio_peer import PinocchioLoop
 from records import Record, Task, record
 from rows_kernels import BATCH, QUICK_BATCH, WORKS, batch, checked, compiled, looped, pinocchio, pinocchio_loop
@@ -50,6 +50,7 @@ def variant_records(name: str, quick: bool, repetitions: int) -> list[Record]:
         *narrow(name, inputs, check),
         *rough(name, states),
         *sprung(name, states),
+        *geared(name, states),
         *single(name, inputs, truth),
         *varied(name, inputs, check),
     ]
@@ -102,6 +103,21 @@ def sprung(name: str, states: dict[str, np.ndarray]) -> Iterator[tuple[str, Cont
         else:
             truth = wheel.forward_dynamics(states["q"], states["qd"], states["tau"] - s)
         dyn = aw.compile(arm)
+        dyn.threads = 1
+        yield f"with {kind} (the peer without)", batch(kind, getattr(dyn, name), inputs, checked(truth))
+
+
+def geared(name: str, states: dict[str, np.ndarray]) -> Iterator[tuple[str, Contestant]]:
+    """With gears that lose power at all joints; the truth is what Pinocchio's links need, through the gears' law on floats."""
+    if name not in ("inverse_dynamics", "forward_dynamics"):
+        return
+    arm, (q, qd, qdd) = timed_arm(ROBOT), (states[key] for key in ("q", "qd", "qdd"))
+    rotors = np.array([body.drive.reflected for body in arm.bodies]) * qdd
+    leaving = pinocchio(ROBOT).inverse_dynamics(q, qd, qdd) - rotors
+    for kind, gear in GEARS.items():
+        tau = gear.entering(leaving, qd) + rotors
+        inputs, truth = ([q, qd, qdd], tau) if name == "inverse_dynamics" else ([q, qd, tau], qdd)
+        dyn = aw.compile(gear.fitted(arm))
         dyn.threads = 1
         yield f"with {kind} (the peer without)", batch(kind, getattr(dyn, name), inputs, checked(truth))
 

@@ -2,8 +2,9 @@
 
     .venv/bin/python tools/gear_identity.py [--states 1000000]
 
-Prints the rows of the table in docs/reliability.md: the largest error of q̈ → tau → q̈, as a share of the accelerations that the
-torques at play give; how far the solution from three other starts lies from it; how many of the solves each state took.
+Prints the rows of the tables in docs/conventions.md. Rigid gears: the largest error of q̈ → tau → q̈, as a share of the
+accelerations that the torques at play give; how far the solution from three other starts lies from it; how many of the solves
+each state took. Elastic gears, where nothing is solved: the largest error of (q̈, θ̈) → (θ, tau) → (q̈, θ̈).
 """
 
 from __future__ import annotations
@@ -17,22 +18,34 @@ import numpy as np
 
 import armwright as aw
 from armwright import scalar
+from armwright.actuators.coupling import from_joints, shares_of, to_motors
+from armwright.actuators.friction import motor_friction
+from armwright.actuators.gear import gear_loss
 from armwright.dynamics import inverse, mass_matrix
-from armwright.dynamics.gears import linearised, motors, newton_steps
+from armwright.dynamics.gears import linearised, motors, newton_steps, without_rotors
 from armwright.kernels.batch import Kernel
 from armwright.kernels.target import select_target
-from armwright.model import Model, build_model
+from armwright.model import EfficiencyTable, Elasticity, Friction, Model, build_model
 from armwright.program import trace
+from armwright.simulation.plant.plant import Plant
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tests"))
+from dynamics.gear_tables import ROWS, TORQUES  # noqa: E402
 from reference.random_trees import random_description  # noqa: E402
 
 STARTS = 3
 BATCH = 50_000
+TABLE = EfficiencyTable(
+    TORQUES,
+    tuple(row["speed_rad_per_s"] for row in ROWS),
+    tuple(row["driving"] for row in ROWS),
+    tuple(row["driven_back"] for row in ROWS),
+)
+SPRING = Elasticity(stiffness=1e4, damping=20.0)
 
 
-def lossy(model: Model, efficiency: float, inertia: float, share: float = 0.0) -> Model:
+def lossy(model: Model, efficiency: float | EfficiencyTable, inertia: float, share: float = 0.0) -> Model:
     """The arm with n² J_m = `inertia` before lossy gears, and motors that the joint before theirs turns as well."""
     bodies = []
     for k, body in enumerate(model.bodies):
@@ -47,6 +60,26 @@ def lossy(model: Model, efficiency: float, inertia: float, share: float = 0.0) -
     return replace(model, bodies=tuple(bodies))
 
 
+def rubbing(model: Model, on_motor: bool) -> Model:
+    """The arm with friction of a tenth of the load in every gear, and none besides."""
+    friction = Friction(on_motor=on_motor, smoothing=0.05, load_coefficient=0.1)
+    return replace(model, bodies=tuple(replace(body, friction=friction) for body in model.bodies))
+
+
+def elastic(model: Model) -> Model:
+    """The arm with gears that give way, and no limit of its drives."""
+    bodies = (
+        replace(
+            body,
+            elasticity=SPRING,
+            limits=replace(body.limits, torque=np.inf, voltage=np.inf, current=np.inf),
+            drive=replace(body.drive, command="torque"),
+        )
+        for body in model.bodies
+    )
+    return replace(model, bodies=tuple(bodies))
+
+
 def arms() -> dict[str, Model]:
     """Arms as they are built, and such as strain the method: rotors that outweigh the links, steep gears, motors all coupled."""
     return {
@@ -56,6 +89,20 @@ def arms() -> dict[str, Model]:
         "lwa4p, η 0.3, all motors coupled": lossy(aw.load("lwa4p"), 0.3, 2.0, -0.8),
         "panda, η 0.05, heavy rotors": lossy(aw.load("panda"), 0.05, 5.0),
         "tree of 12 joints, η 0.1": lossy(build_model(random_description(33)), 0.1, 3.0),
+        "panda, η by table": lossy(aw.load("panda"), TABLE, 0.3),
+        "panda, η by table, load friction": rubbing(lossy(aw.load("panda"), TABLE, 0.3), on_motor=False),
+        "puma560, η by table, load friction of motors": rubbing(lossy(aw.load("puma560"), TABLE, 5.0), on_motor=True),
+        "lwa4p, η by table, all motors coupled": lossy(aw.load("lwa4p"), TABLE, 2.0, -0.8),
+    }
+
+
+def elastic_arms() -> dict[str, Model]:
+    """Arms with elastic lossy gears."""
+    return {
+        "panda, elastic, η 0.7": elastic(lossy(aw.load("panda"), 0.7, 0.3)),
+        "panda, elastic, η by table": elastic(lossy(aw.load("panda"), TABLE, 0.3)),
+        "lwa4p, elastic, η 0.3, all motors coupled": elastic(lossy(aw.load("lwa4p"), 0.3, 2.0, -0.8)),
+        "lwa4p, elastic, η by table, all motors coupled": elastic(lossy(aw.load("lwa4p"), TABLE, 2.0, -0.8)),
     }
 
 
@@ -97,6 +144,55 @@ def probed(model: Model, count: int) -> tuple[float, float, np.ndarray]:
     return worst, apart, counts
 
 
+def elastic_inverse(model: Model) -> Kernel:
+    """(q, q̇, q̈, θ̇, θ̈) → θ and tau of the motors; θ = θ_motor / n, behind springs k (θ - B q) + d (θ̇ - B q̇)."""
+    links = without_rotors(model, model.names)
+
+    def function(q, qd, qdd, motor_speed, motor_acceleration):
+        shares = shares_of(model)
+        torques = from_joints(shares, inverse.torques_of_links(links, q, qd, qdd))
+        at, speed = to_motors(shares, q), to_motors(shares, qd)
+        motor, tau = [], []
+        for i, body in enumerate(model.coordinates):
+            loss = gear_loss(body.drive, motor_speed[i])
+            motor.append(at[i] + (torques[i] - SPRING.damping * (motor_speed[i] - speed[i])) / SPRING.stiffness)
+            rotor = body.drive.reflected * motor_acceleration[i] + motor_friction(body, motor_speed[i])
+            tau.append(loss.input(torques[i]) + rotor)
+        return scalar.array(motor), scalar.array(tau)
+
+    shapes = dict.fromkeys(("q", "qd", "qdd", "motor_speed", "motor_acceleration"), (model.n,))
+    return Kernel(trace("elastic", function, shapes, ("motor", "tau")), select_target())
+
+
+def elastic_error(model: Model, count: int) -> float:
+    """Largest error of the accelerations of joints and motors, each as a share of what the torques at play give."""
+    plant, kernels, n, rng = Plant.of(model), aw.compile(model.replace(rotors=None)), model.n, np.random.default_rng(12)
+    forward = Kernel(
+        trace("derivative", lambda x, u: (plant.derivative(x, u),), {"x": (plant.size,), "u": (n,)}, ("xd",)),
+        select_target(),
+    )
+    backward, worst = elastic_inverse(model), 0.0
+    ratio = np.array([body.drive.gear_ratio for body in model.coordinates])
+    inertia = np.array([body.drive.reflected for body in model.coordinates])
+    for _ in range(0, count, BATCH):
+        q, qd, qdd, speed, acceleration = rng.normal(size=(5, BATCH, n))
+        qd, qdd = qd * 10 ** rng.uniform(-3, 1, (BATCH, 1)), qdd * 10 ** rng.uniform(-1, 3, (BATCH, 1))
+        speed, acceleration = qd + 0.1 * speed, qdd * acceleration
+        motor, tau = backward(q, qd, qdd, speed, acceleration)
+        change = forward(np.concatenate([q, qd, motor * ratio, speed * ratio], axis=1), tau)
+        stiff = SPRING.stiffness * np.abs(motor) + SPRING.damping * np.abs(speed)  # torques that cancel in the spring
+        reach = np.abs(np.linalg.inv(kernels.mass_matrix(q)))
+        joints = np.abs(qdd).max(1) + np.einsum("kij,kj->ki", reach, stiff).max(1)
+        rotors = np.abs(acceleration) + (np.abs(tau) + stiff) / inertia
+        found, turned = change[:, n : 2 * n], change[:, 3 * n :] / ratio
+        worst = max(
+            worst,
+            (np.abs(found - qdd).max(1) / joints).max(),
+            (np.abs(turned - acceleration).max(1) / rotors.max(1)).max(),
+        )
+    return worst
+
+
 def main() -> None:
     """Prints the table."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0] if __doc__ else None)
@@ -107,6 +203,9 @@ def main() -> None:
         worst, apart, counts = probed(model, states)
         shares = ", ".join(f"{k}: {c / counts.sum():.2g}" for k, c in enumerate(counts) if c)
         print(f"| {name} | {worst:.1e} | {apart:.1e} | {shares} |", flush=True)
+    print("\n| arm | error |\n| --- | --- |")
+    for name, model in elastic_arms().items():
+        print(f"| {name} | {elastic_error(model, states):.1e} |", flush=True)
 
 
 if __name__ == "__main__":
