@@ -144,6 +144,14 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
             worst("error"),
         ),
     ),
+    "stiff": (
+        "Stiff arms at equal error, ns for a simulated ms",
+        (
+            *(label("arm", "arm"), label("work", "work"), label("lanes", "lanes"), time("ours, rodas3", "ours")),
+            *(time("MuJoCo implicitfast", "implicitfast"), ratio("implicitfast ÷ ours", "implicitfast")),
+            *(time("CVODES", "cvodes"), ratio("CVODES ÷ ours", "cvodes"), worst("error")),
+        ),
+    ),
     "control": (
         "Sampled control, ns per step",
         (

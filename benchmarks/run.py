@@ -22,7 +22,15 @@ from report import CHAPTERS, Saved, markdown, show
 from rich.console import Console
 from rich.progress import Progress
 
-MODULES = ("rows_kernels", "rows_variants", "rows_simulation", "rows_control", "rows_scaling", "rows_start")
+MODULES = (
+    "rows_kernels",
+    "rows_variants",
+    "rows_simulation",
+    "rows_stiff",
+    "rows_control",
+    "rows_scaling",
+    "rows_start",
+)
 PEERS = {"pinocchio": "pin", "mujoco": "mujoco"}  # whose results ours are checked against
 RESULTS = Path(__file__).with_name("results")
 REPETITIONS, QUICK_REPETITIONS = 11, 1
