@@ -10,7 +10,6 @@ import sys
 from armwright.kernels.loop_blocks import BlockPrinter
 from armwright.kernels.machine import Value
 from armwright.kernels.stages import HALVINGS, NEXT, SECANTS, SEEN, SINCE, SWITCHES, Adapt, Integrate
-from armwright.program import Program
 
 NEARLY = 1.01  # a step that would leave less than a hundredth of itself to the edge goes on to it
 LOST = 0.1  # how much shorter the next trial is where the state is infinite or NaN
@@ -127,7 +126,6 @@ class StepPrinter(BlockPrinter):
             cut_short = self._cut(stage, label, fine, s, "true")
             s, ends = self._load("h"), m.both(ends, m.inverse(cut_short))
         error, grow = self._load("error"), self._load("grow")
-        self._follow(stage.trial, active)
         good = m.both(active, m.le(error, one))
         then = m.select(ends, edge, m.add(now, s))
         crossed = None
@@ -152,8 +150,11 @@ class StepPrinter(BlockPrinter):
         tried = m.add(self._load("tried"), m.truth(active))
         self._store("tried", 0, tried)
         self._store("trials", 0, m.add(self._load("trials"), m.truth(active)))
-        for k in range(self.sizes["x"]):
-            self._store("x", k, m.select(good, self._load(f"x{NEXT}", k), self._load("x", k)))
+        for port in stage.trial.outputs:
+            if port.name.endswith(NEXT):
+                block = port.name.removesuffix(NEXT)
+                for k in range(port.size):
+                    self._store(block, k, m.select(good, self._load(port.name, k), self._load(block, k)))
         now = m.select(good, then, now)
         self._store(SINCE, 0, now)
         waits = m.both(active, m.lt(now, edge))
@@ -166,15 +167,6 @@ class StepPrinter(BlockPrinter):
         m.branch(again, f"{label}.trial", f"{label}.reached")
         m.begin(f"{label}.reached")
         self._end_segment(stage, label, t, edge)
-
-    def _follow(self, trial: Program, active: Value) -> None:
-        """What a trial computes beside the state for the next ones, in the lanes that made it."""
-        for port in trial.outputs:
-            block = port.name.removesuffix(NEXT)
-            if block not in (port.name, "x"):
-                for k in range(port.size):
-                    after, before = self._load(port.name, k), self._load(block, k)
-                    self._store(block, k, self.m.select(active, after, before))
 
     def _find_events(
         self, stage: Adapt, label: str, now: Value, then: Value, active: Value, good: Value

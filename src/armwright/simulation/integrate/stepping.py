@@ -20,7 +20,7 @@ from armwright.simulation.integrate.dormand_prince import ORDER, dormand_prince_
 from armwright.simulation.integrate.events import EventFunction, event_programs, event_values
 from armwright.simulation.integrate.exponential import Pairs
 from armwright.simulation.integrate.integrators import STEPPING, TOLERANCES
-from armwright.simulation.integrate.step_control import Allowed, floors, growth
+from armwright.simulation.integrate.step_control import Allowed, floors, growth, quick_growth
 from armwright.simulation.plant.switching import Watched, switching_programs
 
 MOST_SUBSTEPS = 1000  # trials in one tick, if nothing else is said
@@ -153,9 +153,7 @@ def adaptive_stage(
         dict(adaptivity.events),
         adaptivity.allowed,
     )
-    size = shapes["x"]
-    by_range = {"low": size, "high": size} if allowed.accuracy is not None else {}
-    least = floors(layout) if by_range else np.zeros(0)
+    by_range = {"x_first": shapes["x"], "reach": shapes["x"]} if allowed.accuracy is not None else {}
 
     def trial(x: Array, *rest: Array) -> tuple[Array, ...]:
         inputs, h = rest[: len(held) - 1], rest[-1]
@@ -163,12 +161,12 @@ def adaptive_stage(
         if not by_range:
             share = allowed.share(x, new, error)
             return (new, share, growth(share, order), *(path if events else ()))
-        low, high = rest[len(held) - 1 : -1]
-        low, high = scalar.minimum(low, x), scalar.maximum(high, x)
-        share, worst = allowed.share_of_range(error, scalar.minimum(low, new), scalar.maximum(high, new), least)
-        return new, share, growth(share, order), worst, low, high
+        first, reach = rest[len(held) - 1 : -1]
+        reach = scalar.maximum(reach, scalar.abs(new - first))
+        share, worst = allowed.share_of_range(error, reach)
+        return new, share, quick_growth(share), worst, reach
 
-    names = ("worst", f"low{NEXT}", f"high{NEXT}") if by_range else ("path",) * bool(events)
+    names = ("worst", f"reach{NEXT}") if by_range else ("path",) * bool(events)
     program = trace("trial", trial, {**held, **by_range, "h": ()}, (f"x{NEXT}", "error", "grow", *names))
     watching = event_programs(events, layout) if events else {}
     return Adapt(program, adaptivity.most, planned, seen, **watching, **switching_programs(watched, shapes))
@@ -177,8 +175,8 @@ def adaptive_stage(
 def begin_adaptive(lanes: Lanes, adaptivity: Adaptivity, layout: Layout, x0: np.ndarray) -> None:
     """Fills the blocks that `adaptive_stage` adds, for lanes that begin in x0 (lanes, nx) at t = 0."""
     if adaptivity.allowed.accuracy is not None:
-        lanes.set("low", x0)
-        lanes.set("high", x0)
+        lanes.set("x_first", x0)
+        lanes.set("reach", floors(layout))
     if adaptivity.events:
         watched = dict(adaptivity.events)
         g = trace("sides", lambda x: event_values(watched, layout, 0.0, x), {"x": x0.shape[1:]}, ("g",))
