@@ -80,6 +80,18 @@ def joint_friction(
     return LAWS[friction.law].add(torque, friction, speed, load, warming)
 
 
+def sliding_friction(
+    friction: Friction, speed: Scalar, direction: Scalar, load: Scalar | None = None, warming: Scalar | None = None
+) -> Scalar:
+    """Friction torque [N m | N] of a joint that slides in a stated direction, 1 or -1, which its speed's sign may not show yet.
+
+    offset + viscous q̇ + direction · g: Coulomb's level is that of the direction, its falling part that of the speed. 0 stands for
+    a joint at rest, whose dry friction is not known from its speed and is left out.
+    """
+    level = dry_level(friction, speed, load, warming, direction)
+    return friction.offset + viscous_torque(friction, speed, warming) + direction * level
+
+
 def viscous_torque(friction: Friction, speed: Scalar, warming: Scalar | None = None) -> Scalar:
     """viscous q̇ exp(-warming / fall), or viscous q̇ max(0, 1 + coefficient · warming).  [BittencourtGunnarsson2012]"""
     torque = friction.viscous * speed
@@ -88,13 +100,21 @@ def viscous_torque(friction: Friction, speed: Scalar, warming: Scalar | None = N
     return _warmed(torque, friction.viscous_temperature_coefficient, warming)
 
 
-def dry_level(friction: Friction, speed: Scalar, load: Scalar | None = None, warming: Scalar | None = None) -> Scalar:
+def dry_level(
+    friction: Friction,
+    speed: Scalar,
+    load: Scalar | None = None,
+    warming: Scalar | None = None,
+    direction: Scalar | None = None,
+) -> Scalar:
     """g(q̇) = Fc + (Fs - Fc) exp(-(q̇/vs)²) [N m | N].  [BittencourtGunnarsson2012]
 
-    Both levels count max(0, 1 + coefficient · warming) times, and then rise by share · |load|.
+    Both levels count max(0, 1 + coefficient · warming) times, and then rise by share · |load|. Fc is that of the direction of
+    motion, by default the sign of the speed.
     """
     plus, minus = friction.coulomb_positive, friction.coulomb_negative
-    level = plus if _same(plus, minus) else scalar.where(scalar.less(speed, 0.0), minus, plus)
+    backward = scalar.less(speed if direction is None else direction, 0.0)
+    level = plus if _same(plus, minus) else scalar.where(backward, minus, plus)
     level, most = (
         None if part is None else _warmed(part, friction.coulomb_temperature_coefficient, warming)
         for part in (level, friction.stribeck)

@@ -10,7 +10,7 @@ from armwright import scalar
 from armwright.actuators.friction import smooth_sign
 from armwright.interpolation import piecewise_linear
 from armwright.model import Body, Drive, EfficiencyTable, Friction
-from armwright.scalar import Scalar
+from armwright.scalar import Array, Scalar
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +23,11 @@ class GearLoss:
 
     knots: tuple[Scalar, ...]  # t where the slope changes [N m | N], in rising order; 0 is the one in the middle
     slopes: tuple[Scalar, ...]  # between them and beyond, one more [-]
+
+    @property
+    def jumps(self) -> bool:
+        """True if a slope is so steep that only a search of all knots finds a way down it."""
+        return False
 
     def line(self, t: Scalar) -> tuple[Scalar, Scalar]:
         """Slope [-] and offset [N m | N] of  G = slope t + offset  about t; at a knot those of the side above."""
@@ -43,6 +48,15 @@ class GearLoss:
         slope, offset = self.line_of_output(torque)
         return (torque - offset) / slope
 
+    def packed(self) -> list[Scalar]:
+        """Its numbers, for `unpacked`."""
+        return [*self.knots, *self.slopes]
+
+    def unpacked(self, values: Array) -> GearLoss:
+        """The same law with other numbers."""
+        knots = len(self.knots)
+        return GearLoss(tuple(values[:knots]), tuple(values[knots:]))
+
     def with_friction(self, share: Scalar, on_motor: bool) -> GearLoss:
         """The gear with friction  share · |torque|  beside it, where share has the sign of the speed.
 
@@ -60,6 +74,11 @@ class GearLoss:
             *(knot * above for knot in self.knots[middle + 1 :]),
         )
         return GearLoss(knots, (*(slope / below for slope in backward), *(slope / above for slope in forward)))
+
+    @property
+    def lines(self) -> list[tuple[Scalar, Scalar]]:
+        """Slopes and offsets of all lines, in order."""
+        return list(zip(self.slopes, self._offsets, strict=True))
 
     @property
     def _offsets(self) -> list[Scalar]:
@@ -104,7 +123,9 @@ def sticks(body: Body) -> bool:
     return holds_by_loss(body) or (body.friction is not None and body.friction.sticks)
 
 
-def gear_loss(drive: Drive, speed: Scalar, friction: Friction | None = None) -> GearLoss | None:
+def gear_loss(
+    drive: Drive, speed: Scalar, friction: Friction | None = None, direction: Scalar | None = None
+) -> GearLoss | None:
     """G of design section 3 at a speed of the motor, referred to the joint [rad/s | m/s]; None: a gear without loss.
 
     With s = |w| / √(w² + smoothing²), without a smoothing speed s = 1 in motion and 0 at rest, and t what the rotor's
@@ -118,21 +139,31 @@ def gear_loss(drive: Drive, speed: Scalar, friction: Friction | None = None) -> 
 
     With `friction` also its load-proportional part, load_coefficient · |torque| · `smooth_sign(w)` of the torque that
     leaves the gear, or of that which enters it where the friction is the motor's.
+
+    Without a smoothing speed, `direction` of 1 or -1 stands for the sign of the speed; 0: a gear at rest, G = t.
     """
     share = None if friction is None else friction.load_coefficient
     if drive.efficiency is None and share is None:
         return None
-    loss = LOSSLESS if drive.efficiency is None else _loss_by_efficiency(drive.efficiency, drive.smoothing, speed)
+    loss = (
+        LOSSLESS
+        if drive.efficiency is None
+        else _loss_by_efficiency(drive.efficiency, drive.smoothing, speed, direction)
+    )
     if friction is None or share is None:
         return loss
-    return loss.with_friction(share * smooth_sign(speed, drive.smoothing), friction.on_motor)
+    turning = speed if drive.smoothing is not None or direction is None else direction
+    return loss.with_friction(share * smooth_sign(turning, drive.smoothing), friction.on_motor)
 
 
-def _loss_by_efficiency(efficiency: Scalar | EfficiencyTable, smoothing: Scalar | None, speed: Scalar) -> GearLoss:
-    backward = scalar.less(speed, 0.0)
+def _loss_by_efficiency(
+    efficiency: Scalar | EfficiencyTable, smoothing: Scalar | None, speed: Scalar, direction: Scalar | None
+) -> GearLoss:
+    turning = speed if smoothing is not None or direction is None else direction
+    backward = scalar.less(turning, 0.0)
     size = scalar.where(backward, -speed, speed)  # not abs, whose slope at 0 would be 0
     s = (
-        scalar.abs(scalar.sign(speed))
+        scalar.abs(scalar.sign(turning))
         if smoothing is None
         else size / scalar.sqrt(speed * speed + smoothing * smoothing)
     )

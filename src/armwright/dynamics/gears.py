@@ -79,14 +79,13 @@ class Gear:
     def packed(self) -> np.ndarray:
         """Its numbers, for `unpacked`."""
         shares = [share for _, share in self.row]
-        return scalar.array([*shares, self.inertia, self.torque, *self.loss.knots, *self.loss.slopes])
+        return scalar.array([*shares, self.inertia, self.torque, *self.loss.packed()])
 
     def unpacked(self, values: Array) -> Gear:
         """The same gear with other numbers."""
-        k, knots = len(self.row), len(self.loss.knots)
-        loss = GearLoss(tuple(values[k + 2 : k + 2 + knots]), tuple(values[k + 2 + knots :]))
+        k = len(self.row)
         row = [(j, value) for (j, _), value in zip(self.row, values, strict=False)]
-        return Gear(row, values[k], values[k + 1], loss)
+        return Gear(row, values[k], values[k + 1], self.loss.unpacked(values[k + 2 :]))
 
 
 def lossy_gears(
@@ -132,7 +131,15 @@ def through_gears(mass: Array, bias: Array, gears: Sequence[Gear]) -> tuple[np.n
 
     By Newton's method with a line search, in at most `MOST` solves; q̈ is NaN where those do not end it.
     """
-    near = newton_steps(mass, bias, gears)[: len(bias)]
+    qdd, factors, ended = solved(mass, bias, gears)
+    return scalar.array(scalar.where(ended, qdd, np.nan)), factors
+
+
+def solved(
+    mass: Array, bias: Array, gears: Sequence[Gear], start: Array | None = None, most: int = MOST
+) -> tuple[np.ndarray, Factored, Scalar]:
+    """The same in at most that many solves from a start, and 1 where they end it, where they do not 0 beside any q̈."""
+    near = newton_steps(mass, bias, gears, start, most)[: len(bias)]
     matrix, right = linearised(mass, bias, gears, near)
     factors = scalar.factor_symmetric(matrix)
     qdd, ended = scalar.solve_factored(factors, right), 1.0
@@ -143,10 +150,12 @@ def through_gears(mass: Array, bias: Array, gears: Sequence[Gear]) -> tuple[np.n
         left = scalar.abs(torque - (slope * t + offset))
         size = scalar.abs(torque) + scalar.abs(gear.torque)
         ended = ended * scalar.less_equal(left, SETTLED * size)
-    return scalar.array(scalar.where(ended, qdd, np.nan)), factors
+    return qdd, factors, ended
 
 
-def newton_steps(mass: Array, bias: Array, gears: Sequence[Gear], start: Array | None = None) -> np.ndarray:
+def newton_steps(
+    mass: Array, bias: Array, gears: Sequence[Gear], start: Array | None = None, most: int = MOST
+) -> np.ndarray:
     """Accelerations at which every gear has the line that it has at the solution, and how many steps led there (n + 1,).
 
     The steps begin at accelerations `start` (n,), by default 0; the solution is the same from any.
@@ -164,7 +173,7 @@ def newton_steps(mass: Array, bias: Array, gears: Sequence[Gear], start: Array |
 
     packed = scalar.array([mass[i, j] for i, j in lower])
     arguments = (packed, scalar.array(bias), *(gear.packed() for gear in gears))
-    return repeated("gears", step, scalar.array([*first, 0.0]), arguments, MOST - 1)
+    return repeated("gears", step, scalar.array([*first, 0.0]), arguments, most - 1)
 
 
 def linearised(mass: Array, bias: Array, gears: Sequence[Gear], qdd: Array) -> tuple[Array, Array]:
@@ -203,10 +212,13 @@ def _newton_step(qdd: Array, steps: Scalar, mass: Array, bias: Array, gears: Seq
     at_start, at_end = slope(0.0), slope(1.0)
     falling = scalar.less_equal(at_end, 0.0)
     bracket, bold = (0.0, 1.0, at_start, at_end), BOLD
-    if all(len(loss.knots) == 1 for loss, *_ in pieces):
+    jumps = any(loss.jumps for loss, *_ in pieces)
+    if jumps or all(len(loss.knots) == 1 for loss, *_ in pieces):
         for loss, _, t, change in pieces:  # the two bends that the lowest point lies between
-            bend = (loss.knots[0] - t) / scalar.where(scalar.equal(change, 0.0), 1.0, change)
-            bracket = _narrowed(bracket, bend, slope(bend))
+            for knot in loss.knots:
+                bend = (knot - t) / scalar.where(scalar.equal(change, 0.0), 1.0, change)
+                bracket = _narrowed(bracket, bend, slope(bend))
+        bold = 0 if jumps else BOLD  # a bold step would go from one side of a jump to the other, and back
     else:  # among many bends halving goes on where the secant creeps, and the secant is exact within a line
         bold = BOLD_OF_TABLES
         for k in range(SEARCHED):
