@@ -175,6 +175,13 @@ class LoopRunner:
         """CVODES for the plant."""
         assert self.scenario.solver.adaptivity is not None
         check_lanes(self.count)
+        if self.plant.sticking is not None:
+            raise ScenarioError(
+                "follows no friction or gear loss that sticks",
+                place="solver.integrator",
+                value="cvodes",
+                expected="'rk45', 'auto' or a fixed step; or a record with a smoothing speed in `friction`",
+            )
         stiff, watched = bool(self.plant.stiff), plant_watched(self.config)
         return Cvodes(*plant_derivative(self.config), self.scenario.solver.adaptivity, stiff, watched)
 

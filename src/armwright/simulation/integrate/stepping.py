@@ -14,7 +14,7 @@ from armwright.errors import ScenarioError
 from armwright.kernels.loop import Lanes
 from armwright.kernels.stages import NEXT, Adapt
 from armwright.program import call, interpret, trace
-from armwright.scalar import Array
+from armwright.scalar import Array, Scalar
 from armwright.signals import Layout
 from armwright.simulation.integrate.dormand_prince import ORDER, dormand_prince_step
 from armwright.simulation.integrate.events import EventFunction, event_programs, event_values
@@ -138,6 +138,8 @@ def adaptive_stage(
     seen: tuple[str, ...] = (),
     watched: Watched | None = None,
     order: int = ORDER,
+    *,
+    lands: bool = False,
 ) -> Adapt:
     """One tick of a plant by a rule that estimates its error, in steps that each lane chooses.
 
@@ -147,6 +149,7 @@ def adaptive_stage(
         adaptivity: tolerances and events.   layout: of x.   planned, seen: as in `Integrate`.
         watched: what may switch; `step` then takes which contacts count as made, as its last argument before h.
         order: of the error in h.
+        lands: whether `step` also tells, last, at which part of it the next trial shall end where this is refused; below 1.
     """
     held, events, allowed = (
         {**shapes, **({} if watched is None else watched.block)},
@@ -158,18 +161,24 @@ def adaptive_stage(
     def trial(x: Array, *rest: Array) -> tuple[Array, ...]:
         inputs, h = rest[: len(held) - 1], rest[-1]
         new, error, *path = step(x, *inputs, h)
+        part = path.pop() if lands else None
         if not by_range:
             share = allowed.share(x, new, error)
-            return (new, share, growth(share, order), *(path if events else ()))
+            return (new, share, _landing(growth(share, order), share, part), *(path if events else ()))
         first, reach = rest[len(held) - 1 : -1]
         reach = scalar.maximum(reach, scalar.abs(new - first))
         share, worst = allowed.share_of_range(error, reach)
-        return new, share, quick_growth(share), worst, reach
+        return new, share, _landing(quick_growth(share), share, part), worst, reach
 
     names = ("worst", f"reach{NEXT}") if by_range else ("path",) * bool(events)
     program = trace("trial", trial, {**held, **by_range, "h": ()}, (f"x{NEXT}", "error", "grow", *names))
     watching = event_programs(events, layout) if events else {}
     return Adapt(program, adaptivity.most, planned, seen, **watching, **switching_programs(watched, shapes))
+
+
+def _landing(grow: Scalar, share: Scalar, part: Scalar | None) -> Scalar:
+    """The factor for the next trial: to where something changes in a step that is refused, if it tells."""
+    return grow if part is None else scalar.where(scalar.less(1.0, share) * scalar.less(part, 1.0), part, grow)
 
 
 def begin_adaptive(lanes: Lanes, adaptivity: Adaptivity, layout: Layout, x0: np.ndarray) -> None:

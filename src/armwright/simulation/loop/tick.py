@@ -17,7 +17,7 @@ Blocks between the stages, one lane's numbers each:
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -186,12 +186,14 @@ def _integration(config: LoopConfig, seen: tuple[str, ...]) -> list[Stage]:
     assert config.adaptivity is not None
     trial, layout = plant_trial(config, watched), config.bare.layout
     order = ORDERS.get(config.integrator, ORDER_OF_ERROR)
-    return [adaptive_stage(trial, shapes, config.adaptivity, layout, planned, seen, watched, order)]
+    lands = config.bare.sticking is not None
+    return [adaptive_stage(trial, shapes, config.adaptivity, layout, planned, seen, watched, order, lands=lands)]
 
 
 def _plant_call(config: LoopConfig, u: Array, rest: Sequence[Array]) -> tuple[Plant, PlantInputs]:
-    """A lane's plant and what acts on it, from commands and what follows them: `plant_blocks`, then contacts if they are held."""
-    values = dict(zip([*config.plant_blocks, "contacts"], rest, strict=False))
+    """A lane's plant and what acts on it, from commands and what follows: `plant_blocks`, then contacts, directions if held."""
+    held = [*(["contacts"] if sum(config.bare.contacts) else []), "directions"]
+    values = dict(zip([*config.plant_blocks, *held], rest, strict=False))
     return config.plant(values, simple=True), PlantInputs.named(u, values)
 
 
@@ -223,8 +225,25 @@ def plant_step(config: LoopConfig, contacts: Mapping[str, tuple[int, ...]] = NOT
 
 def plant_trial(config: LoopConfig, watched: Watched | None) -> Callable[..., tuple[Array, ...]]:
     """(x, u, …, h) → x⁺, its error, and the path where events need one: a step of a rule that estimates how wrong it is."""
-    derivative, shapes = plant_derivative(config)
-    shapes |= {} if watched is None else watched.block
+    sticking, shapes = config.bare.sticking, plant_derivative(config)[1] | ({} if watched is None else watched.block)
+    if sticking is None:
+        return _smooth_trial(config, shapes)
+    held = _smooth_trial(config, {**shapes, "directions": (len(sticking.places),)})
+
+    def landing(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
+        *given, h = rest
+        plant, inputs = _plant_call(config, u, given)
+        assert plant.sticking is not None
+        directions = plant.sticking.present(x, inputs)
+        new, error, *others = held(x, u, *given, directions, h)
+        return plant.sticking.landed(x, replace(inputs, directions=directions), new, error, h, others)
+
+    return landing
+
+
+def _smooth_trial(config: LoopConfig, shapes: Mapping[str, tuple[int, ...]]) -> Callable[..., tuple[Array, ...]]:
+    """The same for an arm that never sticks, or with directions of motion held, as the last of the arguments of those shapes."""
+    derivative, _ = plant_derivative(config)
     if config.integrator == "rk45":
         return dormand_prince_trial(derivative, shapes)
     if config.integrator == "rodas3":

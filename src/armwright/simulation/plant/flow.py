@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -29,6 +30,7 @@ from armwright.simulation.plant.joint_drive import (
     standing,
 )
 from armwright.simulation.plant.state import contacts_of
+from armwright.simulation.plant.sticking import Sticking, sticking_places
 
 STIFF = ("current", "bristle", "brake", "bus_voltage")  # linear in themselves, and integrated exactly
 
@@ -38,6 +40,9 @@ class Flow:
     """All that happens in one state."""
 
     qdd: Array  # (n,) [rad/s² | m/s²]
+    holding: (
+        Array | None
+    )  # (n,) torques by which what sticks holds the joints [N m | N]; None of an arm that never sticks
     joints: list[DrivenJoint]
     change: dict[str, list[Scalar]]  # d/dt of each signal of the state
     rates: list[Scalar]  # [1/s] of the stiff entries, in the order of x
@@ -108,19 +113,27 @@ class PlantFlow:
 
     def _flow(self, x: Array, inputs: PlantInputs) -> Flow:
         """Every joint's drive, then the arm they move, then what all that makes of the state."""
-        n = self.model.n
+        n, holding = self.model.n, None
         q, qd = x[:n], x[n : 2 * n]
+        if self.sticking is not None and inputs.directions is None:
+            inputs = replace(inputs, directions=self.sticking.present(x, inputs))
         loads = self.loads(x, inputs)
-        qdd = accelerations(loads.links, q, qd, loads.driven, loads.resisting, inputs.wrench, loads.gears)
+        if self.sticking is None:
+            qdd = accelerations(loads.links, q, qd, loads.driven, loads.resisting, inputs.wrench, loads.gears)
+        else:
+            qdd, holding = self.sticking.accelerations(x, inputs, loads.joints)
         joints = self._with_gear_loss(loads.joints, to_motors(self.shares, qd), to_motors(self.shares, qdd))
         change, rates, fed = self._of_drives(x, joints)
-        return Flow(qdd, joints, {"q": list(qd), "qd": list(qdd), **change}, rates, fed)
+        return Flow(qdd, holding, joints, {"q": list(qd), "qd": list(qdd), **change}, rates, fed)
 
     def loads(self, x: Array, inputs: PlantInputs) -> Loads:
         """Torques of the drives on the links in a state."""
-        joints = self._driven(x, inputs)
+        directions = None
+        if self.sticking is not None and inputs.directions is not None:
+            directions = self.sticking.of_joints(inputs.directions)
+        joints = self.driven(x, inputs, directions)
         losses = [joint.gear_loss for joint in joints]
-        links, driven, gears = lossy_gears(self._rigid, scalar.array([joint.gear for joint in joints]), losses)
+        links, driven, gears = lossy_gears(self.rigid, scalar.array([joint.gear for joint in joints]), losses)
         resisting = scalar.array([joint.resisting for joint in joints])
         if self.model.mimics is not None:
             resisting = resisting + friction_torques(self._followers, x[self.model.n : 2 * self.model.n])
@@ -128,7 +141,7 @@ class PlantFlow:
 
     def drive_rates(self, x: Array, inputs: PlantInputs) -> np.ndarray:
         """Derivatives of the state's entries behind q and q̇, without the arm's dynamics."""
-        change, _, _ = self._of_drives(x, self._driven(x, inputs))
+        change, _, _ = self._of_drives(x, self.loads(x, inputs).joints)
         return scalar.array([value for name in self.layout.names[2:] for value in change[name]])
 
     def _with_gear_loss(self, joints: list[DrivenJoint], w: Array, wd: Array) -> list[DrivenJoint]:
@@ -144,8 +157,16 @@ class PlantFlow:
             done.append(joint)
         return done
 
-    def _driven(self, x: Array, inputs: PlantInputs) -> list[DrivenJoint]:
-        """Every joint's drive by itself."""
+    @cached_property
+    def sticking(self) -> Sticking | None:
+        """The arm's set-valued laws; None where all are smooth."""
+        places = sticking_places(self.model)
+        return Sticking(self, places) if places else None
+
+    def driven(
+        self, x: Array, inputs: PlantInputs, directions: Sequence[tuple[Scalar, Scalar]] | None = None
+    ) -> list[DrivenJoint]:
+        """Every joint's drive by itself; directions of joints and motors that stick are by default the signs of their speeds."""
         u, touching, brake = inputs.command, inputs.contacts, inputs.brake
         ends = np.cumsum(self.contacts)
         of = [None if touching is None else touching[end - k : end] for end, k in zip(ends, self.contacts, strict=True)]
@@ -153,8 +174,17 @@ class PlantFlow:
         volts = None if supply is None else drive_voltage(supply, self.part(x, "bus_voltage")[0])
         applied = dict.fromkeys(self.braked, 0.0) if brake is None else dict(zip(self.braked, brake, strict=True))
         return [
-            driven_joint(body, self._states(x, i), at, u[i], volts, applied.get(i), of[i])
-            for (i, body), at in zip(enumerate(self.model.coordinates), self._motions(x), strict=True)
+            driven_joint(
+                body,
+                self._states(x, i),
+                at,
+                u[i],
+                volts,
+                applied.get(i),
+                of[i],
+                None if directions is None else directions[i],
+            )
+            for (i, body), at in zip(enumerate(self.model.coordinates), self.motions(x), strict=True)
         ]
 
     def _of_drives(
@@ -191,7 +221,7 @@ class PlantFlow:
         Returns:
             M: (n, n) [kg m² | kg m | kg].
         """
-        return mass_matrix(self._rigid, q)
+        return mass_matrix(self.rigid, q)
 
     @cached_property
     def shares(self) -> Shares:
@@ -210,7 +240,7 @@ class PlantFlow:
                 values[i] = value / self.model.coordinates[i].drive.gear_ratio
         return scalar.array(q), scalar.array(qd)
 
-    def _motions(self, x: Array) -> list[JointMotion]:
+    def motions(self, x: Array) -> list[JointMotion]:
         """Positions and speeds of every joint and its motor."""
         n = self.model.n
         q, qd = x[:n], x[n : 2 * n]
@@ -227,7 +257,7 @@ class PlantFlow:
         return JointStates(**entries)
 
     @cached_property
-    def _rigid(self) -> Model:
+    def rigid(self) -> Model:
         """The arm without the rotors of motors behind elastic gears, which move by themselves."""
         elastic = {body.joint for body in self.model.coordinates if body.elasticity is not None}
         return without_rotors(self.model, elastic) if elastic else self.model

@@ -17,6 +17,8 @@ class PlantInputs:
         command: (n,) [V | A | N m | N].   wrench: (6,) [N, N m] of the environment on the tip, in base axes; None: none.
         brake: (brakes,) 1 where a brake is applied, 0 where it is released; None: all released.
         contacts: (contacts,) 1 where a contact counts as made; None: as follows from the state.
+        directions: (sticking,) in which joints and motors with dry friction move, 1 or -1, 0: it sticks; None: as follows from
+            the state.
         payload: (10 frames,) inertial parameters of bodies about the origins of the frames that carry them; None: none.
             They change the arm itself: `LoopConfig.plant` adds them to it.
     """
@@ -25,6 +27,7 @@ class PlantInputs:
     wrench: Array | None = None
     brake: Array | None = None
     contacts: Array | None = None
+    directions: Array | None = None
     payload: Array | None = None
 
     @classmethod
@@ -35,4 +38,4 @@ class PlantInputs:
     @classmethod
     def named(cls, command: Array, values: Mapping[str, Array]) -> PlantInputs:
         """Commands, and those of the values whose names are inputs."""
-        return cls(command, *(values.get(name) for name in ("wrench", "brake", "contacts", "payload")))
+        return cls(command, *(values.get(name) for name in ("wrench", "brake", "contacts", "directions", "payload")))

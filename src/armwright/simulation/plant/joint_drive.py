@@ -11,8 +11,8 @@ from armwright.actuators.backlash import flank_depths
 from armwright.actuators.brake import holding
 from armwright.actuators.cogging import cogging_energy, cogging_torque
 from armwright.actuators.elasticity import bent, transmitted
-from armwright.actuators.friction import has_corner, joint_friction
-from armwright.actuators.gear import GearLoss, gear_loss
+from armwright.actuators.friction import has_corner, joint_friction, sliding_friction
+from armwright.actuators.gear import GearLoss, gear_loss, holds_by_loss
 from armwright.actuators.lugre import bristle_friction, sliding
 from armwright.actuators.motor import check_command
 from armwright.actuators.stops import stop_depths, stopped
@@ -75,6 +75,17 @@ class SwitchingFunction:
     least: Scalar = 0.0  # from a to b it changes where a b < -least²: what hovers about 0 does not
 
 
+def sticks_on_motor(body: Body) -> bool:
+    """True if something of a joint holds its motor at rest: dry friction on its side, or a lossy gear."""
+    friction = body.friction
+    return holds_by_loss(body) or (friction is not None and friction.on_motor and friction.sticks)
+
+
+def sticks_on_joint(body: Body) -> bool:
+    """True if something of a joint holds the joint itself at rest."""
+    return body.friction is not None and not body.friction.on_motor and body.friction.sticks
+
+
 def contact_depths(body: Body, at: JointMotion) -> list[Scalar]:
     """Depths [rad | m] in the joint's stops, upper and lower, and of its gear's flanks, forward and back."""
     depths: list[Scalar] = []
@@ -94,6 +105,7 @@ def driven_joint(
     volts: Scalar | None,
     applied: Scalar | None,
     touching: Sequence[Scalar] | None = None,
+    directions: tuple[Scalar, Scalar] | None = None,
 ) -> DrivenJoint:
     """All that one joint's drive does in a state.
 
@@ -101,6 +113,7 @@ def driven_joint(
         body: the joint.   states: of its drive.   at: where it is.   u: its command.
         volts: of the bus [V]; None: the supply never sags.   applied: 1 where its brake is applied; None: it has none.
         touching: 1 for each of `contact_depths` that counts as a contact; None: where it is not below 0.
+        directions: in which joint and motor move where these stick, 1, -1 or 0; None: nothing sticks.
     """
     if touching is None:
         touching = [scalar.less_equal(0.0, depth) for depth in contact_depths(body, at)]
@@ -124,14 +137,15 @@ def driven_joint(
             body.elasticity, body.drive.gear_ratio, at.motor, at.motor_speed, at.link, at.link_speed, flanks
         )
         loss, switching = loss + spring.loss, [*switching, *_felt(spring.pushes, touching[of_stops:])]
-    of_gear = gear_loss(body.drive, at.motor_speed, None if _knows_its_load(body) else body.friction)
+    turning = None if directions is None else directions[1]
+    of_gear = gear_loss(body.drive, at.motor_speed, None if _knows_its_load(body) else body.friction, turning)
     load = leaving = entering = torque
     if spring is not None:
         leaving = spring.slope * spring.torque
         entering = leaving if of_gear is None else of_gear.input(leaving)
         load = entering if body.friction is not None and body.friction.on_motor else spring.torque
     before, behind, rubbed = _friction(
-        body, states, at, load if _knows_its_load(body) else None, warming, change, rates
+        body, states, at, load if _knows_its_load(body) else None, warming, change, rates, directions
     )
     link_friction, loss = behind, loss + rubbed
     if body.friction is not None and has_corner(body.friction):
@@ -153,6 +167,8 @@ def driven_joint(
     acceleration, gear = None, torque - before
     if spring is not None:
         acceleration = body.drive.gear_ratio * (gear - entering) / body.drive.reflected
+        if directions is not None and sticks_on_motor(body):
+            acceleration = scalar.where(scalar.equal(directions[1], 0.0), 0.0, acceleration)
         if of_gear is not None:
             loss = loss + (entering - leaving) * at.motor_speed
         gear, of_gear = spring.torque, None
@@ -207,14 +223,16 @@ def _knows_its_load(body: Body) -> bool:
 
 def _friction(
     body: Body, states: JointStates, at: JointMotion, load: Scalar | None, warming: Scalar | None,
-    change: dict[str, Scalar], rates: dict[str, Scalar],
+    change: dict[str, Scalar], rates: dict[str, Scalar], directions: tuple[Scalar, Scalar] | None,
 ) -> tuple[Scalar, Scalar, Scalar]:  # fmt: skip
     """Friction torque before the gear's spring and behind it [N m | N], and its power [W]."""
     friction = body.friction
     if friction is None:
         return 0.0, 0.0, 0.0
     speed = at.motor_speed if friction.on_motor else at.qd
-    if friction.law != "lugre":
+    if friction.sticks and directions is not None:
+        torque = sliding_friction(friction, speed, directions[friction.on_motor], load, warming)
+    elif friction.law != "lugre":
         torque = joint_friction(friction, speed, load, warming)
     else:
         bent = bristle_friction(friction, speed, states.bristle, load, warming)

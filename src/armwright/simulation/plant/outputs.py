@@ -102,7 +102,7 @@ class PlantOutputs(PlantFlow):
 
     def _done(self, x: Array, u: Array) -> DriveOutput:
         """Torques, voltages and currents of the motors."""
-        joints = self._driven(x, PlantInputs(u))
+        joints = self.driven(x, PlantInputs(u))
         columns = zip(*((joint.tau, joint.voltage, joint.current) for joint in joints), strict=True)
         return DriveOutput(*(scalar.array(list(column)) for column in columns))
 
@@ -116,7 +116,8 @@ class PlantOutputs(PlantFlow):
             entering = joint.gear - body.drive.reflected * wd[i]
             leaves.append(entering if joint.gear_loss is None else joint.gear_loss.output(entering))
             friction.append(joint.friction)
-        return to_joints(self.shares, leaves) - scalar.array(friction)
+        torques = to_joints(self.shares, leaves) - scalar.array(friction)
+        return torques if flow.holding is None else torques + flow.holding
 
     def energy_rates(self, x: Array, inputs: PlantInputs | Array) -> dict[str, Scalar]:
         """Powers [W]; what comes in is  electrical = heat + friction + mechanical + d/dt `stored_energy`.
@@ -147,7 +148,7 @@ class PlantOutputs(PlantFlow):
         """Energy [J] that the plant can give back: motion, height, springs, magnets, windings' fields, the bus capacitor."""
         n, model = self.model.n, self.model
         total = sum(energy(without_rotors(model, model.names), x[:n], x[n : 2 * n]))
-        motions = self._motions(x)
+        motions = self.motions(x)
         for i, body in enumerate(model.coordinates):
             total = total + stored(body, self._states(x, i), motions[i])
         if model.supply is not None:

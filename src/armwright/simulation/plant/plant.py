@@ -64,7 +64,7 @@ class Plant(PlantOutputs):
 
     def contact_depths(self, x: Array) -> np.ndarray:
         """Depth of every contact, (contacts,) [rad | m]: a joint in its stops, flanks in each other; below 0 outside."""
-        pairs = zip(self.model.coordinates, self._motions(x), strict=True)
+        pairs = zip(self.model.coordinates, self.motions(x), strict=True)
         return scalar.array([depth for body, at in pairs for depth in contact_depths(body, at)])
 
     def active_contacts(self, x: Array) -> np.ndarray:
@@ -104,7 +104,7 @@ class Plant(PlantOutputs):
 
     def fast(self, x: Array, inputs: PlantInputs | Array) -> tuple[np.ndarray, np.ndarray]:
         """ż and λ [1/s] of the entries `stiff` alone: what `split` says of them, without the arm's dynamics."""
-        change, rates, _ = self._of_drives(x, self._driven(x, PlantInputs.of(inputs)))
+        change, rates, _ = self._of_drives(x, self.driven(x, PlantInputs.of(inputs)))
         fast = [value for name in self.layout.names if name in STIFF for value in change[name]]
         return scalar.array(fast), scalar.array(rates)
 
@@ -119,20 +119,32 @@ class Plant(PlantOutputs):
         Returns:
             x_next: (size,).
         """
-        return self.settled(self._stepped(rule, x, inputs, h))
+        inputs = self._held(x, inputs)
+        if self.sticking is None:
+            return self.settled(self._stepped(rule, x, inputs, h))
+        directions, set_valued = self.sticking.step(x, inputs, h)
+        moved = self._stepped(rule, x, replace(inputs, directions=directions), h)
+        return self.settled(self.sticking.chosen(moved, set_valued, directions))
 
     def step_with_error(
         self, rule: Integrator, x: Array, inputs: PlantInputs | Array, h: Scalar
     ) -> tuple[np.ndarray, np.ndarray]:
-        """`step` by a rule that tells its error: the state one step later, and how wrong it may be, (size,) each."""
-        new, error = self._stepped(rule, x, inputs, h)
+        """`step` by a rule that tells its error: the state one step later, and how wrong it may be, (size,) each.
+
+        Of an arm that sticks the inputs hold the directions of motion, and the state keeps to them.
+        """
+        new, error = self._stepped(rule, x, self._held(x, inputs), h)
         return self.settled(new), error
 
-    def _stepped(self, rule: Integrator, x: Array, inputs: PlantInputs | Array, h: Scalar) -> Any:
-        """What a rule gives for one step, inputs held."""
+    def _held(self, x: Array, inputs: PlantInputs | Array) -> PlantInputs:
+        """The inputs, with the contacts of a state where they hold none."""
         inputs = PlantInputs.of(inputs)
         if inputs.contacts is None and any(self.contacts):
             inputs = replace(inputs, contacts=self.active_contacts(x))
+        return inputs
+
+    def _stepped(self, rule: Integrator, x: Array, inputs: PlantInputs, h: Scalar) -> Any:
+        """What a rule gives for one step, inputs held."""
         split = self.program(inputs).split if scalar.is_symbolic(x, inputs.command, h) else self.split
 
         def inputs_at(command: Array) -> PlantInputs:
@@ -149,7 +161,9 @@ class Plant(PlantOutputs):
 
     def program(self, inputs: PlantInputs) -> PlantProgram:
         """The derivative as one program that traces call, not copy, with those inputs that are given."""
-        names = tuple(name for name in ("wrench", "brake", "contacts") if getattr(inputs, name) is not None)
+        names = tuple(
+            name for name in ("wrench", "brake", "contacts", "directions") if getattr(inputs, name) is not None
+        )
         if names not in self._programs:
             sizes = {"x": self.size, "command": self.model.n}
             self._programs[names] = PlantProgram(self, sizes | {name: len(getattr(inputs, name)) for name in names})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import floor, log10
 from typing import Any
@@ -316,7 +316,12 @@ def linearised(model: Model, varied: Varied | Weakened | None = None) -> Program
     def plant(x: Array, u: Array, *rest: Array) -> tuple[np.ndarray, np.ndarray]:
         arguments = dict(zip(list(names)[2:], rest, strict=True))
         built = bare if varied is None else Plant.of(varied.model(arguments["p"]), brakes=True)
-        return built.split(x, PlantInputs.named(u, arguments))
+        inputs = PlantInputs.named(u, arguments)
+        if (
+            built.sticking is not None
+        ):  # slopes of what slides; where it stops or turns round, steps are of another kind
+            inputs = replace(inputs, directions=np.ones(len(built.sticking.places)))
+        return built.split(x, inputs)
 
     split = trace("plant", plant, names, ("xd", "fast"))
     symbols = [casadi.SX.sym(name, shape[0]) for name, shape in names.items()]  # type: ignore[arg-type]
