@@ -15,7 +15,9 @@ from armwright.simulation.integrate.rosenbrock import GAMMA, as_program, hermite
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
 from armwright.simulation.plant.slopes import plant_slopes
+from physics.arms import arm as arm_of
 from simulation.plants import BRAKE, COULOMB, ELASTIC, MANY, MOTOR, STOPS, exact, pendulum
+from simulation.test_mimics import elastic_gripper
 
 NO_INPUT = np.zeros(1)
 CONTACTS = {
@@ -23,7 +25,8 @@ CONTACTS = {
     "backlash": pendulum(motor=MOTOR, friction=COULOMB, elasticity={**ELASTIC, "backlash_rad": 0.01}),
     "brake": pendulum(motor=MOTOR, friction=COULOMB, brake=BRAKE),
 }
-PLANTS = {**MANY, **CONTACTS, **{name: aw.load(name) for name in ("cmu-dd", "puma560", "lwa4p")}}
+ARMS = ("cmu-dd", "puma560", "lwa4p", "panda", "gripper", "workshop", "sprung")
+PLANTS = {**MANY, **CONTACTS, "elastic gripper": elastic_gripper(), **{name: arm_of(name) for name in ARMS}}
 
 
 def classical():

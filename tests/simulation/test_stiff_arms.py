@@ -205,6 +205,27 @@ def test_a_lane_that_runs_out_of_steps_is_frozen_and_marked():
         aw.simulate(scenario_of(spindle(), qd0=[0.1234], **common))
 
 
+def test_a_run_is_continued_to_the_bit():
+    """The length of the next step is part of the state: in the middle of a hard stop."""
+    arm, u = STIFF["stop"]
+    common = {"command": u, "step": 1e-3, "integrator": "rodas3"}
+    whole = aw.simulate(scenario_of(arm, duration=0.1, q0=[0.25], **common))
+    half = aw.simulate(scenario_of(arm, duration=0.043, q0=[0.25], **common))
+    rest = aw.simulate(scenario_of(arm, duration=0.057, start=half, **common))
+    assert whole.q.values.max() > 0.3
+    for name in ("q", "qd"):
+        np.testing.assert_array_equal(rest[name].values[-1], whole[name].values[-1])
+
+
+def test_ticks_that_are_long_beside_the_motion():
+    """A pendulum let go near its upper rest, ticks of 2 s: there pivots of the elimination change their signs."""
+    arm = pendulum("torque", friction={"viscous_n_m_s_per_rad": 0.2})
+    common = {"duration": 6.0, "command": [0.0], "q0": [-np.pi / 2 + 1e-3], "step": 2.0}
+    truth = aw.simulate(scenario_of(arm, **common, integrator="cvodes"))
+    run = aw.simulate(scenario_of(arm, **common, integrator="rodas3"))
+    assert error_of_range(run, truth) < 1e-3
+
+
 def test_events_and_contacts_are_landed_on():
     """A joint that flies freely between hard stops of the closed form: it reaches the upper one after 0.1 s at 1 rad/s."""
     stops = {"stiffness_n_m_per_rad": 5e3, "damping_n_m_s_per_rad": 20.0}
