@@ -212,6 +212,18 @@ def test_values_of_toml_that_are_no_numbers_are_refused_in_one_line(tmp_path, va
         assert "\n" not in str(refused.value)
 
 
+def test_formulas_beyond_numbers_name_their_place_once(tmp_path):
+    """They are found when the run asks for their values; the same in [recording.reference]."""
+    text = PID.replace('"0.2*sin(3*t)"', HUGE)
+    with pytest.raises(ScenarioError) as refused:
+        aw.simulate(scenario(tmp_path, text))
+    assert refused.value.place == "loop.reference.q"
+    text = f"{DRIVEN}[recording]\nreduce = ['rms_error']\n[recording.reference]\nkind = 'expression'\nq = {{ joint1 = {HUGE} }}\n"
+    with pytest.raises(ScenarioError) as refused:
+        aw.simulate(scenario(tmp_path, text))
+    assert refused.value.place == "recording.reference.q"
+
+
 def test_formulas_that_are_none_name_their_place(tmp_path):
     text = PID.replace('"0.2*sin(3*t)"', "2020-01-01")
     with pytest.raises(ArmwrightError) as refused:

@@ -328,8 +328,8 @@ def _formulas(place: str, texts: Any, arm: Model) -> Any:
         for formula in formulas:
             try:
                 values.append(formula({"t": t}))
-            except ExpressionError as error:
-                raise ScenarioError.of(*error.within(place).problems) from None
+            except ExpressionError as error:  # whoever asks names the part: loop or recording
+                raise ScenarioError.of(*error.within(place.partition(".")[2]).problems) from None
         return scalar.array(values)
 
     return q
