@@ -109,9 +109,17 @@ class ArmwrightError(Exception):
         """The same error seen from outside, for the caller to raise: see `Problem.within`."""
         return self.of(*(problem.within(place, file) for problem in self.problems))
 
-    def renamed(self, rename: Callable[[str], str]) -> Self:
-        """The same error with the place of every problem as the user wrote it, for the caller to raise."""
-        return self.of(*(replace(problem, place=rename(problem.place)) for problem in self.problems))
+    def renamed(self, rename: Callable[[str], str], in_text: Callable[[str], str] = str) -> Self:
+        """The same error with the place of every problem as the user wrote it, for the caller to raise.
+
+        Args:
+            rename: a place to its new name.   in_text: a text to one with such names, of other places.
+        """
+        problems = (
+            replace(each, what=in_text(each.what), place=rename(each.place), expected=in_text(each.expected))
+            for each in self.problems
+        )
+        return self.of(*problems)
 
     @property
     def what(self) -> str:

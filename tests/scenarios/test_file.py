@@ -406,6 +406,26 @@ def test_errors_use_the_keys_of_the_file(tmp_path, text, place):
     assert error.value.place == place
 
 
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("duration_s = 0.0105\n[commands]\nconstant = 0\n[solver]\nstep_s = 1e-3\n", "solver.step_s = 0.001 s"),
+        (
+            "duration_s = 0.0105\n[loop]\nperiod_s = 1e-3\n[loop.controller]\nkind = 'joint_pid'\nkp = 1\n",
+            "loop.period_s",
+        ),
+        (
+            "duration_s = 1\n[loop]\nperiod_s = 1e-3\n[loop.controller]\nkind = 'joint_pid'\nkp = 1\n[solver]\nstep_s = 1\n",
+            "loop.period_s / solver.substeps",
+        ),
+    ],
+)
+def test_what_is_expected_uses_them_too(tmp_path, text, expected):
+    with pytest.raises(ScenarioError) as error:
+        scenario(tmp_path, f'robot = "two-link"\n{text}')
+    assert expected in error.value.expected
+
+
 def test_places_that_are_no_keys_stay():
     assert records.key_in_file("loop.controller.kp[2]") == "loop.controller.kp[2]"
     assert records.key_in_file("inputs.payload[1].time of lane 3") == "inputs.payload[1].time_s of lane 3"

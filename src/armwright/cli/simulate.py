@@ -103,6 +103,8 @@ def simulate(
         check_plot(plot)
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
+        from armwright.scenarios.records import key_in_file, keys_in_text
+
         options = {**constants, "schedule": schedule, "duration": duration, "integrator": integrator}
         refuse_options(
             robot,
@@ -123,7 +125,7 @@ def simulate(
         try:
             _run(scenario, output, plot)
         except (ScenarioError, DivergenceError) as error:  # of the run, which does not know the file
-            raise error.within(file=robot) from None
+            raise error.renamed(key_in_file, keys_in_text).within(file=robot) from None
         return
     refuse_allow(allow)
     arm = aw.load(robot)

@@ -25,7 +25,7 @@ from armwright.quantity import Record
 from armwright.scalar import Scalar
 from armwright.scenarios.files import Files, FolderFiles
 from armwright.scenarios.lanes import TENSOR, vary
-from armwright.scenarios.records import Kind, PayloadTable, ScenarioTable, Tensor, key_in_file
+from armwright.scenarios.records import Kind, PayloadTable, ScenarioTable, Tensor, key_in_file, keys_in_text
 from armwright.simulation.inputs.input_schedule import WRENCH
 from armwright.simulation.inputs.payload import Payload
 from armwright.simulation.inputs.schedule import Schedule, parse_schedule
@@ -76,7 +76,7 @@ def parse_scenario(tables: dict[str, Any], place: str, files: Files, text: str) 
     try:
         scenario = _scenario(table, files)
     except ArmwrightError as error:
-        raise error.renamed(key_in_file).within(file=place) from None
+        raise error.renamed(key_in_file, keys_in_text).within(file=place) from None
     document = files.document(text)
     notes = [
         f"{name} has {content.size / 2**20:.3g} MiB, too much to be kept with the run, which cannot be reproduced"

@@ -379,6 +379,14 @@ def key_in_file(place: str) -> str:
     return ".".join(keys)
 
 
+FIELDS = re.compile(r"\b(?:inputs|loop|recording|solver|start)(?:\.\w+)+")  # of a `Scenario`, in a sentence
+
+
+def keys_in_text(text: str) -> str:
+    """A sentence with fields of a `Scenario` as the keys of a file: `a multiple of loop.period` → `a multiple of loop.period_s`."""
+    return FIELDS.sub(lambda field: key_in_file(field[0]), text)
+
+
 def _table_in(annotation: Any) -> type[Record] | None:
     """The table that an annotation such as `tuple[PayloadTable, ...]` or `LoopTable | None` allows; None: plain values."""
     if isinstance(annotation, type) and issubclass(annotation, Record):
