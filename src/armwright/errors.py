@@ -188,6 +188,10 @@ class RunError(ArmwrightError):
     """A dataset or a saved file cannot be read as a run."""
 
 
+class LogError(ArmwrightError):
+    """A log of measurements cannot be read, or contradicts itself or its arm."""
+
+
 class OutputError(ArmwrightError):
     """A result cannot be written where it was asked to go."""
 

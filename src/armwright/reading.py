@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import stat
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from armwright.errors import ArmwrightError
 
@@ -29,25 +31,49 @@ def read_file(path: Any, expected: str, error: type[ArmwrightError], most: int =
         error: no path, no such file, a folder, a pipe, a device, a link to itself, a name that no file system takes, no
             permission, too large; with the file.
     """
+    with opened(path, expected, error) as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise error("too large", value=len(content), expected=f"{most} bytes at most", file=os.fsdecode(path))
+    return content
+
+
+@contextlib.contextmanager
+def opened(path: Any, expected: str, error: type[ArmwrightError]) -> Iterator[BinaryIO]:
+    """A regular file, open for reading in parts, however large it is.
+
+    Args:
+        path: of the file.   expected: what it should be, for errors, such as "a TOML file".   error: what is raised.
+    Raises:
+        error: no path, no such file, a folder, a pipe, a device, a link to itself, a name that no file system takes, no
+            permission; an error of the operating system while it is read; with the file.
+    """
     if not isinstance(path, (str, os.PathLike)):
         raise error(value=path, expected=f"the path of {expected}")
-    name, content = os.fsdecode(path), b""
+    name, what, descriptor = os.fsdecode(path), "", -1
     try:
         what = _what_it_is(os.stat(path).st_mode)
         if not what:
-            with os.fdopen(os.open(path, FLAGS), "rb") as file:
-                what = _what_it_is(os.fstat(file.fileno()).st_mode)  # by now it may be another one
-                content = file.read(0 if what else most + 1)
+            descriptor = os.open(path, FLAGS)
+            what = _what_it_is(os.fstat(descriptor).st_mode)  # by now it may be another one
     except FileNotFoundError:
         raise error("no such file", file=name) from None
     except (OSError, ValueError) as fault:  # ValueError: a zero byte in the name
-        reason = fault.strerror if isinstance(fault, OSError) else None
-        raise error(f"cannot be read: {reason or fault}", file=name) from None
-    if what:
-        raise error(what, expected=expected, file=name)
-    if len(content) > most:
-        raise error("too large", value=len(content), expected=f"{most} bytes at most", file=name)
-    return content
+        raise _unreadable(fault, name, error) from None
+    with contextlib.ExitStack() as stack:
+        file = stack.enter_context(os.fdopen(descriptor, "rb")) if descriptor >= 0 else None
+        if what or file is None:
+            raise error(what, expected=expected, file=name)
+        try:
+            yield file
+        except OSError as fault:
+            raise _unreadable(fault, name, error) from None
+
+
+def _unreadable(fault: OSError | ValueError, name: str, error: type[ArmwrightError]) -> ArmwrightError:
+    """The operating system's refusal as an error."""
+    reason = fault.strerror if isinstance(fault, OSError) else None
+    return error(f"cannot be read: {reason or fault}", file=name)
 
 
 def real_path(path: Path) -> Path:
