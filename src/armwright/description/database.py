@@ -36,7 +36,8 @@ def read_description(name_or_path: str | os.PathLike[str], **reading: Any) -> Ro
     A built-in name is that arm, whatever else in the working directory is called so; `./panda` is the file.
 
     Args:
-        name_or_path: what to read.   reading: options of `read_urdf` or `read_mjcf`, where it is such a file.
+        name_or_path: what to read.   reading: options of `read_urdf` or `read_mjcf`, where it is such a file; of a TOML
+            database `kinematics_only`.
     Raises:
         DescriptionError: no such robot, no such file, or a file that cannot be believed; one line that names file,
             place, value and what was expected.
@@ -54,8 +55,8 @@ def read_description(name_or_path: str | os.PathLike[str], **reading: Any) -> Ro
     if path.suffix.lower() in XML_ENDINGS:
         return _read_xml_robot(path, reading)
     if text and (path.suffix == ".toml" or os.path.exists(path)):
-        _check_options(text, reading, ())
-        return read_toml(path)
+        _check_options(text, reading, ("kinematics_only",))
+        return read_toml(path, **reading)
     raise DescriptionError("not a built-in arm and not a file", place="robot", value=text, choices=names)
 
 
@@ -80,9 +81,42 @@ def _check_options(file: str, options: dict[str, Any], known: tuple[str, ...]) -
             raise DescriptionError("unknown option", place=option, choices=known, file=file)
 
 
-def read_toml(path: Path) -> RobotDescription:
-    """The description in a TOML database."""
-    return parse(read_document(path), str(path), folder=path.parent)
+def read_toml(path: Path, kinematics_only: bool = False) -> RobotDescription:
+    """The description in a TOML database.
+
+    Args:
+        path: of the file.   kinematics_only: links that state no mass property are massless, with a remark.
+    """
+    document = read_document(path)
+    if kinematics_only:
+        _without_masses(document)
+    return parse(document, str(path), folder=path.parent)
+
+
+MASS_PROPERTIES = {
+    "mass_kg": 0.0,
+    "com_m": [0.0, 0.0, 0.0],
+    "inertia_kg_m2": dict.fromkeys(("xx", "xy", "xz", "yy", "yz", "zz"), 0.0),
+}
+
+
+def _without_masses(document: dict[str, Any]) -> None:
+    """Gives links that state no mass property, or have no table, none at all: 0, and a remark that says so."""
+    joints, links = document.get("joints"), document.setdefault("links", [])
+    if not isinstance(joints, list) or not isinstance(links, list):
+        return  # refused for that
+    tables = [link for link in links if isinstance(link, dict)]
+    known = {link.get("name") for link in tables}
+    children = [joint.get("child") for joint in joints if isinstance(joint, dict)]
+    missing = [{"name": name} for name in children if isinstance(name, str) and name not in known]
+    links += missing
+    bare = [link for link in (*tables, *missing) if not MASS_PROPERTIES.keys() & link.keys()]
+    for link in bare:
+        link.update(MASS_PROPERTIES)
+    if bare:
+        names = ", ".join(repr(link.get("name")) for link in bare)
+        text = f"links {names}: no mass properties are known: kinematics only, torques and energies mean nothing"
+        document["remarks"] = [*document.get("remarks", ()), text]
 
 
 def parse(data: dict[str, Any], place: str, folder: Path | None = None) -> RobotDescription:

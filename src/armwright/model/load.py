@@ -12,12 +12,16 @@ from armwright.errors import DescriptionError
 from armwright.model.model import Model, build_model
 
 
-def load(name_or_path: str | os.PathLike[str], *, on_impossible: str = "error", **reading: Any) -> Model:
+def load(
+    name_or_path: str | os.PathLike[str], *, on_impossible: str = "error", kinematics_only: bool = False, **reading: Any
+) -> Model:
     """An arm, from a built-in name such as "cmu-dd" or the path of a TOML database, a URDF or an MJCF.
 
     Args:
         name_or_path: what to load.
         on_impossible: "error" refuses links whose mass properties no real body can have, "warn" loads them with a warning.
+        kinematics_only: True takes a TOML database whose links state no mass properties, as massless and with a warning; a URDF
+            may leave them out anyway.
         reading: what a URDF or an MJCF leaves open, as `read_urdf` and `read_mjcf` have it: packages, drive, smoothing,
             mimic, ignore.
     Returns:
@@ -25,6 +29,8 @@ def load(name_or_path: str | os.PathLike[str], *, on_impossible: str = "error", 
     Raises:
         DescriptionError: no such robot, or a file that cannot be believed.
     """
+    if kinematics_only and Path(name_or_path).suffix == ".toml":
+        reading["kinematics_only"] = True
     description = read_description(name_or_path, **reading)
     try:
         model = build_model(description, on_impossible=on_impossible)
