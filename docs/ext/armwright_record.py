@@ -16,6 +16,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from armwright.description import built_from, drive, drive_effects, robot, springs
+from armwright.identification import log_file as log
 from armwright.lazy_schema import Later
 from armwright.modules import assembly, library, task
 from armwright.parts import materials
@@ -86,6 +87,15 @@ SCENARIO_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("[recording]", "", (scenario.RecordingTable,)),
     ("[lanes]", "", (scenario.Lanes,)),
     ("What a number is in the lanes", "", (scenario.Values,)),
+)
+LOG_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
+    ("The file itself", "", (log.LogTable,)),
+    ("[files.KEY]", "", (log.FileTable,)),
+    ("[files.KEY.time]", "", (log.OwnTime,)),
+    ("[[runs]]", "", (log.RunTable,)),
+    ("[time]", "", (log.TimeTable,)),
+    ("[gears]", "", (log.GearsTable,)),
+    ("[[signals]]", "", (log.SignalTable,)),
 )
 MODULE_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("A module library, `*.modules.toml`", "", (library.ModuleLibrary,)),
@@ -233,6 +243,11 @@ def scenario_file() -> str:
     return _sections(SCENARIO_TABLES)
 
 
+def log_file() -> str:
+    """A section for every table of a log file."""
+    return _sections(LOG_TABLES)
+
+
 def _sections(tables: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...]) -> str:
     parts = []
     for title, about, records in tables:
@@ -271,6 +286,7 @@ def _prose(record: type[BaseModel]) -> str:
 
 GENERATORS = {
     "robot-file": robot_file,
+    "log-file": log_file,
     "module-files": module_files,
     "parts-file": parts_file,
     "scenario-file": scenario_file,

@@ -40,6 +40,9 @@ if TYPE_CHECKING:
         spring_torques,
     )
     from armwright.errors import ArmwrightError
+    from armwright.identification.log import Log, read_log
+    from armwright.identification.log_plot import plot_log
+    from armwright.identification.preparation import Preparation, choose_preparation, prepare_log
     from armwright.interfaces import Controller, JointReference, Measurement, Sensor, Trajectory
     from armwright.kernels.compiled import CompiledArm
     from armwright.kernels.compiled import compile_arm as compile
@@ -94,6 +97,9 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
         *("regressor", "regressor_drive", "spring_torques"),
     ),
     "armwright.errors": ("ArmwrightError",),
+    "armwright.identification.log": ("Log", "read_log"),
+    "armwright.identification.log_plot": ("plot_log",),
+    "armwright.identification.preparation": ("Preparation", "choose_preparation", "prepare_log"),
     "armwright.kernels.compiled": ("CompiledArm", "compile"),
     "armwright.kinematics": ("forward_kinematics", "jacobian", "jacobian_dot_qd"),
     "armwright.model": ("Model",),
@@ -142,11 +148,13 @@ __all__ = [
     "JointPID",
     "JointReference",
     "Layout",
+    "Log",
     "Loop",
     "LoopState",
     "Measurement",
     "Model",
     "Payload",
+    "Preparation",
     "Quintic",
     "Ramp",
     "Recording",
@@ -170,6 +178,7 @@ __all__ = [
     "builtin_names",
     "centre_of_mass",
     "check",
+    "choose_preparation",
     "compile",
     "composite_body",
     "convert",
@@ -197,8 +206,11 @@ __all__ = [
     "motor_voltage",
     "operational_inertia",
     "plot",
+    "plot_log",
     "potential_energy",
+    "prepare_log",
     "rank_assemblies",
+    "read_log",
     "read_modules",
     "read_scenario",
     "read_schedule",

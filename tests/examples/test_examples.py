@@ -24,6 +24,10 @@ SAYS = {  # lines that must come out, and files that must be there
         ["the best cylinder pulls 27075 N", "axis 2 with it:  1764 N m at most,   715 N m rms"],
         ["balanced_arm.png"],
     ),
+    "11": (
+        ["qd shoulder: 57.3 times the derivative of the position: the speed is in degrees", "every 20th row is kept"],
+        [],
+    ),
     "09": (["the winding reached 107 °C"], ["hot_motor.png"]),
 }
 

@@ -22,6 +22,7 @@ from armwright.cli.diff import diff
 from armwright.cli.dynamics import forward_dynamics, inverse_dynamics
 from armwright.cli.export import export
 from armwright.cli.info import info
+from armwright.cli.log import log
 from armwright.cli.parts import parts
 from armwright.cli.plot import plot
 from armwright.cli.reproduce import reproduce
@@ -145,6 +146,7 @@ for command in (
     step_study,
     reproduce,
     assemble,
+    log,
     sim,
 ):
     app.command()(command)

@@ -81,11 +81,11 @@ def plot(
         if path.suffix.lower() == ".html":
             temporary.write_text(plot_page(described), encoding="utf-8")
         else:
-            _save(draw(described), temporary, path.suffix[1:].lower())
+            save_figure(draw(described), temporary, path.suffix[1:].lower())
     return None
 
 
-def _save(figure: Figure, path: Path, ending: str) -> None:
+def save_figure(figure: Figure, path: Path, ending: str) -> None:
     """Writes a still picture without the time of writing, and with names of its parts that depend on the drawing alone."""
     import matplotlib
 

@@ -46,15 +46,19 @@ def load_run(path: str | os.PathLike[str]) -> xr.Dataset:
         what = "a folder" if os.path.isdir(path) else "no plain file" if os.path.exists(path) else "no such file"
         raise RunError(what, file=path, expected="a run saved as .nc")
     try:
-        run = _read(path)
+        run = read_netcdf(path)
         check_run(run)
     except RunError as error:
         raise error.within(file=path) from None
     return run
 
 
-def _read(path: Path) -> xr.Dataset:
-    """The dataset in a file, unchecked."""
+def read_netcdf(path: Path) -> xr.Dataset:
+    """The dataset in a NetCDF file, a run or not; only its own integrity is checked.
+
+    Raises:
+        RunError: not NetCDF, damaged, or with data in other files.
+    """
     import xarray as xr
 
     try:

@@ -1,0 +1,96 @@
+"""`armwright log`: measurements, read and checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armwright.cli.arguments import option
+from armwright.cli.tables import console_for_tables, number, table
+from armwright.terminal import say
+
+if TYPE_CHECKING:
+    from armwright.identification.log import Log
+
+UNUSABLE = 2  # the exit code where a log cannot be used
+HEADS = ("run", "use", "rows", "duration [s]", "rate [Hz]", "jitter", "gaps", "stretches")
+
+
+def log(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE.log.toml", help="Which columns of which files are what.", show_default=False)
+    ],
+    run: Annotated[str | None, option("--run", "NAME", "The run to prepare and to draw; by default the first.")] = None,
+    picture: Annotated[
+        Path | None,
+        option("--plot", "FILE", "Draw the run and its spectra, as logged and as prepared: .png, .svg or .pdf."),
+    ] = None,
+    cutoff: Annotated[float | None, option("--cutoff", "HZ", "Cut-off of the low-pass; by default chosen.")] = None,
+    decimate: Annotated[int | None, option("--decimate", "K", "Keep every k-th row; by default chosen.")] = None,
+) -> None:
+    """Read a log of measurements, check it, and tell how it would be prepared for a fit.
+
+    Errors are what makes a log unusable: time that goes backwards, units, sides or signs that contradict each other. Notes say
+    what to know: gaps, quantisation, delays between columns. Exit code: 0 it can be used, 2 it cannot.
+
+    \b
+    Examples:
+      armwright log motor.log.toml
+      armwright log arm.log.toml --run fast --plot fast.png
+    """
+    import armwright as aw
+    from armwright.cli.progress import progress
+    from armwright.identification.log_plot import check_log_plot, plot_log
+    from armwright.identification.preparation import choose_preparation
+
+    if picture is not None:
+        check_log_plot(picture)
+    with progress(f"reading {file.name}") as tell:
+        found = aw.read_log(file, on_error="keep", progress=tell)
+    found.run(run)
+    console = console_for_tables()
+    console.print(_runs(found))
+    console.print(_signals(found))
+    for level, style in (("error", "red"), ("note", None)):
+        for finding in found.findings:
+            if finding.level == level:
+                console.print(f"\n{finding}", style=style, soft_wrap=True, markup=False, highlight=False)
+    if found.errors:
+        say(
+            f"\n{len(found.errors)} error{'s' * (len(found.errors) != 1)}: the log cannot be used as its file describes it"
+        )
+        raise typer.Exit(UNUSABLE)
+    preparation = choose_preparation(found, run, cutoff=cutoff, decimate=decimate)
+    say(f"\nprepared for a fit ({found.run(run).name}):")
+    for reason in preparation.reasons:
+        say(f"  {reason}")
+    if picture is not None:
+        plot_log(found, picture, run, preparation)
+        say(f"wrote {picture}")
+
+
+def _runs(found: Log) -> object:
+    rows = []
+    for each in found.runs:
+        census = each.census
+        assert census is not None
+        gaps = str(census.gaps.count) if census.gaps.count else ""
+        stretches = str(len(each.stretches)) if len(each.stretches) > 1 else ""
+        jitter = f"{census.jitter / census.period:.1%}"
+        duration, rate = number(each.duration), number(1.0 / each.period)
+        rows.append([each.name, each.use, str(each.rows), duration, rate, jitter, gaps, stretches])
+    return table(found.title, HEADS, rows, HEADS[:2])
+
+
+def _signals(found: Log) -> object:
+    """Extremes of every signal and joint over all runs."""
+    rows = []
+    for signal in found.layout:
+        for k, joint in enumerate(signal.joints or ()):
+            columns = [each.census.signals[signal.name] for each in found.runs if each.census is not None]
+            low, high = min(c.low[k] for c in columns), max(c.high[k] for c in columns)
+            rows.append([signal.name, found.joints[joint], signal.units[k], number(low), number(high)])
+    heads = ("signal", "joint", "unit", "lowest", "highest")
+    return table("", heads, rows, heads[:3])

@@ -1,0 +1,250 @@
+"""`*.log.toml`: the records that check it. It maps columns of measured files to the signals of joints."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, ConfigDict, Field, model_validator
+
+from armwright.identification.units import COUNTS, QUANTITIES, SHARES, plain_unit
+from armwright.quantity import Record
+from armwright.validation import Invalid
+
+Text = Annotated[str, Field(min_length=1)]
+Whole = Annotated[int, Field(strict=True, ge=0)]
+Above0 = Annotated[float, Field(gt=0)]
+
+
+def _listed(value: Any) -> Any:
+    """One value as a list of one."""
+    return value if isinstance(value, (list, tuple)) else (value,)
+
+
+def _known_unit(value: Any) -> Any:
+    units = sorted({unit for kind in QUANTITIES.values() for unit in kind.units})
+    if isinstance(value, str):
+        value = plain_unit(value)
+        if value not in units:
+            raise Invalid(expected="a unit of the quantity", choices=units)
+    return value
+
+
+def _column(value: Any) -> Any:
+    """A column's name, or its number from 1."""
+    if isinstance(value, bool) or not isinstance(value, (str, int)) or value == "":
+        raise Invalid(expected="the name of a column, or its number from 1")
+    if isinstance(value, int) and value < 1:
+        raise Invalid(expected="a column's number from 1")
+    return value
+
+
+Column = Annotated[int | str, BeforeValidator(_column)]
+Numbers = Annotated[tuple[float, ...], Field(min_length=1), BeforeValidator(_listed)]
+
+
+class OwnTime(Record):
+    """Clock of one file, where it is not the log's: its signals are interpolated at the log's times."""
+
+    column: Column | None = Field(default=None, description="Name of the column, or its number from 1.")
+    unit: Literal["s", "ms", "us", "µs", "ns", "min"] | None = Field(
+        default=None, description="Of the column; absent where its header states it."
+    )
+    rate_hz: Above0 | None = Field(default=None, description="Rows in a second, where no column holds the time.")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> OwnTime:
+        if (self.column is None) == (self.rate_hz is None):
+            raise Invalid(expected="either column (with unit) or rate_hz")
+        for key in ("unit", "file"):
+            if self.rate_hz is not None and getattr(self, key, None) is not None:
+                raise Invalid("goes with column, not with rate_hz", place=key)
+        return self
+
+
+class TimeTable(OwnTime):
+    """Sampling times: a column with its unit, or a constant rate where there is none."""
+
+    file: Text | None = Field(default=None, description="Key of the file that has the column; absent: the only one.")
+
+
+class FileTable(Record):
+    """A file of every run, and how its text is to be read."""
+
+    path: Text | None = Field(default=None, description="In the run's folder; absent: each run names its own.")
+    header: bool = Field(
+        default=True, description="false: the first line has numbers already, and columns have numbers."
+    )
+    delimiter: Annotated[str, Field(min_length=1, max_length=1)] = Field(
+        default=",", description="What separates the cells of a text file; a blank stands for any number of blanks."
+    )
+    decimal: Literal[".", ","] = Field(default=".", description="The decimal mark of a text file.")
+    skip_lines: Whole = Field(default=0, description="Lines before the header, or before the first row.")
+    topic: Text | None = Field(
+        default=None, description="Of an MCAP file: whose messages (sensor_msgs/JointState) are rows."
+    )
+    lane: Whole | None = Field(default=None, description="Of a simulated run with lanes: which; absent: the first.")
+    time: OwnTime | None = Field(default=None, description="Its own clock; absent: its rows are the rows of the log.")
+
+
+class RunTable(Record):
+    """One run, or several of the same kind in a folder each."""
+
+    name: Text | None = Field(default=None, description="What results call it; absent: its folder, or a number.")
+    folder: Annotated[tuple[Text, ...], BeforeValidator(_listed)] = Field(
+        default=(".",),
+        min_length=1,
+        description="Where its files are, from this file; a list is a run for each folder.",
+    )
+    files: dict[str, Text] = Field(default_factory=dict, description="KEY = path, where runs name files differently.")
+    use: Literal["fit", "hold-out"] = Field(default="fit", description="For fitting, or kept for the verdict.")
+
+    @model_validator(mode="after")
+    def _named(self) -> RunTable:
+        if self.name is not None and len(self.folder) > 1:
+            raise Invalid("one name for several runs", place="name", value=self.name, expected="one folder, or no name")
+        return self
+
+
+class SignalTable(Record):
+    """Columns of one quantity, one for each joint."""
+
+    quantity: Literal["position", "speed", "acceleration", "torque", "link torque", "current", "voltage"] = Field(
+        description="What the columns hold."
+    )
+    columns: Annotated[tuple[Column, ...], BeforeValidator(_listed)] = Field(
+        min_length=1, description="Names, or numbers from 1, in the order of the joints."
+    )
+    file: Text | None = Field(default=None, description="Key of the file that has them; absent: the only one.")
+    joints: Annotated[tuple[Text, ...], BeforeValidator(_listed)] | None = Field(
+        default=None, description="Whose they are; absent: all joints in order."
+    )
+    unit: Annotated[str, BeforeValidator(_known_unit)] | None = Field(
+        default=None, description="Of all the columns; absent where their headers state it."
+    )
+    side: Literal["joint", "motor"] | None = Field(
+        default=None,
+        description="Behind the gear or before it; needed but for voltage and current, which are the motor's.",
+    )
+    signs: Numbers | None = Field(default=None, description="1 or -1 for each column, or for all; absent: 1.")
+    counts_per_turn: Numbers | None = Field(default=None, description="Of an encoder whose columns are in counts.")
+    rated: Numbers | None = Field(
+        default=None, description="What 100 % stands for, in N m, N, A or V on the column's side."
+    )
+    offsets: Numbers | None = Field(
+        default=None, description="Added at the joint after all else, in the SI unit; absent: 0."
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> SignalTable:
+        kind = QUANTITIES[self.quantity]
+        if self.joints is not None and len(self.joints) != len(self.columns):
+            raise Invalid(place="joints", value=self.joints, expected=f"{len(self.columns)}, one for each column")
+        if self.unit is not None and self.unit not in kind.units:
+            raise Invalid(f"no unit of a {self.quantity}", place="unit", value=self.unit, choices=kind.units)
+        if kind.sided != (self.side is not None):
+            expected = '"joint" or "motor"' if kind.sided else f"no side: a {self.quantity} is always the motor's"
+            raise Invalid("missing" if kind.sided else "", place="side", expected=expected)
+        for name in ("signs", "counts_per_turn", "rated", "offsets"):
+            values = getattr(self, name)
+            if values is not None and len(values) not in (1, len(self.columns)):
+                raise Invalid(place=name, value=values, expected=f"one number, or {len(self.columns)}")
+        if self.signs is not None and any(abs(sign) != 1 for sign in self.signs):
+            raise Invalid(place="signs", value=self.signs, expected="1 or -1")
+        for name, units in (("counts_per_turn", COUNTS), ("rated", tuple(SHARES))):
+            values = getattr(self, name)
+            if values is not None and min(values) <= 0:
+                raise Invalid(place=name, value=values, expected="numbers above 0 (a direction is a matter of signs)")
+            if self.unit is not None and (self.unit in units) != (values is not None):
+                what = f"needed with unit {self.unit}" if values is None else f"goes with {' or '.join(units)}"
+                raise Invalid(what, place=name)
+        return self
+
+    def per_column(self, name: str, otherwise: float) -> np.ndarray:
+        """(columns,) the numbers of a key, of which one may stand for all."""
+        values = getattr(self, name)
+        return np.broadcast_to(np.array(otherwise if values is None else values, dtype=float), len(self.columns))
+
+
+class GearsTable(Record):
+    """Gears between motor and joint columns: θ_motor = N q, tau_joint = Nᵀ tau_motor; absent: those of the robot's record."""
+
+    ratios: Annotated[tuple[float, ...], Field(min_length=1)] | None = Field(
+        default=None, description="The diagonal of N, one for each joint [motor rad / joint rad, or rad/m], signed."
+    )
+    matrix: tuple[tuple[float, ...], ...] | None = Field(
+        default=None, description="All of N, a row for each motor: coupled wrists have numbers beside the diagonal."
+    )
+
+    @model_validator(mode="after")
+    def _invertible(self) -> GearsTable:
+        if (self.ratios is None) == (self.matrix is None):
+            raise Invalid(expected="either ratios or matrix")
+        if self.matrix is not None and any(len(row) != len(self.matrix) for row in self.matrix):
+            raise Invalid(place="matrix", expected=f"{len(self.matrix)} rows of {len(self.matrix)} numbers")
+        matrix = self.numbers()
+        if not np.isfinite(matrix).all() or np.linalg.matrix_rank(matrix) < len(matrix):
+            place = "ratios" if self.matrix is None else "matrix"
+            raise Invalid("cannot be inverted", place=place, expected="gears that turn each joint")
+        return self
+
+    def numbers(self) -> np.ndarray:
+        """N (n, n)."""
+        return np.diag(self.ratios) if self.ratios is not None else np.array(self.matrix, dtype=float)
+
+
+class LogTable(Record):
+    """A whole log: files, runs, clock, gears and signals."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    title: str | None = Field(default=None, description="One line for whoever reads the file.")
+    robot: Text | None = Field(
+        default=None, description="A built-in arm, or a robot file beside this one, which also gives gears and limits."
+    )
+    kinematics_only: bool = Field(default=False, description="true: links of the robot file may lack mass properties.")
+    joints: tuple[Text, ...] | None = Field(
+        default=None, min_length=1, description="Names in order; absent: the robot's. A log without a robot needs them."
+    )
+    files: dict[str, FileTable] = Field(min_length=1, description="[files.KEY]: one table for each file of a run.")
+    runs: tuple[RunTable, ...] = Field(default=(RunTable(),), min_length=1, description="[[runs]]; absent: one run.")
+    time: TimeTable = Field(description="The log's clock.")
+    gears: GearsTable | None = Field(default=None, description="Between motor and joint side.")
+    signals: tuple[SignalTable, ...] = Field(
+        min_length=1, description="[[signals]]: one table for each quantity and file."
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> LogTable:
+        if self.robot is None and self.joints is None:
+            raise Invalid("missing", place="joints", expected="names of the joints, or robot")
+        if self.joints is not None and len(set(self.joints)) < len(self.joints):
+            raise Invalid("a name twice", place="joints", value=self.joints)
+        self._check_files()
+        if self.kinematics_only and self.robot is None:
+            raise Invalid("goes with robot", place="kinematics_only")
+        return self
+
+    def _check_files(self) -> None:
+        """Refuses keys of files that there are not, and files without a path."""
+        places = [(f"signals[{k}].file", signal.file) for k, signal in enumerate(self.signals)]
+        if self.time.column is not None:
+            places.append(("time.file", self.time.file))
+        for place, key in places:
+            if key is None and len(self.files) > 1:
+                raise Invalid("missing", place=place, expected=f"one of {', '.join(self.files)}")
+            if key is not None and key not in self.files:
+                raise Invalid("no such file", place=place, value=key, choices=self.files)
+        for k, run in enumerate(self.runs):
+            for key in run.files:
+                if key not in self.files:
+                    raise Invalid("no such file", place=f"runs[{k}].files", value=key, choices=self.files)
+            for key, file in self.files.items():
+                if file.path is None and key not in run.files:
+                    raise Invalid("missing", place=f"files.{key}.path", expected=f"a path here or in runs[{k}].files")
+        if self.time.column is not None and self.files[self.only(self.time.file)].time is not None:
+            raise Invalid("has a clock of its own", place="time.file", expected="a file without [files.KEY.time]")
+
+    def only(self, key: str | None) -> str:
+        """A file's key, that of the only one where it is absent."""
+        return next(iter(self.files)) if key is None else key

@@ -1,0 +1,102 @@
+"""Picture of a run of a log: every signal over time and its spectrum, as logged and as prepared."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from armwright.identification.log import Log
+from armwright.identification.preparation import Preparation, choose_preparation, longest_finite, prepare_log, spectrum
+from armwright.output import check_destination, whole_file
+from armwright.results.plot import GRID, TEXT, save_figure
+from armwright.results.plot_curves import COLOURS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+ENDINGS = (".png", ".svg", ".pdf")
+POINTS = 20_000  # of a curve: more do not show
+FAINT = 0.35  # opacity of what was logged, behind what was prepared
+
+
+def check_log_plot(path: str | os.PathLike[str]) -> None:
+    """Refuses a path where `plot_log` could not write.
+
+    Raises:
+        OutputError: an unknown ending, a missing folder, no permission.
+    """
+    check_destination(path, ENDINGS)
+
+
+def plot_log(
+    log: Log, path: str | os.PathLike[str], run: str | None = None, preparation: Preparation | None = None
+) -> None:
+    """Writes a picture of a run: left every signal over time, right its spectrum; faint as logged, full as prepared.
+
+    The spectra are those of the excerpt with the most motion. A dashed line is the cut-off.
+
+    Args:
+        log: what `read_log` returned.   path: ending in .png, .svg or .pdf.   run: its name; None: the first.
+        preparation: None: what `choose_preparation` says.
+    Raises:
+        LogError: no such run, or no stretch that is long enough.   OutputError: the file cannot be written.
+    """
+    check_log_plot(path)
+    figure = draw_log(log, run, preparation)
+    with whole_file(path, ENDINGS) as temporary:
+        save_figure(figure, temporary, temporary.suffix[1:].lower())
+
+
+def draw_log(log: Log, run: str | None = None, preparation: Preparation | None = None) -> Figure:
+    """The picture as a matplotlib figure; see `plot_log`."""
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    chosen = log.run(run)
+    preparation = preparation or choose_preparation(log, chosen.name)
+    raw, prepared = log.dataset(chosen.name), prepare_log(log, chosen.name, preparation)
+    names = [str(name) for name in prepared.data_vars]
+    figure = Figure(figsize=(12.0, 2.6 * len(names) + 1.2), dpi=110, layout="constrained", facecolor="white")
+    axes = figure.subplots(len(names), 2, squeeze=False)
+    for name, (left, right) in zip(names, axes, strict=True):
+        for k in range(len(log.joints)):
+            colour = COLOURS[k % len(COLOURS)]
+            if name in raw:
+                _over_time(left, raw["time"].values, raw[name].values[:, k], colour, FAINT)
+                _spectrum(right, raw[name].values[:, k], preparation.rate, colour, FAINT)
+            _over_time(left, prepared["time"].values, prepared[name].values[:, k], colour, 1.0)
+            _spectrum(right, prepared[name].values[:, k], preparation.rate / preparation.decimate, colour, 1.0)
+        unit = prepared[name].attrs["units"]
+        left.set_ylabel(f"{name} [{unit}]", color=TEXT)
+        right.set_ylabel(f"{name} [{unit}/√Hz]", color=TEXT)
+        right.axvline(preparation.cutoff, color=TEXT, linestyle="--", linewidth=0.8)
+        for axis in (left, right):
+            axis.grid(color=GRID, linewidth=0.6)
+            axis.spines[["top", "right"]].set_visible(False)
+        right.set(xscale="log", yscale="log")
+    axes[-1][0].set_xlabel("time [s]", color=TEXT)
+    axes[-1][1].set_xlabel("frequency [Hz]", color=TEXT)
+    figure.legend(
+        [Line2D([], [], color=COLOURS[k % len(COLOURS)]) for k in range(len(log.joints))],
+        log.joints, loc="outside right upper", frameon=False, labelcolor=TEXT,
+    )  # fmt: skip
+    figure.suptitle(
+        f"{log.title}, run {chosen.name}: faint as logged, full as prepared", x=0.012, ha="left", color=TEXT
+    )
+    return figure
+
+
+def _over_time(axis: Axes, t: np.ndarray, values: np.ndarray, colour: str, opacity: float) -> None:
+    every = max(len(t) // POINTS, 1)
+    axis.plot(t[::every], values[::every], color=colour, alpha=opacity, linewidth=0.9)
+
+
+def _spectrum(axis: Axes, values: np.ndarray, rate: float, colour: str, opacity: float) -> None:
+    column = longest_finite(values)
+    if len(column) < 16 or column.std() == 0:
+        return
+    f, power = spectrum(column, rate)
+    axis.plot(f, np.sqrt(power), color=colour, alpha=opacity, linewidth=0.9)

@@ -1,0 +1,36 @@
+"""Steps of quantised signals: encoder counts, current converters, speeds that are differences of counts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+NEAR = 0.05  # of a step: how far values may be from whole multiples, which printed digits round
+SHARE = 0.98  # of the differences that must be whole multiples
+MOST_LEVELS = 100_000  # between the extremes; a finer grid is none
+
+
+def quantisation_step(values: np.ndarray) -> float | None:
+    """The largest step of which all differences between values are whole multiples; None if there is none.
+
+    The smallest difference between values is refined by the larger ones, which say the step to more digits.
+
+    Args:
+        values: (k,) finite.
+    """
+    levels = np.unique(values)
+    if len(levels) < 4 or len(levels) > len(values) // 2:
+        return None
+    steps = np.diff(levels)
+    scale = np.abs(levels[[0, -1]]).max()
+    steps = steps[steps > 1e-9 * scale]  # printed digits of one level
+    if not len(steps) or (levels[-1] - levels[0]) / steps.min() > MOST_LEVELS:
+        return None
+    step = float(np.median(steps[steps < 1.5 * steps.min()]))
+    for reach in (10, 100, len(levels)):
+        spans = (levels - levels[0])[1 : reach + 1]
+        counts = np.round(spans / step)
+        whole = counts > 0
+        step = float((counts[whole] @ spans[whole]) / (counts[whole] @ counts[whole]))
+    multiples = (levels - levels[0]) / step
+    fits = np.abs(multiples - np.round(multiples)) < NEAR
+    return step if fits.mean() >= SHARE else None

@@ -1,0 +1,194 @@
+"""Checks of logs: every mistake that a logger or its user makes is found and named, and a good log has none."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from scipy.signal import sosfiltfilt
+
+import armwright as aw
+from armwright.errors import LogError
+from armwright.identification.log_checks import motion_delay
+from armwright.identification.preparation import low_pass
+from identification.logs import ALL, HEAD, RATE, columns, motion, written
+
+
+def findings(folder, change=None, text=ALL, level=None):
+    """Sentences of the findings about a log whose columns were changed."""
+    table = columns()
+    if change is not None:
+        table = change(table) or table
+    log = aw.read_log(written(folder, text, {"arm.csv": table}), on_error="keep")
+    return [str(each) for each in log.findings if level in (None, each.level)]
+
+
+def scaled(*names, by):
+    return lambda table: table.update({name: table[name] * by for name in names})
+
+
+def test_a_good_log_has_no_findings(tmp_path):
+    assert findings(tmp_path) == []
+
+
+def test_noise_and_counts_are_no_mistakes(tmp_path):
+    rng = np.random.default_rng(3)
+
+    def measured(table):
+        for name in ("q1", "q2"):
+            table[name] = np.round(table[name] / (2 * np.pi / 40000)) * (2 * np.pi / 40000)
+        for name in ("v1", "v2", "m1", "m2"):
+            table[name] = table[name] + 0.02 * np.std(table[name]) * rng.normal(size=len(table[name]))
+
+    found = findings(tmp_path, measured)
+    assert [line for line in found if "40000 in a turn" in line] == found
+    assert len(found) == 2
+
+
+MISTAKES = {  # change of the columns → what is said, as an error
+    "speed in degrees": (scaled("v1", by=180 / np.pi), r"qd shoulder: 57.* times .* degrees"),
+    "position in degrees": (scaled("q2", by=180 / np.pi), r"qd elbow: 0.01745 times .* degrees"),
+    "speed in rpm": (scaled("v1", by=30 / np.pi), r"qd shoulder: 9.5.* times .* rpm"),
+    "speed of the motor": (scaled("v2", by=80.0), r"qd elbow: 80 times .* the speed is the motor's"),
+    "position of the motor": (scaled("q2", by=80.0), r"qd elbow: 0.0125.* times .* the position is the motor's"),
+    "wrong sign": (scaled("v1", by=-1.0), r"qd shoulder: -1.* times .* wrong sign"),
+    "time in milliseconds": (scaled("t", by=1e3), r"time is in ms"),
+    "torques of the wrong sign": (scaled("m1", "m2", by=-1.0), r"all motors together do -.* J of work"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_wrong_unit_side_or_sign_is_an_error(tmp_path, name):
+    change, said = MISTAKES[name]
+    text = ALL.replace("[time]", "[gears]\nratios = [50, 80]\n[time]")
+    lines = findings(tmp_path, change, text, "error")
+    assert lines
+    assert any(re.search(said, line) for line in lines), lines
+    with pytest.raises(LogError):
+        aw.read_log(tmp_path / "two.log.toml")
+
+
+def test_speeds_of_mixed_up_joints(tmp_path):
+    lines = findings(tmp_path, lambda table: {**table, "v1": table["v2"], "v2": table["v1"]}, level="error")
+    assert sum("columns mixed up" in line for line in lines) == 2
+
+
+@pytest.mark.parametrize("samples", [-3.4, 0.5, 2.3])
+def test_the_delay_of_a_speed_is_told_in_fractions_of_a_sample(tmp_path, samples):
+    def late(table):
+        table["v1"] = motion(table["t"] - samples / RATE)[1][:, 0]
+
+    (line,) = findings(tmp_path, late)
+    said = float(line.split("qd shoulder: ")[1].split(" ")[0])
+    assert abs(said - abs(samples)) < 0.05
+    assert ("behind" if samples > 0 else "ahead of") in line
+
+
+@pytest.mark.parametrize("samples", [2.3, 4.0])
+@pytest.mark.parametrize("cutoff", [6.0, 30.0])
+def test_the_delay_of_a_torque(samples, cutoff):
+    t, sections = np.arange(6000) / RATE, low_pass(4, cutoff, RATE)
+    rng = np.random.default_rng(7)
+    tau = motion(t - samples / RATE)[3] + 0.2 * rng.normal(size=(6000, 2))
+    q, tau = (sosfiltfilt(sections, each, axis=0) for each in (motion(t)[0], tau))
+    found = motion_delay(q[:, 0], tau[:, 0], 1 / RATE, sections)
+    assert found is not None
+    assert abs(found.samples - samples) < max(0.15, 3 * found.std)
+
+
+CLOCKS = {
+    "gap": (lambda t: np.delete(t, np.arange(1000, 1200)), "note", "1 gaps, where about 200 rows are missing"),
+    "written twice": (lambda t: np.insert(t, 500, t[500]), "note", "1 rows"),
+    "backwards": (lambda t: np.where(np.arange(len(t)) == 700, t - 0.1, t), "error", "time goes backwards 1 times: row 701"),
+    "two recordings": (lambda t: np.where(np.arange(len(t)) % 2, t, t + 100.0), "error", "two recordings are two runs"),
+    "jitter": (
+        lambda t: np.sort(t + 2e-4 * np.random.default_rng(1).uniform(-1, 1, len(t))), "note", "preparation interpolates",
+    ),
+    "no clock at all": (lambda t: np.sort(np.random.default_rng(1).uniform(0, 8, len(t))), "error", "uneven"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CLOCKS)
+def test_clocks(tmp_path, name):
+    change, level, said = CLOCKS[name]
+    t = change(columns()["t"])
+    q, qd, _, tau = motion(t)
+    table = {"t": t, "q1": q[:, 0], "q2": q[:, 1], "v1": qd[:, 0], "v2": qd[:, 1], "m1": tau[:, 0], "m2": tau[:, 1]}
+    lines = findings(tmp_path, lambda _: table, level=level)
+    assert any(said in line for line in lines), lines
+
+
+def test_a_rate_that_is_wrong_by_a_factor(tmp_path):
+    text = ALL.replace('column = "t"\nunit = "s"', "rate_hz = 400")
+    assert any("1.25 times" in line and "rate" in line for line in findings(tmp_path, text=text))
+
+
+def test_constant_saturated_and_empty_columns(tmp_path):
+    def change(table):
+        table["m1"] = np.clip(table["m1"], -8.0, 8.0)
+        table["v2"] = np.zeros_like(table["v2"])
+        table["m2"] = np.full_like(table["m2"], np.nan)
+
+    lines = findings(tmp_path, change)
+    assert any("tau shoulder: stays at its extreme 8 N m" in line for line in lines)
+    assert any("qd elbow: constant, 0 rad/s" in line for line in lines)
+    assert any(line.startswith("error: ") and "tau elbow: all cells are empty" in line for line in lines)
+
+
+def test_held_samples(tmp_path):
+    def held(table):
+        return {
+            name: column if name == "t" else np.repeat(column[::4], 4)[: len(column)] for name, column in table.items()
+        }
+
+    (line,) = [line for line in findings(tmp_path, held) if "repeat" in line]
+    assert "3.0 at a time" in line
+    assert "about 125" in line
+
+
+def test_nothing_moves(tmp_path):
+    def still(table):
+        for name in ("q1", "q2", "v1", "v2"):
+            table[name] = np.zeros_like(table["t"])
+
+    assert any("nothing moves" in line for line in findings(tmp_path, still, level="error"))
+
+
+def test_positions_beyond_the_limits_of_the_arm(tmp_path):
+    text = f"""
+        robot = "puma560"
+        files.arm.path = "arm.csv"
+        time.column = "t"
+        time.unit = "s"
+        [[signals]]
+        quantity = "position"
+        columns = ["q1", "q2"]
+        joints = {list(aw.load("puma560").names[:2])}
+        unit = "rad"
+        side = "joint"
+    """
+    (line, *_) = findings(tmp_path, scaled("q1", by=180 / np.pi), text, "error")
+    assert "beyond the joint's limits" in line
+    assert "degrees taken for radians" in line
+
+
+def test_a_voltage_against_the_motion(tmp_path):
+    text = HEAD.replace('joints = ["shoulder", "elbow"]', 'joints = ["motor"]') + (
+        '[[signals]]\nquantity = "voltage"\ncolumns = "u"\nunit = "V"\n'
+        '[[signals]]\nquantity = "speed"\ncolumns = "w"\nunit = "rad/s"\nside = "joint"\n'
+    )
+    t = np.arange(4000) / RATE
+    w = np.sin(2 * np.pi * t) + 0.3 * np.sin(9 * t)
+    for sign, level in ((1.0, None), (-1.0, "error")):
+        lines = findings(
+            tmp_path, lambda _, s=sign: {"t": t, "u": s * (2 * w + 0.1 * np.cos(7 * t)), "w": w}, text, level
+        )
+        assert any("voltage motor: pushes against the motion" in line for line in lines) == (level == "error")
+
+
+def test_findings_of_several_runs_are_told_once(tmp_path):
+    text = ALL + '[[runs]]\nname = "one"\n[[runs]]\nname = "two"\nuse = "hold-out"\n[[runs]]\nname = "three"\n'
+    lines = findings(tmp_path, scaled("v1", by=-1.0), text, "error")
+    assert len(lines) == 1
+    assert "alike in all other runs" in lines[0]

@@ -1,0 +1,107 @@
+"""Measured files: dialects of CSV, cells that are no numbers, and formats whose package is absent."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import LogError
+from armwright.identification.log_file import FileTable
+from armwright.identification.log_tables import open_table
+from identification.logs import ALL, columns, written
+
+NUMBERS = [[0.0, 1.5, -2.0], [0.1, 2.5, 1e-3], [0.2, 3.5, 7.0]]
+DIALECTS = {  # text, how it is described
+    "plain": ("t,a,b\n0,1.5,-2\n0.1,2.5,1e-3\n0.2,3.5,7\n", {}),
+    "blank lines at the end": ("t,a,b\n0,1.5,-2\n0.1,2.5,1e-3\n0.2,3.5,7\n\n\n", {}),
+    "Windows, with a byte order mark": ("\ufefft,a,b\r\n0,1.5,-2\r\n0.1,2.5,1e-3\r\n0.2,3.5,7\r\n", {}),
+    "no header": ("0,1.5,-2\n0.1,2.5,1e-3\n0.2,3.5,7", {"header": False}),
+    "German": ("t;a;b\n0;1,5;-2\n0,1;2,5;1e-3\n0,2;3,5;7\n", {"delimiter": ";", "decimal": ","}),
+    "tabs": ("t\ta\tb\n0\t1.5\t-2\n0.1\t2.5\t1e-3\n0.2\t3.5\t7\n", {"delimiter": "\t"}),
+    "blanks, aligned": ("  t   a    b\n 0.0 1.5   -2\n 0.1 2.5 1e-3\n 0.2 3.5    7\n", {"delimiter": " "}),
+    "a preamble": ("logger 3\nserial 17\nt,a,b\n0,1.5,-2\n0.1,2.5,1e-3\n0.2,3.5,7\n", {"skip_lines": 2}),
+    "units in the header": ('t [s],"a [rad]",b [N m]\n0,1.5,-2\n0.1,2.5,1e-3\n0.2,3.5,7\n', {}),
+}
+
+
+def read(path: Path, wanted, **about) -> list[list[float]]:
+    blocks = list(open_table(path, FileTable(path=path.name, **about)).blocks(wanted, 2))
+    return np.concatenate([np.stack(block, axis=1) for block in blocks]).tolist()
+
+
+@pytest.mark.parametrize("name", DIALECTS)
+def test_dialects(tmp_path, name):
+    text, about = DIALECTS[name]
+    path = tmp_path / "x.csv"
+    path.write_bytes(text.encode())
+    assert read(path, [1, 2, 3], **about) == NUMBERS
+    if about.get("header", True):
+        assert read(path, ["b", "t"], **about) == [[row[2], row[0]] for row in NUMBERS]
+
+
+MISTAKES = {
+    "text in a cell": ("t,a\n0,1\n1,two\n2,3\n", {}, r"x.csv:3: column 'a' = 'two': expected a number"),
+    "text far down": ("t,a\n" + "0,1\n" * 500 + "0,off\n", {}, r"x.csv:502: column 'a' = 'off'"),
+    "the wrong delimiter": ("t;a\n0;1\n", {}, r"x.csv:1: cells are separated by semicolons; expected delimiter = ';'"),
+    "a header that is none": ("0,1\n1,2\n", {}, r"x.csv:1: numbers where the header should be"),
+    "no header where one is": ("t,a\n0,1\n", {"header": False}, r"x.csv:1: column '1' = 't': expected a number"),
+    "a line too long": ("t,a\n0,1\n1,2,3\n", {}, r"Expected 2 fields in line 3, saw 3"),
+    "empty": ("", {}, r"x.csv:1: empty"),
+    "two columns of a name": ("t,a,a\n0,1,2\n", {}, r"column = 'a': several columns have that name: use its number"),
+    "bytes that are no text": (b"t,\xff\n0,1\n", {}, r"x.csv:1: byte 0xff is not UTF-8"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_mistakes_name_line_and_column(tmp_path, name):
+    text, about, said = MISTAKES[name]
+    path = tmp_path / "x.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(LogError, match=said):
+        read(path, [1, 2] if about else ["t", "a"], **about)
+
+
+def test_empty_cells_are_nan_and_a_cut(tmp_path):
+    path = written(tmp_path, ALL)
+    lines = (tmp_path / "arm.csv").read_text().splitlines()
+    for line in (500, 501, 3000):
+        cells = lines[line].split(",")
+        cells[4] = "" if line == 500 else "NaN"
+        lines[line] = ",".join(cells)
+    (tmp_path / "arm.csv").write_text("\n".join(lines))
+    log = aw.read_log(path)
+    assert [stretch.rows for stretch in log.runs[0].stretches] == [499, 2498, 1001]
+    (note,) = [each for each in log.notes if "empty" in str(each)]
+    assert "qd elbow" in str(note)
+    assert "3 empty cells: row 500, row 501, row 3000" in str(note)
+
+
+@pytest.mark.parametrize(("ending", "module"), [("parquet", "pyarrow"), ("mcap", "mcap")])
+def test_a_format_whose_package_is_absent(tmp_path, monkeypatch, ending, module):
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == module else find(name))
+    with pytest.raises(LogError, match=rf"needs {module}, which is not installed: pip install armwright\[logs\]"):
+        aw.read_log(written(tmp_path, ALL.replace("arm.csv", f"arm.{ending}")))
+
+
+def test_damaged_parquet_and_netcdf(tmp_path):
+    pytest.importorskip("pyarrow")
+    for ending in ("parquet", "nc"):
+        (tmp_path / f"arm.{ending}").write_bytes(b"PAR1 is not enough")
+        with pytest.raises(LogError, match=rf"arm.{ending}"):
+            aw.read_log(written(tmp_path, ALL.replace("arm.csv", f"arm.{ending}")))
+
+
+def test_columns_of_parquet_are_read_in_blocks(tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    import pyarrow
+
+    table = columns()
+    parquet.write_table(pyarrow.table(table), tmp_path / "arm.parquet", row_group_size=300)
+    blocks = list(open_table(tmp_path / "arm.parquet", FileTable(path="x")).blocks(["q1"], 1000))
+    assert [len(block[0]) for block in blocks] == [1000, 1000, 1000, 1000, 1]
+    assert np.array_equal(np.concatenate([block[0] for block in blocks]), table["q1"])
