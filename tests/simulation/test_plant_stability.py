@@ -95,7 +95,9 @@ def test_a_loop_is_refused_for_full_voltage_on_its_bus():
     """Its commands are not known before; those of a schedule are, and 1 V from 48 V does not load the bus."""
     arm = pendulum(motor=MOTOR, friction=COULOMB, robot={"supply": WEAK})
     with pytest.raises(ScenarioError, match=r"fastest time constant of chain, 9.* s or less"):
-        aw.simulate(aw.Scenario(arm, 0.1, loop=aw.Loop(controller=aw.JointPID(kp=1.0), period=1e-3)))
+        aw.simulate(
+            aw.Scenario(arm, 0.1, loop=aw.Loop(controller=aw.JointPID(kp=1.0), period=1e-3), solver=aw.Solver("rk3"))
+        )
     assert aw.simulate(aw.Scenario(arm, 0.1, command=[1.0])).bus_voltage.values.min() > 40.0
 
 

@@ -18,6 +18,8 @@ from simulation.fields import scenario_of
 LEVEL = {"xyz_m": [0, 0, 0], "rpy_rad": [0, 0, 0]}
 DISC = {"xx": 0.01, "xy": 0, "xz": 0, "yy": 0.01, "yz": 0, "zz": 0.02}
 
+RK3 = aw.Solver("rk3")  # of the loops that are compiled here
+
 
 def motor_alone(**more) -> aw.Model:
     """A disc on a vertical axis, driven by a voltage: one motor, no gravity torque."""
@@ -79,7 +81,7 @@ def test_against_scipy(cmu):
     """The whole CMU arm with motors, DOP853 at 1e-11, tolerance of RK3 at 1 ms."""
     arm, loop = cmu
     u = np.array([20.0, -15.0, 8.0, 5.0, -2.0, 1.5])
-    run = aw.simulate(aw.Scenario(arm, duration=0.6, command=u), loop=loop)
+    run = aw.simulate(aw.Scenario(arm, duration=0.6, command=u, solver=RK3), loop=loop)
     exact = solve_ivp(
         lambda t, x: plant_derivative(arm, x, u), (0, 0.6), np.zeros(12), "DOP853", rtol=1e-11, atol=1e-12
     )
@@ -140,7 +142,7 @@ def test_energy_balance(driven):
 def test_electrical_power_is_heat_and_motion(cmu):
     """V i = R i² + tau q̇, row by row."""
     arm, loop = cmu
-    run = aw.simulate(aw.Scenario(arm, duration=0.2, command=np.full(6, 5.0)), loop=loop)
+    run = aw.simulate(aw.Scenario(arm, duration=0.2, command=np.full(6, 5.0), solver=RK3), loop=loop)
     resistance = np.array([body.drive.resistance for body in arm.bodies])
     v, i, tau, qd = (run[name].values for name in ("voltage", "current", "tau", "qd"))
     assert np.allclose(v * i, resistance * i**2 + tau * qd, rtol=0, atol=1e-10 * np.abs(v * i).max())
@@ -151,9 +153,13 @@ def test_bits_do_not_depend_on_lanes_threads_or_width(cmu):
     arm, loop = cmu
     rng = np.random.default_rng(5)
     command, q0 = rng.uniform(-5, 5, (37, 6)), rng.uniform(-1, 1, (37, 6))
-    whole = aw.simulate(aw.Scenario(arm, duration=0.1, command=aw.Batch(command), start=aw.Batch(q0)), loop=loop)
+    whole = aw.simulate(
+        aw.Scenario(arm, duration=0.1, command=aw.Batch(command), start=aw.Batch(q0), solver=RK3), loop=loop
+    )
     for lane in (0, 7, 8, 36):
-        alone = aw.simulate(aw.Scenario(arm, duration=0.1, command=command[lane], start=q0[lane]), loop=loop)
+        alone = aw.simulate(
+            aw.Scenario(arm, duration=0.1, command=command[lane], start=q0[lane], solver=RK3), loop=loop
+        )
         assert np.array_equal(final(alone), final(whole)[lane])
         assert np.array_equal(alone.qdd.values, whole.qdd.values[lane])
     tiled = {"command": aw.Batch(np.tile(command, (8, 1))), "q0": aw.Batch(np.tile(q0, (8, 1)))}
@@ -195,9 +201,9 @@ def test_schedules_a_lane(cmu):
         )
         for k in range(11)
     ]
-    together = aw.simulate(aw.Scenario(arm, duration=0.1, command=aw.Batch(schedules)), loop=loop)
+    together = aw.simulate(aw.Scenario(arm, duration=0.1, command=aw.Batch(schedules), solver=RK3), loop=loop)
     for lane in (0, 1, 5, 10):
-        alone = aw.simulate(aw.Scenario(arm, duration=0.1, command=schedules[lane]), loop=loop)
+        alone = aw.simulate(aw.Scenario(arm, duration=0.1, command=schedules[lane], solver=RK3), loop=loop)
         assert np.array_equal(alone.q.values, together.q.values[lane])
         assert np.array_equal(alone.u.values, together.u.values[lane])
 
@@ -301,12 +307,13 @@ def test_position_limit_is_reported():
 def test_record_every_and_state_only(cmu):
     """Fewer rows are the same rows."""
     arm, loop = cmu
-    full = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6)), loop=loop)
+    full = aw.simulate(aw.Scenario(arm, duration=0.06, command=np.ones(6), solver=RK3), loop=loop)
     tenth = aw.simulate(
-        aw.Scenario(arm, duration=0.06, command=np.ones(6), recording=aw.Recording(every=10)), loop=loop
+        aw.Scenario(arm, duration=0.06, command=np.ones(6), recording=aw.Recording(every=10), solver=RK3), loop=loop
     )
     ends = aw.simulate(
-        aw.Scenario(arm, duration=0.06, command=np.ones(6), recording=aw.Recording(every=0, what="state")), loop=loop
+        aw.Scenario(arm, duration=0.06, command=np.ones(6), recording=aw.Recording(every=0, what="state"), solver=RK3),
+        loop=loop,
     )
     assert np.array_equal(tenth.q.values, full.q.values[::10])
     assert np.array_equal(tenth.time.values, full.time.values[::10])
@@ -320,7 +327,9 @@ def test_progress_counts_all_steps(cmu):
     arm, loop = cmu
     for threads in (1, 2):
         seen = []
-        scenario = aw.Scenario(arm, duration=0.1, command=aw.Batch(np.zeros((600, 6))), recording=aw.Recording(every=0))
+        scenario = aw.Scenario(
+            arm, duration=0.1, command=aw.Batch(np.zeros((600, 6))), recording=aw.Recording(every=0), solver=RK3
+        )
         aw.simulate(scenario, loop=loop, threads=threads, progress=lambda *steps, seen=seen: seen.append(steps))
         assert seen[-1][0] == seen[-1][1] > 0
 
@@ -471,7 +480,7 @@ def test_too_much_to_record(cmu):
             ScenarioError,
             match=r"recording.every above 1|2\^53 times",
         ):
-            aw.simulate(aw.Scenario(arm, duration=duration, command=np.zeros(6)), loop=loop)
+            aw.simulate(aw.Scenario(arm, duration=duration, command=np.zeros(6), solver=RK3), loop=loop)
 
 
 def test_too_many_ticks_of_a_reference():
@@ -485,7 +494,9 @@ def test_ctrl_c_comes_back_soon(cmu):
     import time
 
     arm, loop = cmu
-    scenario = aw.Scenario(arm, duration=400.0, command=aw.Batch(np.zeros((600, 6))), recording=aw.Recording(every=0))
+    scenario = aw.Scenario(
+        arm, duration=400.0, command=aw.Batch(np.zeros((600, 6))), recording=aw.Recording(every=0), solver=RK3
+    )
     start = time.perf_counter()
 
     def interrupt(done, total):

@@ -383,7 +383,7 @@ FIELDS = re.compile(r"\b(?:inputs|loop|recording|solver|start)(?:\.\w+)+")  # of
 
 
 def keys_in_text(text: str) -> str:
-    """A sentence with fields of a `Scenario` as the keys of a file: `a multiple of loop.period` → `a multiple of loop.period_s`."""
+    """A sentence with fields of a `Scenario` as the keys of a file: `loop.period` → `loop.period_s`."""
     return FIELDS.sub(lambda field: key_in_file(field[0]), text)
 
 
