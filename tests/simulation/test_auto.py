@@ -8,10 +8,24 @@ import xarray
 
 import armwright as aw
 from armwright.errors import DivergenceError, ScenarioError
+from armwright.simulation.integrate.step_control import Allowed
 from physics.arms import arm
 from simulation.fields import scenario_of
 
 ARMS = ("cmu-dd", "lwa4p", "panda", "puma560", "two-link")
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("entry", range(3))
+def test_no_entry_that_is_not_finite_is_overlooked(entry, bad):
+    """Comparisons with NaN are false, so that the largest of several errors is found without it."""
+    allowed, errors, ranges = Allowed(0.0, 0.0, 1e-3), np.full(3, 1e-9), np.ones(3)
+    assert allowed.share_of_range(errors, ranges)[0] < 1.0
+    for values in (errors, ranges):
+        wrong = values.copy()
+        wrong[entry] = bad
+        pair = (wrong, ranges) if values is errors else (errors, wrong)
+        assert not allowed.share_of_range(*pair)[0] <= 1.0
 
 
 def pushed(name: str, share: float = 0.3) -> aw.Scenario:

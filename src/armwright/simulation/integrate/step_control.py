@@ -7,6 +7,7 @@ lane's own run. The norm and the next step's length are those of [HairerNorsettW
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,7 +55,7 @@ class Allowed:
         return scalar.sqrt(sum(entry * entry for entry in shares) / len(shares))
 
     def share_of_range(self, error: Array, ranges: Array) -> tuple[Scalar, Scalar]:
-        """The largest error of a step in units of what its entry may be wrong by, and which entry that is.
+        """The largest error of a step in units of what its entry may be wrong by, NaN if any is not finite; and which that is.
 
         Of two entries, a/b and c/d are compared as a d and c b, so that one division is enough for all.
         """
@@ -65,7 +66,9 @@ class Allowed:
             more = scalar.less(largest * ranges[k], errors[k] * beside)
             largest, beside = scalar.where(more, errors[k], largest), scalar.where(more, ranges[k], beside)
             worst = scalar.where(more, float(k), worst)
-        return largest / (SHARE * self.accuracy * beside), worst
+        # Comparisons lose a NaN, and an infinite range hides its error: the sum keeps both.
+        finite = scalar.less_equal(sum(errors) + sum(ranges), sys.float_info.max)
+        return scalar.where(finite, largest / (SHARE * self.accuracy * beside), np.nan), worst
 
 
 def quick_growth(share: Scalar) -> Scalar:
