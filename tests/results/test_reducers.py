@@ -165,7 +165,7 @@ def test_a_lane_that_diverges_is_followed_until_then():
     run = aw.simulate(
         aw.Scenario(
             arm("two-link"), duration=2.0, loop=aw.Loop(controller=law, reference=[0.5, 0.5], period=1e-2),
-            recording=aw.Recording(reduce=["rms_error", "peak_error", "settling_time"]),
+            recording=aw.Recording(reduce=["rms_error", "peak_error", "settling_time"]), solver=aw.Solver("rk3"),
         )
     )  # fmt: skip
     assert np.isnan(run.diverged_at.values[0])

@@ -67,11 +67,13 @@ def test_lanes_that_all_do_are_run(arm):
 def test_the_lanes_decide_and_not_the_record(arm):
     """What no lane has is not refused."""
     stiff = chain([{"command": "voltage", "motor": {**MOTOR, "resistance_ohm": LOW}}])
-    scenario = aw.Scenario(stiff, command=[1.0], duration=0.02, vary={NAME: float(MOTOR["resistance_ohm"])})
+    scenario = aw.Scenario(
+        stiff, command=[1.0], duration=0.02, vary={NAME: float(MOTOR["resistance_ohm"])}, solver=aw.Solver("rk3")
+    )
     VariedStepLimit(scenario.varied, scenario.parameters, False).check_step(
         "rk3", INTEGRATORS["rk3"], 1e-3, np.ones((1, 1))
     )
-    same = aw.simulate(aw.Scenario(arm, command=[1.0], duration=0.02))
+    same = aw.simulate(aw.Scenario(arm, command=[1.0], duration=0.02, solver=aw.Solver("rk3")))
     np.testing.assert_allclose(aw.simulate(scenario).q, same.q, rtol=1e-12, atol=1e-15)
 
 
