@@ -67,7 +67,7 @@ def test_schedules_and_robots_lie_beside_the_file(tmp_path):
     text = HEAD.replace("cmu-dd", "mine.toml") + '[commands]\nschedule = "volts.csv"\n'
     run = aw.simulate(scenario(tmp_path, text))
     rows = aw.Schedule(np.array([0.0, 0.02]), np.array([[1.0, 2, 3, 0, 0, 0], [0, 0, 0, 1, 1, 1]]), tuple(arm.names))
-    same = aw.simulate(aw.Scenario(arm, command=rows, duration=0.05))
+    same = aw.simulate(aw.Scenario(arm, command=rows, duration=0.05, solver=aw.Solver(step=1e-3)))
     np.testing.assert_array_equal(run.q, same.q)
     aw.save(run, tmp_path / "run.nc")
     for name in ("volts.csv", "mine.toml", "one.scenario.toml"):
@@ -340,7 +340,13 @@ def test_brakes_are_applied_as_in_python(tmp_path, brake):
         scenario(tmp_path, f"inputs.brake = {brake}\n" + braked_file(tmp_path) + "[commands]\nconstant = 0\n")
     )
     same = aw.simulate(
-        aw.Scenario(aw.load(tmp_path / "braked.toml"), command=np.zeros(3), duration=0.1, inputs=aw.Inputs(brake=1))
+        aw.Scenario(
+            aw.load(tmp_path / "braked.toml"),
+            command=np.zeros(3),
+            duration=0.1,
+            inputs=aw.Inputs(brake=1),
+            solver=aw.Solver(step=1e-3),
+        )
     )
     np.testing.assert_array_equal(run.q, same.q)
     aw.save(run, tmp_path / "run.nc")

@@ -91,8 +91,9 @@ def test_a_simulation_is_the_functions_to_the_bit(session):
     session.run("voltage = 5 4 3 2 1 0")
     session.run("simulate new steps=100")
     scenario = aw.Scenario(
-        aw.load("cmu-dd"), command=[5, 4, 3, 2, 1, 0], duration=0.1, start=aw.Start(numbers(Q), numbers(QD))
-    )
+        aw.load("cmu-dd"), command=[5, 4, 3, 2, 1, 0], duration=0.1, start=aw.Start(numbers(Q), numbers(QD)),
+        solver=aw.Solver(step=1e-3),
+    )  # fmt: skip
     run = aw.simulate(scenario)
     for name in ("q", "qd", "tau", "voltage", "current"):
         assert np.array_equal(session.state.run[name].values, run[name].values), name
