@@ -304,7 +304,7 @@ def test_a_tag_may_be_ignored_by_name(tmp_path):
     ("options", "place", "words"),
     [
         ({"mimic": "maybe"}, "mimic", "coupled"),
-        ({"smoothing": 0.0}, "smoothing", "a speed above 0"),
+        ({"smoothing": 0.0}, "smoothing", "or none: friction then sticks"),
         ({"smoothing": "x"}, "smoothing", "a speed above 0"),
         ({"packages": ["/nowhere/at/all"]}, "packages", "no such folder"),
         ({"drive": "/nowhere/at/all.toml"}, "", "no such file"),

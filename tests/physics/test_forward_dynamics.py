@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import armwright as aw
 from armwright.actuators import friction_torques
 from armwright.actuators.friction import link_friction
 from armwright.dynamics import (
@@ -66,6 +67,23 @@ def test_forward_is_the_inverse_with_joints_at_rest(seed):
     plain = inverse_dynamics(model.replace(friction=None, efficiency=None), q, still, qdd)
     offsets = [0.0 if body.friction is None else body.friction.offset for body in model.bodies]
     np.testing.assert_allclose(inverse_dynamics(model, q, still, qdd), plain + offsets, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", ["inverse_dynamics", "forward_dynamics", "forward_dynamics_derivatives"])
+def test_kernels_of_what_sticks_are_their_functions(name):
+    """Compiled, with some joints at rest and others in motion: the jump is at 0 for both."""
+    model = arm("rough")
+    q, qd, last = np.random.default_rng(2).normal(size=(3, 16, model.n))
+    qd[:, ::2] *= np.arange(16)[:, None] % 3 > 0
+    kernel, function = getattr(aw.compile(model), name), getattr(aw, name)
+    ours = kernel(q, qd, last)
+    for k, row in enumerate(zip(q, qd, last, strict=True)):
+        theirs = function(model, *row)
+        if not isinstance(theirs, tuple):
+            np.testing.assert_allclose(ours[k], theirs, rtol=1e-11, atol=1e-10)
+            continue
+        for of_kernel, of_function in zip(ours, theirs, strict=True):
+            np.testing.assert_allclose(of_kernel[k], of_function, rtol=1e-9, atol=1e-8)
 
 
 def test_lossy_gears_are_met_driving_and_driven_back():

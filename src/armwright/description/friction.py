@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Annotated, Any, Literal
 
+from armwright.errors import DescriptionError
 from armwright.quantity import Quantity, Reading, check_together, one_number
 from armwright.validation import Invalid
 
@@ -71,6 +72,17 @@ def key_of(stem: str, dimension: Dimension, linear: bool) -> str:
     """A key with its unit: `key_of("bristle_stiffness", "stiffness", False)` → "bristle_stiffness_n_m_per_rad"."""
     stem = "stribeck_force" if linear and stem == "stribeck_torque" else stem
     return f"{stem}_{ENDINGS[dimension][linear]}"
+
+
+def check_smoothing(smoothing: Any) -> None:
+    """Refuses a reader's argument that is no smoothing speed, and not None.
+
+    Raises:
+        DescriptionError: names the argument and its value.
+    """
+    if smoothing is not None and not (isinstance(smoothing, (int, float)) and 0 < smoothing < inf):
+        expected = "a speed above 0 [rad/s | m/s], or none: friction then sticks in simulation"
+        raise DescriptionError(place="smoothing", value=smoothing, expected=expected)
 
 
 def check_friction(friction: Any, linear: bool) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright.description.friction import check_smoothing
 from armwright.description.mjcf.checks import check_file, check_model
 from armwright.description.mjcf.drives import Actuation, actuations, masters, mimic_record
 from armwright.description.mjcf.springs import cylinder, joint_spring, springs_are_off
@@ -45,8 +46,7 @@ def read_mjcf(path: str | os.PathLike[str], *, smoothing: float | None = None) -
             joints that follow others, and whatever else would change the dynamics.
     """
     file = Path(path)
-    if smoothing is not None and not (isinstance(smoothing, (int, float)) and 0 < smoothing < inf):
-        raise DescriptionError(place="smoothing", value=smoothing, expected="a speed above 0 [rad/s | m/s]")
+    check_smoothing(smoothing)
     check_file(file)
     try:
         mujoco: Any = importlib.import_module("mujoco")

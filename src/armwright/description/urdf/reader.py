@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Collection, Iterable
-from math import inf
 from pathlib import Path
 from typing import Any
 
 from armwright.description.drive_file import PLACEHOLDER, add_drives, find_drive_file, read_drive_file
+from armwright.description.friction import check_smoothing
 from armwright.description.mesh_path import package_folders
 from armwright.description.robot import RobotDescription
 from armwright.description.urdf.joints import check_masters, joint_record, with_mimic
@@ -52,8 +52,7 @@ def read_urdf(
     """
     if mimic not in MIMIC:
         raise DescriptionError(place="mimic", value=mimic, choices=MIMIC)
-    if smoothing is not None and not (isinstance(smoothing, (int, float)) and 0 < smoothing < inf):
-        raise DescriptionError(place="smoothing", value=smoothing, expected="a speed above 0 [rad/s | m/s]")
+    check_smoothing(smoothing)
     file = Path(path)
     robot = read_xml(file)
     beside = find_drive_file(file, drive)
