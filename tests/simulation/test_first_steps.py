@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import armwright as aw
 from armwright.errors import ScenarioError
 from armwright.simulation.integrate.integrators import INTEGRATORS
+from armwright.simulation.plant.plant import plant_derivative
 from armwright.simulation.plant.step_limits import StepLimit
 from simulation.first_steps import geared_motor, plain_arm, ur5, ur5_under_pid
 
@@ -43,6 +45,22 @@ def test_a_plain_arm_is_refused_at_its_rated_voltage_for_the_smoothing_of_its_ge
     rule, u = INTEGRATORS["rk3"], np.full(2, 12.0)
     assert StepLimit(arm).largest_step(rule, 0.0 * u) > 1e-3
     assert StepLimit(plain_arm()).largest_step(rule, u) > 1e-3
+
+
+def test_a_plain_arm_by_default():
+    """Friction and gears without a smoothing speed: it moves as SciPy says, and without weight stays put at 0.2 V."""
+    arm = plain_arm()
+    run = aw.simulate(driven(arm, 12.0, aw.Solver(), duration=0.2))
+    u = np.full(2, 12.0)
+    begins = np.array([0.0, 0.0, 1e-12, 1e-12])  # on its way: no joint turns back
+    exact = solve_ivp(
+        lambda t, x: plant_derivative(arm, x, u), (0.0, 0.2), begins, "DOP853", run.time.values, rtol=1e-10, atol=1e-12
+    )
+    assert (exact.y[2:] > 0.0).all()
+    for ours, theirs in ((run.q.values, exact.y[:2].T), (run.qd.values, exact.y[2:].T)):
+        assert (np.abs(ours - theirs).max(axis=0) < 1e-3 * np.ptp(theirs, axis=0)).all()
+    still = aw.simulate(driven(arm.replace(gravity=[0.0, 0.0, 0.0]), 0.2, aw.Solver()))
+    assert not still.q.values.any()
 
 
 def test_ripple_of_a_ur5_under_pid(tmp_path):
