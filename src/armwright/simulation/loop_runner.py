@@ -108,7 +108,8 @@ class LoopRunner:
         commands = full_voltage(arm)[None] if scenario.sampled else all_rows(scenario.commands)
         if scenario.varied is not None:
             limit = VariedStepLimit(scenario.varied, scenario.parameters, scenario.lane_count is not None)
-        limit.check_step(name, INTEGRATORS[name], scenario.integration_step, commands)
+        substeps = None if scenario.loop is None or scenario.loop.period is None else scenario.substeps
+        limit.check_step(name, INTEGRATORS[name], scenario.integration_step, commands, substeps)
 
     def reference_of_ticks(self, ticks: int, *, first: bool = False) -> LoopReference | None:
         """The reference of so many ticks from here, `first` when the scenario is checked; None where nobody asks."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from math import floor, log10
+from math import ceil, floor, log10
 from typing import Any
 
 import casadi
@@ -158,12 +158,20 @@ class StepLimit:
         best = int(np.argmax(steps))
         return weakened.causes[best] if steps[best] > NOTABLE * limit.step else None
 
-    def check_step(self, name: str, integrator: Integrator, step: float, commands: np.ndarray, where: str = "") -> None:
+    def check_step(
+        self,
+        name: str,
+        integrator: Integrator,
+        step: float,
+        commands: np.ndarray,
+        substeps: int | None = None,
+        where: str = "",
+    ) -> None:
         """Refuses a step that is too large for the arm's fastest time constant.
 
         Args:
             name, integrator: the rule.   step: [s].   commands: (k, n) whose load is checked too, where losses grow with it.
-            where: which of several arms it is, for the error.
+            substeps: of a loop, whose period stays; None without a loop.   where: which of several arms it is, for the error.
         Raises:
             ScenarioError: names the time constant, the effect and key that it comes from, and what would do.
         """
@@ -173,6 +181,9 @@ class StepLimit:
         limit = limits[worst]
         if step <= limit.step:
             return
+        enough = f"{round_down(0.8 * limit.step):g} s or less"
+        if substeps is not None:
+            enough += f", by substeps = {ceil(substeps * step / (0.8 * limit.step))} or more"
         cause = self.cause(limit, integrator, loaded[worst])
         of = "" if cause is None else f", that of {cause}"
         remedies = [cause.remedy] if cause is not None and cause.remedy else []
@@ -181,7 +192,7 @@ class StepLimit:
             f"{name} would blow up or lose track",
             place="step",
             value=step,
-            expected="; or ".join([f"{round_down(0.8 * limit.step):g} s or less", *remedies, OTHER_STEPS]),
+            expected="; or ".join([enough, *remedies, OTHER_STEPS]),
         )
 
 
@@ -259,11 +270,13 @@ class VariedStepLimit:
     values: np.ndarray
     laned: bool
 
-    def check_step(self, name: str, integrator: Integrator, step: float, commands: np.ndarray) -> None:
+    def check_step(
+        self, name: str, integrator: Integrator, step: float, commands: np.ndarray, substeps: int | None = None
+    ) -> None:
         """Refuses a step that is too large for one of the lanes; of many lanes, those with the fastest modes are tried.
 
         Args:
-            name, integrator: the rule.   step: [s].   commands: (k, n) whose load is checked too.
+            name, integrator: the rule.   step: [s].   commands: (k, n) whose load is checked too.   substeps: of a loop.
         Raises:
             ScenarioError: names the lane, its time constant and the step that would do.
         """
@@ -272,7 +285,7 @@ class VariedStepLimit:
             values = ", ".join(f"{p} = {v:g}" for p, v in zip(self.varied.names, self.values[lane], strict=True))
             where = f" (in lane {lane}, with {values})" if self.laned else f" (with {values})"
             limit = StepLimit(self.varied.model(self.values[lane]), slopes, self.values[lane])
-            limit.check_step(name, integrator, step, commands, where)
+            limit.check_step(name, integrator, step, commands, substeps, where)
 
     def _fastest(self, slopes: Program, loaded: list[np.ndarray]) -> list[int]:
         """Numbers of the lanes whose modes are the fastest, of those that swing or grow as of those that die away."""
