@@ -24,6 +24,7 @@ FAULTS = (
     (r"radius of gyration (\S+) m, .* are (\S+) m apart", "radius of gyration {0} m in a size of {1} m: {names}"),
     (r"these are (.*?):", "{0}: {names}"),
     (r"the effort limits of (.*?):", "effort limits of {0}"),
+    (r"dry friction of (\S+) (N m|N) holds", "dry friction of {0} {1}, not below the effort limit: {names}"),
     (r"position limits leave no room", "no range of motion given: {n}"),
     (r"position limits of (\S+) or more", "position limits of {0}: {n}"),
     (r"(velocity|effort) limit 0", "{0} limit 0: {n}"),

@@ -214,3 +214,17 @@ def test_linear_friction_of_a_slide():
     model = one_joint(row, type="prismatic")
     assert friction_at(model, 0.2) == pytest.approx(0.4 + 3.0 * 0.2 / np.hypot(0.2, 0.1))
     assert friction_at(model, -0.2) == pytest.approx(-0.4 - 1.0 * 0.2 / np.hypot(0.2, 0.1))
+
+
+def test_friction_that_holds_a_joint_against_its_motor_is_warned_of():
+    """Of either side; a level below the largest torque is none."""
+    levels = {"coulomb_positive_n_m": 3.0, "coulomb_negative_n_m": 4.0}
+    limits = {"torque_n_m": 3.0}
+    (warning,) = one_joint(levels, limits=limits).warnings
+    assert "'hinge' friction.coulomb_positive_n_m = 3.0" in warning
+    assert "dry friction of 3 N m holds the joint: its motor gives 3 N m at most" in warning
+    assert not one_joint({**levels, "coulomb_negative_n_m": 2.9}, limits=limits).warnings
+    on_motor = {"side": "motor", "coulomb_positive_n_m": 0.04, "coulomb_negative_n_m": 0.04}
+    assert "dry friction of 4 N m" in one_joint(on_motor, MOTOR, limits=limits).warnings[0]
+    slide = {"coulomb_positive_n": 5.0, "coulomb_negative_n": 5.0}
+    assert "5 N holds" in one_joint(slide, type="prismatic", limits={"force_n": 2.0}).warnings[0]

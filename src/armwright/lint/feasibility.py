@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from armwright.description.drive import DC_EQUIVALENT, Motor
+from armwright.description.drive import DC_EQUIVALENT, Motor, RotaryFriction, RotaryLimits
 from armwright.description.paths import quantities, unit_at
-from armwright.description.robot import FixedJoint, Link, RobotDescription
+from armwright.description.robot import FixedJoint, Link, MovingJoint, RobotDescription
 from armwright.errors import DescriptionError, Problem
 from armwright.spatial import parallel_axes, pseudo_inertia
 
@@ -139,11 +139,33 @@ def _efficiencies(motor: Motor) -> list[tuple[str, float]]:
     return [(f"gear_efficiency_table.rows[{k}].driving", row.driving.numbers[-1]) for k, row in enumerate(rows)]
 
 
+def _held_by_friction(joint: MovingJoint) -> list[Problem]:
+    """A warning if dry friction either way is not below the largest torque of the motor."""
+    friction, limits = joint.friction, joint.limits
+    largest, unit = (limits.torque_n_m, "N m") if isinstance(limits, RotaryLimits) else (limits.force_n, "N")
+    if friction is None or largest is None:
+        return []
+    key = f"coulomb_positive_{'n_m' if isinstance(friction, RotaryFriction) else 'n'}"
+    levels = [getattr(friction, side) for side in (key, key.replace("positive", "negative"))]
+    if None in levels:
+        return []
+    level = min(map(float, levels))
+    if friction.side == "motor" and joint.motor is not None:
+        level *= abs(float(joint.motor.gear_ratio))
+    if level < float(largest):
+        return []
+    what = f"dry friction of {level:g} {unit} holds the joint: its motor gives {float(largest):g} {unit} at most"
+    return [Problem(what, f"joint {joint.name!r} friction.{key}", float(levels[0]))]
+
+
 def check_drives(robot: RobotDescription) -> list[Problem]:
-    """Warnings about efficiencies of self-locking gears and motor constants that contradict each other."""
+    """Warnings about self-locking gears, friction that no torque overcomes, and motor constants that contradict each other."""
     warnings = []
     for joint in robot.joints:
-        if isinstance(joint, FixedJoint) or joint.motor is None:
+        if isinstance(joint, FixedJoint):
+            continue
+        warnings += _held_by_friction(joint)
+        if joint.motor is None:
             continue
         motor, place = joint.motor, f"joint {joint.name!r} motor"
         for key, efficiency in _efficiencies(motor):
