@@ -99,6 +99,8 @@ def test_a_drive_file_beside_the_robot_stays_in_the_folder_too(folder):
     with pytest.raises(ScenarioError, match="leads out of") as error:
         aw.read_scenario(written(folder, robot="arm.urdf"))
     assert error.value.value == "arm.drive.toml"
+    path = written(folder, robot="arm.urdf")
+    assert aw.read_scenario(path, allow=[folder.parent / "outside"]).arm.names == ["shoulder", "elbow"]
 
 
 @pytest.mark.parametrize("name", ["/etc/passwd", "secret", "../secret.txt", "arm.toml"])

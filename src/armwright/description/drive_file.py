@@ -65,20 +65,23 @@ class DriveFile(Record):
     )
 
 
+def drive_file_beside(robot_file: Path) -> Path | None:
+    """The path that the drive file of a robot file has by default; None where there is no file."""
+    beside = robot_file.with_name(robot_file.stem + ENDING)
+    return beside if os.path.isfile(beside) else None
+
+
 def find_drive_file(robot_file: Path, drive: str | os.PathLike[str] | None) -> Path | None:
     """The drive file that was given, or the one beside the robot file; None where there is none.
 
     Raises:
         DescriptionError: the one beside is a link to another folder, which nobody named.
     """
-    if drive is not None:
-        return Path(drive)
-    beside = robot_file.with_name(robot_file.stem + ENDING)
-    if not os.path.isfile(beside):
-        return None
+    beside = drive_file_beside(robot_file)
+    if drive is not None or beside is None:
+        return beside if drive is None else Path(drive)
     # Both may be links into one other folder, as in the install folders of colcon.
-    folders = (real_path(robot_file.parent), real_path(robot_file).parent)
-    if real_path(beside).parent not in folders:
+    if real_path(beside).parent not in (real_path(robot_file.parent), real_path(robot_file).parent):
         raise DescriptionError("is a link that leads out of its folder", expected="drive = FILE names it", file=beside)
     return beside
 

@@ -11,11 +11,12 @@ from pydantic import Field
 
 from armwright.description import builtin_names, read_description
 from armwright.description.content import LARGEST, Content, parse_robot, robot_text
-from armwright.description.drive_file import find_drive_file
+from armwright.description.drive_file import drive_file_beside
 from armwright.description.robot import RobotDescription
 from armwright.errors import RunError, ScenarioError
 from armwright.named_file import named_file
 from armwright.quantity import Record
+from armwright.reading import read_file
 from armwright.results.tables import table_text
 
 FORM = 2  # of a document; Armwright 0.1 wrote none, and no checksums
@@ -93,10 +94,11 @@ class FolderFiles(Files):
             raise ScenarioError(place="robot", value=name, expected=expected, choices=builtin_names())
         else:
             path = self._path("robot", name)
-            drives = find_drive_file(path, None)
+            drives, reading = drive_file_beside(path), {}
             if drives is not None:
                 self._path("robot", str(Path(name).with_name(drives.name)))
-            record = read_description(path)
+                reading = {"drive": drives} if path.suffix.lower() == ".urdf" else {}
+            record = read_description(path, **reading)
             self._keep_origins(record, path.parent)
         self.read[name] = self.content(robot_text(record))
         return record
@@ -119,8 +121,8 @@ class FolderFiles(Files):
         for name, start in robot.built_from.texts(folder).items():
             try:
                 path = named_file(name, start, (self.folder, *self.allow), place=name, error=ScenarioError)
-                text = path.read_text(encoding="utf-8")
-            except (ScenarioError, OSError, UnicodeDecodeError):
+                text = read_file(path, "a text", ScenarioError).decode("utf-8")
+            except (ScenarioError, UnicodeDecodeError):
                 continue  # the checksum stands in the robot's record
             if robot.built_from.is_unchanged(name, text):
                 self.origins[name] = self.content(text)
