@@ -44,7 +44,7 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], **re
         conversion: the files written, what was lost, and what was doubtful.
     Raises:
         DescriptionError: a source that cannot be believed.   OutputError: a target that cannot be written, or is the source
-            itself, other than to bring a TOML into its canonical form.
+            itself.
     """
     path = check_destination(target, ENDINGS)
     _check_other_file(Path(source), path)
@@ -63,7 +63,7 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], **re
 def _check_other_file(source: Path, target: Path) -> None:
     """Refuses to write over what is read, the drive file of a URDF included."""
     ending = target.suffix.lower()
-    if ending == ".toml" or not os.path.isfile(source):
+    if not os.path.isfile(source):
         return
     if source.resolve() == target.resolve():
         raise OutputError("this is the robot file that is read", file=target, expected="another file to write")
