@@ -166,7 +166,8 @@ def elastic_inverse(model: Model) -> Kernel:
 
 def elastic_error(model: Model, count: int) -> float:
     """Largest error of the accelerations of joints and motors, each as a share of what the torques at play give."""
-    plant, kernels, n, rng = Plant.of(model), aw.compile(model.replace(rotors=None)), model.n, np.random.default_rng(12)
+    plant, n, rng = Plant.of(model), model.n, np.random.default_rng(12)
+    links = aw.compile(model.replace(rotors=None, efficiency=None))
     forward = Kernel(
         trace("derivative", lambda x, u: (plant.derivative(x, u),), {"x": (plant.size,), "u": (n,)}, ("xd",)),
         select_target(),
@@ -180,10 +181,10 @@ def elastic_error(model: Model, count: int) -> float:
         speed, acceleration = qd + 0.1 * speed, qdd * acceleration
         motor, tau = backward(q, qd, qdd, speed, acceleration)
         change = forward(np.concatenate([q, qd, motor * ratio, speed * ratio], axis=1), tau)
-        stiff = SPRING.stiffness * np.abs(motor) + SPRING.damping * np.abs(speed)  # torques that cancel in the spring
-        reach = np.abs(np.linalg.inv(kernels.mass_matrix(q)))
-        joints = np.abs(qdd).max(1) + np.einsum("kij,kj->ki", reach, stiff).max(1)
-        rotors = np.abs(acceleration) + (np.abs(tau) + stiff) / inertia
+        bias = links.inverse_dynamics(q, qd, 0.0 * qdd)  # of the torques, which cancel in part
+        reach = np.abs(np.linalg.inv(links.mass_matrix(q)))
+        joints = np.abs(qdd).max(1) + np.einsum("kij,kj->ki", reach, np.abs(bias)).max(1)
+        rotors = np.abs(acceleration) + np.abs(tau) / inertia
         found, turned = change[:, n : 2 * n], change[:, 3 * n :] / ratio
         worst = max(
             worst,
