@@ -26,6 +26,7 @@ KINDS_OF_INPUT = {
     "formula": "formulas that are typed",
     "function": "arrays for the plain functions of an arm",
     "kernel": "arrays for the compiled functions, outputs included",
+    "log": "logs of measurements and their CSV",
     "mesh": "STL, OBJ and PLY, as text and binary",
     "mjcf": "MJCF",
     "object": "arguments of schedules, references, controllers, sensors and other parts of a scenario",

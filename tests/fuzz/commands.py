@@ -51,6 +51,7 @@ LINES: tuple[tuple[str, ...], ...] = (
     ("export", "c", "arm.toml", "--functions", "inverse_dynamics,forward_dynamics", "-o", "firmware", "--float"),
     ("sim", "two-link", "--script", "day.sim"),
     ("sim", "arm.toml", "--script", "day.sim", "--echo"),
+    ("log", "bench.log.toml"),
     ("step-study", "two-link", *SHORT, "--steps", "2", "--integrator", "rk4", "--accuracy", "1e-3"),
     ("simulate", "one.scenario.toml", "--allow", "..", "--record-every", "2"),
     ("convert", "arm.toml", "new.xml"),
@@ -61,6 +62,7 @@ MAKERS = {  # what makes each of the files that a line may name
     "arm.toml": files.make_robot, "arm.urdf": files.make_urdf, "arm.xml": files.make_mjcf, "arm.parts.toml": files.make_parts,
     "toy.assembly.toml": files.make_assembly, "toy.modules.toml": files.make_assembly, "one.scenario.toml": files.make_scenario,
     "torques.csv": files.make_csv, "sets.csv": files.make_csv, "one.nc": files.make_run, "day.sim": files.make_session,
+    "bench.log.toml": files.make_log,
 }  # fmt: skip
 LENGTHS = ("--duration", "--max-joints", "--limit", "--steps", "--size", "--show", "--record-every")  # of work
 

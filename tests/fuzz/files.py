@@ -141,6 +141,21 @@ def run_csv(case: Case) -> None:
         read_table("sets.csv", {key: ["shoulder", "elbow"] for key in ("q", "qd", "qdd")})
 
 
+def make_log(rng: Random) -> Case:
+    files = {name: seed(name).encode() for name in ("bench.log.toml", "bench.csv")}
+    for name, form in rng.choice(
+        ((("bench.log.toml", "toml"),), (("bench.csv", "csv"),), (("bench.log.toml", "toml"), ("bench.csv", "csv")))
+    ):
+        files[name] = mutated(seed(name), form, rng)
+    return Case("log", files, rng.choice(("raise", "keep", "prepare")))
+
+
+def run_log(case: Case) -> None:
+    log = aw.read_log("bench.log.toml", on_error="raise" if case.call == "raise" else "keep")
+    if case.call == "prepare" and not log.errors:
+        aw.prepare_log(log)
+
+
 def make_mesh(rng: Random) -> Case:
     ending = rng.choice(("stl", "obj", "ply", "stl-binary", "ply-binary"))
     if ending.endswith("binary"):
@@ -330,6 +345,7 @@ FILES: dict[str, tuple[float, Callable[[Random], Case], Callable[[Case], Any]]] 
     "task": (5, make_task, run_task),
     "scenario": (4, make_scenario, run_scenario),
     "csv": (15, make_csv, run_csv),
+    "log": (2, make_log, run_log),
     "mesh": (10, make_mesh, run_mesh),
     "formula": (20, make_formula, run_formula),
     "run": (1, make_run, run_run),

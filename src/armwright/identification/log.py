@@ -447,10 +447,11 @@ def converted(log: Log, signal: SignalTable, number: int, values: np.ndarray, un
         factor = factor / signal.per_column("counts_per_turn", 1.0)
     if unit in SHARES:
         factor = factor * signal.per_column("rated", 1.0)
-    values = values * (factor * signal.per_column("signs", 1.0))
-    if signal.side == "motor":
-        values = values @ _to_joints(log, signal, number)
-    return values + signal.per_column("offsets", 0.0)
+    with np.errstate(over="ignore", invalid="ignore"):  # cells may hold inf; the census refuses what is too large
+        values = values * (factor * signal.per_column("signs", 1.0))
+        if signal.side == "motor":
+            values = values @ _to_joints(log, signal, number)
+        return values + signal.per_column("offsets", 0.0)
 
 
 def _to_joints(log: Log, signal: SignalTable, number: int) -> np.ndarray:

@@ -166,13 +166,16 @@ class SignalTable(Record):
         return np.broadcast_to(np.array(otherwise if values is None else values, dtype=float), len(self.columns))
 
 
+MOST_JOINTS = 1000  # the rank of a larger matrix would take minutes
+
+
 class GearsTable(Record):
     """Gears between motor and joint columns: θ_motor = N q, tau_joint = Nᵀ tau_motor; absent: those of the robot's record."""
 
-    ratios: Annotated[tuple[float, ...], Field(min_length=1)] | None = Field(
+    ratios: Annotated[tuple[float, ...], Field(min_length=1, max_length=MOST_JOINTS)] | None = Field(
         default=None, description="The diagonal of N, one for each joint [motor rad / joint rad, or rad/m], signed."
     )
-    matrix: tuple[tuple[float, ...], ...] | None = Field(
+    matrix: Annotated[tuple[tuple[float, ...], ...], Field(max_length=MOST_JOINTS)] | None = Field(
         default=None, description="All of N, a row for each motor: coupled wrists have numbers beside the diagonal."
     )
 
