@@ -100,7 +100,7 @@ def test_the_delay_of_a_torque(samples, cutoff):
 CLOCKS = {
     "gap": (lambda t: np.delete(t, np.arange(1000, 1200)), "note", "1 gaps, where about 200 rows are missing"),
     "written twice": (lambda t: np.insert(t, 500, t[500]), "note", "1 rows"),
-    "backwards": (lambda t: np.where(np.arange(len(t)) == 700, t - 0.1, t), "error", "time goes backwards 1 times: row 701"),
+    "backwards": (lambda t: np.where(np.arange(len(t)) == 700, t - 0.1, t), "error", "row 701; first at"),
     "two recordings": (lambda t: np.where(np.arange(len(t)) % 2, t, t + 100.0), "error", "two recordings are two runs"),
     "jitter": (
         lambda t: np.sort(t + 2e-4 * np.random.default_rng(1).uniform(-1, 1, len(t))), "note", "preparation interpolates",

@@ -77,7 +77,8 @@ def test_empty_cells_are_nan_and_a_cut(tmp_path):
     assert [stretch.rows for stretch in log.runs[0].stretches] == [499, 2498, 1001]
     (note,) = [each for each in log.notes if "empty" in str(each)]
     assert "qd elbow" in str(note)
-    assert "3 empty cells: row 500, row 501, row 3000" in str(note)
+    assert "arm.csv:501" in str(note)
+    assert "3 cells are empty or not finite: row 500, row 501, row 3000; first at" in str(note)
 
 
 @pytest.mark.parametrize(("ending", "module"), [("parquet", "pyarrow"), ("mcap", "mcap")])

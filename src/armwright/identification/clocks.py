@@ -89,10 +89,12 @@ class Interpolated:
         if same and self._main.scale == self._clock.scale:
             origin = self._main.origin
         t = self._clock.seconds(times, self._row, count, origin)
+        timed = np.isfinite(t)
+        t, part = t[timed], [column[timed] for column in part]
         if not (np.diff(t) >= 0).all():
             row = int(np.argmin(np.diff(t) >= 0)) + 1
             raise LogError("time goes backwards", value=float(t[row]), file=f"{self._path} row {self._row + row + 1}")
-        if not self._period and count > 1:
+        if not self._period and len(t) > 1:
             self._period = float(np.median(np.diff(t)))
         self._row += count
         self._t = np.concatenate([self._t, t])

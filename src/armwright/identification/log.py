@@ -190,6 +190,20 @@ class Log:
             raise LogError("no such run", place="run", value=name, choices=names, file=self.path)
         return self.runs[0 if name is None else names.index(name)]
 
+    def place(self, run: LogRun, signal: str, joint: int, row: int) -> str:
+        """A row in its reader's words: `file.csv:12`, or `row 11` where the file has a clock of its own.
+
+        Args:
+            run: one of the log's.   signal: "time" or a name of the layout.   joint: its number.   row: from 0.
+        """
+        keys = [self.table.only(self.table.time.file)] if signal == "time" and self.table.time.column is not None else []
+        for k, each in enumerate(self.table.signals):
+            if QUANTITIES[each.quantity].signal == signal and joint in joint_numbers(each, self.joints, f"signals[{k}]"):
+                keys.append(self.table.only(each.file))
+        if not keys or self.table.files[keys[0]].time is not None:
+            return f"row {row + 1}"
+        return open_table(run.paths[keys[0]], self.table.files[keys[0]]).place(row)
+
     def blocks(self, run: str | None = None, rows: int = ROWS) -> Iterator[Block]:
         """Rows of a run, block by block, read from its files: a log of any length in bounded memory.
 

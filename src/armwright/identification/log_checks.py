@@ -120,7 +120,8 @@ def _rows(places: Places) -> str:
 def _clock(log: Log, run: LogRun, census: Census) -> Found:
     rate = 1.0 / census.period
     if census.backwards.count:
-        what = f"time goes backwards {census.backwards.count} times: {_rows(census.backwards)}"
+        place = log.place(run, "time", 0, census.backwards.rows[0])
+        what = f"time goes backwards {census.backwards.count} times: {_rows(census.backwards)}; first at {place}"
         many = census.backwards.count > 0.01 * census.rows
         expected = "one clock in the column; two recordings are two runs" if many else "rows in the order of time"
         yield _error(what, "time", expected)
@@ -157,7 +158,8 @@ def _cells(log: Log, run: LogRun, census: Census) -> Found:
     for name, place, unit, counted, k in _columns(log, census):
         if counted.missing[k].count:
             everything = counted.missing[k].count >= census.rows
-            what = f"{counted.missing[k].count} empty cells: {_rows(counted.missing[k])}"
+            first = log.place(run, name, (log.layout[name].joints or ())[k], counted.missing[k].rows[0])
+            what = f"{counted.missing[k].count} cells are empty or not finite: {_rows(counted.missing[k])}; first at {first}"
             if everything:
                 yield _error("all cells are empty", place, expected="numbers")
                 continue
