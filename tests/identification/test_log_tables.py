@@ -81,6 +81,14 @@ def test_empty_cells_are_nan_and_a_cut(tmp_path):
     assert "3 cells are empty or not finite: row 500, row 501, row 3000; first at" in str(note)
 
 
+@pytest.mark.parametrize(("column", "value"), [("v1", 1e300), ("t", -3e200)])
+def test_absurd_numbers_are_refused_with_their_line(tmp_path, column, value):
+    table = columns()
+    table[column][1234] = value
+    with pytest.raises(LogError, match=rf"arm.csv:1236: column '{column}' = .*e\+[23]00: expected at most"):
+        aw.read_log(written(tmp_path, ALL, {"arm.csv": table}))
+
+
 @pytest.mark.parametrize(("ending", "module"), [("parquet", "pyarrow"), ("mcap", "mcap")])
 def test_a_format_whose_package_is_absent(tmp_path, monkeypatch, ending, module):
     find = importlib.util.find_spec

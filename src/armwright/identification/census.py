@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from armwright.identification.log import Block, Log, LogRun, Stretch
 
 GAP = 1.5  # times the usual period: a longer step of time is a gap
+BRIEFEST = 1e-9  # [s] from row to row: less is no clock
 FEW = 5  # places of a kind of event that are kept
 MOST_BREAKS = 100_000  # of a run: more is no run
 SHORTEST = 64  # rows of an excerpt
@@ -154,7 +155,7 @@ def census_of(log: Log, run: LogRun) -> Census:
             raise LogError(what, place=f"run {run.name!r}", expected="rows one after the other", file=log.path)
     _close(state, state.rows, state.before)
     if state.rows < 2 or not state.period or state.excerpt is None:
-        what = f"{state.rows} rows" if state.rows < 2 else "all rows have the same time"
+        what = f"{state.rows} rows" if state.rows < 2 else f"rows less than {BRIEFEST:g} s after each other"
         raise LogError(what, place=f"run {run.name!r}", expected="at least two rows over time", file=log.path)
     jitter = float(np.sqrt(state.squares / state.steps)) if state.steps else 0.0
     return Census(
@@ -183,7 +184,8 @@ def _add_times(state: _Pass, block: Block) -> None:
         state.no_time = state.no_time.plus(row + np.flatnonzero(~known))
     if not state.period:
         steps = np.diff(t[known])
-        state.period = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+        period = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+        state.period = period if period > BRIEFEST else 0.0
         state.first = float(t[known][0]) if known.any() else np.nan
     steps = np.diff(t, prepend=state.before)
     gap, same, back = steps > GAP * state.period, steps == 0, steps < 0

@@ -8,6 +8,8 @@ import numpy as np
 from scipy import signal
 
 MOST = 50  # samples that are searched either way
+SHORTEST = 80  # rows
+LEAST, ROUNDING = 1e-100, 1e-12  # change of a signal, whose squares would underflow, and as a share of its size
 ROUNDS = 5  # of the refinement; each reduces the error about tenfold
 
 
@@ -39,9 +41,11 @@ def delay_between(first: np.ndarray, second: np.ndarray) -> Delay | None:
     Returns:
         delay: None where one of them does not change.
     """
-    a, b = first - first.mean(), second - second.mean()
-    if not a.std() > 0 or not b.std() > 0 or len(a) < 8 * MOST // 5:
+    sizes = np.ptp(first), np.ptp(second)
+    least = [max(LEAST, ROUNDING * float(np.abs(each).max())) for each in (first, second)]
+    if len(first) < SHORTEST or sizes[0] <= least[0] or sizes[1] <= least[1]:
         return None
+    a, b = (first - first.mean()) / sizes[0], (second - second.mean()) / sizes[1]
     most = min(MOST, len(a) // 4)
     lags = signal.correlation_lags(len(b), len(a))
     products = signal.correlate(b, a, method="fft")
@@ -66,4 +70,4 @@ def delay_between(first: np.ndarray, second: np.ndarray) -> Delay | None:
     aligned = np.interp(k - d, k, a)[inside]
     correlation = float(np.corrcoef(aligned, b[inside])[0, 1]) if aligned.std() > 0 else 0.0
     gain = np.sign(correlation) * b[inside].std() / aligned.std() if aligned.std() > 0 else 0.0
-    return Delay(d, std, float(gain), abs(correlation))
+    return Delay(d, std, float(gain) * float(sizes[1] / sizes[0]), abs(correlation))

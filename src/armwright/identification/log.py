@@ -35,6 +35,10 @@ if TYPE_CHECKING:
 
 ROWS = 65536  # of a block: a few megabytes for a whole arm
 MOST_VALUES = 200_000_000  # of a run in memory: 1.6 GB
+LARGEST, LATEST = (
+    1e30,
+    1e12,
+)  # of a signal in SI units, and of a time in s: larger numbers are damage, and would overflow
 LEVELS = ("error", "note")
 
 
@@ -196,9 +200,13 @@ class Log:
         Args:
             run: one of the log's.   signal: "time" or a name of the layout.   joint: its number.   row: from 0.
         """
-        keys = [self.table.only(self.table.time.file)] if signal == "time" and self.table.time.column is not None else []
+        keys = (
+            [self.table.only(self.table.time.file)] if signal == "time" and self.table.time.column is not None else []
+        )
         for k, each in enumerate(self.table.signals):
-            if QUANTITIES[each.quantity].signal == signal and joint in joint_numbers(each, self.joints, f"signals[{k}]"):
+            if QUANTITIES[each.quantity].signal == signal and joint in joint_numbers(
+                each, self.joints, f"signals[{k}]"
+            ):
                 keys.append(self.table.only(each.file))
         if not keys or self.table.files[keys[0]].time is not None:
             return f"row {row + 1}"
@@ -516,9 +524,12 @@ def _blocks(log: Log, run: LogRun, tables: Mapping[str, MeasuredTable], rows: in
         times = parts[timed].pop(0) if timed is not None else None
         count = len(times) if times is not None else len(next(iter(parts.values()))[0])
         t = clock.seconds(times, row, count)
+        if timed is not None:
+            t = np.where(np.isfinite(t), t, np.nan)
+            _refuse_absurd(t, LATEST, "s", tables[timed], table.time.column, row)
         for key, each in apart.items():
             parts[key] = each.at(t)
-        yield Block(row, t, _signals(log, groups, units, parts))
+        yield Block(row, t, _signals(log, groups, units, parts, tables, row))
         row += count
     if row == 0:
         raise LogError("has no rows", file=next(iter(run.paths.values())), expected="at least two")
@@ -529,6 +540,8 @@ def _signals(
     groups: Mapping[str, list[tuple[int, SignalTable]]],
     units: Mapping[int, str],
     parts: Mapping[str, list[np.ndarray]],
+    tables: Mapping[str, MeasuredTable],
+    row: int,
 ) -> dict[str, np.ndarray]:
     """Every signal (rows, joints) from the columns of the files."""
     found: dict[str, list[tuple[int, np.ndarray]]] = {}
@@ -537,13 +550,32 @@ def _signals(
         for k, signal in group:
             columns = parts[key][at : at + len(signal.columns)]
             at += len(signal.columns)
-            values = converted(log, signal, k, np.stack(columns, axis=1).astype(float), units[k])
+            raw = np.stack(columns, axis=1).astype(float)
+            raw[~np.isfinite(raw)] = np.nan
+            for values, column in zip(raw.T, signal.columns, strict=True):
+                _refuse_absurd(values, LARGEST, units[k], tables[key], column, row)
+            values = converted(log, signal, k, raw, units[k])
             numbers = joint_numbers(signal, log.joints, f"signals[{k}]")
             found.setdefault(QUANTITIES[signal.quantity].signal, []).extend(zip(numbers, values.T, strict=True))
     return {
         signal.name: np.stack([column for _, column in sorted(found[signal.name], key=lambda each: each[0])], axis=1)
         for signal in log.layout
     }
+
+
+def _refuse_absurd(
+    values: np.ndarray, most: float, unit: str, table: MeasuredTable, column: int | str | None, row: int
+) -> None:
+    """Refuses numbers that nothing measures, before squares of them overflow.
+
+    Raises:
+        LogError: with file and line.
+    """
+    absurd = np.isfinite(values) & (np.abs(values) > most)
+    if absurd.any():
+        k = int(np.argmax(absurd))
+        expected = f"at most {most:g} {unit}"
+        raise LogError(place=f"column {column!r}", value=float(values[k]), expected=expected, file=table.place(row + k))
 
 
 def _in_step(

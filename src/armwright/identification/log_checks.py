@@ -41,6 +41,7 @@ DELAYED = 0.1  # of a sample
 TURNS = 8 * pi  # [rad]: few joints turn further
 BEYOND = 0.02  # [rad | m] beyond its limits a joint may be, by overshoot and calibration
 FEWEST = 32  # rows of a stretch that can be used
+SLOWEST = 1e-50  # [rad/s, or N m]: squares of less underflow
 LEVEL = 1e-6  # of its size: an effort that changes less is constant
 SOFT = 0.02  # of the largest speed: where Coulomb friction changes its sign
 AGAINST, CERTAINLY = 0.5, 0.9  # share of the power that goes against the motion: noted, and an error of voltages
@@ -260,7 +261,7 @@ def _smoothed(log: Log, run: LogRun, census: Census) -> dict[str, np.ndarray]:
     end = begin + len(census.excerpt.t)
     parts = [(max(s.begin, begin) - begin, min(s.end, end) - begin) for s in census.stretches]
     low, high = max(parts, key=lambda part: part[1] - part[0], default=(0, 0))
-    if high - low < 128:
+    if high - low < 128 or census.excerpt.t[high - 1] <= census.excerpt.t[low]:
         return {}
     try:
         preparation = choose_preparation(log, run.name)
@@ -440,7 +441,7 @@ def motion_delay(q: np.ndarray, effort: np.ndarray, period: float, sections: np.
     qd = np.gradient(q, period)
     soft = SOFT * np.abs(qd).max()
     most, edge = 6, settling(sections, 1e-2)
-    if not soft > 0 or len(q) < 2 * edge + 30 * most:
+    if soft < SLOWEST or len(q) < 2 * edge + 30 * most:
         return None
     lags = np.arange(-most, most + 1)
     model = [np.gradient(qd, period), qd, qd / np.sqrt(qd**2 + soft**2), np.sin(q), np.cos(q), np.ones_like(q)]
@@ -448,8 +449,10 @@ def motion_delay(q: np.ndarray, effort: np.ndarray, period: float, sections: np.
     matrix /= np.maximum(np.abs(matrix).max(axis=0), 1e-300)
     inside = np.arange(edge + most, len(q) - edge - most)
     target = effort[inside]
-    if np.ptp(target) <= LEVEL * np.abs(target).max():
+    size = float(np.abs(target).max())
+    if np.ptp(target) <= LEVEL * size or size < SLOWEST:
         return None
+    target = target / size
     rest = []
     for lag in lags:
         rows = matrix[inside - lag]

@@ -130,6 +130,9 @@ class TextTable(MeasuredTable):
                     skip_blank_lines=False, encoding="utf-8-sig", na_values=["-nan", "NaN", "nan"], low_memory=False,
                 )  # fmt: skip
                 for chunk in reader:
+                    if chunk.shape[1] < len(self.names):
+                        what, expected = f"{chunk.shape[1]} cells in a line", f"{len(self.names)}, as in the header"
+                        raise LogError(what, file=self.place(row), expected=expected)
                     arrays = [self._numbers(chunk[k].to_numpy(), row, k) for k in places]
                     row += len(chunk)
                     if len(_without_blank_end(arrays)[0]):  # blank lines wait: at the end of the file they are no rows
