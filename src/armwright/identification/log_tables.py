@@ -28,7 +28,7 @@ from armwright.reading import opened, refuse_other_entries
 from armwright.results.tables import WITH_UNIT
 
 LONGEST_LINE = 2**20  # bytes of the first line of a text file
-PARQUET_BUFFER = 2**16  # bytes of a column: without a buffer whole columns of row groups stay in memory
+PARQUET_BUFFER = 2**16  # bytes of a column; this and no read-ahead, or all that was read stays in memory
 EXTRAS = {".parquet": ("pyarrow",), ".mcap": ("mcap", "mcap_ros2")}  # ending → modules of the extra `logs`
 JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "effort"}
 
@@ -385,7 +385,7 @@ def _is_damage(error: Exception) -> bool:
 def _parquet(file: Any) -> Any:
     import pyarrow.parquet
 
-    return pyarrow.parquet.ParquetFile(file, buffer_size=PARQUET_BUFFER)
+    return pyarrow.parquet.ParquetFile(file, buffer_size=PARQUET_BUFFER, pre_buffer=False)
 
 
 def _without_blank_end(arrays: list[np.ndarray]) -> list[np.ndarray]:
