@@ -32,6 +32,26 @@ def stepper(model, rule="rk4"):
     return plant, Kernel(program, select_target())
 
 
+def arms():
+    """Sticking arms of every kind: of joints, of lossy gears before rotors, of elastic gears, and of coupled motors with all."""
+    two = arm("two-link")
+    rotors = (replace(body, drive=replace(body.drive, gear_ratio=1.0, rotor_inertia=0.3)) for body in two.bodies)
+    geared = replace(two, bodies=tuple(rotors))
+    elastic = sticking(geared, [8.0, 2.0], 0.7, on_motor=True)
+    springs = tuple(replace(body, elasticity=Elasticity(400.0, 20.0)) for body in elastic.bodies)
+    first, last = sticking(geared, [8.0, 2.0], 0.8).bodies
+    coupled = replace(last, drive=replace(last.drive, coupling=((first.joint, 0.5),)))
+    return {
+        "friction": sticking(arm("puma560"), [10.0, 20.0, 10.0, 1.0, 1.0, 0.5]),
+        "lossy": sticking(geared, [8.0, 2.0], 0.7, on_motor=True),
+        "elastic": replace(elastic, bodies=springs),
+        "wrist": replace(two, bodies=(first, coupled)),
+    }
+
+
+ARMS = arms()
+
+
 @pytest.mark.parametrize("rule", RULES)
 def test_an_arm_held_by_friction_stays_for_ever(rule):
     """A loaded arm at 1 ms: not a bit of its state changes, so that an hour is as ten minutes."""
@@ -146,6 +166,7 @@ def sprung_position(t: float) -> float:
     [
         ("rk45", {"rtol": 1e-7, "atol": 1e-9}, 1e-7, 500),
         ("rk45", {"rtol": 1e-11, "atol": 1e-13}, 1e-10, 2000),
+        ("rodas3", {"rtol": 1e-6, "atol": 1e-8}, 1e-4, 1000),
         ("auto", {}, 1e-4, 2200),
         ("rk4", {"step": 1e-3}, 3e-4, None),
     ],
@@ -153,7 +174,7 @@ def sprung_position(t: float) -> float:
 def test_swings_that_friction_ends(rule, settings, most, steps):
     """Rules that choose their steps find the turns, and keep their order between them; in few steps."""
     model = block(MASS, friction=dry(KINETIC), spring=LinearSpring(STIFFNESS, 0.0))
-    solver = aw.Solver(integrator=rule, **({"step": 0.01} if rule == "rk45" else {}), **settings)
+    solver = aw.Solver(integrator=rule, **({"step": 0.01} if rule in ("rk45", "rodas3") else {}), **settings)
     run = aw.simulate(aw.Scenario(model, duration=2.0, start=aw.Start(q=[BEGIN]), command=[0.0], solver=solver))
     exact = [sprung_position(float(t)) for t in run.time]
     assert np.abs(run.q.values[:, 0] - exact).max() < most
@@ -170,6 +191,22 @@ def test_cvodes_refuses_what_sticks():
         aw.simulate(scenario)
     assert caught.value.place == "solver.integrator"
     assert "smoothing" in caught.value.expected
+
+
+@pytest.mark.parametrize("rule", ["rk45", "rodas3"])
+@pytest.mark.parametrize("name", ["friction", "lossy", "elastic"])
+def test_rules_of_their_own_steps_agree_with_small_ones(name, rule):
+    """An arm that is let go, where some joints stick, break loose and turn back: against rk4 in steps of 20 µs."""
+    model = ARMS[name]
+    scenario = aw.Scenario(
+        model, duration=0.3, start=aw.Start(q=0.3 + np.zeros(model.n), qd=np.full(model.n, 0.3)), command=np.zeros(model.n),
+        solver=aw.Solver(integrator="rk4", step=2e-5), recording=aw.Recording(every=500, what="state"),
+    )  # fmt: skip
+    exact = aw.simulate(scenario)
+    solver, recording = aw.Solver(integrator=rule, step=0.01, rtol=1e-6, atol=1e-8), aw.Recording(what="state")
+    run = aw.simulate(replace(scenario, solver=solver, recording=recording))
+    assert run.q.values == pytest.approx(exact.q.values, abs=2e-4 * np.ptp(exact.q.values))
+    assert ((exact.qd.values == 0.0).any(axis=0) == (run.qd.values == 0.0).any(axis=0)).all()
 
 
 # --- lossy gears -------------------------------------------------------------------------------------------------------------
@@ -198,31 +235,6 @@ def test_a_lossy_gear_moves_just_outside_its_band(force, e):
 
 
 # --- laws --------------------------------------------------------------------------------------------------------------------
-
-
-def arms():
-    """Sticking arms of every kind."""
-    elastic = sticking(arm("two-link"), [8.0, 2.0], on_motor=True)
-    bodies = [
-        replace(
-            body,
-            elasticity=Elasticity(400.0, 20.0),
-            drive=replace(body.drive, rotor_inertia=0.3, gear_ratio=1.0, efficiency=0.7),
-        )
-        for body in elastic.bodies
-    ]
-    *others, before, last = sticking(arm("puma560"), [10.0, 10.0, 5.0, 1.0, 0.6, 0.5], 0.8).bodies
-    coupled = replace(last, drive=replace(last.drive, coupling=((before.joint, 0.5 * last.drive.gear_ratio),)))
-    wrist = replace(arm("puma560"), bodies=(*others, before, coupled))
-    return {
-        "friction": sticking(arm("puma560"), [10.0, 20.0, 10.0, 1.0, 1.0, 0.5]),
-        "lossy": sticking(arm("puma560"), [10.0, 10.0, 5.0, 1.0, 1.0, 0.5], 0.7, on_motor=True),
-        "elastic": replace(elastic, bodies=tuple(bodies)),
-        "wrist": wrist,
-    }
-
-
-ARMS = arms()
 
 
 @pytest.mark.parametrize("name", ARMS)

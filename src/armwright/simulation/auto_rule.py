@@ -14,10 +14,11 @@ WINDING = 1e3  # [1/s] of a current: one that settles within a millisecond leave
 def auto_rule(limit: StepLimit) -> str:
     """The rule for an arm: "rodas3" if a mode of it dies away fast at some pose, speed or stop; else "auto", which is rk3.
 
-    Arms of more than `LONG` joints stay with rk3. The record's own numbers decide, for lanes that vary them too, so that all
-    lanes are moved by one rule.
+    Arms of more than `LONG` joints stay with rk3, and such whose coupled motors stick by themselves. The record's own numbers
+    decide, for lanes that vary them too, so that all lanes are moved by one rule.
     """
-    if limit.model.n > LONG:
+    sticking = limit.plant.sticking
+    if limit.model.n > LONG or (sticking is not None and not sticking.by_joints):
         return "auto"
     command = full_voltage(limit.model)
     rates = limit.rates(command)

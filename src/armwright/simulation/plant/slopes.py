@@ -21,9 +21,11 @@ def plant_slopes(plant: Plant, x: Array, inputs: PlantInputs) -> tuple[np.ndarra
     unit matrix. Newton and Euler's recursion is differentiated by a nudge of each joint (`dynamics.derivatives`).
 
     Args:
-        plant: an arm with its drives.   x: (size,).   inputs: as `Plant.derivative`.
+        plant: an arm with its drives.   x: (size,).   inputs: as `Plant.derivative`; of an arm that sticks with its directions.
     Returns:
         xd: (size,).   slope: A (size, size).   mass: E (size, size).
+    Raises:
+        ScenarioError: motors that several joints turn stick by themselves.
     """
     n, size = plant.model.n, plant.size
     xd = plant.derivative(x, inputs)
@@ -45,4 +47,10 @@ def plant_slopes(plant: Plant, x: Array, inputs: PlantInputs) -> tuple[np.ndarra
     by_state[:, :n] = by_state[:, :n] + slope[:, :n]
     loads, mass = plant.loads(x, inputs), scalar.eye(size)
     mass[n : 2 * n, n : 2 * n] = linearised(mass_matrix(loads.links, q), scalar.zeros(n), loads.gears, qdd)[0]
+    if plant.sticking is not None:
+        for k, stuck in plant.sticking.stuck(inputs):  # K = 0 in its row, whatever the others do
+            by_state[k] = scalar.where(stuck, 0.0, by_state[k])
+            row = scalar.where(stuck, 0.0, mass[k])
+            row[k] = scalar.where(stuck, 1.0, mass[k, k])
+            mass[k], mass[:, k] = row, row
     return xd, scalar.array(by_state), scalar.array(mass)

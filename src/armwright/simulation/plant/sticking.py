@@ -29,6 +29,7 @@ from armwright.dynamics.sticking import (
     next_speeds,
     present_directions,
 )
+from armwright.errors import ScenarioError
 from armwright.model import Body, Model
 from armwright.scalar import Array, Scalar
 from armwright.simulation.plant.inputs import PlantInputs
@@ -233,6 +234,30 @@ class Sticking:
                     z[i] = scalar.where(stands, 0.0, z[i])
             after[n : 2 * n] = self._of_joints(scalar.array(z))
         return scalar.array(after)
+
+    def stuck(self, inputs: PlantInputs) -> list[tuple[int, Scalar]]:
+        """Places in the state of the speeds of elements, and 1 for those that stick.
+
+        Raises:
+            ScenarioError: where several joints turn a motor that sticks, whose speed is none of the state's.
+        """
+        if self._inverse is not None:
+            raise ScenarioError(
+                "takes no motors that several joints turn and that stick",
+                place="solver.integrator",
+                value="rodas3",
+                expected="'auto', 'rk45' or a fixed step; or a record with a smoothing speed in `friction`",
+            )
+        assert inputs.directions is not None
+        return [
+            (self._speed_of(place)[0], scalar.equal(direction, 0.0))
+            for place, direction in zip(self.places, inputs.directions, strict=True)
+        ]
+
+    @property
+    def by_joints(self) -> bool:
+        """True if the speeds of all elements are entries of the state."""
+        return self._inverse is None
 
     @cached_property
     def _together(self) -> tuple[Place, ...]:
