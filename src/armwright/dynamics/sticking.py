@@ -29,7 +29,7 @@ HELD, HELD_TOGETHER = (
     1e20,
     1e8,
 )  # of the inertia: added where one speed sticks, or a sum of speeds, whose digits it costs
-MOST = 24  # solves: of a million adversarial states one in 10⁴ takes more than 12, and a step that does not end stops a run
+MOST = 24  # solves: of 10⁵ adversarial states some five take more than 12, and a step that does not end stops a run
 NEVER = 1e30  # [rad/s | m/s] of a jump that is not reached
 MULTIPLIERS = 3
 REST = 1e-14  # of the speeds in a sum of speeds: rounding of one that sticks
