@@ -81,6 +81,16 @@ def test_everything_at_once_is_read_and_written():
     assert description.provenance("hinge.motor.thermal.ambient_c").kind == "definition"
 
 
+def test_a_brake_without_stiffness_is_rigid():
+    """Its torque is referred to the joint, and the record is written back as it is."""
+    description = parse(record(brake={"holding_torque_n_m": 0.5, "side": "motor"}), "one")
+    assert parse(tomllib.loads(to_toml(description)), "one") == description
+    (body,) = build_model(description).bodies
+    assert body.brake is not None
+    assert body.brake.is_rigid
+    assert body.brake.holding == 0.5 * 50.0
+
+
 def table(gear_efficiency=None, **keys):
     """Keys of a joint whose gear has a table with some keys changed; None takes one away."""
     record_ = {key: value for key, value in {**TABLE, **keys}.items() if value is not None}
@@ -228,6 +238,8 @@ REFUSED = [  # place in the joint, and some of what the error says
      "needs housing_resistance_k_per_w beside it"),
     ({"motor": {**MOTOR, "resistance_ohm": None, "thermal": THERMAL}, "command": "current"}, "motor.thermal",
      "needs resistance_ohm, whose heat warms the winding"),
+    ({"brake": {"holding_torque_n_m": 30.0, "stiffness_n_m_per_rad": 1e4}}, "brake.stiffness_n_m_per_rad",
+     "needs damping_n_m_s_per_rad and release_time_s beside it"),
     ({"brake": {**BRAKE, "side": "motor"}, "motor": None, "command": "torque"}, "brake.side",
      "needs a [joints.motor] with its gear_ratio"),
 ]  # fmt: skip

@@ -11,7 +11,7 @@ import armwright as aw
 from armwright.errors import ScenarioError
 from armwright.kernels.batch import Kernel
 from armwright.kernels.target import select_target
-from armwright.model.drive import Elasticity
+from armwright.model.drive import Brake, Elasticity
 from armwright.model.springs import LinearSpring
 from armwright.program import trace
 from armwright.simulation.integrate.integrators import INTEGRATORS
@@ -232,6 +232,30 @@ def test_a_lossy_gear_moves_just_outside_its_band(force, e):
     run = aw.simulate(aw.Scenario(model, duration=1.0, command=[force], solver=aw.Solver(step=1e-3, integrator="rk4")))
     acceleration = (e * force - WEIGHT) / (0.3 + e * ROTOR)
     assert run.q.values[-1, 0] == pytest.approx(0.5 * acceleration, rel=1e-6)
+
+
+# --- brakes ------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rule", ["rk4", "rk45", "rodas3", "auto"])
+def test_a_rigid_brake_holds_and_lets_go_at_its_instant(rule):
+    """A block that falls freely from the release on, until the brake slips it to rest: closed forms."""
+    mass, weight, level, released, applied = 2.0, 8.0, 20.0, 0.1, 0.3
+    model = block(mass, weight, brake=Brake(level, None, None, None, on_motor=False))
+    brake = aw.Schedule([0.0, released, applied], [[1.0], [0.0], [1.0]], ["slide"])
+    settings = {} if rule == "auto" else {"step": 1e-3}
+    scenario = aw.Scenario(
+        model, duration=1.0, command=[0.0], inputs=aw.Inputs(brake=brake), solver=aw.Solver(integrator=rule, **settings)
+    )
+    run = aw.simulate(scenario)
+    t, g, stops = run.time.values, weight / mass, (level - weight) / mass
+    falls, slips = np.clip(t - released, 0.0, applied - released), np.maximum(t - applied, 0.0)
+    speed = g * (applied - released)
+    slips = np.minimum(slips, speed / stops)
+    exact = -0.5 * g * falls**2 - speed * slips + 0.5 * stops * slips**2
+    assert (run.q.values[t <= released] == 0.0).all()
+    assert run.q.values[:, 0] == pytest.approx(exact, abs=5e-6 if rule == "rk4" else 1e-7)
+    assert run.qd.values[-1] == 0.0
 
 
 # --- laws --------------------------------------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ def holding(brake: Brake, speed: Scalar, z: Scalar, applied: Scalar) -> Bristle:
         brake: referred to the joint.   speed: q̇ [rad/s | m/s].   z: how far it gave way [rad | m].
         applied: 1 where it is applied, 0 where it is released.
     """
+    assert brake.stiffness is not None, "a rigid brake has no state"
     slip = -brake.stiffness * scalar.abs(speed) / brake.holding
     bending = applied * (speed + slip * z)
     open_ = (1.0 - applied) / brake.release_time

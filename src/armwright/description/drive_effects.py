@@ -243,17 +243,25 @@ class LinearStops(Record):
 
 
 class RotaryBrake(Record):
-    """A holding brake, which the simulator applies and releases: it gives way like a spring until it slips. [Dahl1968]
+    """A holding brake, which the simulator applies and releases. [Dahl1968]
 
-    torque = k z + d ż,  ż = q̇ - k |q̇| / holding_torque z while applied, ż = -z / release_time while released.
+    With a stiffness it gives way like a spring until it slips: torque = k z + d ż,  ż = q̇ - k |q̇| / holding_torque z while
+    applied, ż = -z / release_time while released. Without one it is rigid: any torque up to holding_torque at rest, at once.
     """
 
     source: str | None = None
     side: Literal["joint", "motor"] = Field(default="joint", description=SIDE)
     holding_torque_n_m: Positive = Field(description="Beyond which it slips.")
-    stiffness_n_m_per_rad: Positive = Field(description="k, of its hub and lining.")
-    damping_n_m_s_per_rad: NotNegative = Field(description="d.")
-    release_time_s: Positive = Field(description="Over which its torque dies away when it is released.")
+    stiffness_n_m_per_rad: Positive | None = Field(default=None, description="k, of its hub and lining; absent: rigid.")
+    damping_n_m_s_per_rad: NotNegative | None = Field(default=None, description="d.")
+    release_time_s: Positive | None = Field(
+        default=None, description="Over which its torque dies away when it is released."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> RotaryBrake:
+        check_together(self, "stiffness_n_m_per_rad", "damping_n_m_s_per_rad", "release_time_s")
+        return self
 
 
 class LinearBrake(Record):
@@ -262,9 +270,16 @@ class LinearBrake(Record):
     source: str | None = None
     side: Literal["joint"] = Field(default="joint", description="The slide itself.")
     holding_force_n: Positive = Field(description="Beyond which it slips.")
-    stiffness_n_per_m: Positive = Field(description="k, of its lining.")
-    damping_n_s_per_m: NotNegative = Field(description="d.")
-    release_time_s: Positive = Field(description="Over which its force dies away when it is released.")
+    stiffness_n_per_m: Positive | None = Field(default=None, description="k, of its lining; absent: rigid.")
+    damping_n_s_per_m: NotNegative | None = Field(default=None, description="d.")
+    release_time_s: Positive | None = Field(
+        default=None, description="Over which its force dies away when it is released."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> LinearBrake:
+        check_together(self, "stiffness_n_per_m", "damping_n_s_per_m", "release_time_s")
+        return self
 
 
 SlideBrake = LinearBrake | RotaryBrake  # of a prismatic joint: on the slide, or on its motor

@@ -233,8 +233,9 @@ def _after(
     ]  # what sticks is held instead, exactly
     rows = [each.row for each in elements]
     after, _ = _held(*linearised(matrix, right, [*sliding, *gears], near), rows, sticks)
+    backward = [scalar.less(at_row(row, near), 0.0) for row in rows]
     directions = [
-        scalar.where(stuck, 0.0, scalar.sign(at_row(row, near))) for row, stuck in zip(rows, sticks, strict=True)
+        scalar.where(stuck, 0.0, scalar.where(back, -1.0, 1.0)) for stuck, back in zip(sticks, backward, strict=True)
     ]
     return scalar.array(scalar.where(ended, after, np.nan)), [scalar.where(ended, way, np.nan) for way in directions]
 

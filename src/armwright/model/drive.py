@@ -89,10 +89,15 @@ class Brake:
     """A holding brake, joint side. Equations in `actuators.brake`."""
 
     holding: Scalar  # [N m | N]
-    stiffness: Scalar  # [N m/rad | N/m]
-    damping: Scalar  # [N m s/rad | N s/m]
-    release_time: Scalar  # [s]
+    stiffness: Scalar | None  # [N m/rad | N/m]; None: it is rigid, and holds and lets go at once
+    damping: Scalar | None  # [N m s/rad | N s/m]
+    release_time: Scalar | None  # [s]
     on_motor: bool  # whose speed it acts on
+
+    @property
+    def is_rigid(self) -> bool:
+        """True if it does not give way: at rest it is any torque up to the holding torque."""
+        return self.stiffness is None
 
 
 @dataclass(frozen=True, eq=False)

@@ -184,8 +184,10 @@ def brake_of(joint: MovingJoint) -> Brake | None:
         keys = ("holding_torque_n_m", "stiffness_n_m_per_rad", "damping_n_m_s_per_rad")
     else:
         keys = ("holding_force_n", "stiffness_n_per_m", "damping_n_s_per_m")
-    holding, stiffness, damping = _numbers(record, *keys)
-    return Brake(holding * n, stiffness * n * n, damping * n * n, record.release_time_s.number, on_motor)
+    if getattr(record, keys[1]) is None:
+        return Brake(getattr(record, keys[0]).number * n, None, None, None, on_motor)
+    holding, stiffness, damping, release_time = _numbers(record, *keys, "release_time_s")
+    return Brake(holding * n, stiffness * n * n, damping * n * n, release_time, on_motor)
 
 
 def spring_of(joint: MovingJoint) -> Spring | None:

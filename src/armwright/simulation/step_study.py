@@ -203,7 +203,7 @@ def _variants(scenario: Scenario, steps: int) -> list[Scenario]:
 def _solved(scenario: Scenario) -> xarray.Dataset:
     """By CVODES, with its own tolerances; an arm that sticks, which CVODES does not follow, by rk45 with tight ones."""
     solver = replace(scenario.solver, integrator="cvodes", substeps=1)
-    if sticking_places(scenario.arm):
+    if sticking_places(scenario.arm, brakes=True):
         solver = replace(solver, integrator="rk45", rtol=TIGHT, atol=0.1 * TIGHT)
     return simulate(replace(scenario, solver=solver))
 

@@ -160,7 +160,7 @@ class PlantFlow:
     @cached_property
     def sticking(self) -> Sticking | None:
         """The arm's set-valued laws; None where all are smooth."""
-        places = sticking_places(self.model)
+        places = sticking_places(self.model, self.brakes)
         return Sticking(self, places) if places else None
 
     def driven(

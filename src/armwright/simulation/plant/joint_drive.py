@@ -75,15 +75,22 @@ class SwitchingFunction:
     least: Scalar = 0.0  # from a to b it changes where a b < -least²: what hovers about 0 does not
 
 
-def sticks_on_motor(body: Body) -> bool:
-    """True if something of a joint holds its motor at rest: dry friction on its side, or a lossy gear."""
-    friction = body.friction
-    return holds_by_loss(body) or (friction is not None and friction.on_motor and friction.sticks)
+def sticks_on_motor(body: Body, brakes: bool) -> bool:
+    """True if something of a joint holds its motor at rest: dry friction on its side, a lossy gear, a rigid brake if it acts."""
+    return holds_by_loss(body) or _sticks(body, brakes, on_motor=True)
 
 
-def sticks_on_joint(body: Body) -> bool:
+def sticks_on_joint(body: Body, brakes: bool) -> bool:
     """True if something of a joint holds the joint itself at rest."""
-    return body.friction is not None and not body.friction.on_motor and body.friction.sticks
+    return _sticks(body, brakes, on_motor=False)
+
+
+def _sticks(body: Body, brakes: bool, *, on_motor: bool) -> bool:
+    """True if friction on that side sticks, or a rigid brake there."""
+    friction, brake = body.friction, body.brake if brakes else None
+    return (friction is not None and friction.on_motor == on_motor and friction.sticks) or (
+        brake is not None and brake.is_rigid and brake.on_motor == on_motor
+    )
 
 
 def contact_depths(body: Body, at: JointMotion) -> list[Scalar]:
@@ -153,13 +160,18 @@ def driven_joint(
     if applied is not None:
         assert body.brake is not None
         speed = at.motor_speed if body.brake.on_motor else at.qd
-        switching.append(_turning(body, speed))
-        brake = holding(body.brake, speed, states.brake, applied)
-        change["brake"], rates["brake"], loss = brake.speed, brake.rate, loss + brake.torque * speed
-        if body.brake.on_motor:
-            before = before + brake.torque
+        if body.brake.is_rigid:
+            direction = scalar.sign(speed) if directions is None else directions[body.brake.on_motor]
+            braking = applied * body.brake.holding * direction
         else:
-            behind = behind + brake.torque
+            switching.append(_turning(body, speed))
+            brake = holding(body.brake, speed, states.brake, applied)
+            change["brake"], rates["brake"], braking = brake.speed, brake.rate, brake.torque
+        loss = loss + braking * speed
+        if body.brake.on_motor:
+            before = before + braking
+        else:
+            behind = behind + braking
     if body.stops is not None:
         stop = stopped(body.stops, *body.limits.position, at.q, at.qd, (touching[0], touching[1]))
         behind, loss = behind - stop.torque, loss + stop.loss
@@ -167,7 +179,7 @@ def driven_joint(
     acceleration, gear = None, torque - before
     if spring is not None:
         acceleration = body.drive.gear_ratio * (gear - entering) / body.drive.reflected
-        if directions is not None and sticks_on_motor(body):
+        if directions is not None and sticks_on_motor(body, applied is not None):
             acceleration = scalar.where(scalar.equal(directions[1], 0.0), 0.0, acceleration)
         if of_gear is not None:
             loss = loss + (entering - leaving) * at.motor_speed

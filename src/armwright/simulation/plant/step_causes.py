@@ -108,7 +108,7 @@ def _effects_of_joint(body: Body) -> Iterator[tuple[str, str, Change, str]]:
         change = _in_part("drive", _in_part("thermal", _slower_heat))
         yield "the motor's heat", "motor.thermal.winding_capacity_j_per_k", change, ""
     springs = (("elasticity", "the elastic gear", length, force), ("stops", "the end stop", length, force))
-    if body.brake is not None:
+    if body.brake is not None and not body.brake.is_rigid:
         on_slide = slides and not body.brake.on_motor
         springs = (*springs, ("brake", "the brake", *(("m", "n") if on_slide else ("rad", "n_m"))))
     for part, name, along, by in springs:

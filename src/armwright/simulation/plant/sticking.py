@@ -41,13 +41,13 @@ if TYPE_CHECKING:
 Place = tuple[int, bool]  # of an element: its joint, and whether it is the motor by itself
 
 
-def sticking_places(model: Model) -> tuple[Place, ...]:
-    """Places of an arm's elements; none of one whose friction and gears are smooth."""
+def sticking_places(model: Model, brakes: bool) -> tuple[Place, ...]:
+    """Places of an arm's elements, its brakes included if they take part; none of one whose friction and gears are smooth."""
     followed = {k for k, _, body in _followers(model) if body.friction is not None and body.friction.sticks}
     places = []
     for i, body in enumerate(model.coordinates):
-        of_motor = sticks_on_motor(body)
-        if sticks_on_joint(body) or (of_motor and not _is_separate(body)) or i in followed:
+        of_motor = sticks_on_motor(body, brakes)
+        if sticks_on_joint(body, brakes) or (of_motor and not _is_separate(body)) or i in followed:
             places.append((i, False))
         if of_motor and _is_separate(body):
             places.append((i, True))
@@ -110,10 +110,10 @@ class Sticking:
         together = present_directions(mass, bias, self._unknowns(x), elements, gears) if elements else ()
         return self._merged(together, {i: move for i, (move, _) in self._apart(x, sides, None).items()})
 
-    def step(self, x: Array, inputs: PlantInputs, h: Scalar) -> tuple[np.ndarray, np.ndarray]:
-        """Directions (elements,) in a step of h [s], and the state (size,) after it by the set-valued laws.
+    def step(self, x: Array, inputs: PlantInputs, h: Scalar) -> tuple[np.ndarray, np.ndarray, list[Scalar]]:
+        """Directions (elements,) in a step of h [s], the state (size,) after it by the set-valued laws, and `_jumps`.
 
-        Of order 1, and of positions and speeds alone: the rest of the state is that before the step.
+        The state is of order 1, and of positions and speeds alone: the rest of it is that before the step.
         """
         n, plant, moved = self.plant.model.n, self.plant, list(x)
         sides = self._sides(x, inputs)
@@ -127,15 +127,33 @@ class Sticking:
             q, w = (plant.layout.place(name).start + k for name in ("motor_q", "motor_qd"))
             turned = plant.model.coordinates[i].drive.gear_ratio * speed
             moved[q], moved[w] = x[q] + 0.5 * h * (x[w] + turned), turned
-        return self._merged(together, {i: move for i, (move, _) in apart.items()}), scalar.array(moved)
+        directions = self._merged(together, {i: move for i, (move, _) in apart.items()})
+        return directions, scalar.array(moved), self._jumps(x, sides)
 
-    def chosen(self, moved: Array, set_valued: Array, directions: Array) -> np.ndarray:
+    def _jumps(self, x: Array, sides: Sequence[Sequence[DrivenJoint]]) -> list[Scalar]:
+        """1 for elements that have something to stick with: 0 of a released brake alone, which turns round as if it were none."""
+        ratios = [body.drive.gear_ratio for body in self.plant.model.coordinates]
+        jumps = []
+        for place in self.places:
+            i = place[0]
+            if place in self._together:
+                forward, backward = (
+                    self._side(place, side[i], self._resisting(x, i, side[i], way)).standing
+                    for side, way in zip(sides, (1.0, -1.0), strict=True)
+                )
+            else:
+                forward, backward = (side[i].acceleration / ratios[i] for side in sides)
+            jumps.append(scalar.less(forward, backward))
+        return jumps
+
+    def chosen(self, moved: Array, set_valued: Array, directions: Array, jumps: Sequence[Scalar]) -> np.ndarray:
         """The state (size,) after a step: `moved` by a rule while all directions are held, where speeds keep to them.
 
         Where one would turn round within the step, positions and speeds are those that `step` found.
         """
         moved = self._settled(moved, directions)
-        turned = sum(scalar.less(way * s, 0.0) for way, s in zip(directions, self.speeds(moved), strict=True))
+        ways = zip(directions, self.speeds(moved), jumps, strict=True)
+        turned = sum(scalar.less(way * speed, 0.0) * jump for way, speed, jump in ways)
         after = list(moved)
         for name in ("q", "qd", "motor_q", "motor_qd"):
             place = self.plant.layout.place(name) if name in self.plant.layout else slice(0)
@@ -157,19 +175,22 @@ class Sticking:
         """
         assert inputs.directions is not None
         wrong, part, still = list(error), 1.0, []
+        jumps = self._jumps(x, self._sides(x, inputs))
         ends = zip(
             self.speeds(x), self.speeds(moved), self._excess(x, inputs), self._excess(moved, inputs), strict=True
         )
-        for place, way, (begin, end, lacking, breaking) in zip(self.places, inputs.directions, ends, strict=True):
-            turned = scalar.less(way * end, 0.0)
-            loose = scalar.equal(way, 0.0) * scalar.less(0.0, breaking)
+        for place, way, jump, (begin, end, lacking, breaking) in zip(
+            self.places, inputs.directions, jumps, ends, strict=True
+        ):
+            sticks, turned = scalar.equal(way, 0.0), scalar.less(way * end, 0.0) * jump
+            loose = sticks * scalar.less(0.0, breaking)
             of_turn = _part(scalar.abs(begin), scalar.abs(end))
             of_break = _part(-lacking, breaking)
             part = scalar.minimum(part, scalar.where(turned, of_turn, scalar.where(loose, of_break, 1.0)))
             late = scalar.where(loose, 0.5 * h * (1.0 - of_break) * breaking, 0.0)
             k, ratio = self._speed_of(place)
             wrong[k] = scalar.abs(wrong[k]) + scalar.abs(ratio) * (scalar.where(turned, scalar.abs(end), 0.0) + late)
-            still.append(turned)
+            still.append(scalar.maximum(turned, sticks))
         return self._with_rest(moved, still), scalar.array(wrong), *others, part
 
     def _excess(self, x: Array, inputs: PlantInputs) -> list[Scalar]:
