@@ -80,9 +80,9 @@ def test_the_reference_of_scenario_files_tells_what_each_key_takes(monkeypatch: 
     rows = [[cell.strip() for cell in line.split(" | ")] for line in armwright_record.scenario_file().splitlines()]
     takes = {row[0].strip("| `"): (row[1], row[3]) for row in rows if len(row) >= 5}
     whole, texts, by_joint = "a whole number", "a list of texts", "a number, numbers, or a table by joint"
-    assert takes["substeps"] == (whole, "default `1`")
+    assert takes["substeps"] == (whole, "")
     assert takes["seed"][0] == f"{whole}, 0 or more"
-    assert takes["every"] == (f"{whole}, 0 or more", "default `1`")
+    assert takes["every"] == (f"{whole}, 0 or more", "")
     assert takes["max_substeps"] == (whole, "")
     assert takes["reduce"] == (texts, "")
     assert takes["duration_s"] == takes["rtol"] == takes["cutoff_hz"] == ("a number", "")
