@@ -144,6 +144,14 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
             worst("error"),
         ),
     ),
+    "auto": (
+        "Price of the error estimate and of sticking, ns for a simulated ms",
+        (
+            *(label("arm", "arm"), label("work", "work"), label("lanes", "lanes"), time("rk3, 1 ms", "rk3")),
+            *(time("auto, the same steps", "auto"), ratio("auto ÷ rk3", "auto")),
+            *(time("rk3, sticking", "sticking"), ratio("sticking ÷ rk3", "sticking"), worst("error")),
+        ),
+    ),
     "stiff": (
         "Stiff arms at equal error, ns for a simulated ms",
         (

@@ -26,6 +26,7 @@ MODULES = (
     "rows_kernels",
     "rows_variants",
     "rows_simulation",
+    "rows_auto",
     "rows_stiff",
     "rows_control",
     "rows_scaling",

@@ -12,7 +12,18 @@ from typing import Any
 import pytest
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
-CHAPTERS = ("kernels", "variants", "simulation", "stiff", "control", "batch size", "threads", "start", "compile")
+CHAPTERS = (
+    "kernels",
+    "variants",
+    "simulation",
+    "auto",
+    "stiff",
+    "control",
+    "batch size",
+    "threads",
+    "start",
+    "compile",
+)
 LARGEST = 150_000  # bytes of a picture
 
 
