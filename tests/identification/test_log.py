@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import armwright as aw
 from armwright.errors import LogError
+from armwright.identification.quantisation import quantisation_step
 from identification.logs import ALL, HEAD, POSITIONS, RATE, SPEEDS, TORQUES, columns, motion, written
 
 UNITS = {"rad": 1.0, "deg": np.pi / 180, "turn": 2 * np.pi, "counts": 2 * np.pi / 4096}
@@ -246,3 +247,21 @@ def test_gears_of_thousands_of_motors_are_refused_before_their_matrix_is_inverte
     text = f"{ALL}[gears]\nratios = {[1.0] * 5000}\n"
     with pytest.raises(LogError, match=r"gears\.ratios"):
         aw.read_log(written(tmp_path, text))
+
+
+def test_an_integer_beyond_floats_is_named_with_its_place(tmp_path):
+    path = written(tmp_path, ALL)
+    (tmp_path / "arm.csv").write_text(f"t,q1,q2,v1,v2,m1,m2\n0.5,{'9' * 400},2,3,4,5,6\n", encoding="utf-8")
+    with pytest.raises(LogError, match="expected a number") as refused:
+        aw.read_log(path)
+    assert refused.value.file.endswith("arm.csv:2")
+
+
+def test_one_cell_far_beyond_all_others_is_no_warning():
+    """Steps of the printed digits come before the first of the quantised ones."""
+    values = np.concatenate([np.arange(10.0), np.arange(10.0), [0.0] * 20, [-(2.0**64)]])
+    with np.errstate(all="raise"):
+        quantisation_step(values)
+    near = np.concatenate([np.arange(40) * 1e-12, np.arange(6.0), np.zeros(60)])
+    with np.errstate(all="raise"):
+        quantisation_step(near)

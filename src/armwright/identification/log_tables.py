@@ -159,8 +159,11 @@ class TextTable(MeasuredTable):
             return values
         import pandas
 
-        numbers = np.asarray(pandas.to_numeric(pandas.Series(values, dtype=object), errors="coerce"), dtype=float)
-        wrong = np.isnan(numbers) & ~pandas.isna(values)
+        try:
+            numbers = np.asarray(pandas.to_numeric(pandas.Series(values, dtype=object), errors="coerce"), dtype=float)
+            wrong = np.isnan(numbers) & ~pandas.isna(values)
+        except OverflowError:  # an integer that no float holds
+            numbers, wrong = values, np.array([len(str(value)) > DIGITS for value in values])
         if wrong.any():
             k = int(np.argmax(wrong))
             name = f"column {self.names[column]!r}"
@@ -332,6 +335,8 @@ class McapTable(MeasuredTable):
             cells.append(values[order[joint]])
         return cells
 
+
+DIGITS = 308  # that a finite float has before its point
 
 FORMATS: dict[str, type[MeasuredTable]] = {
     **dict.fromkeys((".csv", ".txt", ".tsv"), TextTable),

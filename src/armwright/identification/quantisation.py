@@ -30,7 +30,8 @@ def quantisation_step(values: np.ndarray) -> float | None:
         spans = (levels - levels[0])[1 : reach + 1]
         counts = np.round(spans / step)
         whole = counts > 0
-        step = float((counts[whole] @ spans[whole]) / (counts[whole] @ counts[whole]))
+        if whole.any():  # else digits of one level stand before all others
+            step = float((counts[whole] @ spans[whole]) / (counts[whole] @ counts[whole]))
     multiples = (levels - levels[0]) / step
     fits = np.abs(multiples - np.round(multiples)) < NEAR
     return step if fits.mean() >= SHARE else None
