@@ -134,7 +134,11 @@ def attempt(case: Case, run: Callable[[Case], Any], guard: Guard) -> Outcome:
         signal.signal(signal.SIGALRM, _hang)
         signal.signal(signal.SIGPROF, _hang)
     guard.seen.clear()
-    scripts = [content.decode("utf-8", "replace") for name, content in case.files.items() if name.endswith(".sim")]
+    scripts = [
+        content.decode("utf-8", "replace")
+        for name, content in case.files.items()
+        if name.endswith((".sim", ".log.toml"))
+    ]
     guard.named = "\n".join([*map(str, case.call if case.kind == "command" else []), *scripts])
     start = time.perf_counter()
     with guard.files(case), warnings.catch_warnings(record=True) as warned:
