@@ -232,17 +232,6 @@ def test_a_robot_file_may_have_kinematics_alone(tmp_path):
         aw.load(tmp_path / "arm.toml")
 
 
-@pytest.mark.parametrize(("column", "value"), [("q1", 1.7e308), ("t", np.inf), ("m2", -np.inf), ("t", -1e300)])
-def test_numbers_beyond_all_sizes_are_refused_before_they_are_squared(tmp_path, column, value):
-    """A decomposition of a matrix with infinities may never end."""
-    table = columns()
-    table[column][200] = value
-    with pytest.raises(LogError) as refused:
-        aw.read_log(written(tmp_path, ALL, {"arm.csv": table}))
-    assert "row 201" in refused.value.place
-    assert refused.value.expected == "numbers up to 1e+100, in SI units"
-
-
 def test_gears_of_thousands_of_motors_are_refused_before_their_matrix_is_inverted(tmp_path):
     text = f"{ALL}[gears]\nratios = {[1.0] * 5000}\n"
     with pytest.raises(LogError, match=r"gears\.ratios"):

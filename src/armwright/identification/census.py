@@ -17,7 +17,6 @@ BRIEFEST = 1e-9  # [s] from row to row: less is no clock
 FEW = 5  # places of a kind of event that are kept
 MOST_BREAKS = 100_000  # of a run: more is no run
 SHORTEST = 64  # rows of an excerpt
-LARGEST = 1e100  # in SI units; squares of much larger numbers overflow, and no machine has them
 
 
 @dataclass(frozen=True)
@@ -144,7 +143,6 @@ def census_of(log: Log, run: LogRun) -> Census:
     """
     state = _Pass({signal.name: SignalCensus.of(signal.size) for signal in log.layout})
     for block in log.blocks(run.name):
-        _check_size(log, run, block)
         _add_times(state, block)
         for name, values in block.values.items():
             state.signals[name].add(values, block.row)
@@ -163,17 +161,6 @@ def census_of(log: Log, run: LogRun) -> Census:
         state.same_time, state.backwards, state.no_time, state.whole_repeats, state.repeat_runs,
         tuple(state.stretches), state.signals, state.excerpt, state.excerpt.row,
     )  # fmt: skip
-
-
-def _check_size(log: Log, run: LogRun, block: Block) -> None:
-    """Refuses infinities and numbers beyond all sizes; NaN is a missing cell."""
-    for name, values in (("time", block.t[:, None]), *block.values.items()):
-        beyond = np.abs(values) > LARGEST
-        if beyond.any():
-            row, joint = np.argwhere(beyond)[0]
-            place = f"run {run.name!r}, row {block.row + row + 1}, {name}"
-            expected = f"numbers up to {LARGEST:g}, in SI units"
-            raise LogError(place=place, value=float(values[row, joint]), expected=expected, file=log.path)
 
 
 def _add_times(state: _Pass, block: Block) -> None:
