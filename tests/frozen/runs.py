@@ -6,7 +6,7 @@ A run is a function without arguments that makes a Scenario. The numbers are arb
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -60,6 +60,19 @@ def open_loop(name: str, rule: str, lanes: int | None = None) -> aw.Scenario:
         model, command=COMMANDS[name], duration=0.05, start=aw.Start(start, wave(model.n, 0.5)),
         solver=aw.Solver(step=STEPS.get(name, 5e-4), integrator=rule),
     )  # fmt: skip
+
+
+def chosen(name: str, solver: aw.Solver, *, smoothed: bool = True) -> aw.Scenario:
+    """Lanes of a built-in arm that choose their steps; with friction that sticks unless it is smoothed."""
+    model = arm(name)
+    if not smoothed:
+        bodies = (
+            body if body.friction is None else replace(body, friction=replace(body.friction, smoothing=None))
+            for body in model.bodies
+        )
+        model = replace(model, bodies=tuple(bodies))
+    command = aw.Batch(laned(9, model.n) * 10.0)
+    return aw.Scenario(model, command=command, duration=0.03, solver=solver)
 
 
 def effect(name: str, rule: str = "rk3", step: float = 1e-4) -> aw.Scenario:
@@ -223,6 +236,10 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
     "stop rk45": lambda: wall("rk45", rtol=1e-7, atol=1e-9),
     **{f"play {rule}": lambda rule=rule: play(rule) for rule in RULES},
     "rk45": lambda: adaptive("plain"),
+    "auto": lambda: chosen("puma560", aw.Solver("auto", accuracy=1e-4)),
+    "rodas3": lambda: chosen("lwa4p", aw.Solver("rodas3", 1e-3, rtol=1e-5, atol=1e-7)),
+    "auto sticking": lambda: chosen("puma560", aw.Solver("auto", accuracy=1e-4), smoothed=False),
+    "rk3 sticking": lambda: chosen("puma560", aw.Solver("rk3", 1e-3), smoothed=False),
     "rk45 all": lambda: adaptive("all"),
     "rk45 events": lambda: adaptive("plain", events=joint_stops(MANY["plain"]), q0=aw.Batch(laned(20, 1))),
     "cvodes plain": lambda: adaptive("plain", integrator="cvodes", rtol=None, atol=None),

@@ -96,8 +96,9 @@ def test_trajectories_have_the_bits_of_the_simulator(tmp_path, name):
     u = np.random.default_rng(0).normal(size=(lanes, model.n))
     q0 = np.random.default_rng(1).normal(size=(lanes, model.n))
     scenario = aw.Scenario(
-        model, command=aw.Batch(u), duration=ticks * 1e-3, start=aw.Batch(q0), recording=aw.Recording(every=every)
-    )
+        model, command=aw.Batch(u), duration=ticks * 1e-3, start=aw.Batch(q0), recording=aw.Recording(every=every),
+        solver=aw.Solver("rk3"),
+    )  # fmt: skip
     simulator = compile_loop(model)
     expected = aw.simulate(scenario, loop=simulator)
     record, frozen = trajectory(tmp_path, simulator.step, np.hstack([q0, 0 * q0]), u, 1e-3, ticks, every)
