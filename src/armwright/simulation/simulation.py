@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     import xarray
 
 AHEAD = 1024  # ticks whose reference is worked out at once while a loop is stepped
-WATCHED = 1000  # ticks in which a step given by hand is looked at
+WATCHED, LEAST_WATCHED = 1000, 50  # ticks in which a step given by hand is looked at, of one tile of lanes and of many
+PRICE = 400  # ticks of a run for one that is looked at
 SLICE = 0.01  # [s] of a run in real time between two looks at the clock
 
 
@@ -136,7 +137,9 @@ class Simulation(LoopRunner):
         whole = self._in_python is not None and self.controller.vectorised
         finished = run_groups(self.count, width, ticks, begin, progress, workers, whole=whole)
         if record is not None and not in_python and scenario.solver.rule in INTEGRATORS:
-            self._note_coarse_step(state, min(ticks, WATCHED))
+            tiles = -(-self.count // width)
+            few = WATCHED if tiles == 1 else max(LEAST_WATCHED, ticks * tiles // PRICE)
+            self._note_coarse_step(state, min(ticks, few))
         recorded, end = Recorded(record, every, ticks, finished, status, reduced, origin), None
         if scenario.lane_count is None:
             status.check(self.arm.name, self.period, self.state_entries, recorded.last_row(self))

@@ -75,7 +75,7 @@ class LaneStatus:
             what = (
                 f"the integrator ran out of substeps, as {entries[int(self.stalled_by[0])]} asked for more, in the tick"
             )
-            expected = "a looser accuracy or tolerance, a larger max_substeps, or integrator = 'cvodes'"
+            expected = "a looser accuracy or tolerance, a larger max_substeps, or integrator = 'rodas3'"
         what += f" at t = {self.frozen[0] * tick:g} s{'; ' * bool(last_row)}{last_row}"
         raise DivergenceError(what, expected=expected, file=name)
 
@@ -100,6 +100,12 @@ class LaneStatus:
         if not single:
             put("stalled_at", (), np.where(stalled, stopped, np.nan), "s", "time at which the lane ran out of substeps")
             if stalled.any():
+                first = int(np.argmin(np.where(stalled, stopped, np.inf)))
+                note = (
+                    f"{np.count_nonzero(stalled)} of {len(stalled)} lanes ran out of substeps and stay where they are, first at "
+                    f"t = {stopped[first]:g} s, as {entries[int(self.stalled_by[first])]} asked for more"
+                )
+                run.attrs["notes"] = "\n".join(filter(None, [str(run.attrs.get("notes", "")), note]))
                 asked = np.where(stalled, np.array(entries)[self.stalled_by.astype(int)], "")
                 put("stalled_by", (), asked, "1", "what asked for more substeps")
         put("steps_tried", (), self.trials, "1", "substeps that the integrator tried")

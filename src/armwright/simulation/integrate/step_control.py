@@ -8,6 +8,7 @@ lane's own run. The norm and the next step's length are those of [HairerNorsettW
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,7 @@ from armwright.signals import Layout
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 5.0  # of the step that would just do; and the most that a step changes
 LEAST_ERROR = 1e-10  # in units of what is allowed: below it a step grows as much as it may anyway
-SHARE = 0.1  # of the accuracy of a whole run, for the estimate of one step
+SHARE = 0.03  # of the accuracy of a whole run, for the estimate of one step
 FLOORS = {  # the least range of a quantity by its unit: what moves by less is as accurate as if it moved by that
     "rad": 1e-3,
     "m": 1e-4,
@@ -54,18 +55,18 @@ class Allowed:
         shares = error / allowed
         return scalar.sqrt(sum(entry * entry for entry in shares) / len(shares))
 
-    def share_of_range(self, error: Array, ranges: Array) -> tuple[Scalar, Scalar]:
-        """The largest error of a step in units of what its entry may be wrong by, NaN if any is not finite; and which that is.
+    def share_of_range(self, error: Array, ranges: Array, places: Sequence[int]) -> tuple[Scalar, Scalar]:
+        """The largest error of a step in units of what its entry may be wrong by, NaN if any is not finite; and its place.
 
         Of two entries, a/b and c/d are compared as a d and c b, so that one division is enough for all.
         """
         assert self.accuracy is not None
         errors = scalar.abs(error)
-        largest, beside, worst = errors[0], ranges[0], 0.0
+        largest, beside, worst = errors[0], ranges[0], float(places[0])
         for k in range(1, len(errors)):
             more = scalar.less(largest * ranges[k], errors[k] * beside)
             largest, beside = scalar.where(more, errors[k], largest), scalar.where(more, ranges[k], beside)
-            worst = scalar.where(more, float(k), worst)
+            worst = scalar.where(more, float(places[k]), worst)
         # Comparisons lose a NaN, and an infinite range hides its error: the sum keeps both.
         finite = scalar.less_equal(sum(errors) + sum(ranges), sys.float_info.max)
         return scalar.where(finite, largest / (SHARE * self.accuracy * beside), np.nan), worst

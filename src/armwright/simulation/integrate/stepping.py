@@ -26,6 +26,7 @@ from armwright.simulation.plant.switching import Watched, switching_programs
 MOST_SUBSTEPS = 1000  # trials in one tick, if nothing else is said
 ACCURACY = 1e-3  # of each quantity's range, at the end of a run
 LEAST_TOLERANCE = 1e-14  # below it an estimate is rounding
+LEAST_ACCURACY = 1e-12  # of a run, of which one step has a small part
 NO_EVENTS: Mapping[str, EventFunction] = {}
 
 
@@ -61,9 +62,9 @@ class Adaptivity:
         """
         auto, chooses, steps = rule == "auto", rule in TOLERANCES, rule in STEPPING
         whole = isinstance(max_substeps, Integral) and _is_number(max_substeps) and int(max_substeps) > 0
-        tolerance = f"a number of at least {LEAST_TOLERANCE:g} and below 1"
+        tolerance, least = (f"a number of at least {v:g} and below 1" for v in (LEAST_TOLERANCE, LEAST_ACCURACY))
         checks = (  # name, value, whether it fits the rule, the rules that it fits, whether it may stand there, expected
-            ("accuracy", accuracy, auto, "'auto' without a step", _is_tolerance(accuracy), tolerance),
+            ("accuracy", accuracy, auto, "'auto' without a step", _is_tolerance(accuracy, LEAST_ACCURACY), least),
             ("rtol", rtol, chooses, "'rk45', 'rodas3' or 'cvodes'", _is_tolerance(rtol), tolerance),
             ("atol", atol, chooses, "'rk45', 'rodas3' or 'cvodes'", _is_positive(atol), "a number above 0 and below 1"),
             (
@@ -102,8 +103,8 @@ def _is_positive(value: Any) -> bool:
     return _is_number(value) and 0.0 < value < 1.0
 
 
-def _is_tolerance(value: Any) -> bool:
-    return _is_number(value) and LEAST_TOLERANCE <= value < 1.0
+def _is_tolerance(value: Any, least: float = LEAST_TOLERANCE) -> bool:
+    return _is_number(value) and least <= value < 1.0
 
 
 def speed_pairs(layout: Layout) -> Pairs:
@@ -114,6 +115,12 @@ def speed_pairs(layout: Layout) -> Pairs:
         for q, qd in pairs
         for position, speed in zip(range(q.start, q.stop), range(qd.start, qd.stop), strict=True)
     ]
+
+
+def places_watched(layout: Layout) -> list[int]:
+    """Places in a state of what is compared with its range: all but positions, whose speeds are wrong by as large a part."""
+    positions = {position for position, _ in speed_pairs(layout)}
+    return [k for k in range(layout.size) if k not in positions]
 
 
 def dormand_prince_trial(
@@ -156,7 +163,8 @@ def adaptive_stage(
         dict(adaptivity.events),
         adaptivity.allowed,
     )
-    by_range = {"x_first": shapes["x"], "reach": shapes["x"]} if allowed.accuracy is not None else {}
+    places = places_watched(layout) if allowed.accuracy is not None else []
+    by_range = dict.fromkeys(("x_first", "reach") if places else (), (len(places),))
 
     def trial(x: Array, *rest: Array) -> tuple[Array, ...]:
         inputs, h = rest[: len(held) - 1], rest[-1]
@@ -166,8 +174,8 @@ def adaptive_stage(
             share = allowed.share(x, new, error)
             return (new, share, _landing(growth(share, order), share, part), *(path if events else ()))
         first, reach = rest[len(held) - 1 : -1]
-        reach = scalar.maximum(reach, scalar.abs(new - first))
-        share, worst = allowed.share_of_range(error, reach)
+        reach = scalar.maximum(reach, scalar.abs(new[places] - first))
+        share, worst = allowed.share_of_range(error[places], reach, places)
         return new, share, _landing(quick_growth(share), share, part), worst, reach
 
     names = ("worst", f"reach{NEXT}") if by_range else ("path",) * bool(events)
@@ -184,8 +192,9 @@ def _landing(grow: Scalar, share: Scalar, part: Scalar | None) -> Scalar:
 def begin_adaptive(lanes: Lanes, adaptivity: Adaptivity, layout: Layout, x0: np.ndarray) -> None:
     """Fills the blocks that `adaptive_stage` adds, for lanes that begin in x0 (lanes, nx) at t = 0."""
     if adaptivity.allowed.accuracy is not None:
-        lanes.set("x_first", x0)
-        lanes.set("reach", floors(layout))
+        places = places_watched(layout)
+        lanes.set("x_first", x0[:, places])
+        lanes.set("reach", floors(layout)[places])
     if adaptivity.events:
         watched = dict(adaptivity.events)
         g = trace("sides", lambda x: event_values(watched, layout, 0.0, x), {"x": x0.shape[1:]}, ("g",))

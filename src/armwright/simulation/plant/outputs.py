@@ -117,7 +117,11 @@ class PlantOutputs(PlantFlow):
             leaves.append(entering if joint.gear_loss is None else joint.gear_loss.output(entering))
             friction.append(joint.friction)
         torques = to_joints(self.shares, leaves) - scalar.array(friction)
-        return torques if flow.holding is None else torques + flow.holding
+        if flow.holding is None:
+            return torques
+        bodies = self.model.coordinates  # what holds a joint behind an elastic gear acts after the gear
+        held = [hold if body.elasticity is None else 0.0 for body, hold in zip(bodies, flow.holding, strict=True)]
+        return torques + scalar.array(held)
 
     def energy_rates(self, x: Array, inputs: PlantInputs | Array) -> dict[str, Scalar]:
         """Powers [W]; what comes in is  electrical = heat + friction + mechanical + d/dt `stored_energy`.

@@ -246,7 +246,8 @@ def _limit_exponential(
     if fails is None:
         row = int(np.argmax(swinging.max(axis=1)))
         return high, 1.0 / fastest if fastest else LONGEST, row
-    explicit = 1.0 / float(np.abs(linear.rates).max())  # of the rest, whose errors may make slow modes grow
+    # Of the rest, if there is any, whose errors may make slow modes grow.
+    explicit = 1.0 / max(float(np.abs(linear.rates).max(initial=0.0)), 1.0 / LONGEST)
     low, (constant, row) = 1e-6 * high, fails
     while high > FINE * low:
         middle = float(np.sqrt(low * high))
