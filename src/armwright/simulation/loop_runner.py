@@ -196,6 +196,9 @@ class LoopRunner:
         if self._solver is not None:
             seen = {name + SEEN for name in self.loop.tick.seen}
             kept |= {"u", *seen} & {name for loop in self.loop.loops for name in loop.sizes}
+        kept |= {"x_first"} & {
+            name for loop in self.loop.loops for name in loop.sizes
+        }  # where ranges are measured from
         if self.scenario.sampled and self.scenario.reference is None:
             kept.add("r")  # where it began, and stays
         return kept - {"reduced"}
