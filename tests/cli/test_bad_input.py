@@ -51,6 +51,7 @@ REFUSED = [
     ((*SIMULATE, "--step", "0"), "solver.step = 0.0: expected a time above 0 [s]"),
     ((*SIMULATE, "--step", "0.03"), "expected a multiple of solver.step = 0.03 s"),
     ((*SIMULATE, "--record-every", "-1"), "recording.every = -1"),
+    ((*SIMULATE, "--accuracy", "0"), "--accuracy = 0.0: expected a number of at least 1e-12 and below 1"),
     ((*SIMULATE, "--record-every", "1.5"), "Invalid value for '--record-every'"),
     ((*SIMULATE, "-o", "run.mat"), "run.mat: the ending '.mat' is not offered; expected .nc, .csv or .parquet"),
     ((*SIMULATE, "-o", "nowhere/run.nc"), "nowhere/run.nc: there is no folder 'nowhere'"),

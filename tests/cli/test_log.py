@@ -1,5 +1,7 @@
 """`armwright log`: a summary, findings, and exit code 2 for a log that cannot be used."""
 
+import pytest
+
 from cli.test_commands import run
 from identification.logs import ALL, columns, written
 
@@ -42,3 +44,12 @@ def test_mistakes_are_one_line(tmp_path):
         result = run("log", *arguments, code=2)
         assert result.stderr.startswith("armwright: error: ")
         assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_picture_of_constants_has_no_spectrum_of_them(tmp_path):
+    table = columns()
+    table["m1"][:], table["m2"][:] = 4.0, 1.5
+    text = run("log", str(written(tmp_path, ALL, {"arm.csv": table})), "--plot", str(tmp_path / "log.svg")).stdout
+    assert "constant, 4 N m" in text
+    assert "wrote" in text

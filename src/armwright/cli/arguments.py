@@ -173,7 +173,7 @@ def refuse_allow(folders: list[Path] | None) -> None:
 
 @contextmanager
 def naming_options(*names: str) -> Iterator[None]:
-    """Errors about fields of a scenario name the options of the command that gave them: `duration` → `--duration`.
+    """Errors about fields of a scenario name the options of the command that gave them: `solver.accuracy` → `--accuracy`.
 
     Raises:
         ScenarioError: as it was raised, its place an option where it is one of these fields.
@@ -182,7 +182,9 @@ def naming_options(*names: str) -> Iterator[None]:
         yield
     except ScenarioError as error:
         problems = [
-            replace(each, place=f"--{each.place}", value=ABSENT if each.value is None else each.value)
+            replace(
+                each, place=f"--{each.place.rpartition('.')[2]}", value=ABSENT if each.value is None else each.value
+            )
             if each.place in names
             else each
             for each in error.problems

@@ -35,10 +35,9 @@ if TYPE_CHECKING:
 
 ROWS = 65536  # of a block: a few megabytes for a whole arm
 MOST_VALUES = 200_000_000  # of a run in memory: 1.6 GB
-LARGEST, LATEST = (
-    1e30,
-    1e12,
-)  # of a signal in SI units, and of a time in s: larger numbers are damage, and would overflow
+# Larger numbers are damage, and their squares would overflow.
+LARGEST = 1e30  # of a signal in SI units
+LATEST = 1e12  # [s] of a time
 LEVELS = ("error", "note")
 
 
@@ -511,11 +510,11 @@ def _blocks(log: Log, run: LogRun, tables: Mapping[str, MeasuredTable], rows: in
     clock = Clock(table.time, None if table.time.column is None else tables[table.only(table.time.file)])
     timed = table.only(table.time.file) if table.time.column is not None else None
     in_step: dict[str, Iterator[list[np.ndarray]]] = {}
-    apart: dict[str, Interpolated] = {}
+    interpolated: dict[str, Interpolated] = {}
     for key, source in tables.items():
         own = table.files[key].time
         if own is not None:
-            apart[key] = Interpolated(source, Clock(own, source), columns[key], rows, clock)
+            interpolated[key] = Interpolated(source, Clock(own, source), columns[key], rows, clock)
         elif columns[key] or key == timed:
             ahead = [] if key != timed or table.time.column is None else [table.time.column]
             in_step[key] = source.blocks([*ahead, *columns[key]], rows)
@@ -527,7 +526,7 @@ def _blocks(log: Log, run: LogRun, tables: Mapping[str, MeasuredTable], rows: in
         if timed is not None:
             t = np.where(np.isfinite(t), t, np.nan)
             _refuse_absurd(t, LATEST, "s", tables[timed], table.time.column, row)
-        for key, each in apart.items():
+        for key, each in interpolated.items():
             parts[key] = each.at(t)
         yield Block(row, t, _signals(log, groups, units, parts, tables, row))
         row += count

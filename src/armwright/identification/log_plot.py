@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 ENDINGS = (".png", ".svg", ".pdf")
 POINTS = 20_000  # of a curve: more do not show
+ROUNDING = 1e-12  # of the largest value: what filters leave of a constant
 FAINT = 0.35  # opacity of what was logged, behind what was prepared
 
 
@@ -72,11 +73,15 @@ def draw_log(log: Log, run: str | None = None, preparation: Preparation | None =
         unit = prepared[name].attrs["units"]
         left.set_ylabel(f"{name} [{unit}]", color=TEXT)
         right.set_ylabel(f"{name} [{unit}/√Hz]", color=TEXT)
+        drawn = bool(right.lines)
+        if not drawn:
+            right.text(0.5, 0.5, "constant", transform=right.transAxes, ha="center", color=TEXT)
+            right.set(yticks=[])
         right.axvline(preparation.cutoff, color=TEXT, linestyle="--", linewidth=0.8)
         for axis in (left, right):
             axis.grid(color=GRID, linewidth=0.6)
             axis.spines[["top", "right"]].set_visible(False)
-        right.set(xscale="log", yscale="log")
+        right.set(xscale="log", yscale="log" if drawn else "linear")
     axes[-1][0].set_xlabel("time [s]", color=TEXT)
     axes[-1][1].set_xlabel("frequency [Hz]", color=TEXT)
     figure.legend(
@@ -96,7 +101,7 @@ def _over_time(axis: Axes, t: np.ndarray, values: np.ndarray, colour: str, opaci
 
 def _spectrum(axis: Axes, values: np.ndarray, rate: float, colour: str, opacity: float) -> None:
     column = longest_finite(values)
-    if len(column) < 16 or column.std() == 0:
+    if len(column) < 16 or column.std() <= ROUNDING * np.abs(column).max():
         return
     f, power = spectrum(column, rate)
     axis.plot(f, np.sqrt(power), color=colour, alpha=opacity, linewidth=0.9)
