@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from armwright.description import built_from, drive, drive_effects, robot, springs
-from armwright.identification import log_file as log
+from armwright.identification.logs import log_file as log
 from armwright.lazy_schema import Later
 from armwright.modules import assembly, library, task
 from armwright.parts import materials

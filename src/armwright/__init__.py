@@ -40,9 +40,9 @@ if TYPE_CHECKING:
         spring_torques,
     )
     from armwright.errors import ArmwrightError
-    from armwright.identification.log import Log, read_log
-    from armwright.identification.log_plot import plot_log
-    from armwright.identification.preparation import Preparation, choose_preparation, prepare_log
+    from armwright.identification.logs.log import Log, read_log
+    from armwright.identification.logs.plot import plot_log
+    from armwright.identification.logs.preparation import Preparation, choose_preparation, prepare_log
     from armwright.interfaces import Controller, JointReference, Measurement, Sensor, Trajectory
     from armwright.kernels.compiled import CompiledArm
     from armwright.kernels.compiled import compile_arm as compile
@@ -97,9 +97,9 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
         *("regressor", "regressor_drive", "spring_torques"),
     ),
     "armwright.errors": ("ArmwrightError",),
-    "armwright.identification.log": ("Log", "read_log"),
-    "armwright.identification.log_plot": ("plot_log",),
-    "armwright.identification.preparation": ("Preparation", "choose_preparation", "prepare_log"),
+    "armwright.identification.logs.log": ("Log", "read_log"),
+    "armwright.identification.logs.plot": ("plot_log",),
+    "armwright.identification.logs.preparation": ("Preparation", "choose_preparation", "prepare_log"),
     "armwright.kernels.compiled": ("CompiledArm", "compile"),
     "armwright.kinematics": ("forward_kinematics", "jacobian", "jacobian_dot_qd"),
     "armwright.model": ("Model",),

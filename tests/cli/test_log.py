@@ -3,7 +3,7 @@
 import pytest
 
 from cli.test_commands import run
-from identification.logs import ALL, columns, written
+from identification.logs.example_logs import ALL, columns, written
 
 
 def test_a_log_is_shown(tmp_path):

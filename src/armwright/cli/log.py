@@ -12,7 +12,7 @@ from armwright.cli.tables import console_for_tables, number, table
 from armwright.terminal import say
 
 if TYPE_CHECKING:
-    from armwright.identification.log import Log
+    from armwright.identification.logs.log import Log
 
 UNUSABLE = 2  # the exit code where a log cannot be used
 HEADS = ("run", "use", "rows", "duration [s]", "rate [Hz]", "jitter", "gaps", "stretches")
@@ -42,8 +42,8 @@ def log(
     """
     import armwright as aw
     from armwright.cli.progress import progress
-    from armwright.identification.log_plot import check_log_plot, plot_log
-    from armwright.identification.preparation import choose_preparation
+    from armwright.identification.logs.plot import check_log_plot, plot_log
+    from armwright.identification.logs.preparation import choose_preparation
 
     if picture is not None:
         check_log_plot(picture)

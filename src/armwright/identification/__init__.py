@@ -1,1 +1,1 @@
-"""Identification: from logs of measurements to parameters with error bars. So far: logs, their checks and their preparation."""
+"""Identification: from logs of measurements to parameters with error bars, and a verdict on data that was not used."""

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from armwright.errors import LogError
-from armwright.identification.log_file import OwnTime
-from armwright.identification.log_tables import MeasuredTable
-from armwright.identification.units import TIME
+from armwright.identification.logs.log_file import OwnTime
+from armwright.identification.logs.tables import MeasuredTable
+from armwright.identification.logs.units import TIME
 
 WIDEST = 4.0  # times a clock's usual period: signals are not interpolated across a wider gap
 

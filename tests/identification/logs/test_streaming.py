@@ -8,14 +8,14 @@ import sys
 import numpy as np
 import pytest
 
-from identification.logs import HEAD, POSITIONS, TORQUES, motion, written
+from identification.logs.example_logs import HEAD, POSITIONS, TORQUES, motion, written
 
 SHORT, LONG = 200_000, 2_000_000  # rows: more than one block, and 80 MB of numbers
 ALLOWED = 40.0  # MB beyond the short log
 PROGRAM = """
 import re, sys
 import armwright as aw
-from armwright.identification.preparation import prepared_blocks
+from armwright.identification.logs.preparation import prepared_blocks
 for path in sys.argv[1:]:
     log = aw.read_log(path)
     rows = sum(len(block.t) for _, block in prepared_blocks(log, "run1", aw.choose_preparation(log)))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.identification.census import census_of, longest
-from armwright.identification.log import Log, run_blocks
-from identification.logs import ALL, columns, written
+from armwright.identification.logs.census import census_of, longest
+from armwright.identification.logs.log import Log, run_blocks
+from identification.logs.example_logs import ALL, columns, written
 
 COUNTED = (
     "rows",

@@ -10,9 +10,9 @@ import pytest
 
 import armwright as aw
 from armwright.errors import LogError
-from armwright.identification.log_file import FileTable
-from armwright.identification.log_tables import open_table
-from identification.logs import ALL, columns, written
+from armwright.identification.logs.log_file import FileTable
+from armwright.identification.logs.tables import open_table
+from identification.logs.example_logs import ALL, columns, written
 
 NUMBERS = [[0.0, 1.5, -2.0], [0.1, 2.5, 1e-3], [0.2, 3.5, 7.0]]
 DIALECTS = {  # text, how it is described

@@ -21,11 +21,11 @@ import numpy as np
 from scipy import signal as sp
 
 from armwright.errors import LogError, Problem
-from armwright.identification.census import Census, Places, SignalCensus
-from armwright.identification.delay import Delay, delay_between
-from armwright.identification.log import Finding, Log, LogRun
-from armwright.identification.preparation import choose_preparation, longest_finite, settling
-from armwright.identification.quantisation import quantisation_step
+from armwright.identification.logs.census import Census, Places, SignalCensus
+from armwright.identification.logs.delay import Delay, delay_between
+from armwright.identification.logs.log import Finding, Log, LogRun
+from armwright.identification.logs.preparation import choose_preparation, longest_finite, settling
+from armwright.identification.logs.quantisation import quantisation_step
 
 UNEVEN, WILD = 0.01, 0.3  # jitter as a share of the period that is noted, and that no interpolation mends
 STAY = 5  # rows at an extreme that look like a limit

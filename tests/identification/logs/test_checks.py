@@ -10,9 +10,9 @@ from scipy.signal import sosfiltfilt
 
 import armwright as aw
 from armwright.errors import LogError
-from armwright.identification.log_checks import motion_delay
-from armwright.identification.preparation import low_pass
-from identification.logs import ALL, HEAD, RATE, columns, motion, written
+from armwright.identification.logs.checks import motion_delay
+from armwright.identification.logs.preparation import low_pass
+from identification.logs.example_logs import ALL, HEAD, RATE, columns, motion, written
 
 
 def findings(folder, change=None, text=ALL, level=None):

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
-from armwright.identification.units import COUNTS, QUANTITIES, SHARES, plain_unit
+from armwright.identification.logs.units import COUNTS, QUANTITIES, SHARES, plain_unit
 from armwright.quantity import Record
 from armwright.validation import Invalid
 

@@ -8,7 +8,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import LogError
-from identification.logs import ALL, written
+from identification.logs.example_logs import ALL, written
 
 MISTAKES = {  # replaced → by; what the error says
     "an unknown key": ('title = "Two joints"', 'titel = "x"', r"titel = 'x': unknown key; did you mean title"),

@@ -10,7 +10,7 @@ import numpy as np
 from armwright.errors import LogError
 
 if TYPE_CHECKING:
-    from armwright.identification.log import Block, Log, LogRun, Stretch
+    from armwright.identification.logs.log import Block, Log, LogRun, Stretch
 
 GAP = 1.5  # times the usual period: a longer step of time is a gap
 BRIEFEST = 1e-9  # [s] from row to row: less is no clock
@@ -208,7 +208,7 @@ def _cut(state: _Pass, t: np.ndarray, row: int, good: np.ndarray, breaks: np.nda
 
 def _close(state: _Pass, end: int, stop: float) -> None:
     """Ends the open stretch before a row."""
-    from armwright.identification.log import Stretch
+    from armwright.identification.logs.log import Stretch
 
     if state.open_begin is not None and end > state.open_begin:
         state.stretches.append(Stretch(state.open_begin, end, state.open_start, stop))

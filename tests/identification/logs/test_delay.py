@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from armwright.identification.delay import delay_between
-from armwright.identification.quantisation import quantisation_step
+from armwright.identification.logs.delay import delay_between
+from armwright.identification.logs.quantisation import quantisation_step
 
 T = np.arange(3000) * 0.01
 

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import LogError
-from armwright.identification.log_file import FileTable
+from armwright.identification.logs.log_file import FileTable
 from armwright.reading import opened, refuse_other_entries
 from armwright.results.tables import WITH_UNIT
 

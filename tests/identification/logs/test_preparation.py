@@ -10,8 +10,8 @@ from scipy import signal as sp
 
 import armwright as aw
 from armwright.errors import LogError
-from armwright.identification.preparation import motion_band, prepared_blocks, spectrum
-from identification.logs import ALL, HEAD, POSITIONS, RATE, TORQUES, columns, motion, written
+from armwright.identification.logs.preparation import motion_band, prepared_blocks, spectrum
+from identification.logs.example_logs import ALL, HEAD, POSITIONS, RATE, TORQUES, columns, motion, written
 
 TWO = HEAD + POSITIONS + TORQUES
 

@@ -18,10 +18,10 @@ import numpy as np
 from armwright.description import builtin_names
 from armwright.description.toml_file import read_document
 from armwright.errors import DescriptionError, LogError, Problem
-from armwright.identification.clocks import Clock, Interpolated
-from armwright.identification.log_file import GearsTable, LogTable, SignalTable
-from armwright.identification.log_tables import MeasuredTable, open_table
-from armwright.identification.units import COUNTS, OF_SIGNAL, QUANTITIES, SHARES, plain_unit
+from armwright.identification.logs.clocks import Clock, Interpolated
+from armwright.identification.logs.log_file import GearsTable, LogTable, SignalTable
+from armwright.identification.logs.tables import MeasuredTable, open_table
+from armwright.identification.logs.units import COUNTS, OF_SIGNAL, QUANTITIES, SHARES, plain_unit
 from armwright.model import Model
 from armwright.model.load import load
 from armwright.reading import opened
@@ -31,7 +31,7 @@ from armwright.validation import validated
 if TYPE_CHECKING:
     import xarray as xr
 
-    from armwright.identification.census import Census
+    from armwright.identification.logs.census import Census
 
 ROWS = 65536  # of a block: a few megabytes for a whole arm
 MOST_VALUES = 200_000_000  # of a run in memory: 1.6 GB
@@ -268,8 +268,8 @@ def read_log(
         LogError: no such file, a key or a column that is not there, a cell that holds no number; and with "raise" all
             errors of the checks in `problems`.   DescriptionError: the robot's file cannot be believed.
     """
-    from armwright.identification.census import census_of
-    from armwright.identification.log_checks import check_log
+    from armwright.identification.logs.census import census_of
+    from armwright.identification.logs.checks import check_log
 
     if on_error not in ("raise", "keep"):
         raise LogError(place="on_error", value=on_error, expected='"raise" or "keep"')

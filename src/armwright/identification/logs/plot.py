@@ -7,8 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armwright.identification.log import Log
-from armwright.identification.preparation import Preparation, choose_preparation, longest_finite, prepare_log, spectrum
+from armwright.identification.logs.log import Log
+from armwright.identification.logs.preparation import (
+    Preparation,
+    choose_preparation,
+    longest_finite,
+    prepare_log,
+    spectrum,
+)
 from armwright.output import check_destination, whole_file
 from armwright.results.plot import GRID, TEXT, save_figure
 from armwright.results.plot_curves import COLOURS

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 import armwright as aw
 from armwright.errors import LogError
-from armwright.identification.quantisation import quantisation_step
-from identification.logs import ALL, HEAD, POSITIONS, RATE, SPEEDS, TORQUES, columns, motion, written
+from armwright.identification.logs.quantisation import quantisation_step
+from identification.logs.example_logs import ALL, HEAD, POSITIONS, RATE, SPEEDS, TORQUES, columns, motion, written
 
 UNITS = {"rad": 1.0, "deg": np.pi / 180, "turn": 2 * np.pi, "counts": 2 * np.pi / 4096}
 

@@ -15,8 +15,8 @@ import numpy as np
 from scipy import signal as sp
 
 from armwright.errors import LogError
-from armwright.identification.log import ROWS, Block, Log, LogRun, Stretch
-from armwright.identification.quantisation import quantisation_step
+from armwright.identification.logs.log import ROWS, Block, Log, LogRun, Stretch
+from armwright.identification.logs.quantisation import quantisation_step
 
 if TYPE_CHECKING:
     import xarray as xr
