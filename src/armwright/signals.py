@@ -19,6 +19,8 @@ from armwright import scalar
 from armwright.errors import ShapeError, nearest
 from armwright.scalar import Array
 
+LARGEST = 10**6  # entries of a signal, which has a unit for each
+
 
 @dataclass(frozen=True)
 class Signal:
@@ -45,6 +47,10 @@ class Signal:
             raise ShapeError(place="signal", value=self.name, expected="a name of letters, digits and _")
         for name, kind in (("shape", int), ("joints", int), ("labels", str), ("units", str)):
             self._check_list(name, kind)
+        if self.size > LARGEST:
+            raise ShapeError(
+                place=f"signal {self.name!r} shape", value=self.shape, expected=f"at most {LARGEST} entries"
+            )
         units = (self.units,) * self.size if isinstance(self.units, str) else tuple(self.units)
         object.__setattr__(self, "units", units)
         for name, entries in (("units", units), ("joints", self.joints)):

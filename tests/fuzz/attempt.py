@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -94,8 +95,13 @@ class Guard:
             except (ValueError, TypeError):  # a zero byte: nothing was opened
                 return
             is_allowed = f"{place}{os.sep}".startswith(self.allowed) or self.root.is_relative_to(place)
-            if not is_allowed and not self._is_named(os.fsdecode(arguments[0]), place):
-                self.seen.append(f"{event} {os.fsdecode(arguments[0])}"[:200])
+            if is_allowed or self._is_named(os.fsdecode(arguments[0]), place):
+                return
+            if TEMPORARY.fullmatch(os.path.basename(place)) and f"{os.path.dirname(place)}{os.sep}" in self.named:
+                raise PermissionError(
+                    errno.EACCES, os.strerror(errno.EACCES), place
+                )  # the case may, this machine's files stay
+            self.seen.append(f"{event} {os.fsdecode(arguments[0])}"[:200])
 
     def _is_named(self, path: str, place: str) -> bool:
         """True of a file that the user named, and of the temporary file of a write to one, or to what a named link leads to."""
