@@ -28,7 +28,7 @@ def test_an_unusable_log_ends_with_2_and_all_its_errors(tmp_path):
     result = run("log", str(written(tmp_path, ALL, {"arm.csv": table})), "--plot", str(tmp_path / "x.png"), code=2)
     assert "wrong sign" in result.stdout
     assert "degrees" in result.stdout
-    assert "2 errors: the log cannot be used" in result.stdout
+    assert "2 errors: the log cannot be used" in result.stderr
     assert not (tmp_path / "x.png").exists()
 
 

@@ -9,12 +9,12 @@ import typer
 
 from armwright.cli.arguments import option
 from armwright.cli.tables import console_for_tables, number, table
+from armwright.errors import LogError
 from armwright.terminal import say
 
 if TYPE_CHECKING:
     from armwright.identification.logs.log import Log
 
-UNUSABLE = 2  # the exit code where a log cannot be used
 HEADS = ("run", "use", "rows", "duration [s]", "rate [Hz]", "jitter", "gaps", "stretches")
 
 
@@ -58,10 +58,9 @@ def log(
             if finding.level == level:
                 console.print(f"\n{finding}", style=style, soft_wrap=True, markup=False, highlight=False)
     if found.errors:
-        say(
-            f"\n{len(found.errors)} error{'s' * (len(found.errors) != 1)}: the log cannot be used as its file describes it"
-        )
-        raise typer.Exit(UNUSABLE)
+        console.print()
+        count = f"{len(found.errors)} error{'s' * (len(found.errors) != 1)}"
+        raise LogError(f"{count}: the log cannot be used as its file describes it", file=file)
     preparation = choose_preparation(found, run, cutoff=cutoff, decimate=decimate)
     say(f"\nprepared for a fit ({found.run(run).name}):")
     for reason in preparation.reasons:

@@ -82,7 +82,7 @@ class Mesh(SolidRecord):
             surface.vertices *= scale
         if not (np.abs(surface.vertices) < FARTHEST).all():
             raise self._error(f"with scale {self.scale} a vertex is beyond {FARTHEST:g} m", "a mesh of a robot's size")
-        if scale.prod() < 0:
+        if np.sign(scale).prod() < 0:
             surface.invert()
         return surface
 
