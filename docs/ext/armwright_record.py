@@ -15,7 +15,7 @@ from armwright_tables import table
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from armwright.description import built_from, drive, drive_effects, robot, springs
+from armwright.description import built_from, drive, drive_effects, fits, robot, springs
 from armwright.identification.logs import log_file as log
 from armwright.lazy_schema import Later
 from armwright.modules import assembly, library, task
@@ -60,6 +60,7 @@ TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("[[frames]]", "", (robot.NamedFrame,)),
     ("[[cylinders]]", "", (springs.Cylinder,)),
     ("[built_from]", "", (built_from.BuiltFrom,)),
+    ("[fits.KEY]", "", (fits.Fit,)),
     ("A number with its source", "", (Quantity,)),
 )
 PARTS_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (

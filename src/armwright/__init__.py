@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         spring_torques,
     )
     from armwright.errors import ArmwrightError
+    from armwright.identification.estimate import Estimate, write_into
     from armwright.identification.logs.log import Log, read_log
     from armwright.identification.logs.plot import plot_log
     from armwright.identification.logs.preparation import Preparation, choose_preparation, prepare_log
@@ -97,6 +98,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
         *("regressor", "regressor_drive", "spring_torques"),
     ),
     "armwright.errors": ("ArmwrightError",),
+    "armwright.identification.estimate": ("Estimate", "write_into"),
     "armwright.identification.logs.log": ("Log", "read_log"),
     "armwright.identification.logs.plot": ("plot_log",),
     "armwright.identification.logs.preparation": ("Preparation", "choose_preparation", "prepare_log"),
@@ -144,6 +146,7 @@ __all__ = [
     "ComputedTorque",
     "Controller",
     "Draw",
+    "Estimate",
     "Inputs",
     "JointPID",
     "JointReference",
@@ -226,6 +229,7 @@ __all__ = [
     "statistics",
     "step_study",
     "to_toml",
+    "write_into",
     "write_parts",
     "write_toml",
 ]

@@ -51,6 +51,22 @@ def check_robot(robot: Any) -> None:
             raise Invalid.of(error.problem.within(f"joint {joint.name!r}")) from None
     _check_motors_move_joints([joint for joint in moving if joint.mimic is None])
     check_sources(robot)
+    _check_fits(robot)
+
+
+def _check_fits(robot: Any) -> None:
+    """Refuses a fit whose numbers or whose source are not in the file."""
+    if not robot.fits:
+        return
+    paths = {path for path, _, _ in quantities(robot)}
+    for key, fit in robot.fits.items():
+        if fit.source not in robot.sources:
+            raise Invalid(
+                "no key of [sources]", place=f"fits.{key}.source", value=fit.source, choices=tuple(robot.sources)
+            )
+        for path in fit.names:
+            if path.partition("[")[0] not in paths:
+                raise Invalid("no number has this path", place=f"fits.{key}.names", value=path, choices=tuple(paths))
 
 
 def check_sources(robot: Any) -> None:

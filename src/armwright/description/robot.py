@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         SlideBrake,
         Supply,
     )
+    from armwright.description.fits import Fit
     from armwright.description.springs import Cylinder, LinearSpring, RotarySpring
     from armwright.solids.visual import Visual
 else:
@@ -41,6 +42,7 @@ else:
         *("LinearElasticity", "LinearStops", "RotaryBrake", "RotaryElasticity", "RotaryStops", "SlideBrake", "Supply"),
     )
     (BuiltFrom,) = imported_later("armwright.description.built_from", "BuiltFrom")
+    (Fit,) = imported_later("armwright.description.fits", "Fit")
     Cylinder, LinearSpring, RotarySpring = imported_later(
         "armwright.description.springs", "Cylinder", "LinearSpring", "RotarySpring"
     )
@@ -278,6 +280,9 @@ class RobotDescription(Record):
         description="The frame or link that kinematics and wrench are about; absent: the last link of a chain.",
     )
     built_from: BuiltFrom | None = Field(default=None, description="Where the links were computed from.")
+    fits: dict[str, Fit] = Field(
+        default_factory=dict, description="[fits.KEY]: the fits that numbers of the kind fit came from."
+    )
     remarks: tuple[str, ...] = Field(
         default=(), description="What was left out or doubtful where it was read from another format; told on load."
     )

@@ -48,13 +48,15 @@ def to_toml(arm: Arm | RobotDescription, folder: str | os.PathLike[str] | None =
     head = {
         name: value
         for name, value in _present_fields(description).items()
-        if name not in (*LISTS, "sources", "built_from")
+        if name not in (*LISTS, "sources", "built_from", "fits")
     }
     blocks = ["".join(_lines(head, place))]
     if description.built_from is not None:
         blocks.append(_table("[built_from]", description.built_from, place))
     for key, source in description.sources.items():
         blocks.append(_table(f"[sources.{_key(key)}]", source, place))
+    for key, fit in description.fits.items():
+        blocks.append(_table(f"[fits.{_key(key)}]", fit, place))
     waiting, moved = list(description.links), set()
     for joint in description.joints:
         moved.add(joint.child)

@@ -18,7 +18,16 @@ from armwright.robotfiles.dynamic_effect import DynamicEffect, dynamic_effect
 
 Arm = str | os.PathLike[str] | Model | RobotDescription
 WHOLE = ("joints", "links", "frames", "cylinders")  # whose items come and go as a whole
-NOT_PHYSICAL = ("sources", "built_from", "remarks", "notes", "title", "name", "source")  # of the description itself
+NOT_PHYSICAL = (
+    "sources",
+    "built_from",
+    "fits",
+    "remarks",
+    "notes",
+    "title",
+    "name",
+    "source",
+)  # of the description itself
 
 
 @dataclass(frozen=True)

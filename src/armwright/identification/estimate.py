@@ -1,0 +1,337 @@
+"""Estimate: the result of every fit to a log, and the robot file that it is written into."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import InlineTable
+
+from armwright.description import builtin_names
+from armwright.description.database import parse, read_description
+from armwright.description.paths import quantities, unit_at
+from armwright.description.record_of import Arm, record_of
+from armwright.description.robot import RobotDescription
+from armwright.description.toml_file import read_text
+from armwright.description.writer import to_toml
+from armwright.errors import ModelError, OutputError
+from armwright.output import check_destination, whole_file
+
+Verdict = Literal["identified", "not identified"]
+HALF_95 = 1.959963984540054  # standard deviations from the middle to the end of a normal 95 % interval
+TOP = ("gravity_m_s2", "supply")  # tables of a robot file that hold numbers and have no name
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Numbers that a log gave, with their uncertainty, and how well they predict it.
+
+    Attributes:
+        names: (n) paths of the record, "joint1.motor.resistance_ohm", or names of what no record has: "base3",
+            "delay_s", "prbs: offset_v".
+        values: (n,).   covariance: (n, n); NaN where it is not known.   units: (n).
+        at_bound: (n,) True where a value stands at a bound of its search: its deviation means nothing.
+        identifiable: (n,) False where the log cannot tell the number, which stays at the record's value.
+        remarks: sentences for the user: what cannot be told apart, what stands at a bound, what would tell.
+        condition: number of the scaled Jacobian or regressor.   fit: measures by signal or joint: fit_percent, r2, rms.
+        sha256: of the log.   method: one line.   verdict: "identified" or "not identified".   log: its file's name.
+    """
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    covariance: np.ndarray
+    sha256: str
+    method: str
+    units: tuple[str, ...] = ()
+    at_bound: np.ndarray | None = None
+    identifiable: np.ndarray | None = None
+    remarks: tuple[str, ...] = ()
+    condition: float = float("nan")
+    fit: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    verdict: Verdict = "identified"
+    log: str = ""
+
+    def __post_init__(self) -> None:
+        names, count = tuple(self.names), len(self.names)
+        defaults = {"at_bound": np.zeros(count, dtype=bool), "identifiable": np.ones(count, dtype=bool)}
+        for name, default in defaults.items():
+            given = getattr(self, name)
+            object.__setattr__(self, name, default if given is None else np.asarray(given, dtype=bool))
+        object.__setattr__(self, "names", names)
+        object.__setattr__(self, "values", np.asarray(self.values, dtype=float))
+        object.__setattr__(self, "covariance", np.asarray(self.covariance, dtype=float))
+        object.__setattr__(self, "units", tuple(self.units) or tuple(unit_at(name) for name in names))
+        assert self.values.shape == (count,)
+        assert self.covariance.shape == (count, count)
+
+    @property
+    def std(self) -> np.ndarray:
+        """(n,) standard deviations; NaN where they are not known, mean nothing at a bound, or the log tells nothing."""
+        with np.errstate(invalid="ignore"):
+            std = np.sqrt(np.diag(self.covariance))
+        return np.where(self._known, std, np.nan)
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """(n, n) matrix of correlations, 1 on its diagonal; 0 beside it where it is not known."""
+        std = np.sqrt(np.maximum(np.nan_to_num(np.diag(self.covariance)), 0.0))
+        scale = np.where(std > 0.0, std, np.inf)
+        matrix = np.clip(np.nan_to_num(self.covariance / np.outer(scale, scale)), -1.0, 1.0)
+        np.fill_diagonal(matrix, 1.0)
+        return matrix
+
+    @property
+    def _known(self) -> np.ndarray:
+        return np.asarray(self.identifiable) & ~np.asarray(self.at_bound)
+
+    def __getitem__(self, name: str) -> float:
+        """The value of that name.
+
+        Raises:
+            ModelError: no such name.
+        """
+        return float(self.values[self.number(name)])
+
+    def number(self, name: str) -> int:
+        """Place of a name.
+
+        Raises:
+            ModelError: no such name.
+        """
+        if name not in self.names:
+            raise ModelError("not estimated", place="name", value=name, choices=self.names)
+        return self.names.index(name)
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """Ends of the 95 % confidence interval, for a normal error; NaN where it is not known."""
+        k = self.number(name)
+        return self.values[k] - HALF_95 * self.std[k], self.values[k] + HALF_95 * self.std[k]
+
+    def select(self, names: Sequence[str]) -> Estimate:
+        """The same estimate with some of its numbers, in that order."""
+        places = [self.number(name) for name in names]
+        return replace(
+            self,
+            names=tuple(names),
+            values=self.values[places],
+            covariance=self.covariance[np.ix_(places, places)],
+            units=tuple(self.units[k] for k in places),
+            at_bound=np.asarray(self.at_bound)[places],
+            identifiable=np.asarray(self.identifiable)[places],
+        )
+
+    def __str__(self) -> str:
+        """A table of the numbers, then measures and remarks."""
+        rows = [("", "value", "± std", "unit", "")]
+        rows += [self._row(k) for k in range(len(self.names))]
+        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+        lines = [
+            "  ".join(
+                cell.rjust(width) if k in (1, 2) else cell.ljust(width)
+                for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+            ).rstrip()
+            for row in rows
+        ]
+        for signal, measures in self.fit.items():
+            lines.append(f"{signal}: " + ", ".join(f"{_words(name)} {value:.4g}" for name, value in measures.items()))
+        lines += [*self.remarks, f"{self.verdict} ({self.method})"]
+        return "\n".join(lines)
+
+    def _row(self, k: int) -> tuple[str, str, str, str, str]:
+        """Cells of one number."""
+        note = "at its bound" if np.asarray(self.at_bound)[k] else ""
+        note = note if np.asarray(self.identifiable)[k] else "not identified: as the record has it"
+        std = self.std[k]
+        unit = "" if self.units[k] == "1" else self.units[k]
+        return self.names[k], f"{self.values[k]:.6g}", f"{std:.2g}" if np.isfinite(std) else "", unit, note
+
+
+def _words(measure: str) -> str:
+    return {"fit_percent": "fit %", "r2": "R²", "rms": "RMS"}.get(measure, measure.replace("_", " "))
+
+
+def write_into(
+    robot: str | os.PathLike[str] | Arm | RobotDescription,
+    estimate: Estimate,
+    output: str | os.PathLike[str],
+    key: str = "fit",
+) -> Path:
+    """Writes the robot's file with the estimated numbers in it: source of kind `fit`, deviation, log's checksum, correlation.
+
+    Numbers that the log cannot tell stay as they are. `[fits.KEY]` lists names, correlations, bounds, measures and all other
+    estimates, such as delays. A TOML file keeps its comments and its order.
+
+    Args:
+        robot: an arm, its description, its name or the path of its file.   estimate: the numbers.
+        output: path of the file to write, ending in .toml; it may be the robot's own.   key: of the source and of the fit.
+    Returns:
+        path: of the file.
+    Raises:
+        OutputError: the file cannot be written.   DescriptionError: the robot cannot be believed, with these numbers or
+            without; then nothing is written.
+    """
+    path = check_destination(output, (".toml",))
+    text = updated_text(robot, estimate, path.parent, key)
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+    return path
+
+
+def updated_text(
+    robot: str | os.PathLike[str] | Arm | RobotDescription, estimate: Estimate, folder: Path, key: str = "fit"
+) -> str:
+    """The text that `write_into` writes into a folder.
+
+    Raises:
+        OutputError, DescriptionError: as `write_into`.
+    """
+    text = _text_of(robot, folder)
+    record = parse(tomlkit.parse(text).unwrap(), "robot", folder)
+    parts = _parts(text)
+    kept = np.asarray(estimate.identifiable)
+    own = [_is_of(record, name) for name in estimate.names]
+    written = [k for k, name in enumerate(estimate.names) if own[k] and kept[k]]
+    std = estimate.std
+    for k in written:
+        _set_number(parts, record, estimate.names[k], float(estimate.values[k]), float(std[k]), key)
+    _add_tables(parts, estimate, key, written, own)
+    text = "".join(tomlkit.dumps(part) for part in parts)
+    parse(tomlkit.parse(text).unwrap(), "the robot with its estimate", folder)  # refuses what cannot be believed
+    return text
+
+
+def _text_of(robot: Any, folder: Path) -> str:
+    """The robot's own file where its text may stand in that folder, else the description as TOML."""
+    if not isinstance(robot, (str, os.PathLike)):
+        return to_toml(record_of(robot), folder)
+    description = read_description(robot)
+    path = Path(os.fspath(robot))
+    if os.fspath(robot) in builtin_names() and isinstance(robot, str):
+        return (resources.files("armwright.robots") / f"{robot}.toml").read_text(encoding="utf-8")
+    same = path.resolve().parent == folder.resolve()
+    if path.suffix == ".toml" and (same or not (description.built_from or any(x.visuals for x in description.links))):
+        return read_text(path)
+    return to_toml(description, folder)
+
+
+def _parts(text: str) -> list[Any]:
+    """A robot's text cut before every joint, link, frame and cylinder, each part a document of its own.
+
+    tomlkit moves tables of one list together where others stand between them, as the links between joints.
+    """
+    cut = re.split(r"(?m)^(?=[ \t]*\[\[[ \t]*(?:joints|links|frames|cylinders)[ \t]*\]\])", text)
+    try:
+        return [tomlkit.parse(part) for part in cut]
+    except TOMLKitError:  # such a line within a text of several lines
+        return [tomlkit.parse(text)]
+
+
+def _is_of(record: RobotDescription, name: str) -> bool:
+    """True for the path of a number that the record has or may have: it begins with a joint, a link or a frame."""
+    first, _, rest = name.partition(".")
+    items = {each.name for each in (*record.joints, *record.links, *record.frames)}
+    return name.partition("[")[0] in TOP or (bool(rest) and (first in items or first in TOP))
+
+
+def _set_number(parts: list[Any], record: RobotDescription, name: str, value: float, std: float, source: str) -> None:
+    """Puts a number into its table; tables that are missing on the way are made."""
+    path, _, index = name.partition("[")
+    first, *inner, last = path.split(".") if "." in path else ("", path)
+    table: Any = parts[0] if not first else _table_of(parts, record, first)
+    for part in inner:
+        if part not in table:
+            table[part] = tomlkit.inline_table() if isinstance(table, InlineTable) else tomlkit.table()
+        table = table[part]
+    number: Any = float(f"{value:.12g}")
+    deviation: Any = float(f"{std:.4g}") if np.isfinite(std) else None
+    if index:
+        number, deviation = _with_element(table.get(last), record, path, int(index.rstrip("]")), number, deviation)
+    entry = tomlkit.inline_table()
+    entry["value"] = number
+    if deviation is not None:
+        entry["std"] = deviation
+    entry["source"] = source
+    table[last] = entry
+
+
+def _table_of(parts: list[Any], record: RobotDescription, name: str) -> Any:
+    """The table of a joint, link or frame, or a table of the file's own."""
+    for part in parts:
+        for kind in ("joints", "links", "frames"):
+            for table in part.get(kind, ()):
+                if table.get("name") == name:
+                    return table
+        if name in part:
+            return part[name]
+    raise OutputError("has no table", place=name, file=record.name, expected="its table in the robot's file")
+
+
+def _with_element(
+    old: Any, record: RobotDescription, path: str, index: int, number: float, deviation: float | None
+) -> tuple[list[float], list[float] | None]:
+    """All numbers of a vector and their deviations, one of them replaced."""
+    known = next((quantity for place, quantity, _ in quantities(record) if place == path), None)
+    value = old.get("value") if isinstance(old, dict) else old
+    values = list(value if value is not None else np.asarray(known))
+    spread = old.get("std") if isinstance(old, dict) else None
+    stds = list(spread) if isinstance(spread, (list, tuple)) else [float(spread or 0.0)] * len(values)
+    values[index], stds[index] = number, deviation or 0.0
+    return [float(v) for v in values], [float(s) for s in stds]
+
+
+def _add_tables(parts: list[Any], estimate: Estimate, key: str, written: list[int], own: list[bool]) -> None:
+    """`[sources.KEY]` and `[fits.KEY]`."""
+    source = tomlkit.table()
+    source["kind"] = "fit"
+    source["text"] = f"{estimate.method}; log {estimate.log or 'without a name'}, sha256 {estimate.sha256}"
+    fit = tomlkit.table()
+    fit["source"], fit["method"] = key, estimate.method
+    fit["log_sha256"], fit["verdict"] = estimate.sha256, estimate.verdict
+    fit["names"] = [estimate.names[k] for k in written]
+    if len(written) > 1 and np.isfinite(estimate.covariance[np.ix_(written, written)]).any():
+        matrix = estimate.correlation[np.ix_(written, written)]
+        fit["correlation"] = [[float(f"{v:.9g}") for v in matrix[k, :k]] for k in range(len(written))]
+    fit["at_bound"] = [estimate.names[k] for k in written if np.asarray(estimate.at_bound)[k]]
+    kept = np.asarray(estimate.identifiable)
+    fit["unidentified"] = [name for name, known in zip(estimate.names, kept, strict=True) if not known]
+    if np.isfinite(estimate.condition):
+        fit["condition"] = max(1.0, float(f"{estimate.condition:.6g}"))
+    others = tomlkit.inline_table()
+    for k, name in enumerate(estimate.names):
+        if not own[k] and kept[k]:
+            entry = tomlkit.inline_table()
+            entry["value"] = float(f"{estimate.values[k]:.12g}")
+            if np.isfinite(estimate.std[k]):
+                entry["std"] = float(f"{estimate.std[k]:.4g}")
+            others[name] = entry
+    measures = {
+        signal: {name: float(f"{v:.6g}") for name, v in each.items() if np.isfinite(v)}
+        for signal, each in estimate.fit.items()
+    }
+    empty = {name: value for name, value in (("others", others), ("measures", measures)) if value}
+    for name, value in {**empty, "remarks": list(estimate.remarks)}.items():
+        fit[name] = _inline(value) if name == "measures" else value
+    for name in ("at_bound", "unidentified", "remarks"):
+        if not fit[name]:
+            del fit[name]
+    for name, table in (("sources", source), ("fits", fit)):
+        document: Any = next((part for part in parts if name in part), parts[0])
+        if name not in document:
+            document[name] = tomlkit.table(is_super_table=True)
+        table.add(tomlkit.nl())
+        document[name][key] = table
+
+
+def _inline(values: Mapping[str, Any]) -> Any:
+    table = tomlkit.inline_table()
+    for name, value in values.items():
+        table[name] = _inline(value) if isinstance(value, Mapping) else value
+    return table
