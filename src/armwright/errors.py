@@ -192,6 +192,10 @@ class LogError(ArmwrightError):
     """A log of measurements cannot be read, or contradicts itself or its arm."""
 
 
+class IdentificationError(ArmwrightError):
+    """Parameters cannot be fitted as asked: too few rows, a method that needs more than the log has."""
+
+
 class OutputError(ArmwrightError):
     """A result cannot be written where it was asked to go."""
 
