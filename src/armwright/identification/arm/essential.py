@@ -1,0 +1,101 @@
+"""Essential parameters: those of a fit that the log tells well; the others are 0. [PhamGautier1991]
+
+The parameter with the largest relative deviation 100 σ_i / |β_i| is taken out, the rest is fitted again, and so on until the
+residual has grown by more than a stated share. A parameter that is taken out is not known to be 0: the log does not tell it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+from armwright.errors import IdentificationError
+
+
+@dataclass(frozen=True, eq=False)
+class EssentialParameters:
+    """Essential parameters of a least-squares problem.
+
+    Attributes:
+        kept: (e,) their numbers, in order.   values: (b,) with 0 for all others.   covariance: (e, e) of those kept.
+        dropped: numbers of the others, the worst first.   relative: (b,) largest 100 σ/|β| of each: when it was taken out, or in
+            the end.   growth: of the residual's norm, as a share.
+    """
+
+    kept: np.ndarray
+    values: np.ndarray
+    covariance: np.ndarray
+    dropped: tuple[int, ...]
+    relative: np.ndarray
+    growth: float
+
+
+def essential_parameters(
+    R: np.ndarray,
+    z: np.ndarray,
+    residual: float,
+    rows: int,
+    *,
+    growth: float = 0.01,
+    tell: float = 10.0,
+    inflation: np.ndarray | None = None,
+) -> EssentialParameters:
+    """Essential parameters of  min |R β − z|² + residual²,  R the triangle of all weighted rows.
+
+    Args:
+        R: (b, b).   z: (b,).   residual: norm of what no β explains.   rows: number of rows behind R.
+        growth: share by which the residual's norm may grow.   tell: relative deviation in % that counts as well told: such a
+            parameter is never taken out.
+        inflation: (b,) factors from white standard deviations to robust ones; None: 1.
+    Raises:
+        IdentificationError: parameters that the rows cannot tell apart, or no freedom left.
+    """
+    R, z = np.asarray(R, dtype=float), np.asarray(z, dtype=float)
+    b = R.shape[1]
+    if rows <= b or R.shape != (b, b) or z.shape != (b,):
+        what = f"{rows} rows, shapes {R.shape} and {z.shape}"
+        raise IdentificationError(what, place="R and z", expected="(b, b) and (b,), and more than b rows")
+    if not growth >= 0:
+        raise IdentificationError(place="growth", value=growth, expected="a share, 0 or more")
+    inflation = np.ones(b) if inflation is None else np.asarray(inflation, dtype=float)
+    kept, dropped, relative = list(range(b)), [], np.zeros(b)
+    first = total = max(residual, np.finfo(float).tiny)
+    values, covariance = _solved(R, z, kept, total**2 / (rows - b))
+    while kept:
+        with np.errstate(divide="ignore"):
+            relative[kept] = 100 * inflation[kept] * np.sqrt(np.diag(covariance)) / np.abs(values)
+        worst = int(np.argmax(relative[kept]))
+        if relative[kept[worst]] <= tell:
+            break
+        fewer = kept[:worst] + kept[worst + 1 :]
+        new = float(np.hypot(residual, _rest(R, z, fewer)))
+        if new > (1 + growth) * first:
+            break
+        dropped.append(kept[worst])
+        kept, total = fewer, new
+        values, covariance = _solved(R, z, kept, total**2 / (rows - len(kept)))
+    full = np.zeros(b)
+    full[kept] = values
+    return EssentialParameters(np.array(kept, dtype=int), full, covariance, tuple(dropped), relative, total / first - 1)
+
+
+def _solved(R: np.ndarray, z: np.ndarray, kept: list[int], variance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Values of some parameters, all others 0, and their covariance."""
+    size = np.linalg.norm(R[:, kept], axis=0)
+    if not (size > 0).all():
+        raise IdentificationError("a column of zeros", place="R", expected="base parameters, which the rows tell apart")
+    Q, T = np.linalg.qr(R[:, kept] / size)
+    if (np.abs(np.diag(T)) < 1e-13).any():
+        raise IdentificationError("dependent columns", place="R", expected="base parameters, which the rows tell apart")
+    inverse = scipy.linalg.solve_triangular(T, np.eye(len(kept))) / size[:, None]
+    return scipy.linalg.solve_triangular(T, Q.T @ z) / size, variance * (inverse @ inverse.T)
+
+
+def _rest(R: np.ndarray, z: np.ndarray, kept: list[int]) -> float:
+    """Norm of z that these columns do not explain."""
+    if not kept:
+        return float(np.linalg.norm(z))
+    Q, _ = np.linalg.qr(R[:, kept] / np.linalg.norm(R[:, kept], axis=0))
+    return float(np.linalg.norm(z - Q @ (Q.T @ z)))
