@@ -78,7 +78,7 @@ if TYPE_CHECKING:
     from armwright.simulation.sensitivity import sensitivities
     from armwright.simulation.simulation import Simulation, simulate
     from armwright.simulation.step_study import step_study
-    from armwright.trajectory import Quintic, Ramp, Sine, Step
+    from armwright.trajectory import Fourier, Quintic, Ramp, Sine, Step
 
 __version__ = "0.1.0"
 
@@ -132,7 +132,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.simulation.simulation": ("Simulation", "simulate"),
     "armwright.results.statistics": ("statistics",),
     "armwright.simulation.loop.timing": ("Timing",),
-    "armwright.trajectory": ("Quintic", "Ramp", "Sine", "Step"),
+    "armwright.trajectory": ("Fourier", "Quintic", "Ramp", "Sine", "Step"),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 _CALLED = {"compile": "compile_arm"}  # inside, nothing is called like Python's own
@@ -147,6 +147,7 @@ __all__ = [
     "Controller",
     "Draw",
     "Estimate",
+    "Fourier",
     "Inputs",
     "JointPID",
     "JointReference",

@@ -8,7 +8,7 @@ import pytest
 import armwright as aw
 from armwright.errors import ScenarioError
 from armwright.simulation.loop.references import reference_rows
-from armwright.trajectory import Quintic, Ramp, Sine, Step
+from armwright.trajectory import Fourier, Quintic, Ramp, Sine, Step
 from physics.arms import arm
 
 START, GOAL = np.array([0.1, -0.2]), np.array([0.9, 0.4])
@@ -16,6 +16,7 @@ SMOOTH = [
     Ramp(START, GOAL, 0.5, time=0.2),
     Quintic(START, GOAL, 0.5, time=0.2),
     Sine(START, GOAL, 1.3, phase=0.4),
+    Fourier(START, [[0.3, -0.1], [0.2, 0.1]], [[0.1, 0.2], [-0.2, 0.05]], 0.7),
 ]
 
 
@@ -64,6 +65,14 @@ def test_a_scenario_takes_them():
         (lambda: Step(START, [np.nan, 0.0]), "Step\\.goal = .*expected finite numbers"),
         (lambda: Sine(START, "wide", 1.0), r"Sine\.amplitude = 'wide'"),
         (lambda: Sine(START, GOAL, True), "frequency_hz = True"),
+        (lambda: Fourier(START, [[1.0]], [[1.0]], 1.0), r"Fourier\.sine: shape \(1, 1\); expected \(2, harmonics\)"),
+        (lambda: Fourier(START, [[1.0], [2.0]], [[1.0, 0.0], [2.0, 0.0]], 1.0), r"Fourier\.cosine: shape \(2, 2\)"),
+        (lambda: Fourier(START, [[1.0], [2.0, 3.0]], [[1.0], [2.0]], 1.0), r"Fourier\.sine = .*harmonics"),
+        (lambda: Fourier(START, [[1.0], [np.inf]], [[1.0], [2.0]], 1.0), r"Fourier\.sine = .*finite numbers"),
+        (
+            lambda: Fourier(START, [[1.0], [2.0]], [[1.0], [2.0]], 0.0),
+            r"Fourier\.period = 0.0: expected a number above 0",
+        ),
     ],
 )
 def test_bad_references_are_refused(make, said):

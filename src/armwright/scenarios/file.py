@@ -258,9 +258,17 @@ def _fields(place: str, table: Kind, arm: Model) -> dict[str, Any]:
         if isinstance(value, Mapping):
             fields[name] = _joints(f"{place}.{name}", value, arm)
         elif not isinstance(value, (str, bool)):
-            _check_numbers(f"{place}.{name}", value, arm)
-            fields[name] = np.array(value, dtype=float) if isinstance(value, list) else value
+            # coefficients of a trajectory's joints: a row each; the trajectory checks how many there are
+            rows = value if place.endswith("reference") and _is_matrix(value) else [value]
+            for row in rows:
+                _check_numbers(f"{place}.{name}", row, arm)
+            even = isinstance(value, list) and len({np.shape(row) for row in value}) <= 1
+            fields[name] = np.array(value, dtype=float) if even else value
     return fields
+
+
+def _is_matrix(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(row, list) for row in value)
 
 
 def _built(home: str, kind: str, values: Mapping[str, Any], arm: Model, place: str = "loop") -> Any:

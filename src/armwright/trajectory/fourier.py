@@ -1,0 +1,134 @@
+"""A periodic motion: a finite Fourier series for each joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.errors import ScenarioError
+from armwright.parameters import Draw, numbers_by_lane
+from armwright.scalar import Array, Scalar
+from armwright.trajectory.poses import LARGEST, check_number, check_poses
+
+
+@dataclass(frozen=True, eq=False)
+class Fourier:
+    """q(t) = centre + Σ_k (sine_k sin kωs + cosine_k cos kωs),  ω = 2π / period, s = t - time.  [SweversEtAl1997]
+
+    Before `time` the arm stands at q(time), and after `periods` periods too; speed and acceleration are then 0. A motion that
+    starts and ends at rest is made by `Fourier.at_rest`: Σ k sine_k = 0 and Σ k² cosine_k = 0.
+
+    Each field but `periods` may be a `Batch`.
+
+    Args:
+        centre: (n,) [rad | m].   sine, cosine: (n, harmonics) [rad | m].   period: [s].   time: [s] of its beginning.
+        periods: number of periods; None: it goes on for good.
+    Raises:
+        ScenarioError: names the field, its value and what was expected.
+    """
+
+    centre: Any
+    sine: Any
+    cosine: Any
+    period: float
+    time: float = 0.0
+    periods: int | None = None
+
+    def __post_init__(self) -> None:
+        check_poses("Fourier", centre=self.centre)
+        check_number("Fourier", "period", self.period, above=0.0)
+        check_number("Fourier", "time", self.time)
+        if self.periods is not None:
+            check_number("Fourier", "periods", self.periods, above=0.0)
+        shapes = {name: _coefficients(name, getattr(self, name)) for name in ("sine", "cosine")}
+        shapes = {name: shape for name, shape in shapes.items() if shape}
+        joints = None if isinstance(self.centre, Draw) else numbers_by_lane(self.centre).shape[-1]
+        for name, shape in shapes.items():
+            if joints not in (None, shape[0]) or shape != next(iter(shapes.values())):
+                expected = f"({shape[0] if joints is None else joints}, harmonics), as many of sine as of cosine"
+                raise ScenarioError(f"shape {shape}", place=f"Fourier.{name}", expected=expected)
+
+    @classmethod
+    def at_rest(
+        cls, centre: Any, sine: Any, cosine: Any, period: float, time: float = 0.0, periods: int | None = None
+    ) -> Fourier:
+        """The nearest series whose speed and acceleration are 0 at the beginning and the end of each period.
+
+        Args:
+            centre, sine, cosine, period, time, periods: as of `Fourier`; of each joint two harmonics or more.
+        Raises:
+            ScenarioError: names the field, its value and what was expected.
+        """
+        series = cls(centre, sine, cosine, period, time, periods)
+        coefficients = [np.asarray(series.sine, dtype=float), np.asarray(series.cosine, dtype=float)]
+        rows = rest_rows(coefficients[0].shape[1])
+        sine, cosine = (a - np.outer(a @ row, row) / (row @ row) for a, row in zip(coefficients, rows, strict=True))
+        return cls(centre, sine, cosine, period, time, periods)
+
+    @property
+    def duration(self) -> float:
+        """Duration of the motion [s], without the time before it; infinite where it goes on for good."""
+        return np.inf if self.periods is None else self.periods * self.period
+
+    def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:
+        """q (n,) [rad | m], q̇ and q̈ at t [s]."""
+        centre, sine, cosine = (scalar.array(each) for each in (self.centre, self.sine, self.cosine))
+        s, w = scalar.maximum(t - self.time, 0.0), 2.0 * np.pi / self.period
+        moving = scalar.less_equal(0.0, t - self.time)
+        if self.periods is not None:
+            end = self.periods * self.period
+            s, moving = scalar.minimum(s, end), moving * scalar.less_equal(t - self.time, end)
+        q, qd, qdd = centre, 0.0 * centre, 0.0 * centre
+        for k in range(1, sine.shape[1] + 1):
+            a, b = sine[:, k - 1], cosine[:, k - 1]
+            sin, cos = scalar.sin(k * w * s), scalar.cos(k * w * s)
+            q = q + sin * a + cos * b
+            qd = qd + k * w * (cos * a - sin * b)
+            qdd = qdd - (k * w) ** 2 * (sin * a + cos * b)
+        return scalar.array(q), scalar.array(moving * qd), scalar.array(moving * qdd)
+
+    def at(self, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q, q̇ and q̈, each (…, n), at times t (…) [s]; of a series without batches."""
+        times = np.asarray(t, dtype=float)
+        s = np.clip(times - self.time, 0.0, self.duration)[..., None]
+        moving = ((times >= self.time) & (times - self.time <= self.duration))[..., None]
+        q, qd, qdd = series_matrices(np.asarray(self.sine).shape[1], self.period, s)
+        coefficients = np.concatenate([np.asarray(self.sine), np.asarray(self.cosine)], axis=1).T
+        return q @ coefficients + np.asarray(self.centre), moving * (qd @ coefficients), moving * (qdd @ coefficients)
+
+
+def _coefficients(name: str, value: Any) -> tuple[int, ...] | None:
+    """Shape (n, harmonics) of one lane's coefficients; None of draws, which are checked when they are drawn."""
+    if isinstance(value, Draw):
+        return None
+    try:
+        rows = numbers_by_lane(value)
+    except ValueError:
+        rows = np.zeros(0)
+    if rows.ndim != 3 or not rows.size or not (np.abs(rows) < LARGEST).all():
+        raise ScenarioError(place=f"Fourier.{name}", value=value, expected="finite numbers (n, harmonics)")
+    return rows.shape[1:]
+
+
+def rest_rows(harmonics: int) -> np.ndarray:
+    """(2, harmonics) rows c of the conditions of rest:  c₀ · sine = 0 (no speed)  and  c₁ · cosine = 0 (no acceleration)."""
+    k = np.arange(1.0, harmonics + 1.0)
+    return np.stack([k, k * k])
+
+
+def series_matrices(harmonics: int, period: float, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Values of sines and cosines and their first and second derivatives, each (…, 2 harmonics).
+
+    Args:
+        harmonics: how many.   period: [s].   t: (…, 1) [s].
+    """
+    w = 2.0 * np.pi / period * np.arange(1.0, harmonics + 1.0)
+    sin, cos = np.sin(w * t), np.cos(w * t)
+    return (
+        np.concatenate([sin, cos], axis=-1),
+        np.concatenate([w * cos, -w * sin], axis=-1),
+        np.concatenate([-w * w * sin, -w * w * cos], axis=-1),
+    )
