@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -135,6 +137,13 @@ def test_what_belongs_to_no_joint():
         in refusal(pendulum("torque", robot={"cylinders": [cylinder]})).what
     )
     assert "the arm's swing under its weight (gravity_m_s2)" in refusal(pendulum("torque")).what
+
+
+def test_of_two_joints_that_are_equally_fast_one_is_named():
+    """Neither of two motors that heat alike allows a larger step without its own heat."""
+    hot = {"motor": {**MOTOR, "thermal": {**THERMAL, "winding_capacity_j_per_k": 1e-5}}}
+    error = refusal(chain([{"command": "voltage", **hot}] * 2), command=20.0)
+    assert re.search(r"the motor's heat of joint 'joint[01]' \(motor.thermal.winding_capacity_j_per_k\)", error.what)
 
 
 def test_keys_of_slides_and_motors():

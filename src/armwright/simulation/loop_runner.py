@@ -109,7 +109,8 @@ class LoopRunner:
         if scenario.varied is not None:
             limit = VariedStepLimit(scenario.varied, scenario.parameters, scenario.lane_count is not None)
         substeps = None if scenario.loop is None or scenario.loop.period is None else scenario.substeps
-        limit.check_step(name, INTEGRATORS[name], scenario.integration_step, commands, substeps)
+        whole = () if scenario.sampled else scenario.whole_times
+        limit.check_step(name, INTEGRATORS[name], scenario.integration_step, commands, substeps, whole=whole)
 
     def reference_of_ticks(self, ticks: int, *, first: bool = False) -> LoopReference | None:
         """The reference of so many ticks from here, `first` when the scenario is checked; None where nobody asks."""

@@ -283,6 +283,12 @@ class Scenario:
             return self.integration_step
         return self.integration_step * self.substeps if self.loop.period is None else float(self.loop.period)
 
+    @property
+    def whole_times(self) -> tuple[float, ...]:
+        """[s] times that hold a whole number of steps: the duration, and the recording period where there is one."""
+        times = (self.ticks * self.tick, self.recording.period)
+        return tuple(float(time) for time in times if time is not None)
+
     @cached_property
     def every(self) -> int:
         """Ticks from one recorded row to the next; 0: the first and the last alone."""

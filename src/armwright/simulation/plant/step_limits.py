@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from math import ceil, floor, log10
-from typing import Any
+from functools import cached_property
 
 import casadi
 import numpy as np
+import scipy.linalg
 
 from armwright.actuators.gear import loses_power
 from armwright.errors import ScenarioError
@@ -18,11 +17,11 @@ from armwright.model.vary import Varied
 from armwright.program import Program, interpret, trace
 from armwright.program.program import Port
 from armwright.scalar import Array
-from armwright.simulation.integrate.exponential import Split
 from armwright.simulation.integrate.integrators import Integrator
 from armwright.simulation.integrate.stepping import speed_pairs
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
+from armwright.simulation.plant.recommended_step import recommended_step, step_of, written_step
 from armwright.simulation.plant.step_causes import LEFT, Cause, Weakened
 from armwright.simulation.plant.step_states import linearisation_states
 
@@ -138,11 +137,22 @@ class StepLimit:
     def _limit(self, slopes: Slopes, integrator: Integrator, command: np.ndarray) -> tuple[float, float, int | None]:
         if not slopes.stiff:
             return _limit(slopes.rates, integrator)
-        rule = integrator.paired(speed_pairs(self.plant.layout)).exponential
-        return _limit_exponential(slopes, rule, command)
+        return _limit_exponential(slopes, integrator.paired(speed_pairs(self.plant.layout)), command)
+
+    def recommended(
+        self, limit: Limit, integrator: Integrator, command: np.ndarray, whole: Sequence[float] = ()
+    ) -> float:
+        """The step [s] that is accurate at the limit's state, where that allows one, and divides the times `whole`."""
+        if limit.state is None:
+            return written_step(limit.step, whole)
+        slope, rate = (each[0] for each in self._evaluated(self._jacobian, limit.state[None], command, *self._values))
+        rule = integrator.paired(speed_pairs(self.plant.layout))
+        return recommended_step(slope, step_of(rule, slope, rate, self.plant.stiff, command), limit.step, whole)
 
     def cause(self, limit: Limit, integrator: Integrator, command: np.ndarray) -> Cause | None:
-        """The effect without which a limit's state allows the largest step; None if each changes little."""
+        """The effect without which a limit's state allows the largest step; or, if each alone changes little, as of two joints
+        that are equally fast, the one that has the largest part in the fastest mode.
+        """
         weakened = Weakened.of(self.model)
         if limit.state is None or not weakened.causes:
             return None
@@ -156,7 +166,10 @@ class StepLimit:
             for slope, rate in zip(slopes, fast, strict=True)
         ]
         best = int(np.argmax(steps))
-        return weakened.causes[best] if steps[best] > NOTABLE * limit.step else None
+        if steps[best] <= NOTABLE * limit.step:
+            whole, _ = self._evaluated(self._jacobian, limit.state[None], command, *self._values)
+            best = _largest_part(whole[0], np.nan_to_num(whole - slopes), 1.0 / limit.constant)
+        return weakened.causes[best]
 
     def check_step(
         self,
@@ -166,12 +179,14 @@ class StepLimit:
         commands: np.ndarray,
         substeps: int | None = None,
         where: str = "",
+        whole: Sequence[float] = (),
     ) -> None:
         """Refuses a step that is too large for the arm's fastest time constant.
 
         Args:
             name, integrator: the rule.   step: [s].   commands: (k, n) whose load is checked too, where losses grow with it.
             substeps: of a loop, whose period stays; None without a loop.   where: which of several arms it is, for the error.
+            whole: [s] times that must hold a whole number of steps, beside that period.
         Raises:
             ScenarioError: names the time constant, the effect and key that it comes from, and what would do.
         """
@@ -181,9 +196,11 @@ class StepLimit:
         limit = limits[worst]
         if step <= limit.step:
             return
-        enough = f"{round_down(0.8 * limit.step):g} s or less"
+        period = () if substeps is None else (substeps * step,)
+        accurate = self.recommended(limit, integrator, loaded[worst], (*period, *whole))
+        enough = f"{accurate:.12g} s"
         if substeps is not None:
-            enough += f", by substeps = {ceil(substeps * step / (0.8 * limit.step))} or more"
+            enough += f", by substeps = {round(substeps * step / accurate)}"
         cause = self.cause(limit, integrator, loaded[worst])
         of = "" if cause is None else f", that of {cause}"
         remedies = [cause.remedy] if cause is not None and cause.remedy else []
@@ -220,9 +237,7 @@ def _limit(rates: np.ndarray, integrator: Integrator) -> tuple[float, float, int
     return float(steps[row, mode]), float(1.0 / size[row, mode]), int(row)
 
 
-def _limit_exponential(
-    linear: Slopes, rule: Callable[..., Any], command: np.ndarray
-) -> tuple[float, float, int | None]:
+def _limit_exponential(linear: Slopes, rule: Integrator, command: np.ndarray) -> tuple[float, float, int | None]:
     """The same for a rule that integrates stiff parts exactly: the rule's own step of the linearised plants is tried."""
     slopes, fast = linear.slopes, linear.fast
     values = np.linalg.eigvals(slopes)
@@ -235,8 +250,7 @@ def _limit_exponential(
     def failing(step: float) -> tuple[float, int] | None:
         """1/|λ| and row of a mode that this step does not hold; None where it holds all of them."""
         for row, (slope, rate, grows) in enumerate(zip(slopes, fast, growing, strict=True)):
-            split = Split.of(partial(_linear, slope, rate[:, None]), linear.stiff)
-            factors, modes = np.linalg.eig(rule(split, np.eye(len(slope)), command, step))
+            factors, modes = np.linalg.eig(step_of(rule, slope, rate, linear.stiff, command)(step))
             worst = int(np.abs(factors).argmax())
             if np.abs(factors[worst]) > np.exp(grows * step) + SLACK:
                 return 1.0 / abs(_nearest_rate(slope, modes[:, worst])), row
@@ -272,12 +286,20 @@ class VariedStepLimit:
     laned: bool
 
     def check_step(
-        self, name: str, integrator: Integrator, step: float, commands: np.ndarray, substeps: int | None = None
+        self,
+        name: str,
+        integrator: Integrator,
+        step: float,
+        commands: np.ndarray,
+        substeps: int | None = None,
+        *,
+        whole: Sequence[float] = (),
     ) -> None:
         """Refuses a step that is too large for one of the lanes; of many lanes, those with the fastest modes are tried.
 
         Args:
             name, integrator: the rule.   step: [s].   commands: (k, n) whose load is checked too.   substeps: of a loop.
+            whole: [s] times that must hold a whole number of steps.
         Raises:
             ScenarioError: names the lane, its time constant and the step that would do.
         """
@@ -286,7 +308,7 @@ class VariedStepLimit:
             values = ", ".join(f"{p} = {v:g}" for p, v in zip(self.varied.names, self.values[lane], strict=True))
             where = f" (in lane {lane}, with {values})" if self.laned else f" (with {values})"
             limit = StepLimit(self.varied.model(self.values[lane]), slopes, self.values[lane])
-            limit.check_step(name, integrator, step, commands, substeps, where)
+            limit.check_step(name, integrator, step, commands, substeps, where, whole)
 
     def _fastest(self, slopes: Program, loaded: list[np.ndarray]) -> list[int]:
         """Numbers of the lanes whose modes are the fastest, of those that swing or grow as of those that die away."""
@@ -347,9 +369,14 @@ def linearised(model: Model, varied: Varied | Weakened | None = None) -> Program
     return Program("plant_slope", split.inputs, ports, graph)
 
 
-def _linear(slope: np.ndarray, rate: np.ndarray, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A linear plant, columns of x side by side."""
-    return slope @ x, rate
+def _largest_part(slope: np.ndarray, parts: np.ndarray, size: float) -> int:
+    """Which of some parts (k, n, n) of a slope (n, n) changes the mode of |λ| nearest to `size` [1/s] the most.
+
+    To first order  δλ = wᴴ δA v / wᴴ v  with the left and right eigenvectors w and v of λ.
+    """
+    rates, left, right = scipy.linalg.eig(slope, left=True, right=True)  # type: ignore[misc]
+    mode = int(np.argmin(np.abs(np.abs(rates) - size)))
+    return int(np.argmax(np.abs(left[:, mode].conj() @ parts @ right[:, mode])))
 
 
 def _nearest_rate(slope: np.ndarray, moved: np.ndarray) -> complex:
@@ -357,12 +384,6 @@ def _nearest_rate(slope: np.ndarray, moved: np.ndarray) -> complex:
     rates, modes = np.linalg.eig(slope)
     parts = np.linalg.lstsq(modes, moved, rcond=None)[0]
     return rates[int(np.abs(np.where(rates == 0.0, 0.0, parts)).argmax())]
-
-
-def round_down(value: float) -> float:
-    """One significant digit: a step that people would choose."""
-    digit = 10.0 ** floor(log10(value))
-    return floor(value / digit) * digit
 
 
 def full_voltage(arm: Model) -> np.ndarray:
