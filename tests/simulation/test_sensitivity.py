@@ -12,6 +12,7 @@ from armwright import scalar
 from armwright.errors import ScenarioError
 from frozen.runs import GEARED, controlled, swing
 from simulation.fields import scenario_of, with_fields
+from simulation.first_steps import geared_motor
 from simulation.plants import COULOMB, ELASTIC, LUGRE, MANY, MOTOR, STOPS, chain, pendulum
 
 JOINT = "joint0"
@@ -168,7 +169,11 @@ def test_what_has_no_derivative_is_refused():
     cases = [
         (scenario_of(stops, **open_loop), mass, "stops"),
         (scenario_of(play, **open_loop), mass, "play"),
-        (scenario_of(sticking, **open_loop), mass, "'joint0' friction.smoothing_rad_per_s"),
+        (
+            scenario_of(sticking, **open_loop),
+            mass,
+            "'joint0' friction.smoothing_rad_per_s: .* such as smoothing_rad_per_s = 0.001",
+        ),
         (
             aw.Scenario(MANY["plain"], command=[1.0], duration=0.01, solver=aw.Solver(integrator="rk45")),
             mass,
@@ -183,6 +188,38 @@ def test_what_has_no_derivative_is_refused():
     for scenario, by, match in cases:
         with pytest.raises(ScenarioError, match=match):
             aw.sensitivities(scenario, by)
+
+
+def test_steps_are_fixed_for_the_accuracy_and_the_dataset_says_so():
+    """A pendulum's swing from 0.3 rad: dq/dq₀ is right to the accuracy asked for, beside differences of CVODES' runs."""
+    arm = pendulum("torque", friction={"viscous_n_m_s_per_rad": 0.05})
+    scenario = aw.Scenario(arm, 0.5, command=[0.0], start=aw.Start([0.3]), recording=aw.Recording(period=0.05))
+    exact = slope(replace(scenario, solver=aw.Solver("cvodes", 0.05)), "start.q[0]", 0.3, start("q", 0))
+    wrong, steps = [], []
+    for accuracy in (1e-2, 1e-3, 1e-6):
+        found = aw.sensitivities(replace(scenario, solver=aw.Solver(accuracy=accuracy)), ["start.q[0]"])
+        assert (found.attrs["integrator"], found.attrs["accuracy"]) == ("rk3", accuracy)
+        assert "steps that are fixed: rk3 with" in found.attrs["notes"]
+        assert "is coarse" not in found.attrs["notes"]
+        steps.append(found.attrs["step_s"])
+        wrong.append(np.abs(found.d_qd.values[..., 0] - exact["qd"]).max() / np.ptp(exact["qd"]))
+        assert wrong[-1] < accuracy
+    assert steps[0] >= steps[1] > 5.0 * steps[2]
+
+
+def test_a_coarse_step_given_by_hand_is_noted():
+    by_hand = aw.Scenario(geared_motor(), 0.02, command=[24.0], solver=aw.Solver("rk3", 5e-3))
+    notes = aw.sensitivities(by_hand, ["start.q[0]"]).attrs["notes"]
+    assert "a step of 0.005 s is coarse" in notes
+    assert notes.endswith("would do")
+
+
+def test_a_brake_without_a_spring_is_refused_by_its_joint():
+    free = {key: value for key, value in COULOMB.items() if "coulomb" not in key and "smoothing" not in key}
+    arm = pendulum(motor=MOTOR, friction=free, brake={"holding_torque_n_m": 10.0})
+    scenario = aw.Scenario(arm, 0.01, command=[1.0], inputs=aw.Inputs(brake=1), solver=aw.Solver(step=1e-4))
+    with pytest.raises(ScenarioError, match=r"joint 'joint0' brake: .* expected a scenario without inputs.brake"):
+        aw.sensitivities(scenario, ["rod0.mass_kg"])
 
 
 def test_an_unknown_parameter_is_named():

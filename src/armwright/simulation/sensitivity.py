@@ -21,19 +21,21 @@ from armwright.kernels.batch import Kernel
 from armwright.kernels.loop import Lanes, Loop
 from armwright.kernels.stages import Call, Delay, Integrate, Record, Stage
 from armwright.kernels.target import select_target
+from armwright.model import Model
 from armwright.model.vary import Varied
 from armwright.parameters import Batch, LaneFields
 from armwright.program.derivative import with_tangents
 from armwright.signals import Signal
-from armwright.simulation.fixed_steps import with_fixed_steps
+from armwright.simulation.fixed_steps import COARSE, OR_NONE, accuracy_of, with_fixed_steps
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Recording
-from armwright.simulation.simulation import Simulation
+from armwright.simulation.simulation import WATCHED, Simulation
 
 if TYPE_CHECKING:
     import xarray
 
+MOST_FINER = 8  # steps in place of one that is too coarse
 STARTS = ("start.q", "start.qd")
 CONTROLLER = "loop.controller."
 STORED = {"x": "", "y": "_measured", "u": ""}  # block → what the names of its signals end in
@@ -43,7 +45,8 @@ def sensitivities(scenario: Scenario, by: Sequence[str]) -> xarray.Dataset:
     """Derivatives of simulated signals by parameters and initial states.
 
     Args:
-        scenario: with or without a compiled controller, lanes as ever; steps that are "auto" are `with_fixed_steps`.
+        scenario: with or without a compiled controller, lanes as ever. Steps that are "auto" are `with_fixed_steps`, short
+            enough for the scenario's accuracy; rule and step stand in the attributes, and why in the notes.
         by: numbers of the record ("link6.mass_kg"), fields of the controller ("loop.controller.kp", "loop.controller.kp[2]"),
             initial positions and speeds ("start.q[1]", "start.qd[0]"); a name of several numbers stands for all of them.
     Returns:
@@ -51,9 +54,9 @@ def sensitivities(scenario: Scenario, by: Sequence[str]) -> xarray.Dataset:
     Raises:
         ScenarioError: what has no such derivative, or is not there; names it and what was expected.
     """
-    opened, seeds, names = _opened(with_fixed_steps(scenario.resolved), by)
-    simulation = Simulation(opened)
-    _check(simulation)
+    accuracy, chosen = accuracy_of(scenario), scenario.solver.rule == "auto"
+    simulation, seeds, names = _simulation(scenario.resolved, by, accuracy, MOST_FINER if chosen else 1)
+    opened = simulation.scenario
     count = len(names)
     stages, active = _augmented(simulation, seeds, count)
     loop = Loop(stages, select_target(opened.solver.target))
@@ -73,7 +76,39 @@ def sensitivities(scenario: Scenario, by: Sequence[str]) -> xarray.Dataset:
         records={"run": record},
     )  # fmt: skip
     single = scenario.lane_count is None
-    return _dataset(simulation, record[:, : simulation.count], blocks, loop.sizes, names, every, single)
+    dataset = _dataset(simulation, record[:, : simulation.count], blocks, loop.sizes, names, every, single)
+    dataset.attrs = _about_steps(simulation, accuracy if chosen else None)
+    return dataset
+
+
+def _simulation(
+    scenario: Scenario, by: Sequence[str], accuracy: float, most: int, finer: int = 1
+) -> tuple[Simulation, dict[str, np.ndarray], list[str]]:
+    """A simulation with fixed steps, tangents and names of its inputs; steps that are coarse are halved, up to `most` for one."""
+    opened, seeds, names = _opened(with_fixed_steps(scenario, finer), by)
+    simulation = Simulation(opened)
+    _check(simulation)
+    simulation.note_coarse_step(opened.started, min(opened.ticks, WATCHED), accuracy)
+    if finer < most and any(COARSE in note for note in simulation.notes):
+        return _simulation(scenario, by, accuracy, most, 2 * finer)
+    return simulation, seeds, names
+
+
+def _about_steps(simulation: Simulation, accuracy: float | None) -> dict[str, Any]:
+    """Attributes of a dataset: rule and step, and where an accuracy was asked for how they were chosen."""
+    scenario, notes = simulation.scenario, [note.replace(OR_NONE, "") for note in simulation.notes]
+    attrs: dict[str, Any] = {"integrator": scenario.solver.rule, "step_s": scenario.integration_step}
+    if scenario.sampled:
+        attrs |= {"sample_period_s": simulation.period, "substeps": scenario.substeps}
+    if accuracy is not None:
+        attrs["accuracy"] = accuracy
+        name, step = scenario.solver.rule, scenario.integration_step
+        notes = [
+            f"derivatives are those of steps that are fixed: {name} with {step:.6g} s, from the arm's fastest time constant and "
+            f"the accuracy of {accuracy:g}; where lanes choose their steps, lengths change with the parameters",
+            *notes,
+        ]
+    return attrs | {"notes": "\n".join(notes)}
 
 
 def _opened(scenario: Scenario, by: Sequence[str]) -> tuple[Scenario, dict[str, np.ndarray], list[str]]:
@@ -169,13 +204,8 @@ def _check(simulation: Simulation) -> None:
     if sum(simulation.plant.contacts):
         what = "accelerations jump where stops and gears with play touch, and have no sensitivities there"
         raise ScenarioError(what, place="arm", expected="one whose record has no `stops` and no `backlash_rad`")
-    sticking = next((body for body in simulation.arm.bodies if sticks(body)), None)
-    if sticking is not None:
-        raise ScenarioError(
-            "friction and gear loss without a smoothing speed jump where a joint turns back, and have no sensitivities there",
-            place=f"joint {sticking.joint!r} {smoothing_key(sticking)}",
-            expected="a smoothing speed in the record",
-        )
+    if simulation.plant.sticking is not None:
+        raise _refused_sticking(simulation.arm)
     if sampling is None or loop is None:
         return
     if sampling.delays.fractional or np.any(sampling.delays.earlier):
@@ -187,6 +217,20 @@ def _check(simulation: Simulation) -> None:
     for place, value in places.items():
         if value is not None:
             raise ScenarioError("has no derivative", place=f"loop.{place}", value=value, expected="none")
+
+
+def _refused_sticking(arm: Model) -> ScenarioError:
+    """The error for an arm that sticks, by friction or gear loss of a joint or by a rigid brake."""
+    body = next((body for body in arm.tree.bodies if sticks(body)), None)
+    if body is not None:
+        key = smoothing_key(body)
+        what = "friction and gear loss without a smoothing speed jump where a joint turns back, and have no sensitivities there"
+        expected = f"a smoothing speed in the record, such as {key.partition('.')[2]} = 0.001"
+        return ScenarioError(what, place=f"joint {body.joint!r} {key}", expected=expected)
+    braked = next(body for body in arm.coordinates if body.brake is not None and body.brake.is_rigid)
+    what = "a brake that holds without a spring stops a joint at once, and has no sensitivities there"
+    expected = "a scenario without inputs.brake, or brake.stiffness and brake.damping in the record"
+    return ScenarioError(what, place=f"joint {braked.joint!r} brake", expected=expected)
 
 
 def _augmented(simulation: Simulation, seeds: dict[str, np.ndarray], count: int) -> tuple[tuple[Stage, ...], set[str]]:

@@ -23,6 +23,7 @@ from armwright.simulation.fixed_steps import COARSE, coarse_step_note
 from armwright.simulation.inputs.input_schedule import lane_numbers
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.integrate.lane_status import LaneStatus
+from armwright.simulation.integrate.stepping import ACCURACY
 from armwright.simulation.loop.compiled import CompiledLoop
 from armwright.simulation.loop.controller import reference_of
 from armwright.simulation.loop.sensor_set import measurement_of
@@ -139,7 +140,7 @@ class Simulation(LoopRunner):
         if record is not None and not in_python and scenario.solver.rule in INTEGRATORS:
             tiles = -(-self.count // width)
             few = WATCHED if tiles == 1 else max(LEAST_WATCHED, ticks * tiles // PRICE)
-            self._note_coarse_step(state, min(ticks, few))
+            self.note_coarse_step(state, min(ticks, few))
         recorded, end = Recorded(record, every, ticks, finished, status, reduced, origin), None
         if scenario.lane_count is None:
             status.check(self.arm.name, self.period, self.state_entries, recorded.last_row(self))
@@ -155,8 +156,12 @@ class Simulation(LoopRunner):
             run.attrs["scenario"] = scenario.document
         return handed_out(run, finished, ticks, self.count)
 
-    def _note_coarse_step(self, state: LoopState | None, ticks: int) -> None:
-        """Adds a note where the first lane moves otherwise with half the step, over some ticks from here."""
+    def note_coarse_step(self, state: LoopState | None, ticks: int, accuracy: float = ACCURACY) -> None:
+        """Adds a note where the first lane moves otherwise with half the step, over some ticks from here.
+
+        Args:
+            state: to begin in; None: as the scenario starts.   ticks: how many.   accuracy: in parts of each quantity's range.
+        """
         rows = []
         for parts in (1, 2):
             lanes = Lanes(1, self.loop.loops[0].target.width, 0, self.scenario.first_lane)
@@ -165,7 +170,7 @@ class Simulation(LoopRunner):
             last = self.origin + ticks
             self.advance(lanes, self.origin, last + 1, last, record, 1, substeps=parts * self.scenario.substeps)
             rows.append(record[:, 0, : self.plant.size])
-        note = coarse_step_note(self.scenario, self.plant.layout, self.state_entries, *rows)
+        note = coarse_step_note(self.scenario, self.plant.layout, self.state_entries, *rows, accuracy=accuracy)
         self.notes = [each for each in self.notes if COARSE not in each] + ([] if note is None else [note])
 
     def _room(self, ticks: int, every: int, width: int, count: int | None = None) -> np.ndarray:
@@ -176,8 +181,11 @@ class Simulation(LoopRunner):
             return np.empty(shape)
         except (MemoryError, ValueError):
             size = f"{shape[0]} rows of {self.count} lanes, {8e-9 * np.prod(shape, dtype=float):.3g} GB"
-            what, every = f"the run would record {size}, more than there is memory for", self.scenario.every
-            raise ScenarioError(what, expected=f"a shorter one, or recording.every above {every}") from None
+            what, scenario = f"the run would record {size}, more than there is memory for", self.scenario
+            longer = f"recording.every above {every}"
+            if scenario.recording.period is not None or scenario.solver.rule == "auto":
+                longer = f"a recording.period longer than {every * self.period:g} s"
+            raise ScenarioError(what, expected=f"a shorter one, or {longer}") from None
 
     # Stepping.
 
