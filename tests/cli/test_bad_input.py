@@ -48,16 +48,24 @@ REFUSED = [
     ((*SIMULATE, "--duration", "long"), "Invalid value for '--duration'"),
     ((*SIMULATE, "--duration", "-1"), "error: --duration = -1.0: expected a time above 0 [s]"),
     ((*SIMULATE, "--duration", "nan"), "duration = nan"),
-    ((*SIMULATE, "--step", "0"), "solver.step = 0.0: expected a time above 0 [s]"),
-    ((*SIMULATE, "--step", "0.03"), "expected a multiple of solver.step = 0.03 s"),
-    ((*SIMULATE, "--record-every", "-1"), "recording.every = -1"),
+    ((*SIMULATE, "--step", "0"), "error: --step = 0.0: expected a time above 0 [s]"),
+    ((*SIMULATE, "--step", "0.03"), "--duration = 0.1: expected a multiple of --step = 0.03 s"),
+    ((*SIMULATE, "--record-period", "0.03"), "--duration = 0.1: expected a multiple of --record-period = 0.03 s"),
+    ((*SIMULATE, "--record-period", "1e-12"), "a --record-period longer than 1e-12 s"),
+    ((*SIMULATE[:-1], "0.0105"), "of 0.001 s, the time from row to row; another --record-period changes it"),
+    ((*SIMULATE, "--integrator", "rk5"), "error: --integrator = 'rk5': unknown"),
+    (
+        (*SIMULATE, "--step", "1e-3", "--accuracy", "1e-4"),
+        "--accuracy = 0.0001: beside --step, which is taken as it is",
+    ),
+    ((*SIMULATE, "--record-every", "-1"), "error: --record-every = -1"),
     ((*SIMULATE, "--accuracy", "0"), "--accuracy = 0.0: expected a number of at least 1e-12 and below 1"),
     ((*SIMULATE, "--record-every", "1.5"), "Invalid value for '--record-every'"),
     ((*SIMULATE, "-o", "run.mat"), "run.mat: the ending '.mat' is not offered; expected .nc, .csv or .parquet"),
     ((*SIMULATE, "-o", "nowhere/run.nc"), "nowhere/run.nc: there is no folder 'nowhere'"),
     ((*SIMULATE, "--plot", "run.gif"), "run.gif: the ending '.gif' is not offered; expected .png, .svg, .pdf or .html"),
     ((*SIMULATE, "-o", "run.nc", "--plot", "nowhere/run.png"), "nowhere/run.png: there is no folder"),
-    (("simulate", "cmu-dd", "--voltage", "1", "--duration", "1", "--step", "0.1"), "step = 0.1: too large"),
+    (("simulate", "cmu-dd", "--voltage", "1", "--duration", "1", "--step", "0.1"), "--step = 0.1: too large"),
 ]
 
 

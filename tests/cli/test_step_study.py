@@ -64,8 +64,11 @@ def test_a_scenario_file_says_all_of_it(tmp_path):
             ["two-link", "--torque", "0", "--duration", "1", "--accuracy", "1e-3,x"],
             "--accuracy = '1e-3,x': expected numbers",
         ),
-        (["two-link", "--torque", "0", "--duration", "1", "--integrator", "rk45"], "'rk45': chooses its own steps"),
-        (["two-link", "--torque", "0", "--duration", "1", "--steps", "0"], "steps = 0: expected a whole number"),
+        (
+            ["two-link", "--torque", "0", "--duration", "1", "--integrator", "rk45"],
+            "--integrator = 'rk45': chooses its",
+        ),
+        (["two-link", "--torque", "0", "--duration", "1", "--steps", "0"], "--steps = 0: expected a whole number"),
         (["two-link", "--torque", "0"], "error: --duration: expected a time above 0 [s]"),
         (["x.scenario.toml", "--duration", "1"], "--duration: a scenario file says all of it"),
     ],

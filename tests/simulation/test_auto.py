@@ -174,7 +174,7 @@ def test_rows_come_by_time():
         (
             {"accuracy": 1e-3, "step": 1e-3},
             {},
-            "solver.accuracy = 0.001: goes with integrator = 'auto' without a step, not 'rk3'",
+            "solver.accuracy = 0.001: beside solver.step, which is taken as it is; expected one of them",
         ),
         ({"max_substeps": 0}, {}, "solver.max_substeps = 0: expected a whole number, 1 or more"),
         ({"rtol": 1e-3}, {}, "solver.rtol = 0.001: goes with"),
@@ -184,12 +184,37 @@ def test_rows_come_by_time():
             {"period": 3e-3},
             r"recording.period = 0.003: expected|duration = 0.5: expected a multiple of recording.period",
         ),
-        ({}, {"period": 1e-3, "every": 2}, "recording.period = 0.001: beside every; expected one of them"),
+        ({}, {"period": 1e-3, "every": 2}, "recording.period = 0.001: beside recording.every; expected one of them"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused(solver, recording, said):
     with pytest.raises(ScenarioError, match=said):
         replace(pushed("puma560"), solver=aw.Solver(**solver), recording=aw.Recording(**recording))
+
+
+def test_another_recording_period_cannot_go_on_from_a_run():
+    first = aw.simulate(replace(pushed("puma560"), duration=0.01))
+    other = replace(pushed("puma560"), duration=0.01, recording=aw.Recording(period=2e-3))
+    said = "recording.period = 0.002: the state to go on from has another, 0.001 s; expected recording.period = 0.001 s"
+    with pytest.raises(ScenarioError, match=said):
+        replace(other, start=first)
+
+
+def test_defaults_are_not_named_as_if_they_had_been_given():
+    with pytest.raises(ScenarioError, match=r"expected a multiple of 0.001 s, the time from row to row; another rec"):
+        replace(pushed("puma560"), duration=0.0105)
+    with pytest.raises(
+        ScenarioError, match=r"expected a multiple of 0.001 s, the step; another solver.step changes it"
+    ):
+        replace(pushed("puma560"), duration=0.0105, solver=aw.Solver("rk4"))
+
+
+def test_a_tiny_recording_period_is_refused_for_its_rows():
+    scenario = replace(pushed("puma560"), duration=1000.0, recording=aw.Recording(period=1e-9))
+    with pytest.raises(
+        ScenarioError, match=r"more than there is memory for; .* a recording.period longer than 1e-09 s"
+    ):
+        aw.simulate(scenario)
 
 
 def test_a_coarse_step_given_by_hand_is_noted_with_one_that_would_do():

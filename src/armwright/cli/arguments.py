@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armwright.errors import ABSENT, ScenarioError
+from armwright.errors import ABSENT, DivergenceError, ScenarioError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -171,22 +171,42 @@ def refuse_allow(folders: list[Path] | None) -> None:
         )
 
 
+OPTION_OF = {  # field of a scenario, or argument of a function → the option that gives it
+    "duration": "--duration",
+    "solver.accuracy": "--accuracy",
+    "solver.step": "--step",
+    "step": "--step",
+    "solver.integrator": "--integrator",
+    "recording.period": "--record-period",
+    "recording.every": "--record-every",
+    "accuracies": "--accuracy",
+    "steps": "--steps",
+}
+IN_TEXT = re.compile(r"\b(?:solver|recording)\.\w+")
+QUOTED = re.compile(r"['\"](\w+)['\"]")
+RULE = re.compile(r"\bintegrator = ((?:(?:, | or )?['\"]\w+['\"])+)")
+
+
 @contextmanager
-def naming_options(*names: str) -> Iterator[None]:
+def naming_options(*fields: str) -> Iterator[None]:
     """Errors about fields of a scenario name the options of the command that gave them: `solver.accuracy` → `--accuracy`.
 
+    Args:
+        fields: those that options gave; by default all of `OPTION_OF`.
     Raises:
-        ScenarioError: as it was raised, its place an option where it is one of these fields.
+        ArmwrightError: as it was raised, its place an option where it is one of these fields; so are fields in its sentences.
     """
+    options = {field: OPTION_OF[field] for field in fields or OPTION_OF}
+
+    def in_text(text: str) -> str:
+        named = IN_TEXT.sub(lambda field: options.get(field[0], field[0]), text)
+        if "solver.integrator" in options:
+            named = RULE.sub(lambda rules: "--integrator " + QUOTED.sub(r"\1", rules[1]), named)
+        return named
+
     try:
         yield
-    except ScenarioError as error:
-        problems = [
-            replace(
-                each, place=f"--{each.place.rpartition('.')[2]}", value=ABSENT if each.value is None else each.value
-            )
-            if each.place in names
-            else each
-            for each in error.problems
-        ]
-        raise ScenarioError.of(*problems) from None
+    except (ScenarioError, DivergenceError) as error:
+        renamed = error.renamed(lambda place: options.get(place, place), in_text)
+        absent = (replace(each, value=ABSENT) if each.value is None else each for each in renamed.problems)
+        raise type(error).of(*absent) from None

@@ -129,7 +129,7 @@ def simulate(
         return
     refuse_allow(allow)
     arm = aw.load(robot)
-    with naming_options("duration", "solver.accuracy"):
+    with naming_options():
         scenario = aw.Scenario(
             arm,
             duration=duration,

@@ -81,12 +81,13 @@ def step_study(
         refuse_options(robot, {**options, "q0": q0, "qd0": qd0})
         scenario = aw.read_scenario(robot, allow=allow or ())
         if integrator is not None:
-            solver = aw.Solver(integrator, scenario.solver.step, scenario.solver.substeps)
+            with naming_options("solver.integrator"):
+                solver = aw.Solver(integrator, scenario.solver.step, scenario.solver.substeps)
             scenario = replace(scenario, solver=solver)
     else:
         refuse_allow(allow)
         arm = aw.load(robot)
-        with naming_options("duration"):
+        with naming_options():
             scenario = aw.Scenario(
                 arm,
                 duration=duration,
@@ -94,7 +95,7 @@ def step_study(
                 start=start_of(arm, q0, qd0),
                 solver=aw.Solver(integrator or "auto", step),
             )
-    named = () if robot.endswith(SCENARIO) else ("duration",)
+    named = ("solver.integrator", "accuracies", "steps") if robot.endswith(SCENARIO) else ()
     with naming_options(*named), progress(f"trying steps for {scenario.arm.name}"):
         start = time.perf_counter()
         study = aw.step_study(scenario, steps=steps, accuracies=_accuracies(accuracy))

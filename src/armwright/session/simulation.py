@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import armwright as aw
-from armwright.errors import SessionError
+from armwright.errors import ScenarioError, SessionError
 from armwright.model.joint_signals import joint_units
 from armwright.results.aliases import LOOP_END, LOOP_STATE, PARTIAL
 from armwright.results.notes import limit_notes_of, notes_of
@@ -18,7 +19,10 @@ from armwright.session.controllers import built_controller
 from armwright.session.listing import Line, Output, by_joint
 from armwright.session.state import State
 from armwright.session.workspace import Workspace
+from armwright.simulation.fixed_steps import COARSE, OR_NONE
 from armwright.simulation.inputs.schedule import Schedule
+from armwright.simulation.plant.recommended_step import written_step
+from armwright.simulation.plant.step_limits import OTHER_STEPS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -167,7 +171,9 @@ def _run(
             session.progress(ticks, of)
 
     try:
-        return aw.simulate(scenario, progress=progress), steps
+        return _in_terms_of_the_session(aw.simulate(scenario, progress=progress), state), steps
+    except ScenarioError as error:
+        raise error.renamed(lambda place: "TimeStep" if place == "step" else place, _without_rules) from None
     except KeyboardInterrupt:
         part = ticks_done * (1 if scenario.controller is None else scenario.substeps)
         part -= part % (arguments["every"] or 1)
@@ -176,13 +182,33 @@ def _run(
     if session.show is not None:
         text = f"interrupted after {part} of {steps} steps; these are kept (Ctrl-C again: they are not)"
         session.show(Line(text, "note"))
-    run = aw.simulate(scenario_of(state, arguments["schedule"], part, arguments["every"], before))
+    scenario = scenario_of(state, arguments["schedule"], part, arguments["every"], before)
+    run = _in_terms_of_the_session(aw.simulate(scenario), state)
     run.attrs[PARTIAL] = f"interrupted after {part} of {steps} steps"
     words = {**{name: arguments[name] for name in ("start", "zero", "schedule", "every")}, "steps": part}
     words |= {"zero": "yes" if arguments["zero"] == "yes" else None}
     typed = [f"{name}={quoted(str(value))}" for name, value in words.items() if value is not None]
     session.recorded_line = " ".join(["simulate", *typed])
     return run, part
+
+
+def _in_terms_of_the_session(run: xr.Dataset, state: State) -> xr.Dataset:
+    """The run with notes that name TimeStep, which the session always has, in place of a scenario's steps."""
+
+    def named(note: str) -> str:
+        if COARSE not in note:
+            return note
+        period = state.dac_period
+        note = re.sub(r"substeps = (\d+)", lambda n: f"{written_step(period / int(n[1]), (period,)):g} s", note)
+        return note.replace("a step of", "a TimeStep of").replace(OR_NONE, "")
+
+    run.attrs["notes"] = "\n".join(map(named, notes_of(run)))
+    return run
+
+
+def _without_rules(text: str) -> str:
+    """A sentence without the rules and substeps that a session does not let choose."""
+    return re.sub(r", by substeps = \d+", "", text.replace(f"; or {OTHER_STEPS}", ""))
 
 
 def check_continue(session: Workspace, arguments: dict[str, Any]) -> None:

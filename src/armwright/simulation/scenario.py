@@ -323,13 +323,14 @@ class Scenario:
             ScenarioError: no whole number of them, too many to count, or rows that do not end with them.
         """
         check_time("duration", duration)
-        tick, name = self.tick, "loop.period" if self.sampled else self._of_tick
+        tick = self.tick
         if duration > MOST_STEPS * tick:
-            expected = f"at most 2^53 times {name} = {tick:g} s"
+            expected = f"at most 2^53 times {self._named_tick}"
             raise ScenarioError(place="duration", value=duration, expected=expected)
         ticks = round(duration / tick)
-        if ticks < 1 or abs(ticks * tick - duration) > 1e-6 * tick:
-            raise ScenarioError(place="duration", value=duration, expected=f"a multiple of {name} = {tick:g} s")
+        rounding = 1e-6 * tick + 4.0 * np.finfo(float).eps * duration
+        if ticks < 1 or abs(ticks * tick - duration) > rounding:
+            raise ScenarioError(place="duration", value=duration, expected=f"a multiple of {self._named_tick}")
         if self.every and ticks % self.every:
             place, expected = "recording.every", f"a divisor of the {ticks} steps of the run"
             if self.recording.period is not None:
@@ -339,8 +340,20 @@ class Scenario:
 
     @property
     def _of_tick(self) -> str:
-        """The field that says how long a tick is where nothing is sampled."""
+        """The field that says how long a tick is."""
+        if self.sampled:
+            return "loop.period"
         return "recording.period" if self.solver.rule == "auto" else "solver.step"
+
+    @property
+    def _named_tick(self) -> str:
+        """Length of a tick with the field that says it, as a default where the scenario does not."""
+        field, tick = self._of_tick, self.tick
+        if field == "recording.period" and self.recording.period is None:
+            return f"{tick:g} s, the time from row to row; another recording.period changes it"
+        if field == "solver.step" and self.solver.step is None:
+            return f"{tick:g} s, the step; another solver.step changes it"
+        return f"{field} = {tick:g} s"
 
     @cached_property
     def lane_count(self) -> int | None:
@@ -377,7 +390,8 @@ class Scenario:
         Raises:
             ScenarioError: as `state_to_continue`.
         """
-        return state_to_continue(start, self.arm, self.tick, brakes=self.inputs.brake is not None)
+        brakes = self.inputs.brake is not None
+        return state_to_continue(start, self.arm, self.tick, self._of_tick, brakes=brakes)
 
     @cached_property
     def varied(self) -> Varied | None:

@@ -151,7 +151,17 @@ class Solver:
             check_time("solver.step", self.step)
         if self.substeps is not None:
             self._check_substeps(self.substeps)
+        self._check_by_hand()
         _ = self.adaptivity  # which checks the others
+
+    def _check_by_hand(self) -> None:
+        """Refuses, with "auto", settings of steps that lanes choose beside a step or a number of them given by hand."""
+        given = next((name for name in ("step", "substeps") if getattr(self, name) is not None), None)
+        for name in ("accuracy", "max_substeps"):
+            value = getattr(self, name)
+            if self.integrator == "auto" and given is not None and value is not None:
+                what = f"beside solver.{given}, which is taken as it is"
+                raise ScenarioError(what, place=f"solver.{name}", value=value, expected="one of them")
 
     def _check_substeps(self, substeps: int) -> None:
         check_whole("solver.substeps", substeps, 1)
@@ -205,7 +215,9 @@ class Recording:
         if self.period is not None:
             check_time("recording.period", self.period)
             if self.every is not None:
-                raise ScenarioError("beside every", place="recording.period", value=self.period, expected="one of them")
+                raise ScenarioError(
+                    "beside recording.every", place="recording.period", value=self.period, expected="one of them"
+                )
         if self.every is not None:
             check_whole("recording.every", self.every, 0)
         check_choice("recording.what", self.what, KEPT)

@@ -201,11 +201,12 @@ class LoopState:
             raise ScenarioError(f"the run's {LOOP_STATE} cannot be read: {error}", place="start") from None
 
 
-def state_to_continue(start: Any, arm: Model, period: float, *, brakes: bool) -> LoopState:
+def state_to_continue(start: Any, arm: Model, period: float, field: str, *, brakes: bool) -> LoopState:
     """The state of a run or a loop, for another loop to go on from; brakes on one side alone begin unbent, or are left out.
 
     Args:
-        start: a run, or a state.   arm: of the other loop.   period: [s] of its ticks.   brakes: true where they take part.
+        start: a run, or a state.   arm: of the other loop.   period: [s] of its ticks.   field: of the scenario that says it.
+        brakes: true where they take part.
     Raises:
         ScenarioError: no state, one of another plant or another period, or one of a lane that did not come to its end.
     """
@@ -237,8 +238,9 @@ def state_to_continue(start: Any, arm: Model, period: float, *, brakes: bool) ->
         x = np.array([columns.get(name, np.zeros(state.lanes)) for name in expected]).T
         state = replace(state, entries=expected, blocks={**state.blocks, "x": x})
     if abs(state.period - period) > 1e-9 * period:
-        what = f"a state of ticks of {state.period:g} s"
-        raise ScenarioError(what, place="start", expected=f"those of the scenario, {period:g} s")
+        what = f"the state to go on from has another, {state.period:g} s"
+        expected = f"{field} = {state.period:g} s, or a run that starts from positions and speeds"
+        raise ScenarioError(what, place=field, value=period, expected=expected)
     frozen = state.blocks["frozen"][:, 0] >= 0.0
     if frozen.any():
         lane = int(np.argmax(frozen))
