@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from typer.testing import CliRunner
 
 from armwright.cli.app import app
+from simulation.first_steps import GEARED_MOTOR
 
 SCENARIO = """
 robot = "two-link"
@@ -78,6 +81,33 @@ def test_what_cannot_be_tried_is_refused_in_one_line(arguments, said):
     assert result.exit_code == 2
     assert said in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+def study_of(arm, path, *arguments: str):
+    """The study of an arm in a file, on a screen that is wide enough."""
+    path.write_text(arm)
+    result = CliRunner().invoke(app, ["step-study", str(path), *arguments], env={"COLUMNS": "160"})
+    assert result.exit_code == 0, result.stderr
+    return result.output
+
+
+def test_an_arm_that_sticks_is_compared_with_steps_that_follow_it(tmp_path):
+    text = GEARED_MOTOR + "\n[joints.friction]\ncoulomb_positive_n_m = 2.0\ncoulomb_negative_n_m = 2.0\n"
+    before, after = text.split("[joints.motor]")
+    shown = study_of(f"{before}[joints.motor]{after}", tmp_path / "arm.toml", "--voltage", "12", "--duration", "0.02")
+    assert "against rk45 at 1e-11" in shown
+    assert "CVODES" not in shown
+
+
+def test_of_a_stiff_arm_the_stiff_rule_is_shown_with_what_limits_the_others(tmp_path):
+    gear = "[joints.elasticity]\nstiffness_n_m_per_rad = 1e8\ndamping_n_m_s_per_rad = 1e4\n"
+    arguments = ("--voltage", "12", "--duration", "0.02", "--steps", "2", "--accuracy", "1e-2,1e-7")
+    shown = study_of(GEARED_MOTOR.replace("[[links]]", f"{gear}\n[[links]]"), tmp_path / "arm.toml", *arguments)
+    assert re.search(r"4 to 2 +too large", shown)
+    assert "of the elastic gear of joint 'axis'" in shown
+    assert "auto, rodas3," in shown
+    assert "for an accuracy of 0.01: no step that was tried; auto keeps it, with no step given" in shown
+    assert re.search(r"1e-07: no step that was tried; auto with an accuracy of \S+ is wrong by \de-0[678]", shown)
 
 
 def test_simulate_takes_an_integrator():

@@ -109,6 +109,18 @@ def test_no_order_is_told_from_errors_that_are_those_of_cvodes():
     assert found.trials[1].order == pytest.approx(4.0, abs=0.3)
 
 
+def test_where_friction_turns_round_the_floor_is_that_of_the_reference():
+    """Steps that end as far behind the turn are as wrong, and are no measure of what the reference is wrong by."""
+    rough = {"coulomb_positive_n_m": 2.0, "coulomb_negative_n_m": 2.0}
+    swing = pendulum(motor=MOTOR, friction=rough)
+    start = aw.Start([0.3], [-0.5])
+    found = aw.step_study(aw.Scenario(swing, 0.2, command=[6.0], start=start), steps=5, accuracies=[1e-2, 1e-7])
+    assert found.reference == "rk45 at 1e-11"
+    assert found.floor < 1e-6 < 1e-4 < found.trials[-1].error
+    assert found.auto.rule == "rk3"
+    assert found.by_auto[1e-7].error < 0.1 * found.auto.error
+
+
 def test_stops_do_not_cost_the_order():
     joint = {"motor": MOTOR, "friction": {"viscous_n_m_s_per_rad": 0.8}, "stops": STOPS}
     swing = pendulum(**joint, limits={"position_rad": [-1.0, 0.35]})

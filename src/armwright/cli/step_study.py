@@ -31,7 +31,7 @@ from armwright.cli.arguments import (
 from armwright.errors import ScenarioError
 
 if TYPE_CHECKING:
-    from armwright.simulation.step_study import StepStudy
+    from armwright.simulation.step_study import StepStudy, Trial
 
 
 def step_study(
@@ -117,31 +117,57 @@ def _accuracies(text: str) -> list[float]:
 
 
 def _show(study: StepStudy, spent: float) -> None:
-    from armwright.cli.tables import console_for_tables, number, table
+    from armwright.cli.tables import console_for_tables, table
 
     console = console_for_tables()
-    title = f"{study.name}: {study.integrator} (order {study.order}) against CVODES, in {spent:.1f} s"
+    title = f"{study.name}: {study.integrator} (order {study.order}) against {study.reference}, in {spent:.1f} s"
     heads = ["step [ms]", "error in q [rad | m]", "error in qd [rad/s | m/s]", "order seen", "evaluations a second"]
     parted = any(isfinite(trial.counts_differ_at) for trial in study.trials)
-    rows = [
-        [
-            f"auto, {1e3 * trial.step:.3g} on average" if trial is study.auto else f"{1e3 * trial.step:.4g}",
-            "too large" if trial.refused else f"{trial.error_q:.1e}",
-            "" if trial.refused else f"{trial.error_qd:.1e}",
-            number(round(trial.order, 2)),
-            f"{trial.evaluations:,.0f}",
-            *([number(trial.counts_differ_at)] if parted else []),
-        ]
-        for trial in (*study.trials, study.auto)
-    ]
+    taken = [trial for trial in study.trials if not trial.refused]
+    refused = [trial for trial in study.trials if trial.refused]
+    autos = [trial for trial in (study.auto, *study.by_auto.values()) if not trial.refused]
+    rows = [_row(trial, parted) for trial in (*taken, *autos)]
+    if refused:
+        span = dict.fromkeys(f"{1e3 * trial.step:.4g}" for trial in (refused[0], refused[-1]))
+        rows = [[" to ".join(span), "too large", "", "", "", *([""] if parted else [])], *rows]
     console.print(table(title, [*heads, *(["other counts from [s]"] if parted else [])], rows))
+    if refused:
+        console.print(str(refused[-1].refused))
     if parted:
         console.print(
-            "Where a count is another one than in CVODES' run, as the smallest error makes it, rows behind are not compared."
+            f"Where a count is another one than by {study.reference}, as the smallest error makes it, rows behind are not "
+            "compared."
         )
     if study.floor > 0.0 and study.floor > 0.25 * min(trial.error for trial in study.trials):
-        console.print(f"CVODES itself is no nearer than about {study.floor:.0e}.")
-    for accuracy, trial in study.recommended.items():
-        advice = "no step that was tried" if trial is None else f"a step of {1e3 * trial.step:.4g} ms"
-        suffix = f" ({trial.substeps} substeps)" if trial is not None and trial.substeps > 1 else ""
-        console.print(f"for an accuracy of {accuracy:g}: {advice}{suffix}")
+        console.print(f"The reference, {study.reference}, is itself wrong by some {study.floor:.0e}.")
+    for accuracy in study.recommended:
+        console.print(f"for an accuracy of {accuracy:g}: {_advice(study, accuracy)}")
+
+
+def _row(trial: Trial, parted: bool) -> list[str]:
+    """Cells of a step that was tried."""
+    from armwright.cli.tables import number
+    from armwright.simulation.integrate.stepping import ACCURACY
+
+    step = f"{1e3 * trial.step:.4g}"
+    if trial.accuracy is not None:
+        accuracy = "" if trial.accuracy == ACCURACY else f" for {trial.accuracy:g}"
+        step = f"auto{accuracy}, {trial.rule}, {1e3 * trial.step:.3g} on average"
+    errors = (f"{trial.error_q:.1e}", f"{trial.error_qd:.1e}")
+    cells = [step, *errors, number(round(trial.order, 2)), f"{trial.evaluations:,.0f}"]
+    return [*cells, *([number(trial.counts_differ_at)] if parted else [])]
+
+
+def _advice(study: StepStudy, accuracy: float) -> str:
+    """The setting that keeps an accuracy."""
+    trial = study.recommended[accuracy]
+    if trial is not None:
+        substeps = f" ({trial.substeps} substeps)" if trial.substeps > 1 else ""
+        return f"a step of {1e3 * trial.step:.4g} ms{substeps}"
+    none = "no step that was tried"
+    if study.auto.error <= accuracy:
+        return f"{none}; auto keeps it, with no step given"
+    auto = study.by_auto.get(accuracy)
+    if auto is None or auto.refused:
+        return none
+    return f"{none}; auto with an accuracy of {auto.accuracy:g} is wrong by {auto.error:.0e}"

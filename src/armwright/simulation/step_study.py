@@ -1,7 +1,9 @@
-"""Study of the step size: one scenario run with ever smaller steps, each against CVODES at tolerances near rounding.
+"""Study of the step size: one scenario run with ever smaller steps, each against a reference at tolerances near rounding.
+
+The reference is CVODES; where friction sticks, which it does not follow, rk45 in steps that end where sticking changes.
 
 With error e(h) ~ h^p, the order that is seen between two steps is  p = log(e₁/e₂) / log(h₁/h₂). It says nothing where the
-error is CVODES' own. Where sensors count and converters have steps, a state that is wrong by next to nothing may still be
+error is the reference's own. Where sensors count and converters have steps, a state that is wrong by next to nothing may still be
 read as another count; what follows from that is no error of the integration, and the rows behind it are not compared.
 """
 
@@ -18,6 +20,7 @@ import numpy as np
 from armwright.errors import DivergenceError, ScenarioError
 from armwright.simulation.checks import check_whole
 from armwright.simulation.integrate.integrators import INTEGRATORS
+from armwright.simulation.integrate.stepping import ACCURACY, LEAST_ACCURACY
 from armwright.simulation.plant.sticking import sticking_places
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Recording, Solver
@@ -29,9 +32,11 @@ if TYPE_CHECKING:
 ACCURACIES = (1e-3, 1e-6, 1e-9)  # that are recommended for, if nothing else is said
 STEPS = 8  # halvings that are tried, if nothing else is said
 LARGEST = 4  # times an open-loop scenario's own step, where that divides the duration
-SMALLEST_ERROR = 1e-12  # no order is seen below, however good CVODES is
+SMALLEST_ERROR = 1e-12  # no order is seen below, however good the reference is
 TIGHT = 1e-11  # tolerance of rk45 in the place of CVODES
-SURE = 4.0  # times what CVODES is wrong by: an error that says something
+LOOSER = 10.0  # times that tolerance: the change that it makes is taken for what the reference is wrong by
+SURE = 4.0  # times what the reference is wrong by: an error that says something
+AIM = 0.3  # of an error that "auto" is to keep, in the one run that tries to
 
 
 @dataclass(frozen=True)
@@ -42,9 +47,10 @@ class Trial:
         step: [s] of the integrator.   substeps: steps in a sample period; 1 where nothing is sampled.
         error_q: [rad | m], error_qd: [rad/s | m/s]: the largest over all rows, joints and lanes; NaN: it could not run.
         order: that is seen from the step before; NaN: none.   evaluations: of the plant, for each lane and simulated second.
-        counts_differ_at: [s] first time at which a count or a command's step differs from CVODES' run, in the first lane where
-            one does; that lane's later rows are not compared. NaN: never.
-        refused: why it could not run; None where it did.
+        counts_differ_at: [s] first time at which a count or a command's step differs from the reference's, in the first lane
+            where one does; that lane's later rows are not compared. NaN: never.
+        refused: why it could not run; None where it did.   rule: that took the steps.
+        accuracy: of "auto", whose mean step this is; None of a fixed step.
     """
 
     step: float
@@ -55,6 +61,8 @@ class Trial:
     evaluations: float
     counts_differ_at: float = np.nan
     refused: str | None = None
+    rule: str = ""
+    accuracy: float | None = None
 
     @property
     def error(self) -> float:
@@ -70,7 +78,10 @@ class StepStudy:
         name: of the arm.   integrator: the rule.   order: the rule's own.   trials: largest step first.
         recommended: for each accuracy [rad, rad/s | m, m/s] the largest step which keeps it, as all smaller ones do; None: none.
         auto: what a run is wrong by in which every lane chooses its steps; its step is their mean.
-        floor: [rad, rad/s | m, m/s] what CVODES itself is wrong by, as the smallest steps show; 0 where they do not.
+        floor: [rad, rad/s | m, m/s] what the reference itself is wrong by, as the smallest steps show, or of rk45 another
+            tolerance; 0 where they do not.
+        reference: its name and tolerance.
+        by_auto: "auto" with an accuracy, for each accuracy that neither a step nor `auto` keeps, as near to it as one run came.
     """
 
     name: str
@@ -80,6 +91,8 @@ class StepStudy:
     auto: Trial
     floor: float
     recommended: dict[float, Trial | None]
+    reference: str
+    by_auto: dict[float, Trial]
 
 
 def step_study(
@@ -125,31 +138,43 @@ def step_study(
         try:
             runs.append(simulate(variant, threads=threads))
         except (ScenarioError, DivergenceError) as error:
-            trials.append(Trial(step, substeps, np.nan, np.nan, np.nan, cost, refused=str(error)))
+            trials.append(Trial(step, substeps, np.nan, np.nan, np.nan, cost, refused=str(error), rule=name))
             continue
         q, qd, differ_at = _compared(runs[-1], exact, scenario)
-        trials.append(Trial(step, substeps, q, qd, np.nan, cost, differ_at))
+        trials.append(Trial(step, substeps, q, qd, np.nan, cost, differ_at, rule=name))
     floor = 0.0
-    if len(runs) > 1 and not any(trial.refused or np.isfinite(trial.counts_differ_at) for trial in trials[-2:]):
-        change = max(_compared(runs[-1], runs[-2], scenario)[:2])
-        rest = change / (2.0**rule.order - 1.0)  # what the last one lacks, by its order
-        floor = max(trials[-1].error - rest, 0.0)
+    if _sticks(scenario):  # an error at a turn depends on where the steps lie about it, and need not shrink with them
+        floor = max(_compared(_solved(variants[0], LOOSER * TIGHT), exact, scenario)[:2])
+    elif len(runs) > 1 and not any(trial.refused or np.isfinite(trial.counts_differ_at) for trial in trials[-2:]):
+        # What the last one lacks is at most its change, that of order 1.
+        floor = max(trials[-1].error - max(_compared(runs[-1], runs[-2], scenario)[:2]), 0.0)
     ordered = [trials[0], *(replace(trial, order=_order(last, trial, floor)) for last, trial in pairwise(trials))]
     chosen = {accuracy: _largest(ordered, accuracy) for accuracy in accuracies}
     auto = _auto(variants[0], exact, threads)
-    return StepStudy(scenario.arm.name, name, rule.order, tuple(ordered), auto, floor, chosen)
+    tighter = {
+        accuracy: _auto(variants[0], exact, threads, ACCURACY * AIM * accuracy / auto.error)
+        for accuracy, found in chosen.items()
+        if found is None and accuracy < auto.error < np.inf and accuracy > SURE * max(floor, SMALLEST_ERROR)
+    }
+    reference = "rk45 at 1e-11" if _sticks(scenario) else "CVODES"
+    return StepStudy(scenario.arm.name, name, rule.order, tuple(ordered), auto, floor, chosen, reference, tighter)
 
 
-def _auto(scenario: Scenario, exact: xarray.Dataset, threads: int | None) -> Trial:
-    """The error where every lane chooses its steps, and what these are on average."""
+def _auto(scenario: Scenario, exact: xarray.Dataset, threads: int | None, accuracy: float = ACCURACY) -> Trial:
+    """The error where every lane chooses its steps for an accuracy, and what these are on average."""
+    accuracy = float(f"{max(accuracy, LEAST_ACCURACY):.0e}")  # as people write one
     recording = scenario.recording
     if not scenario.sampled:
         recording = replace(recording, every=None, period=scenario.tick)
-    auto = replace(scenario, solver=Solver(target=scenario.solver.target), recording=recording)
-    run = simulate(auto, threads=threads)
+    auto = replace(scenario, solver=Solver(accuracy=accuracy, target=scenario.solver.target), recording=recording)
+    try:
+        run = simulate(auto, threads=threads)
+    except (ScenarioError, DivergenceError) as error:
+        return Trial(np.nan, 1, np.nan, np.nan, np.nan, np.nan, refused=str(error), rule="auto", accuracy=accuracy)
     q, qd, differ_at = _compared(run, exact, scenario)
     steps = float(np.mean(run["steps_tried"])) / (scenario.ticks * scenario.tick)
-    return Trial(1.0 / steps, 1, q, qd, np.nan, INTEGRATORS["rk3"].stages * steps, differ_at)
+    cost = INTEGRATORS["rk3"].stages * steps  # rodas3 asks for as many, and for slopes
+    return Trial(1.0 / steps, 1, q, qd, np.nan, cost, differ_at, rule=run.attrs["rule"], accuracy=accuracy)
 
 
 def _order(last: Trial, trial: Trial, floor: float) -> float:
@@ -200,11 +225,15 @@ def _variants(scenario: Scenario, steps: int) -> list[Scenario]:
     ]
 
 
-def _solved(scenario: Scenario) -> xarray.Dataset:
-    """By CVODES, with its own tolerances; an arm that sticks, which CVODES does not follow, by rk45 with tight ones."""
+def _sticks(scenario: Scenario) -> bool:
+    return bool(sticking_places(scenario.arm, brakes=True))
+
+
+def _solved(scenario: Scenario, tight: float = TIGHT) -> xarray.Dataset:
+    """The reference, by CVODES with its own tolerances or by rk45 with tight ones."""
     solver = replace(scenario.solver, integrator="cvodes", substeps=1)
-    if sticking_places(scenario.arm, brakes=True):
-        solver = replace(solver, integrator="rk45", rtol=TIGHT, atol=0.1 * TIGHT)
+    if _sticks(scenario):
+        solver = replace(solver, integrator="rk45", rtol=tight, atol=0.1 * tight)
     return simulate(replace(scenario, solver=solver))
 
 
