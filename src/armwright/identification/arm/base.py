@@ -1,0 +1,156 @@
+"""Base parameters: the combinations of an arm's parameters that its torques depend on. [GautierKhalil1990], [Gautier1991]
+
+Columns of the regressor that depend on earlier ones are regrouped:  Y π = Y_b (π_b + K π_d) = Y_b β.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from armwright.errors import IdentificationError
+from armwright.identification.arm.equations import Samples, equations_of, stacked
+from armwright.identification.arm.torque_model import ZERO, Column, TorqueModel, random_states
+
+DEPENDENT = 1e-8  # sine of the angle between a column and the space of those before it: below, it depends on them
+SMALLEST = 1e-9  # of a regrouping's largest coefficient: smaller ones are rounding
+PREFERRED = {("inertial", unit): place for place, unit in enumerate(("kg m²", "kg m", "kg"))}  # who stays; then drives
+LAST = len(PREFERRED)
+STATES = 20  # random states for each column
+
+
+@dataclass(frozen=True, eq=False)
+class BaseParameters:
+    """Base parameters β = π_b + K π_d of a model with columns `names`.
+
+    Attributes:
+        columns: of the model, all of them.   independent: (b,) numbers of the columns that stay.
+        dependent: (d,) numbers of those that are regrouped.   absent: (a,) numbers of those without any effect.
+        regroup: K (b, d).
+    """
+
+    columns: tuple[Column, ...]
+    independent: np.ndarray
+    dependent: np.ndarray
+    absent: np.ndarray
+    regroup: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.independent)
+
+    @cached_property
+    def matrix(self) -> np.ndarray:
+        """A (b, p) of  β = A π."""
+        matrix = np.zeros((len(self), len(self.columns)))
+        matrix[np.arange(len(self)), self.independent] = 1.0
+        matrix[:, self.dependent] = self.regroup
+        return matrix
+
+    @property
+    def names(self) -> list[str]:
+        """Short names: of the parameter that stays, with "*" where others were added to it."""
+        return [
+            self.columns[k].name + ("*" if np.any(row) else "")
+            for k, row in zip(self.independent, self.regroup, strict=True)
+        ]
+
+    @property
+    def units(self) -> list[str]:
+        """Units of the base parameters."""
+        return [self.columns[k].unit for k in self.independent]
+
+    @property
+    def formulas(self) -> list[str]:
+        """Every base parameter as a formula: "Izz2 + 0.2025 m3"."""
+        names = [column.name for column in self.columns]
+        return [self._formula(b, names) for b in range(len(self))]
+
+    def _formula(self, b: int, names: list[str]) -> str:
+        text = names[self.independent[b]]
+        for k, value in zip(self.dependent, self.regroup[b], strict=True):
+            if value != 0:
+                size = f"{abs(value):.6g}"
+                text += f" {'-' if value < 0 else '+'} {'' if size == '1' else f'{size} '}{names[k]}"
+        return text
+
+    def of(self, parameters: np.ndarray) -> np.ndarray:
+        """β (b,) of parameters (p,)."""
+        return self.matrix @ parameters
+
+    def expanded(self, values: np.ndarray) -> np.ndarray:
+        """Parameters (p,) with these base parameters (b,), all regrouped ones 0."""
+        parameters = np.zeros(len(self.columns))
+        parameters[self.independent] = values
+        return parameters
+
+    def nearest(self, values: np.ndarray, prior: np.ndarray, scale: np.ndarray) -> np.ndarray:
+        """Parameters (p,) with these base parameters (b,), nearest to a prior (p,) in units of `scale` (p,).
+
+        argmin |(π - π₀)/scale|  with  A π = β.  Columns without effect keep their prior.
+        """
+        weighted = self.matrix * scale
+        change = np.linalg.lstsq(weighted, values - self.of(prior), rcond=None)[0]
+        return prior + scale * change
+
+
+def base_parameters(model: TorqueModel) -> BaseParameters:
+    """The base parameters of an arm, which its structure alone decides: any motion is allowed.
+
+    Args:
+        model: the arm and its columns.
+    Returns:
+        base: rank and regrouping of the columns at random states.
+    """
+    return regrouped(model.columns, structural_factor(model))
+
+
+def structural_factor(model: TorqueModel) -> np.ndarray:
+    """R (≤ p, p) of the model's columns at random states."""
+    states = random_states(model.arm, STATES * max(len(model) // model.arm.n, 1))
+    zero = np.zeros_like(states[0])
+    equations = equations_of([Samples("random", 0, zero[:, 0], *states, zero)], model)
+    return stacked(equations.factors, len(model))[0][: len(model), : len(model)]
+
+
+def regrouped(columns: tuple[Column, ...], factor: np.ndarray, dependent: float = DEPENDENT) -> BaseParameters:
+    """Base parameters from R of the columns.
+
+    Columns below 1e-10 of the largest are zero, before any scaling. Of the others, each one that depends on those before
+    it is regrouped into them: tensors come first, then first moments, masses and drives, each from the base outward.
+
+    Args:
+        columns: of the model.   factor: R (r, p), or any matrix with the same RᵀR.
+        dependent: sine of the angle to the earlier columns below which a column depends on them.
+    Raises:
+        IdentificationError: numbers that are not finite.
+    """
+    if not np.isfinite(factor).all():
+        raise IdentificationError(
+            "not finite", place="regressor", expected="positions and their derivatives in numbers"
+        )
+    size = np.linalg.norm(factor, axis=0)
+    largest = size.max(initial=0.0)
+    present = size > ZERO * largest if largest > 0 else np.zeros(len(size), dtype=bool)
+    basis = np.zeros((len(factor), 0))
+    kept, left = [], []
+    order = sorted(np.flatnonzero(present), key=lambda k: PREFERRED.get((columns[k].kind, columns[k].unit), LAST))
+    for k in order:
+        column = factor[:, k] / size[k]
+        for _ in range(2):  # once more takes away what rounding left of the first projection
+            column = column - basis @ (basis.T @ column)
+        length = np.linalg.norm(column)
+        if length > dependent:
+            basis = np.column_stack([basis, column / length])
+            kept.append(k)
+        else:
+            left.append(k)
+    independent, others = np.array(sorted(kept), dtype=int), np.array(sorted(left), dtype=int)
+    regroup = np.zeros((len(independent), len(others)))
+    if len(others) and len(independent):
+        scaled = factor[:, independent] / size[independent]
+        regroup = np.linalg.lstsq(scaled, factor[:, others], rcond=None)[0] / size[independent][:, None]
+        in_scale = np.abs(regroup) * size[independent][:, None] / size[others]
+        regroup[in_scale < SMALLEST] = 0.0
+    return BaseParameters(columns, independent, others, np.flatnonzero(~present), regroup)

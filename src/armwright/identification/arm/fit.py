@@ -1,0 +1,356 @@
+"""Least squares on triangular factors: ordinary, weighted by joint, and with weights for outliers. [GautierPoignet2001]
+
+    β = argmin Σ_j w_j |Y_j β - τ_j|²,   w_j = 1 / σ_j²,   σ_j² = |Y_j β - τ_j|² / (rows_j - b_j)
+
+Standard deviations come from the residuals' own covariance with their correlation in time: filtered and decimated noise is
+not white, and errors of the model are less so. [NeweyWest1987]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from math import ceil
+
+import numpy as np
+import scipy.linalg
+
+from armwright.errors import IdentificationError
+from armwright.identification.arm.base import BaseParameters
+from armwright.identification.arm.equations import Equations, Factor, Part, Samples, equations_of, stacked
+from armwright.identification.arm.triangular import triangle
+
+METHODS = ("ols", "wls", "irls")
+MOST_ITERATIONS = 50
+SETTLED = 1e-6  # relative change of the joints' variances
+HUBER, TUKEY = 1.345, 4.685  # standard deviations; both keep 95 % of the efficiency on normal noise [HollandWelsch1977]
+ROBUST = ("huber", "tukey")
+NORMAL_MEDIAN = 0.6744897501960817  # of |x|, x normal with deviation 1
+ROBUST_PASSES = 10  # over the rows
+CHANGE = 1e-2  # of a standard deviation: less is settled
+BINS = 4096  # of the histogram of residuals
+AT_REST = 0.01  # of the whole log's root mean square speed: slower parts rest
+
+SampleSource = Callable[[], Iterable[Samples]]
+
+
+@dataclass(frozen=True, eq=False)
+class ArmFit:
+    """Base parameters of an arm from a log.
+
+    Attributes:
+        equations: what was fitted.   base: the parameters' regrouping.   method: "ols", "wls" or "irls".
+        values: β (b,).   covariance: (b, b).   weights: w_j (n,).   rms: (n,) of the residuals [N m | N].
+        torque_rms: (n,) of the measured torques.   r2: (n,) 1 - residual variance over torque variance; NaN without torque.
+        condition: of the weighted regressor, its columns scaled to length 1.   information: R (b, b), weighted.
+        dropped: share of torques that robust weights count less than half.   weighted: the problem with these weights.
+        lags: rows over which residuals were correlated.
+    """
+
+    equations: Equations
+    base: BaseParameters
+    method: str
+    values: np.ndarray
+    covariance: np.ndarray
+    weights: np.ndarray
+    rms: np.ndarray
+    torque_rms: np.ndarray
+    r2: np.ndarray
+    condition: float
+    information: np.ndarray
+    dropped: float = 0.0
+    weighted: Equations | None = None
+    lags: int = 0
+
+    @property
+    def std(self) -> np.ndarray:
+        """(b,) standard deviations."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """(b, b)."""
+        std = np.where(self.std > 0, self.std, 1.0)
+        return self.covariance / np.outer(std, std)
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """(p,) parameters of the model with these base parameters, regrouped ones 0: for predictions."""
+        return self.base.expanded(self.values)
+
+
+def fit_arm(
+    equations: Equations, base: BaseParameters, method: str = "wls", weights: np.ndarray | None = None
+) -> ArmFit:
+    """Base parameters by ordinary or weighted least squares, from factors alone.
+
+    Args:
+        equations: of a log.   base: regrouping of the model's columns.   method: "ols" or "wls".
+        weights: w_j (n,) kept as they are, instead of the method's.
+    Returns:
+        fit: its covariance is (YᵀWY)⁻¹ with the residuals' variances, as if they were white: `with_correlation` counts more.
+    Raises:
+        IdentificationError: fewer rows than parameters, or parameters that the rows cannot tell.
+    """
+    factors = equations.factors
+    rows = np.array([factor.rows for factor in factors])
+    if rows.sum() <= len(base):
+        expected = f"more than {len(base)}, the number of base parameters"
+        raise IdentificationError("too few rows", place="log", value=int(rows.sum()), expected=expected)
+    known = rows > 0
+    chosen = known.astype(float) if weights is None else weights
+    values, information = _solved(factors, base, chosen)
+    variance = _variances(factors, base, values)
+    if method != "ols" and weights is None:
+        for _ in range(MOST_ITERATIONS):
+            floor = 1e-12 * max(variance.max(), np.finfo(float).tiny)  # of a log that the model explains exactly
+            last, chosen = chosen, np.where(known, 1.0 / np.maximum(variance, floor), 0.0)
+            values, information = _solved(factors, base, chosen)
+            variance = _variances(factors, base, values)
+            if (np.abs(chosen - last)[known] <= SETTLED * chosen[known]).all():
+                break
+    size = np.linalg.norm(information, axis=0)
+    inverse = scipy.linalg.solve_triangular(information / size, np.eye(len(size))) / size[:, None]
+    meat = sum(chosen[j] ** 2 * variance[j] * _gram(factor, base) for j, factor in enumerate(factors) if factor.rows)
+    covariance = inverse @ (inverse.T @ np.asarray(meat) @ inverse) @ inverse.T
+    measures = measures_of(factors, base.expanded(values))
+    condition = float(np.linalg.cond(information / size))
+    return ArmFit(equations, base, method, values, covariance, chosen, *measures, condition, information)
+
+
+def _variances(factors: Sequence[Factor], base: BaseParameters, values: np.ndarray) -> np.ndarray:
+    """σ_j² (n,): squares of residuals by rows less a joint's share of the parameters."""
+    rows = np.array([factor.rows for factor in factors])
+    squares = np.array([factor.residual(base.expanded(values)) for factor in factors])
+    return squares / np.maximum(rows - len(base) * rows / rows.sum(), 1.0)
+
+
+def measures_of(factors: Sequence[Factor], parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Residual's and torque's root mean square [N m | N] and R² of parameters (p,), each (n,); NaN for joints without torque."""
+    rows = np.array([factor.rows or np.nan for factor in factors])
+    squares = np.array([factor.residual(parameters) for factor in factors])
+    sums = np.array([factor.sum_of_squares for factor in factors])
+    spread = sums - np.array([factor.total for factor in factors]) ** 2 / rows
+    with np.errstate(divide="ignore", invalid="ignore"):
+        r2 = np.where(spread > 1e-12 * sums, 1.0 - squares / spread, np.nan)
+    return np.sqrt(squares / rows), np.sqrt(sums / rows), r2
+
+
+def _gram(factor: Factor, base: BaseParameters) -> np.ndarray:
+    """Y_jᵀ Y_j (b, b) of a joint."""
+    values = np.zeros((len(factor.matrix), len(base.columns)))
+    values[:, factor.columns] = factor.matrix[:, :-1]
+    values = values[:, base.independent]
+    return values.T @ values
+
+
+def _solved(factors: Sequence[Factor], base: BaseParameters, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """β (b,) and R (b, b) of the weighted problem.
+
+    Raises:
+        IdentificationError: columns that the rows cannot tell apart.
+    """
+    matrix, _ = stacked(factors, len(base.columns), weights)
+    chosen = matrix[:, [*base.independent, -1]]
+    size = np.linalg.norm(chosen, axis=0)
+    size[size == 0] = 1.0
+    factor = triangle(chosen / size)
+    b = len(base)
+    diagonal = np.abs(np.diag(factor)[:b])
+    if (diagonal < 1e-13).any():
+        raise IdentificationError(
+            "parameters that these rows cannot tell apart",
+            place="log",
+            expected="the base parameters of the log itself",
+        )
+    values = scipy.linalg.solve_triangular(factor[:b, :b], factor[:b, -1]) * size[-1] / size[:b]
+    return values, factor[:b, :b] * size[:b]
+
+
+def fit_robust(
+    source: SampleSource,
+    equations: Equations,
+    base: BaseParameters,
+    weight: str = "huber",
+    part_seconds: float | None = None,
+) -> ArmFit:
+    """Base parameters by iteratively reweighted least squares: rows with large residuals count less. [HollandWelsch1977]
+
+    Weights of Huber min(1, 1.345/|u|) or Tukey (1 - (u/4.685)²)², u the residual by the joint's deviation, which is its median
+    over 0.6745. Tukey begins where Huber ended. Every iteration reads the rows twice more.
+
+    Args:
+        source: gives the samples, anew at each call.   equations: of these samples.   base: regrouping.
+        weight: "huber" or "tukey".   part_seconds: as in `equations_of`.
+    Raises:
+        IdentificationError: an unknown weight, or as `fit_arm`.
+    """
+    if weight not in ROBUST:
+        raise IdentificationError(place="weight", value=weight, choices=ROBUST)
+    fit, law = fit_arm(equations, base), OutlierWeights("huber", np.ones(1))
+    for name in ROBUST[: ROBUST.index(weight) + 1]:
+        for _ in range(ROBUST_PASSES):
+            law = OutlierWeights(name, residual_scale(source(), fit))
+            reweighted = equations_of(
+                source(), equations.model, part_seconds=part_seconds, row_weights=law, parameters=fit.parameters
+            )
+            new = fit_arm(reweighted, base, "irls", np.where(equations.rows > 0, 1.0 / law.scale**2, 0.0))
+            change = np.abs(new.information @ (new.values - fit.values)).max()
+            fit = new
+            if change < CHANGE:
+                break
+    rms, torque_rms, r2 = measures_of(equations.factors, fit.parameters)
+    measured = {"rms": rms, "torque_rms": torque_rms, "r2": r2}
+    return replace(fit, equations=equations, weighted=fit.equations, dropped=law.dropped, **measured)
+
+
+@dataclass
+class OutlierWeights:
+    """Weights of single torques by their residuals, "huber" or "tukey"; counts those below one half.
+
+    Attributes:
+        law: name.   scale: (n,) deviations of the residuals [N m | N].
+    """
+
+    law: str
+    scale: np.ndarray
+    counted: int = 0
+    small: int = 0
+
+    def __call__(self, residuals: np.ndarray) -> np.ndarray:
+        """Weights (rows, n) of residuals (rows, n)."""
+        u = np.abs(residuals) / self.scale
+        if self.law == "huber":
+            weights = HUBER / np.maximum(u, HUBER)
+        else:
+            weights = np.clip(1 - (u / TUKEY) ** 2, 0, None) ** 2
+        self.counted += int(np.isfinite(u).sum())
+        self.small += int((weights < 0.5).sum())
+        return weights
+
+    @property
+    def dropped(self) -> float:
+        """Share of torques with a weight below one half."""
+        return self.small / max(self.counted, 1)
+
+
+def residual_scale(samples: Iterable[Samples], fit: ArmFit) -> np.ndarray:
+    """Deviation (n,) of each joint's residuals from the median of their magnitudes, by a histogram. [N m | N]"""
+    model, rms = fit.equations.model, np.where(fit.rms > 0, fit.rms, 1.0)
+    edges = np.concatenate([[0.0], np.geomspace(1e-4, 1e4, BINS)])
+    counts = np.zeros((model.arm.n, BINS))
+    for _, _, residuals in residuals_of(samples, fit):
+        for j in range(model.arm.n):
+            each = np.abs(residuals[:, j]) / rms[j]
+            counts[j] += np.histogram(np.clip(each[np.isfinite(each)], 0, 9e3), edges)[0]
+    shares = np.cumsum(counts, axis=1) / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    middle = np.array([np.interp(0.5, share, edges[1:]) for share in shares])
+    return np.maximum(middle * rms / NORMAL_MEDIAN, 1e-9 * np.maximum(fit.torque_rms, np.finfo(float).tiny))
+
+
+def residuals_of(samples: Iterable[Samples], fit: ArmFit, rows: int = 4096):
+    """Samples, values of the base columns (rows, n, b) and residuals τ - Y β (rows, n), chunk by chunk."""
+    model = fit.equations.model
+    for block in samples:
+        for begin in range(0, len(block.t), rows):
+            piece = block.part(slice(begin, begin + rows))
+            values = model.rows(piece.q, piece.qd, piece.qdd)[:, :, fit.base.independent]
+            yield piece, values, piece.tau - model.known_torques(piece.q) - values @ fit.values
+
+
+def with_correlation(source: SampleSource, fit: ArmFit, lags: int | None = None) -> ArmFit:
+    """The fit with a covariance that counts the residuals' correlation in time and between joints. [NeweyWest1987]
+
+        C = H⁻¹ [ Σ_t S_t S_tᵀ / (L + 1) ] H⁻¹,  S_t = s_t + … + s_{t+L},  s_t = Y_tᵀ W e_t,  H = YᵀWY,
+
+    which weights the correlation over k rows by 1 - k/(L+1).
+
+    Args:
+        source: gives the samples, anew at each call.   fit: of these samples.
+        lags: L; None: by the residuals' own correlation from row to row. [Andrews1991]
+    """
+    if lags is None:
+        lags = _lags(source(), fit)
+    b, rows, sums = len(fit.base), 0, None
+    for _, values, residuals in residuals_of(source(), fit):
+        scores = np.einsum("tjb,tj->tb", values, np.nan_to_num(residuals) * fit.weights)
+        steps = np.concatenate([np.zeros((1, b)), np.cumsum(scores, axis=0)])
+        ends = np.arange(1, len(scores) + lags + 1)  # of all windows, those that reach beyond either end included
+        windows = steps[np.minimum(ends, len(scores))] - steps[np.maximum(ends - lags - 1, 0)]
+        sums = triangle(windows, sums)
+        rows += len(scores)
+    if sums is None:
+        return fit
+    inverse = scipy.linalg.solve_triangular(fit.information, np.eye(b))
+    root = sums @ inverse @ inverse.T
+    counted = rows / max(rows - b / fit.equations.model.arm.n, 1)
+    return replace(fit, covariance=counted / (lags + 1) * root.T @ root, lags=lags)
+
+
+def _lags(samples: Iterable[Samples], fit: ArmFit) -> int:
+    """Rows over which residuals count as correlated: 1.1447 (4 ρ² N / (1 - ρ²)²)^(1/3), ρ from row to row. [Andrews1991]"""
+    n = fit.equations.model.arm.n
+    products, squares, rows = np.zeros(n), np.zeros(n), 0
+    for _, _, residuals in residuals_of(samples, fit):
+        each = np.nan_to_num(residuals)
+        products += (each[1:] * each[:-1]).sum(axis=0)
+        squares += (each**2).sum(axis=0)
+        rows += len(each)
+    share = np.clip(products[squares > 0] / squares[squares > 0], -0.97, 0.97)
+    if not len(share):
+        return 0
+    strength = np.median(4 * share**2 / (1 - share**2) ** 2)
+    return int(np.clip(ceil(1.1447 * (strength * rows) ** (1 / 3)), 1, max(rows // 10, 1)))
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Error of a fit on rows that it has not seen.
+
+    Attributes:
+        run, begin, end: which rows [s].   relative: (n,) residual's root mean square by that of the whole log's torque.
+        r2: (n,) on these rows.   at_rest: nothing moves there, so that friction is not in a known direction.
+    """
+
+    run: str
+    begin: float
+    end: float
+    relative: np.ndarray
+    r2: np.ndarray
+    at_rest: bool
+
+    @property
+    def error(self) -> float:
+        """Root mean square of the joints' relative errors."""
+        return float(np.sqrt(np.nanmean(self.relative**2)))
+
+
+def cross_validated(fit: ArmFit) -> list[HeldOut]:
+    """Errors on each part of a log, of fits to all other parts, with the weights of the whole fit.
+
+    Raises:
+        IdentificationError: there is one part only.
+    """
+    equations = fit.equations
+    if len(equations.parts) < 2:
+        raise IdentificationError("one part", place="equations.parts", expected="two or more, to hold one out")
+    result = []
+    for k, part in enumerate(equations.parts):
+        others = (fit.weighted or equations).only([i for i in range(len(equations.parts)) if i != k])
+        try:
+            parameters = fit_arm(others, fit.base, fit.method, fit.weights).parameters
+        except IdentificationError:  # the others cannot tell all of them
+            parameters = np.full(len(equations.model), np.nan)
+        result.append(held_out(part, parameters, fit))
+    return result
+
+
+def held_out(part: Part, parameters: np.ndarray, fit: ArmFit) -> HeldOut:
+    """Errors of parameters (p,) on a part of a log, by the torques and speeds of the log that was fitted."""
+    speed = np.sqrt(sum((p.motion for p in fit.equations.parts), np.zeros(1)) / np.maximum(fit.equations.rows, 1))
+    rms, _, r2 = measures_of(part.factors, parameters)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = np.where(fit.torque_rms > 0, rms / fit.torque_rms, np.nan)
+    rows = np.maximum([factor.rows for factor in part.factors], 1)
+    at_rest = bool((np.sqrt(part.motion / rows) <= AT_REST * speed).all())
+    return HeldOut(part.run, part.begin, part.end, relative, r2, at_rest)
