@@ -27,10 +27,10 @@ def write_parts(
         DescriptionError: the parts cannot be believed.   OutputError: a file cannot be written; then none is.
     """
     parts, arm = Path(parts), Path(arm)
-    if arm.resolve() == parts.resolve():
+    if os.path.realpath(arm) == os.path.realpath(parts):
         raise OutputError("this is the parts file itself", file=arm, expected="another file for the arm")
     check_destination(arm, (".toml",))
-    if audit is not None and check_destination(audit, (".html", ".htm")).resolve() == arm.resolve():
+    if audit is not None and os.path.realpath(check_destination(audit, (".html", ".htm"))) == os.path.realpath(arm):
         raise OutputError(file=audit, expected="another file than the arm's")
     build = build_parts(parts, arm.parent)
     text = to_toml(build.description, arm.parent)

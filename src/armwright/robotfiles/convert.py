@@ -65,14 +65,14 @@ def _check_other_file(source: Path, target: Path) -> None:
     ending = target.suffix.lower()
     if not os.path.isfile(source):
         return
-    if source.resolve() == target.resolve():
+    if os.path.realpath(source) == os.path.realpath(target):
         raise OutputError("this is the robot file that is read", file=target, expected="another file to write")
     old, new = (path.with_name(path.stem + ENDING) for path in (source, target))
     if (
         ending == ".urdf"
         and source.suffix.lower() != ".toml"
         and os.path.isfile(old)
-        and old.resolve() == new.resolve()
+        and os.path.realpath(old) == os.path.realpath(new)
     ):
         raise OutputError("this is the drive file that is read", file=new, expected=f"another name than {target.name}")
 

@@ -121,7 +121,7 @@ class LoopRunner:
         state = {} if self._started is None else self._started.blocks
         start = state.get("r", scenario.initial_state)[:, : self.arm.n]
         reference = scenario.reference
-        if isinstance(reference, (np.ndarray, list, tuple)) and np.ndim(reference) == 2 and not first:
+        if not first and _is_table(reference):
             begun = (
                 0 if scenario.started is None else scenario.started.tick
             )  # the rows count from there; the last one stays
@@ -362,3 +362,11 @@ class LoopRunner:
         tables = {} if table is None else {"r": table}
         fixed = {"origin": self.origin, "seed": self.scenario.seed, "substeps": substeps}
         return {**fixed, "tables": tables, "schedules": self.rows}
+
+
+def _is_table(reference: Any) -> bool:
+    """True for rows of numbers, one a tick."""
+    try:
+        return isinstance(reference, (np.ndarray, list, tuple)) and np.ndim(reference) == 2
+    except ValueError:  # lists of different lengths or depths, which are refused where the reference is read
+        return False
