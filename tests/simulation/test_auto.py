@@ -154,6 +154,17 @@ def test_a_lane_that_runs_out_of_substeps_is_marked_with_tick_and_joint():
     assert run.stalled_by.values[1].split(" of ")[1] in arm("puma560").names
 
 
+def test_the_limit_of_substeps_does_not_depend_on_the_recording_period():
+    """What is enough for rows every millisecond is enough for one row of half a second; and a limit ends that one too."""
+    fine = replace(pushed("puma560", 1.0), solver=aw.Solver(accuracy=1e-7))
+    rare = replace(fine, recording=aw.Recording(period=0.5))
+    run = aw.simulate(rare)
+    assert int(run.steps_tried) > 1000
+    np.testing.assert_allclose(run.q.values[-1], aw.simulate(fine).q.values[-1], atol=1e-6)
+    with pytest.raises(DivergenceError, match="ran out of substeps"):
+        aw.simulate(replace(rare, solver=aw.Solver(accuracy=1e-7, max_substeps=1)))
+
+
 def test_rows_come_by_time():
     scenario = replace(pushed("puma560"), recording=aw.Recording(period=5e-3))
     assert len(aw.simulate(scenario).time) == 101

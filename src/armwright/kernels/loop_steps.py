@@ -158,7 +158,7 @@ class StepPrinter(BlockPrinter):
         now = m.select(good, then, now)
         self._store(SINCE, 0, now)
         waits = m.both(active, m.lt(now, edge))
-        over = m.both(waits, m.le(m.constant(float(stage.most)), tried))
+        over = m.both(waits, m.le(self._most(stage), tried))
         self._store("frozen", 0, m.select(over, self._splat("%tick"), self._load("frozen")))
         self._store("stalled", 0, m.add(self._load("stalled"), m.truth(m.both(over, measured))))
         if "worst" in self.sizes:
@@ -167,6 +167,15 @@ class StepPrinter(BlockPrinter):
         m.branch(again, f"{label}.trial", f"{label}.reached")
         m.begin(f"{label}.reached")
         self._end_segment(stage, label, t, edge)
+
+    def _most(self, stage: Adapt) -> Value:
+        """Trials that a tick may take."""
+        m, one = self.m, self.m.constant(1.0)
+        most = m.constant(float(stage.most))
+        if stage.each is None:
+            return most
+        times = m.mul(self._splat("%h"), m.constant(1.0 / stage.each))
+        return m.mul(most, m.select(m.lt(one, times), times, one))
 
     def _find_events(
         self, stage: Adapt, label: str, now: Value, then: Value, active: Value, good: Value

@@ -164,7 +164,8 @@ class Adapt(_Switching):
     """One tick of the plant in steps that every lane chooses for itself, in segments between changes.
 
     Attributes:
-        trial: (x, …, h) → x_next, error, grow, path; its other inputs are blocks.   most: trials in one tick.
+        trial: (x, …, h) → x_next, error, grow, path; its other inputs are blocks.
+        most: trials in one tick, times its length over `each` [s] where it is longer than that.
         planned, seen: as in `Integrate`.
         cross: (x_next, after, side, …) → crossed, settled: which of E functions of the state changed sides in a step that ends at
             "after" seconds.   halve: (x, path, now, h, side, lower, upper) → lower_next, upper_next: where, in parts of the step.
@@ -185,6 +186,7 @@ class Adapt(_Switching):
     switched: Program | None = None
     bracket: Program | None = None
     narrow: Program | None = None
+    each: float | None = None
 
     @property
     def step(self) -> Program:

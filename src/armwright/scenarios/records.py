@@ -202,7 +202,8 @@ class SolverTable(Record):
     )
     max_substeps: Whole | None = Field(
         default=None,
-        description="Of auto, rk45 and rodas3 in one tick, absent: 1000; a lane that needs more is frozen.",
+        description="Of auto, rk45 and rodas3 in each millisecond of a tick, or in a shorter tick, absent: 1000; a lane that "
+        "needs more is frozen.",
     )
 
 

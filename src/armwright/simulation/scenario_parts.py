@@ -127,7 +127,8 @@ class Solver:
         substeps: steps in each period of a loop.
         rtol, atol: of "rk45", "rodas3" and "cvodes": what each entry of the state may be wrong by in a step, in its own unit;
             default `TOLERANCES`.
-        max_substeps: of "auto", "rk45" and "rodas3" in one tick; a lane that needs more is frozen and marked; default 1000.
+        max_substeps: of "auto", "rk45" and "rodas3" in each millisecond of a tick, or in a tick that is shorter; a lane that
+            needs more is frozen and marked; default 1000.
         events: of "rk45" and "rodas3", by name: functions (t, x) of time and state; their changes of sign are found and reported,
             as `events.joint_stops` makes them.
         target: processor level to compile for, as in `compile`.

@@ -23,7 +23,10 @@ from armwright.simulation.integrate.integrators import STEPPING, TOLERANCES
 from armwright.simulation.integrate.step_control import Allowed, floors, growth, quick_growth
 from armwright.simulation.plant.switching import Watched, switching_programs
 
-MOST_SUBSTEPS = 1000  # trials in one tick, if nothing else is said
+MOST_SUBSTEPS, EACH = (
+    1000,
+    1e-3,
+)  # trials in each so many seconds of a tick (or in a shorter tick), if nothing else is said
 ACCURACY = 1e-3  # of each quantity's range, at the end of a run
 LEAST_TOLERANCE = 1e-14  # below it an estimate is rounding
 LEAST_ACCURACY = 1e-12  # of a run, of which one step has a small part
@@ -35,8 +38,8 @@ class Adaptivity:
     """Settings by which a rule chooses its steps.
 
     Attributes:
-        allowed: what a step may be wrong by.   most: trials in one tick, a lane that needs more is frozen; 0: of CVODES, which
-            takes what it needs.
+        allowed: what a step may be wrong by.   most: trials in each `EACH` of a tick, or in a shorter tick; a lane that needs
+            more is frozen; 0: of CVODES, which takes what it needs.
         events: by name, what to land on.
     """
 
@@ -181,7 +184,7 @@ def adaptive_stage(
     names = ("worst", f"reach{NEXT}") if by_range else ("path",) * bool(events)
     program = trace("trial", trial, {**held, **by_range, "h": ()}, (f"x{NEXT}", "error", "grow", *names))
     watching = event_programs(events, layout) if events else {}
-    return Adapt(program, adaptivity.most, planned, seen, **watching, **switching_programs(watched, shapes))
+    return Adapt(program, adaptivity.most, planned, seen, **watching, **switching_programs(watched, shapes), each=EACH)
 
 
 def _landing(grow: Scalar, share: Scalar, part: Scalar | None) -> Scalar:
