@@ -115,8 +115,9 @@ def _without_masses(document: dict[str, Any]) -> None:
         link.update(MASS_PROPERTIES)
     if bare:
         names = ", ".join(repr(link.get("name")) for link in bare)
-        text = f"links {names}: no mass properties are known: kinematics only, torques and energies mean nothing"
+        text = f"links {names}: no mass properties are known: kinematics only, dynamics are refused"
         document["remarks"] = [*document.get("remarks", ()), text]
+        document["without_masses"] = [link.get("name") for link in bare]
 
 
 def parse(data: dict[str, Any], place: str, folder: Path | None = None) -> RobotDescription:

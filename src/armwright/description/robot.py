@@ -286,6 +286,10 @@ class RobotDescription(Record):
     remarks: tuple[str, ...] = Field(
         default=(), description="What was left out or doubtful where it was read from another format; told on load."
     )
+    without_masses: tuple[Name, ...] = Field(
+        default=(),
+        description="Links whose mass properties are not known and stand as 0: dynamics are refused.",
+    )
     joints: tuple[Joint, ...] = Field(
         description="One table a joint, in the order of q, in which those that mimic others have no entry."
     )

@@ -12,12 +12,12 @@ from armwright.dynamics.inverse import inertial_forces
 from armwright.dynamics.springs import sprung_torques
 from armwright.errors import ModelError
 from armwright.kinematics import AxialMotion, joint_motions
-from armwright.model import BASE, Model, one_state
+from armwright.model import BASE, Model, one_state_with_masses
 from armwright.scalar import Array, Scalar
 from armwright.spatial import ArticulatedInertia
 
 
-@one_state
+@one_state_with_masses
 def articulated_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
     """Accelerations that motor torques give, joint by joint: what `forward_dynamics` gives, in time linear in n.
 

@@ -7,11 +7,11 @@ import numpy as np
 from armwright import scalar
 from armwright.errors import ModelError
 from armwright.kinematics import body_placements
-from armwright.model import Model, one_state
+from armwright.model import Model, one_state_with_masses
 from armwright.scalar import Array
 
 
-@one_state
+@one_state_with_masses
 def centre_of_mass(model: Model, q: Array) -> np.ndarray:
     """Centre of mass of all moving links:  p = Σ m p_c / Σ m.  [Featherstone2008]
 

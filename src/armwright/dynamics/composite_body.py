@@ -11,11 +11,11 @@ from armwright.actuators.friction import link_friction
 from armwright.dynamics.gears import Gear, motors, through_gears
 from armwright.dynamics.inverse import newton_euler
 from armwright.dynamics.mass_matrix import mass_matrix
-from armwright.model import Model, one_state
+from armwright.model import Model, one_state_with_masses
 from armwright.scalar import Array
 
 
-@one_state
+@one_state_with_masses
 def composite_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
     """Accelerations that motor torques give, by the mass matrix: what `forward_dynamics` gives, cheapest for short arms.
 

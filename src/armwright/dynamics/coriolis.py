@@ -6,11 +6,11 @@ import numpy as np
 
 from armwright import scalar
 from armwright.dynamics.inverse import link_torques
-from armwright.model import Model, one_state
+from armwright.model import Model, one_state_with_masses
 from armwright.scalar import Array
 
 
-@one_state
+@one_state_with_masses
 def coriolis_matrix(model: Model, q: Array, qd: Array) -> np.ndarray:
     """C(q, q̇) of Christoffel symbols:  C_ij = ½ Σ_k (∂M_ij/∂q_k + ∂M_ik/∂q_j - ∂M_jk/∂q_i) q̇_k.  [SicilianoEtAl2009]
 

@@ -16,11 +16,11 @@ from armwright.actuators.gear import loses_power
 from armwright.dynamics.gears import joint_torques, motors, through_gears
 from armwright.dynamics.inverse import inverse_torques, newton_euler, torques_of_links
 from armwright.dynamics.mass_matrix import mass_matrix
-from armwright.model import Model, one_state
+from armwright.model import Model, one_state_with_masses
 from armwright.scalar import Array, Factored
 
 
-@one_state
+@one_state_with_masses
 def inverse_dynamics_derivatives(
     model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -52,7 +52,7 @@ def inverse_dynamics_derivatives(
     return slope[:, :n], slope[:, n : 2 * n], by_qdd
 
 
-@one_state
+@one_state_with_masses
 def forward_dynamics_derivatives(
     model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

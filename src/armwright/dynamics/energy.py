@@ -6,12 +6,12 @@ from armwright import scalar
 from armwright.actuators.coupling import shares_of, to_motors
 from armwright.dynamics.springs import spring_potential
 from armwright.kinematics import body_placements, joint_motions
-from armwright.model import BASE, Model, on_tree, one_state
+from armwright.model import BASE, Model, on_tree, one_state_with_masses
 from armwright.scalar import Array, Scalar
 from armwright.spatial import cross
 
 
-@one_state
+@one_state_with_masses
 def energy(model: Model, q: Array, qd: Array) -> tuple[Scalar, Scalar]:
     """Kinetic and potential energy, T and U: without friction, gear loss and drives their sum stays what it is.
 
@@ -23,7 +23,7 @@ def energy(model: Model, q: Array, qd: Array) -> tuple[Scalar, Scalar]:
     return kinetic_energy(model, q, qd), potential_energy(model, q)
 
 
-@one_state
+@one_state_with_masses
 def kinetic_energy(model: Model, q: Array, qd: Array) -> Scalar:
     """T = ½ Σ ( m |v|² + 2 v·(ω × m c) + ω·I ω ) + ½ Σ n² J_m w²: from the velocities of bodies and motors.
 
@@ -59,7 +59,7 @@ def _kinetic_energy(model: Model, q: Array, qd: Array) -> Scalar:
     return total
 
 
-@one_state
+@one_state_with_masses
 def potential_energy(model: Model, q: Array) -> Scalar:
     """U = - Σ m gᵀ p_c + U_springs, zero where all mass lies at the base's origin and springs are as `spring_potential` says.
 

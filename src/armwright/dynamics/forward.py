@@ -12,14 +12,14 @@ from armwright.actuators.friction import link_friction
 from armwright.dynamics.articulated_body import articulated_accelerations
 from armwright.dynamics.composite_body import composite_accelerations
 from armwright.dynamics.gears import Gear, motors
-from armwright.model import Model, one_state
+from armwright.model import Model, one_state_with_masses
 from armwright.scalar import Array
 
 SHORT = 5  # joints from the base to a body, itself included, on average: a chain of 9. Operations counted on 90 random trees
 # and on chains: at 9 joints composite bodies take 1 % fewer, at 10 1 % more, at 14 a fifth, at 30 twice as many.
 
 
-@one_state
+@one_state_with_masses
 def forward_dynamics(model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
     """Accelerations that motor torques give, the exact inverse of `inverse_dynamics`.  [WalkerOrin1982] [Featherstone2008]
 
@@ -69,7 +69,7 @@ def accelerations(
     return composite_accelerations(model, q, qd, driven, resisting, wrench, gears)
 
 
-@one_state
+@one_state_with_masses
 def forward_arm(model: Model, q: Array, qd: Array, u: Array) -> np.ndarray:
     """The report's Forward Arm: drive commands in, accelerations out.  tau by eq. (12), then `forward_dynamics`.
 

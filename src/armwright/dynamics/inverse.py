@@ -9,14 +9,14 @@ from armwright.actuators.friction import friction_torques, link_friction
 from armwright.dynamics.gears import motor_torques, without_rotors
 from armwright.dynamics.springs import sprung_torques
 from armwright.kinematics import JointMotion, joint_motions, origin_acceleration, turning
-from armwright.model import BASE, Mimics, Model, on_tree, one_state
+from armwright.model import BASE, Mimics, Model, on_tree, one_state_with_masses
 from armwright.scalar import Array
 from armwright.spatial import acceleration_tensor, cross, inertial_moment
 
 STILL = scalar.zeros(3)
 
 
-@one_state
+@one_state_with_masses
 def inverse_dynamics(model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None) -> np.ndarray:
     """Motor torques that give acceleration `qdd` in state (q, qd).  [LuhWalkerPaul1980]
 
@@ -43,7 +43,7 @@ def inverse_torques(
     return motor_torques(model, qd, qdd, torques_of_links(model, q, qd, qdd, wrench, nudge))
 
 
-@one_state
+@one_state_with_masses
 def bias_torques(model: Model, q: Array, qd: Array, wrench: Array | None = None) -> np.ndarray:
     """Torques that no acceleration asks for, the report's bias vector, eq. (14):  h = C q̇ + g(q) + s(q) + f(q̇) - Jᵀ wrench.
 
@@ -58,7 +58,7 @@ def bias_torques(model: Model, q: Array, qd: Array, wrench: Array | None = None)
     return newton_euler(model, q, qd, scalar.zeros(model.n), wrench) + friction_torques(model, qd)
 
 
-@one_state
+@one_state_with_masses
 def gravity_torques(model: Model, q: Array) -> np.ndarray:
     """Torques that hold the arm against gravity:  g(q) = ∂U/∂q, inverse dynamics at rest without friction and springs.
 

@@ -7,11 +7,11 @@ import numpy as np
 from armwright import scalar
 from armwright.actuators import drive_torque
 from armwright.dynamics.derivatives import driven_derivatives
-from armwright.model import Model, one_state
+from armwright.model import Model, one_state_with_masses
 from armwright.scalar import Array
 
 
-@one_state
+@one_state_with_masses
 def forward_arm_linearised(model: Model, q: Array, qd: Array, u: Array) -> tuple[np.ndarray, np.ndarray]:
     """A and B of  δẋ = A δx + B δu,  x = (q, q̇), about a state and its drive commands: the slopes of `forward_arm`.
 

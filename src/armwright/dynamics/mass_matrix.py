@@ -7,12 +7,12 @@ import numpy as np
 from armwright import scalar
 from armwright.actuators.coupling import coupled_inertia, shares_of
 from armwright.kinematics import joint_motions
-from armwright.model import BASE, Mimics, Model, on_tree, one_state
+from armwright.model import BASE, Mimics, Model, on_tree, one_state_with_masses
 from armwright.scalar import Array
 from armwright.spatial import cross, displaced_inertia
 
 
-@one_state
+@one_state_with_masses
 def mass_matrix(model: Model, q: Array) -> np.ndarray:
     """M(q), rotors' inertia Nᵀ J_m N included, of coupled motors too:  kinetic energy = ½ q̇ᵀ M q̇.  [WalkerOrin1982]
 

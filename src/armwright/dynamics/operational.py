@@ -8,11 +8,11 @@ from armwright import scalar
 from armwright.dynamics.mass_matrix import mass_matrix
 from armwright.errors import ModelError
 from armwright.kinematics import jacobian
-from armwright.model import Model, one_state
+from armwright.model import Model, one_state_with_masses
 from armwright.scalar import Array
 
 
-@one_state
+@one_state_with_masses
 def operational_inertia(model: Model, q: Array, frame: str | None = None) -> np.ndarray:
     """Inertia of the tip or of another frame, the operational space's:  Λ = (J M⁻¹ Jᵀ)⁻¹, rotors included.  [Khatib1987]
 

@@ -52,6 +52,27 @@ def one_state(function: Function) -> Function:
     return checked  # type: ignore[return-value]
 
 
+def one_state_with_masses(function: Function) -> Function:
+    """`one_state` of a function that needs the links' mass properties, and refuses an arm that does not know them.
+
+    Raises:
+        ModelError: links without mass properties, of an arm that was loaded for its kinematics only; names them.
+    """
+    checked = one_state(function)
+
+    @functools.wraps(function)
+    def with_masses(model: Model, *arrays: Any, **named: Any) -> Any:
+        check_arm(model)
+        if model.without_masses:
+            links = ", ".join(map(repr, model.without_masses))
+            expected = "mass_kg, com_m and inertia_kg_m2 in the record; kinematics alone need none"
+            what = f"{function.__name__} needs mass properties, which are not known"
+            raise ModelError(what, place=f"{model.name} links {links}", expected=expected)
+        return checked(model, *arrays, **named)
+
+    return with_masses  # type: ignore[return-value]
+
+
 def _of_one_state(place: str, model: Model, name: str, value: Any) -> Any:
     """An argument as floats or symbols; one that is no array of a state as it is."""
     expected = (model.n,) if name in JOINTS else WRENCH if name == "wrench" else None

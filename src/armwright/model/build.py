@@ -95,7 +95,13 @@ def tree_of(robot: RobotDescription) -> Tree:
     followers = {joint.name: joint.mimic for joint in moves if joint.mimic is not None}
     mimics = Mimics.of([body.joint for body in bodies], followers)
     cylinders = tuple(_cylinder(frames, cylinder) for cylinder in robot.cylinders)
-    return Tree(robot.name, bodies, gravity, frames, tip, supply_of(robot.supply), mimics, cylinders)
+    bare = tuple(link.name for link in robot.links if link.name in robot.without_masses and _is_bare(link))
+    return Tree(robot.name, bodies, gravity, frames, tip, supply_of(robot.supply), mimics, cylinders, bare)
+
+
+def _is_bare(link: Any) -> bool:
+    """True of a link whose mass is still the 0 that stands for an unknown one; one to vary is given."""
+    return not scalar.is_symbolic(link.mass_kg.number) and link.mass_kg.number == 0.0
 
 
 def _cylinder(frames: dict[str, Frame], record: Any) -> Cylinder:

@@ -20,8 +20,8 @@ def load(
     Args:
         name_or_path: what to load.
         on_impossible: "error" refuses links whose mass properties no real body can have, "warn" loads them with a warning.
-        kinematics_only: True takes a TOML database whose links state no mass properties, as massless and with a warning; a URDF
-            may leave them out anyway.
+        kinematics_only: True takes a TOML database whose links state no mass properties, with a warning; what needs masses
+            refuses it. A URDF may leave them out anyway.
         reading: what a URDF or an MJCF leaves open, as `read_urdf` and `read_mjcf` have it: packages, drive, smoothing,
             mimic, ignore.
     Returns:

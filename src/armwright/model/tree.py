@@ -105,6 +105,7 @@ class Tree(Frozen):
     supply: Supply | None = None
     mimics: Mimics | None = None  # None: every joint moves by itself
     cylinders: tuple[Cylinder, ...] = ()  # between bodies
+    without_masses: tuple[str, ...] = ()  # links whose mass properties are not known, and stand as 0
 
     @property
     def n(self) -> int:

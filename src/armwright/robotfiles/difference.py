@@ -23,6 +23,7 @@ NOT_PHYSICAL = (
     "built_from",
     "fits",
     "remarks",
+    "without_masses",
     "notes",
     "title",
     "name",
