@@ -21,6 +21,7 @@ from armwright.cli.convert import convert
 from armwright.cli.diff import diff
 from armwright.cli.dynamics import forward_dynamics, inverse_dynamics
 from armwright.cli.export import export
+from armwright.cli.identify import identify
 from armwright.cli.info import info
 from armwright.cli.log import log
 from armwright.cli.parts import parts
@@ -151,6 +152,7 @@ for command in (
 ):
     app.command()(command)
 app.add_typer(export, name="export")
+app.add_typer(identify, name="identify")
 app.add_typer(parts, name="parts")
 
 
@@ -160,6 +162,11 @@ def _unwrapped(text: str) -> str:
     return "\n\n".join(part if part.startswith("\b") else " ".join(part.split()) for part in paragraphs)
 
 
-for entry in (*app.registered_commands, *export.registered_commands, *parts.registered_commands):
+for entry in (
+    *app.registered_commands,
+    *export.registered_commands,
+    *identify.registered_commands,
+    *parts.registered_commands,
+):
     assert entry.callback is not None
     entry.help = _unwrapped(entry.callback.__doc__ or "")

@@ -1,0 +1,10 @@
+"""`armwright identify`: parameters of motors and arms from logs."""
+
+from __future__ import annotations
+
+import typer
+
+from armwright.cli.identify_payload import payload
+
+identify = typer.Typer(help="Identify parameters from logs of measurements.", no_args_is_help=True)
+identify.command()(payload)

@@ -1,0 +1,61 @@
+"""`armwright identify payload`: a payload's mass, centre and inertia from logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armwright.cli.arguments import option
+from armwright.terminal import say
+
+NOT_IDENTIFIED = 1  # exit code
+
+
+def payload(
+    file: Annotated[
+        Path, typer.Argument(metavar="LOG.log.toml", help="The arm with its payload in motion.", show_default=False)
+    ],
+    robot: Annotated[str, option("--robot", "ROBOT", "The arm without the payload.")],
+    loaded: Annotated[
+        Path | None,
+        option(
+            "--loaded-log", "LOG", "The arm with the payload; LOG.log.toml is then without, and only kinematics count."
+        ),
+    ] = None,
+    frame: Annotated[str | None, option("--frame", "NAME", "Frame that carries it; by default the tip.")] = None,
+    cutoff: Annotated[float | None, option("--cutoff", "HZ", "Cut-off of the low-pass; by default chosen.")] = None,
+    output: Annotated[
+        Path | None,
+        option("--output -o", "ARM.toml", "Write the arm with the payload, its numbers with their deviations."),
+    ] = None,
+) -> None:
+    """Identify a payload: mass, centre of mass and inertia, with standard deviations.
+
+    From one log of an arm whose record is true, or from two logs, without and with the payload, of an arm of which only the
+    kinematics need be known. Exit code: 0 identified, 1 the log does not tell the mass, 2 bad input.
+
+    \b
+    Examples:
+      armwright identify payload loaded.log.toml --robot lwa4p
+      armwright identify payload empty.log.toml --robot lwa4p --loaded-log loaded.log.toml -o carrying.toml
+    """
+    import armwright as aw
+    from armwright.identification.arm.payload import with_identified_payload
+    from armwright.output import check_destination
+
+    if output is not None:
+        check_destination(output, (".toml",))
+    arm = aw.load(robot)
+    logs = [aw.read_log(each) for each in (file, loaded) if each is not None]
+    preparation = None if cutoff is None else aw.choose_preparation(logs[0], cutoff=cutoff)
+    found = aw.identify_payload(
+        logs[0], arm, loaded_log=logs[1] if len(logs) > 1 else None, frame=frame, preparation=preparation
+    )
+    say(str(found))
+    if found.verdict != "identified":
+        raise typer.Exit(NOT_IDENTIFIED)
+    if output is not None:
+        aw.write_into(with_identified_payload(arm, found, frame), found, output, key="payload")
+        say(f"wrote {output}")

@@ -1,0 +1,299 @@
+"""A payload's mass, centre and inertia from logs of the arm that carries it. [AtkesonAnHollerbach1986] [KhalilGautierLemoine2007]
+
+A body at the tip adds torques that are linear in its parameters π_L = [m, m c, I], the columns of the link that carries it taken
+to the tip's frame:  P_link = H P_L Hᵀ  with H the frame's placement in the link and P the pseudo-inertia, so Y_L = Y_link T.
+
+- One log and a known arm:    tau - inverse dynamics of the arm = Y_L π_L.
+- Two logs, without and with the payload, of an arm of which only the kinematics need be known: all rows together,
+  [Y_b 0; Y_b Y_L] [β; π_L] = [tau; tau_L].
+
+Either way joints are weighted by their residuals, and standard deviations count the residuals' correlation in time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from armwright import scalar
+from armwright.dynamics.gears import joint_torques
+from armwright.errors import IdentificationError
+from armwright.identification.arm.base import regrouped
+from armwright.identification.arm.equations import Equations, Samples, equations_of, samples_of, stacked
+from armwright.identification.arm.fit import ArmFit, fit_arm, with_correlation
+from armwright.identification.arm.physical import (
+    BASIS,
+    PER_LINK,
+    PhysicalBounds,
+    inertial_parameters,
+    physical_by_log_cholesky,
+    pseudo_inertias,
+)
+from armwright.identification.arm.torque_model import INERTIAL, INERTIAL_UNITS, Column, TorqueModel, torque_model
+from armwright.identification.estimate import HALF_95, Estimate
+from armwright.identification.logs.log import Log
+from armwright.identification.logs.preparation import Preparation, choose_preparation
+from armwright.model import BASE, Model
+
+NAMES = (
+    "payload.mass_kg",
+    *(f"payload.com_m[{k}]" for k in range(3)),
+    *(f"payload.inertia_kg_m2.{entry}" for entry in ("xx", "xy", "xz", "yy", "yz", "zz")),
+)
+WELL_TOLD = 0.1  # half of the mass's 95 % interval, by the mass: a wider one is no answer
+# The low-pass that suits the positions rounds off dry friction, which the model has sharp; a higher one lets in more noise.
+CUTOFFS = (1.0, 2.0, 4.0, 8.0, 16.0)  # times the one that suits the positions
+HIGHEST = 0.2  # cut-off as a share of the rate
+TENSOR = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadModel(TorqueModel):
+    """Columns of an arm and of a payload, or of the payload alone.
+
+    Attributes:
+        carrier: number of the body that carries it.   moved: T (10, 10), π_link = T π_L.
+        loaded: False for rows without the payload: its columns are 0.
+    """
+
+    carrier: int = 0
+    moved: np.ndarray | None = None
+    loaded: bool = True
+
+    def rows(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+        """Values (rows, n, p) of all columns, the payload's last."""
+        own = replace_columns(self, self.columns[:-PER_LINK])
+        values = np.zeros((len(q), self.arm.n, len(self.columns)))
+        if len(own.columns):
+            values[:, :, :-PER_LINK] = TorqueModel.rows(own, q, qd, qdd)
+        if self.loaded:
+            of_link = self.dyn.regressor(q, qd, qdd)[:, :, PER_LINK * self.carrier : PER_LINK * (self.carrier + 1)]
+            values[:, :, -PER_LINK:] = of_link @ self.moved
+        return values
+
+
+def replace_columns(model: TorqueModel, columns: tuple[Column, ...]) -> TorqueModel:
+    """The plain model of some of the columns."""
+    count = len(columns)
+    return TorqueModel(model.arm, columns, model.prior[:count], model.of_joint[:, :count], model.dyn, model.sprung)
+
+
+def payload_model(arm: Model, frame: str | None = None, own: TorqueModel | None = None) -> PayloadModel:
+    """The torque model of a payload in a frame, by default the tip; with the columns of the arm where `own` has them.
+
+    Raises:
+        ModelError: no such frame, or no tip.   IdentificationError: the frame is fixed to the base.
+    """
+    from armwright.kernels.compiled import compile_arm
+
+    placed = arm.frame(frame)
+    if placed.body == BASE:
+        raise IdentificationError("fixed to the base", place="frame", value=frame or arm.tip, expected="one that moves")
+    H = (arm.bodies[placed.body].link_frame.inverse() @ placed.placement).matrix().astype(float)
+    moved = inertial_parameters(H @ BASIS @ H.T).T
+    columns = tuple(
+        Column(f"{name}L", unit, "", "inertial", f"{name} of the payload", None)
+        for name, unit in zip(INERTIAL, INERTIAL_UNITS, strict=True)
+    )
+    before = () if own is None else own.columns
+    prior = np.concatenate([np.zeros(0) if own is None else own.prior, np.full(PER_LINK, np.nan)])
+    of_joint = np.concatenate(
+        [np.zeros((arm.n, 0), dtype=bool) if own is None else own.of_joint, np.ones((arm.n, PER_LINK), dtype=bool)],
+        axis=1,
+    )
+    dyn, sprung = (compile_arm(arm), False) if own is None else (own.dyn, own.sprung)
+    return PayloadModel(arm, (*before, *columns), prior, of_joint, dyn, sprung, placed.body, moved)
+
+
+def identify_payload(
+    log: Log,
+    robot: Model,
+    *,
+    loaded_log: Log | None = None,
+    frame: str | None = None,
+    preparation: Preparation | None = None,
+) -> Estimate:
+    """Mass, centre of mass and inertia of a payload at the tip, from a log of the arm that carries it.
+
+    Args:
+        log: of the arm with the payload; or, with `loaded_log`, without it.
+        robot: the arm. With one log its record must be true: what it lacks is taken for payload. With two its kinematics count.
+        loaded_log: of the arm with the payload, where `log` is without.
+        frame: that the payload's numbers are given in; None: the tip.
+        preparation: of the logs; None: the low-pass that leaves the mass least uncertain.
+    Returns:
+        estimate: `payload.mass_kg`, `payload.com_m[k]` in the frame, `payload.inertia_kg_m2.xx`, … about the centre of mass, in
+            the frame's axes. "not identified" where the mass cannot be told, or half of its 95 % interval is over 10 % of it.
+    Raises:
+        IdentificationError: a log without positions or torques, of another arm, with too few rows.
+    """
+    if preparation is not None:
+        return _fitted(log, robot, loaded_log, frame, (preparation, preparation))
+    chosen = choose_preparation(log).cutoff
+    tried: list[tuple[float, Estimate]] = []
+    for cutoff in chosen * np.array(CUTOFFS):
+        if cutoff < HIGHEST / log.run().period or not tried:
+            choices = tuple(choose_preparation(each, cutoff=cutoff) for each in (log, loaded_log or log))
+            tried.append((cutoff, _fitted(log, robot, loaded_log, frame, choices)))
+    cutoff, best = min(tried, key=lambda each: _vagueness(each[1]))
+    ends = f"{tried[0][0]:.3g} to {tried[-1][0]:.3g} Hz"
+    remark = f"low-pass of {cutoff:.3g} Hz: of {len(tried)} from {ends} it leaves the mass least uncertain"
+    return replace(best, remarks=(*best.remarks, remark))
+
+
+def _vagueness(estimate: Estimate) -> float:
+    """Standard deviation of the mass [kg]; infinite if it is not told."""
+    return float(estimate.std[0]) if np.isfinite(estimate.std[0]) else np.inf
+
+
+def _fitted(
+    log: Log, robot: Model, loaded_log: Log | None, frame: str | None, preparations: Sequence[Preparation]
+) -> Estimate:
+    """The estimate with one low-pass for each log."""
+    if loaded_log is None:
+        model = payload_model(robot, frame)
+        source: Callable[[], Iterable[Samples]] = lambda: _without_arm(  # noqa: E731
+            samples_of(log, model, None, preparations[0]), model
+        )
+        fit = _weighted(equations_of(list(source()), model))
+        covariance = with_correlation(source, fit).covariance
+        method = "payload from one log and the known arm: weighted least squares of the torques that the arm leaves unexplained"
+        return _estimate(fit, covariance, method, log.sha256, log.path.name)
+    model = payload_model(robot, frame, torque_model(robot))
+    empty = replace(model, loaded=False)
+    sources = [
+        partial(samples_of, each, which, None, choice)
+        for each, which, choice in zip((log, loaded_log), (empty, model), preparations, strict=True)
+    ]
+    halves = equations_of(sources[0](), empty), equations_of(sources[1](), model)
+    fit = _weighted(Equations(model, (*halves[0].parts, *halves[1].parts)))
+    # H⁻¹ Γ H⁻¹ is linear in Γ, so that of both logs is the sum of those of each.
+    covariances = [
+        with_correlation(each, replace(fit, equations=half)).covariance
+        for each, half in zip(sources, halves, strict=True)
+    ]
+    method = "payload from two logs, without and with it: weighted least squares of both together"
+    return _estimate(
+        fit, sum(covariances, np.zeros(())), method, f"{log.sha256} {loaded_log.sha256}", loaded_log.path.name
+    )
+
+
+def _without_arm(samples: Iterable[Samples], model: PayloadModel) -> Iterator[Samples]:
+    """Samples whose torques are those that the arm leaves unexplained, behind the gears where these lose some."""
+    lossy = any(body.drive.efficiency is not None or _by_load(body) for body in model.arm.coordinates)
+    for block in samples:
+        predicted = model.dyn.inverse_dynamics(block.q, block.qd, block.qdd)
+        rest = block.tau - predicted
+        if lossy:  # payload torques pass a gear that loses part of all that passes it
+            for k in range(len(block.t)):
+                both = (joint_torques(model.arm, block.qd[k], block.qdd[k], t) for t in (block.tau[k], predicted[k]))
+                measured, own = both
+                rest[k] = np.asarray(measured - own, dtype=float)
+        yield replace(block, tau=rest)
+
+
+def _by_load(body: object) -> bool:
+    friction = getattr(body, "friction", None)
+    return friction is not None and friction.load_coefficient is not None
+
+
+def _weighted(equations: Equations) -> ArmFit:
+    """Weighted least squares of all columns that the log and the arm's structure can tell apart."""
+    base = regrouped(equations.model.columns, stacked(equations.factors, len(equations.model))[0][:, :-1])
+    if not len(base):
+        raise IdentificationError("no column of the payload moves anything", place="log", expected="motion, or gravity")
+    return fit_arm(equations, base)
+
+
+def _estimate(fit: ArmFit, covariance: np.ndarray, method: str, sha256: str, name: str) -> Estimate:
+    """The payload's numbers from base parameters, possible ones where the free ones are not."""
+    first = len(fit.base.columns) - PER_LINK
+    rows = np.flatnonzero(fit.base.independent >= first)
+    A = fit.base.matrix[np.ix_(rows, np.arange(first, first + PER_LINK))]
+    mixed = np.any(np.delete(fit.base.matrix[rows], np.s_[first:], axis=1) != 0) if first else False
+    assert not mixed  # the payload's columns are those of one log alone
+    beta, C = fit.values[rows], covariance[np.ix_(rows, rows)]
+    told = np.zeros(PER_LINK, dtype=bool)
+    for row in A:
+        told |= (row != 0) & (np.count_nonzero(row) == 1)
+    free = np.linalg.pinv(A) @ beta
+    remarks: list[str] = []
+    values, at_bound = free, np.zeros(PER_LINK, dtype=bool)
+    if told[0] and free[0] > 0 and told.all() and np.linalg.eigvalsh(_of_order_one(free))[0] < 0:
+        R = np.linalg.cholesky(np.linalg.inv(0.5 * (C + C.T))).T @ A
+        bounds = PhysicalBounds(
+            [f"{each} of the payload" for each in INERTIAL], np.arange(PER_LINK), typical_mass=free[0]
+        )
+        values = physical_by_log_cholesky(R, R @ free, bounds).values
+        at_bound[4:] = True
+        remarks.append("the log alone gives an inertia that no body has: these are the nearest possible numbers")
+    numbers, jacobian = _numbers(values), np.zeros((PER_LINK, PER_LINK))
+    known = told.copy()
+    if told[0] and values[0] > 0:
+        jacobian = np.asarray(scalar.jacobian(_numbers, values), dtype=float)
+        known[4:] &= told.all()
+    else:
+        known[:] = False
+    spread = jacobian @ np.linalg.pinv(A) @ C @ np.linalg.pinv(A).T @ jacobian.T
+    half = HALF_95 * np.sqrt(max(spread[0, 0], 0.0)) / max(abs(numbers[0]), np.finfo(float).tiny)
+    verdict = "identified"
+    if not known[0]:
+        verdict = "not identified"
+        what = (
+            "not above 0"
+            if told[0]
+            else "not told by this motion: one that accelerates or turns the payload against gravity would"
+        )
+        remarks.append(f"the payload's mass is {what}")
+    elif half > WELL_TOLD:
+        verdict = "not identified"
+        remarks.append(
+            f"the payload's mass is {numbers[0]:.3g} kg, give or take {half:.0%} in 95 % of cases: too uncertain"
+        )
+    vague = [name for k, name in enumerate(NAMES[4:], start=4) if known[k] and spread[k, k] > numbers[k] ** 2]
+    if vague and known[0]:
+        remarks.append(f"{', '.join(vague)}: as uncertain as large; a motion that turns the payload faster would tell")
+    measures = {
+        joint: {"r2": float(fit.r2[j]), "rms": float(fit.rms[j])}
+        for j, joint in enumerate(fit.equations.model.arm.names)
+    }
+    return Estimate(
+        NAMES, np.where(known, numbers, 0.0), spread, sha256, method, at_bound=at_bound, identifiable=known,
+        remarks=tuple(remarks), condition=fit.condition, fit=measures, verdict=verdict, log=name,
+    )  # fmt: skip
+
+
+def _of_order_one(parameters: np.ndarray) -> np.ndarray:
+    D = np.array([10.0, 10.0, 10.0, 1.0]) / np.sqrt(parameters[0])
+    return pseudo_inertias(parameters) * np.outer(D, D)
+
+
+def _numbers(parameters: np.ndarray) -> np.ndarray:
+    """[m, c, I about the centre of mass] of [m, m c, I about the origin]:  I_c = I - m (|c|² 1 - c cᵀ)."""
+    m, h = parameters[0], parameters[1:4]
+    if not scalar.is_symbolic(m) and not m > 0:
+        return np.asarray(parameters)
+    c = [h[k] / m for k in range(3)]
+    square = sum(h[k] * c[k] for k in range(3))
+    tensor = [parameters[4 + k] - (square if i == j else 0.0) + h[i] * c[j] for k, (i, j) in enumerate(TENSOR)]
+    return scalar.array([m, *c, *tensor])
+
+
+def with_identified_payload(robot: Model, estimate: Estimate, frame: str | None = None) -> Model:
+    """The arm with the payload of an estimate at its tip, or at a frame. An inertia that is not known is 0: a point mass.
+
+    Raises:
+        IdentificationError: the mass or the centre is not identified.
+    """
+    known = np.asarray(estimate.identifiable)
+    if not known[:4].all():
+        missing = [name for name, told in zip(NAMES[:4], known, strict=False) if not told]
+        raise IdentificationError("not identified", place=missing[0], expected="a mass and a centre")
+    tensor = np.zeros((3, 3))
+    if known.all():
+        for k, (i, j) in enumerate(TENSOR, start=4):
+            tensor[i, j] = tensor[j, i] = estimate.values[k]
+    return robot.with_payload(estimate.values[0], estimate.values[1:4], tensor, frame, source="fit")

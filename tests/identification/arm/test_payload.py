@@ -1,0 +1,75 @@
+"""A payload that the simulation knows is found, and what the motion cannot tell is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import IdentificationError
+from armwright.identification.arm.payload import NAMES, identify_payload, payload_model, with_identified_payload
+from identification.arm.moved_arm import moved
+
+MASS, COM = 2.0, (0.02, -0.03, 0.08)
+INERTIA = np.array([[0.012, 0.001, 0.002], [0.001, 0.010, -0.001], [0.002, -0.001, 0.006]])
+TRUTH = np.array([MASS, *COM, 0.012, 0.001, 0.002, 0.010, -0.001, 0.006])
+NOISE = {"torque_noise": 0.5, "position_noise": 2e-5}
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return aw.load("lwa4p")
+
+
+def test_columns_are_those_of_the_arm_with_a_payload(arm):
+    model, loaded = payload_model(arm), arm.with_payload(MASS, COM, INERTIA)
+    rng = np.random.default_rng(0)
+    q, qd, qdd = rng.normal(size=(3, 20, arm.n))
+    more = aw.compile(loaded).inverse_dynamics(q, qd, qdd) - aw.compile(arm).inverse_dynamics(q, qd, qdd)
+    c = np.array(COM)
+    about = INERTIA + MASS * (c @ c * np.eye(3) - np.outer(c, c))
+    parameters = [MASS, *(MASS * c), *(about[i, j] for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)))]
+    np.testing.assert_allclose(model.rows(q, qd, qdd) @ parameters, more, atol=1e-9)
+
+
+def test_two_kilograms_within_one_per_cent_from_one_log(arm, tmp_path):
+    log = moved(tmp_path, "loaded", arm.with_payload(MASS, COM, INERTIA), **NOISE)
+    found = identify_payload(log, arm)
+    assert found.verdict == "identified"
+    assert found["payload.mass_kg"] == pytest.approx(MASS, rel=0.01)
+    assert (np.abs(found.values - TRUTH)[:4] < 4 * found.std[:4]).all()
+    assert (found.std[:4] < [0.02, 0.005, 0.005, 0.005]).all()
+    assert "it leaves the mass least uncertain" in found.remarks[-1]
+    again = with_identified_payload(arm, found)
+    assert float(again.record.link("payload").mass_kg) == pytest.approx(MASS, rel=0.01)
+
+
+def test_two_kilograms_within_one_per_cent_from_two_logs(arm, tmp_path):
+    """The arm's own masses are not needed: another arm with the same kinematics and gears does."""
+    unloaded = moved(tmp_path, "unloaded", arm, **NOISE)
+    loaded = moved(tmp_path, "loaded", arm.with_payload(MASS, COM, INERTIA), seed=3, **NOISE)
+    wrong = arm.with_values({"link2.mass_kg": 5.0, "link4.mass_kg": 0.1})
+    found = identify_payload(unloaded, wrong, loaded_log=loaded)
+    assert found.verdict == "identified"
+    assert found["payload.mass_kg"] == pytest.approx(MASS, rel=0.01)
+    assert (np.abs(found.values - TRUTH)[:4] < 4 * found.std[:4]).all()
+    assert found.names == NAMES
+
+
+def test_no_payload_is_no_answer(arm, tmp_path):
+    found = identify_payload(moved(tmp_path, "empty", arm, **NOISE), arm)
+    assert found.verdict == "not identified"
+    assert abs(found.values[0]) < 0.05
+    assert any("the payload's mass is" in remark for remark in found.remarks)
+
+
+def test_a_flat_arm_does_not_tell_all(tmp_path):
+    """Two joints in a vertical plane: no centre across it, one moment of inertia."""
+    flat = aw.load("two-link")
+    found = identify_payload(moved(tmp_path, "flat", flat.with_payload(MASS, COM, INERTIA)), flat)
+    told = dict(zip(NAMES, found.identifiable, strict=True))
+    assert found["payload.mass_kg"] == pytest.approx(MASS, rel=1e-3)
+    assert sum(told[name] for name in NAMES[1:4]) == 2
+    assert not any(told[name] for name in NAMES[4:])
+    with pytest.raises(IdentificationError, match="joint"):
+        identify_payload(moved(tmp_path, "other", aw.load("lwa4p"), seconds=2.0), flat)
