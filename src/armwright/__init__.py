@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         spring_torques,
     )
     from armwright.errors import ArmwrightError
+    from armwright.identification.arm.friction import identify_friction
     from armwright.identification.arm.payload import identify_payload
     from armwright.identification.estimate import Estimate, write_into
     from armwright.identification.logs.log import Log, read_log
@@ -99,6 +100,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
         *("regressor", "regressor_drive", "spring_torques"),
     ),
     "armwright.errors": ("ArmwrightError",),
+    "armwright.identification.arm.friction": ("identify_friction",),
     "armwright.identification.arm.payload": ("identify_payload",),
     "armwright.identification.estimate": ("Estimate", "write_into"),
     "armwright.identification.logs.log": ("Log", "read_log"),
@@ -198,6 +200,7 @@ __all__ = [
     "forward_dynamics_derivatives",
     "forward_kinematics",
     "gravity_torques",
+    "identify_friction",
     "identify_payload",
     "inverse_dynamics",
     "inverse_dynamics_derivatives",

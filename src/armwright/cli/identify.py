@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import typer
 
+from armwright.cli.identify_friction import friction
 from armwright.cli.identify_payload import payload
 
 identify = typer.Typer(help="Identify parameters from logs of measurements.", no_args_is_help=True)
 identify.command()(payload)
+identify.command()(friction)

@@ -1,0 +1,19 @@
+"""`armwright identify friction`: a table, a robot file, and exit codes that scripts can read."""
+
+from __future__ import annotations
+
+import armwright as aw
+from cli.test_commands import run
+from identification.arm.moved_arm import moved
+
+
+def test_friction_is_found_and_written(tmp_path):
+    arm = aw.load("two-link")
+    moved(tmp_path, "arm", arm, torque_noise=0.01, position_noise=1e-5)
+    log, output = str(tmp_path / "arm.log.toml"), str(tmp_path / "rubbed.toml")
+    shown = run("identify", "friction", log, "--robot", "two-link", "--table", "-o", output).stdout
+    assert "Friction over speed" in shown
+    assert "friction.viscous_n_m_s_per_rad" in shown
+    assert aw.load(output).record.fits["friction"].verdict == "identified"
+    refused = run("identify", "friction", log, "--robot", "lwa4p", code=2)
+    assert refused.stderr.count("\n") == 1
