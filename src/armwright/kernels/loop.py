@@ -11,7 +11,7 @@ import numpy as np
 
 from armwright.kernels.engine import Engine
 from armwright.kernels.loop_printer import NUMBERS, argument_names, loop_module
-from armwright.kernels.stages import CURSOR, NEVER, Delay, Record, Rows, Stage, Table, block_sizes
+from armwright.kernels.stages import CURSOR, NEVER, Delay, Exchange, Record, Rows, Stage, Table, block_sizes
 from armwright.kernels.target import Target
 
 ENDLESS = 2**62  # a last tick that does not come
@@ -31,6 +31,22 @@ class Schedules:
     values: np.ndarray
     first: np.ndarray
     end: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Tasks:
+    """What the lanes of a searching loop work on.
+
+    Attributes:
+        queue: (2,) int64: the task that is taken next, and the one behind the last; the loop counts it up.
+        tasks, attempts, results: in rows.   ranks: (tasks, ranked) numbers of rows of `attempts`, as floats.
+    """
+
+    queue: np.ndarray
+    tasks: np.ndarray
+    attempts: np.ndarray
+    ranks: np.ndarray
+    results: np.ndarray
 
 
 @dataclass(eq=False)
@@ -152,6 +168,7 @@ class Loop:
         tables: Mapping[str, np.ndarray] | None = None,
         schedules: Mapping[str, Schedules] | None = None,
         records: Mapping[str, np.ndarray] | None = None,
+        tasks: Tasks | None = None,
     ) -> None:
         """Takes the lanes through some ticks of h seconds; the GIL is released.
 
@@ -163,6 +180,7 @@ class Loop:
             substeps: equal steps of the plant between two changes, where it has a fixed step.
             tables: (ticks, entries) by block.   schedules: by block.
             records: by name, (rows, tiles · W, entries) of this group, contiguous along the last two axes.
+            tasks: of a loop that searches.
         """
         numbers = {
             "tile0": 0,
@@ -197,6 +215,10 @@ class Loop:
             elif isinstance(stage, Record):
                 record = (records or {})[stage.name]
                 arguments += [pointer(record), record.strides[0] // 8]
+            elif isinstance(stage, Exchange):
+                assert tasks is not None
+                shared = (tasks.queue, tasks.tasks, tasks.attempts, tasks.ranks, tasks.results)
+                arguments += [*(pointer(array) for array in shared), len(tasks.attempts)]
         table = (ctypes.c_int64 * len(arguments))(*arguments)
         self._run(ctypes.addressof(table))
 

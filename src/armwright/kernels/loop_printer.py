@@ -8,9 +8,10 @@ from __future__ import annotations
 from armwright.kernels import philox
 from armwright.kernels.llvm import Module
 from armwright.kernels.loop_blocks import ROWS
+from armwright.kernels.loop_exchange import BLOCKS, POINTERS, exchange
 from armwright.kernels.loop_steps import StepPrinter
 from armwright.kernels.machine import Value
-from armwright.kernels.stages import SINCE, Call, Delay, Draw, Record, Rows, Stage, Table, block_sizes
+from armwright.kernels.stages import SINCE, Call, Delay, Draw, Exchange, Record, Rows, Stage, Table, block_sizes
 from armwright.kernels.tiles import store_tile
 
 NUMBERS = ("tile0", "tile1", "tick0", "tick1", "last", "every", "h", "lane0", "seed", "origin", "substeps", "part")
@@ -29,6 +30,8 @@ def argument_names(plan: tuple[Stage, ...]) -> list[str]:
             names.append(f"{stage.to}.ring")
         elif isinstance(stage, Record):
             names += [f"{stage.name}.record", f"{stage.name}.stride"]
+        elif isinstance(stage, Exchange):
+            names += [f"{pointer}.shared" for pointer in POINTERS] + ["attempts.stride"]
     return names
 
 
@@ -177,4 +180,16 @@ class _Printer(StepPrinter):
         place = m.emit(f'getelementptr double, ptr %"{stage.name}.record", i64 {index}')
         store_tile(m, place, [self._load(block, entry) for block, entry in entries])
         m.jump(f"{label}.end")
+        m.begin(f"{label}.end")
+
+    def _exchange(self, stage: Exchange, label: str) -> None:
+        m = self.m
+        some = m.any(m.lt(m.constant(0.0), self._load("over")))
+        m.branch(some, f"{label}.take", f"{label}.end")
+        m.begin(f"{label}.take")
+        self.module.functions["exchange"] = exchange("exchange", self.w, stage)
+        pointers = [*(f"{block}.at" for block in BLOCKS), *(f"{pointer}.shared" for pointer in POINTERS)]
+        arguments = ", ".join(f'ptr %"{pointer}"' for pointer in pointers)
+        busy = m.emit(f'call i64 @exchange({arguments}, i64 %"attempts.stride")')
+        m.branch(m.emit(f"icmp eq i64 {busy}, 0"), "tile.end", f"{label}.end")
         m.begin(f"{label}.end")

@@ -33,6 +33,16 @@ long, and "largest" is the largest error of a step that was taken. With events, 
 halved along its path `HALVINGS` times to find when, taken again to just behind it, and noted: "event_first" the first time
 [s], "event_count" how often.
 
+Loops that search instead of simulating have no time: each lane works on a task until it is over.
+
+    Exchange(…):               while b["over"] > 0:
+                                   if has task and over == 1 and attempt_number + 1 < most: attempt_number += 1, fresh = 1
+                                   else: results[task_number] = b["result"]; b["task"] = the next of tasks, fresh = 2,
+                                         attempt_number = 0; if there is none, the lane has no task
+                                   b["attempt"] = attempts[row], row = ranks[task_number, attempt_number], behind the
+                                       ranked ones attempt_number - ranked, round and round
+                               the loop ends where no lane has a task
+
 Where something may switch within steps, each substep of s seconds of `Integrate` is, in NumPy,
 
     for piece in range(SWITCHES + 1):
@@ -64,6 +74,7 @@ CURSOR = (
 )  # of a lane's schedule: when its next row comes, which it is, the one behind its last
 NEVER = 2.0**62  # a tick that does not come
 ADAPTING = ("h_try", "tried", "rejected", "trials", "repeats", "largest", "stalled")  # of a lane that chooses its steps
+EXCHANGED = ("task", "attempt", "over", "fresh", "task_number", "attempt_number")  # blocks of a lane that searches
 HALVINGS = 40  # of the step in which an event lies: 1e-12 of it are left
 SWITCHES = 8  # places in one substep where something switches; the rest is then one step
 SECANTS = 10  # of a substep, to find one: enough where the state bends by as much as it moves
@@ -199,7 +210,26 @@ class Adapt(_Switching):
         return tuple(p for p in (self.cross, self.halve, self.choose, self.note) if p is not None)
 
 
-Stage = Call | Table | Rows | Draw | Delay | Record | Integrate | Adapt
+@dataclass(frozen=True)
+class Exchange:
+    """Lanes whose attempt is over take their next attempt, or the next task of all; the loop ends when no task is left.
+
+    Block "over" says how a lane stands: 0 it goes on, 1 this attempt failed, 2 the task is done. "fresh" is 1 for a new
+    attempt and 2 for a new task; the program that works on them sets it back to 0.
+
+    Attributes:
+        task, attempt, result: entries of the blocks of these names.   most: attempts of one task.
+        ranked: how many of them every task names itself; the others are all attempts in their order.
+    """
+
+    task: int
+    attempt: int
+    result: int
+    most: int
+    ranked: int
+
+
+Stage = Call | Table | Rows | Draw | Delay | Record | Integrate | Adapt | Exchange
 
 
 def state_blocks(stages: tuple[Stage, ...]) -> set[str]:
@@ -226,6 +256,8 @@ def _uses(stage: Stage) -> tuple[set[str], set[str]]:
         return {stage.block, stage.by}, {stage.to}
     if isinstance(stage, Record):
         return set(stage.blocks), set()
+    if isinstance(stage, Exchange):
+        return {"over", "result"}, set(EXCHANGED)
     if not isinstance(stage, (Integrate, Adapt)):
         return set(), {stage.block}
     inside = {port.name.removesuffix(NEXT) for program in stage.switching for port in program.outputs} | {"h"}
@@ -293,6 +325,10 @@ def block_sizes(stages: tuple[Stage, ...]) -> dict[str, int]:
         elif isinstance(stage, Record):
             for name, entries in zip(stage.blocks, stage.entries, strict=True):
                 add(name, entries)
+        elif isinstance(stage, Exchange):
+            for name in EXCHANGED:
+                add(name, getattr(stage, name, 1))
+            add("result", stage.result)
         else:
             add(stage.block, stage.entries)
     return sizes
