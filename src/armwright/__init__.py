@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from armwright.identification.logs.log import Log, read_log
     from armwright.identification.logs.plot import plot_log
     from armwright.identification.logs.preparation import Preparation, choose_preparation, prepare_log
+    from armwright.ik.solutions import PoseSolutions
+    from armwright.ik.solve import inverse_kinematics
     from armwright.interfaces import Controller, JointReference, Measurement, Sensor, Trajectory
     from armwright.kernels.compiled import CompiledArm
     from armwright.kernels.compiled import compile_arm as compile
@@ -106,6 +108,8 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.identification.logs.log": ("Log", "read_log"),
     "armwright.identification.logs.plot": ("plot_log",),
     "armwright.identification.logs.preparation": ("Preparation", "choose_preparation", "prepare_log"),
+    "armwright.ik.solutions": ("PoseSolutions",),
+    "armwright.ik.solve": ("inverse_kinematics",),
     "armwright.kernels.compiled": ("CompiledArm", "compile"),
     "armwright.kinematics": ("forward_kinematics", "jacobian", "jacobian_dot_qd"),
     "armwright.model": ("Model",),
@@ -162,6 +166,7 @@ __all__ = [
     "Measurement",
     "Model",
     "Payload",
+    "PoseSolutions",
     "Preparation",
     "Quintic",
     "Ramp",
@@ -204,6 +209,7 @@ __all__ = [
     "identify_payload",
     "inverse_dynamics",
     "inverse_dynamics_derivatives",
+    "inverse_kinematics",
     "jacobian",
     "jacobian_dot_qd",
     "joint_stops",

@@ -1,0 +1,162 @@
+"""The chain of joints that carries a frame, as inverse kinematics needs it: errors of poses, limits, and good starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from armwright import scalar
+from armwright.errors import ModelError
+from armwright.kinematics import forward_kinematics, jacobian
+from armwright.kinematics.forward_kinematics import body_placements
+from armwright.model import Model
+from armwright.scalar import Array, Scalar
+
+Aim = Literal["pose", "position", "axis"]
+TURN = 2.0 * np.pi
+STRAIGHT = 1e-9  # sine of an angle that is taken for its sine
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """An arm's joints and one of its frames.
+
+    Poses are tasks of 13 numbers: position (3), rotation (9, row by row) and the azimuth of the position about the first
+    joint's axis: a start serves all poses that differ by a turn about it.
+
+    Attributes:
+        model: the arm.   frame: name of the frame; None: the tip.   weight: [m/rad], of angles in errors.
+        aim: what of a pose counts: all of it, its position, or its position and the direction of its z axis.
+    """
+
+    model: Model
+    frame: str | None
+    weight: float
+    aim: Aim = "pose"
+
+    task_size = 13
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self.model.n
+
+    @cached_property
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest positions (n,) [rad | m], ±inf where there are none."""
+        low, high = np.array([body.limits.position for body in self.model.bodies]).T
+        return low, high
+
+    @cached_property
+    def turns_around(self) -> np.ndarray:
+        """(n,) True for revolute joints that reach every angle: descents need no limits there."""
+        low, high = self.limits
+        return np.array([body.kind == "revolute" for body in self.model.bodies]) & (high - low >= TURN)
+
+    @cached_property
+    def low(self) -> np.ndarray:
+        """Limits that descents keep."""
+        return np.where(self.turns_around, -np.inf, self.limits[0])
+
+    @cached_property
+    def high(self) -> np.ndarray:
+        """Limits that descents keep."""
+        return np.where(self.turns_around, np.inf, self.limits[1])
+
+    @cached_property
+    def base(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Axes and origin of the first joint where it is revolute and the chain begins with it; else None.
+
+        Raises:
+            ModelError: a frame that no joint moves.
+        """
+        path = self.model.path(self.model.frame(self.frame).body)
+        if not path:
+            raise ModelError(
+                "no joint moves it", place="frame", value=self.frame, expected="a frame of a link that moves"
+            )
+        if path[0] != 0 or self.model.bodies[0].kind != "revolute":
+            return None
+        placed = body_placements(self.model, np.zeros(self.n))[0]
+        return np.asarray(placed.rotation, dtype=float), np.asarray(placed.position, dtype=float)
+
+    def error(self, q: Array, task: Array) -> tuple[np.ndarray, np.ndarray]:
+        """The error e (k,) [m] of a pose and the slope of the pose by q, J (k, n): a step s leaves about e - J s."""
+        pose, slope = forward_kinematics(self.model, q, self.frame), jacobian(self.model, q, self.frame)
+        off = task[:3] - pose[:3, 3]
+        if self.aim == "position":
+            return off, slope[:3]
+        rotation, target = pose[:3, :3], task[3:12].reshape(3, 3)
+        products = [_cross(rotation[:, k], target[:, k]) for k in range(3)]
+        cosines = [rotation[:, k] @ target[:, k] for k in range(3)]
+        if self.aim == "axis":
+            axis, cosine = products[2], cosines[2]
+        else:
+            axis = (products[0] + products[1] + products[2]) * 0.5
+            cosine = (cosines[0] + cosines[1] + cosines[2] - 1.0) * 0.5
+        sine = scalar.sqrt(axis @ axis)
+        ratio = scalar.atan2(sine, cosine) / scalar.maximum(sine, STRAIGHT)  # angle / sine
+        factor = scalar.where(scalar.less(STRAIGHT, sine), ratio, 1.0) * self.weight
+        weighted = slope[3:] * self.weight
+        if self.aim == "axis":  # a turn about the axis itself changes nothing
+            along = target[:, 2]
+            weighted = weighted - scalar.array(
+                [[along[i] * (along @ weighted[:, j]) for j in range(self.n)] for i in range(3)]
+            )
+        return scalar.array([*off, *(axis * factor)]), scalar.array([*slope[:3], *weighted])
+
+    def within(self, q: Array) -> np.ndarray:
+        """Positions moved into the limits."""
+        ends = zip(q, self.low, self.high, strict=True)
+        return scalar.array([x if np.isinf(a) and np.isinf(b) else scalar.clip(x, a, b) for x, a, b in ends])
+
+    def wrapped(self, q: Array) -> np.ndarray:
+        """Positions with whole turns taken off joints that reach every angle, until they are within their limits."""
+        return scalar.array([self._turned(i, q[i]) if self.turns_around[i] else q[i] for i in range(self.n)])
+
+    def _turned(self, joint: int, angle: Scalar) -> Scalar:
+        low, high = max(self.limits[0][joint], -1e9), min(self.limits[1][joint], 1e9)
+        middle = min(max(0.0, low + np.pi), high - np.pi)  # as near to 0 as the limits allow
+        return angle - TURN * scalar.floor((angle - middle) / TURN + 0.5)
+
+    def azimuths(self, positions: np.ndarray) -> np.ndarray:
+        """Angles (k,) about the first joint's axis of positions (k, 3); 0 where that joint does not turn the frame."""
+        if self.base is None:
+            return np.zeros(len(positions))
+        rotation, origin = self.base
+        x, y, _ = rotation.T @ (positions - origin).T
+        return np.arctan2(y, x)
+
+    def tasks(self, poses: np.ndarray) -> np.ndarray:
+        """(k, 13) tasks of poses (k, 4, 4)."""
+        positions = poses[:, :3, 3]
+        return np.concatenate([positions, poses[:, :3, :3].reshape(-1, 9), self.azimuths(positions)[:, None]], axis=1)
+
+    def features(self, poses: np.ndarray) -> np.ndarray:
+        """(k, 12): poses turned to azimuth 0, rotations times weight / √2: their distances are those of the poses [m]."""
+        positions, rotations = poses[:, :3, 3], poses[:, :3, :3]
+        if self.base is not None:
+            axes, origin = self.base
+            angle = self.azimuths(positions)
+            c, s, zero = np.cos(angle), np.sin(angle), np.zeros(len(angle))
+            back = np.stack([c, s, zero, -s, c, zero, zero, zero, zero + 1.0], axis=1).reshape(-1, 3, 3)
+            positions = np.einsum("kij,kj->ki", back, (positions - origin) @ axes)
+            rotations = back @ (axes.T @ rotations)
+        counts = {"pose": (1.0, 1.0, 1.0), "position": (0.0, 0.0, 0.0), "axis": (0.0, 0.0, np.sqrt(2.0))}[self.aim]
+        scaled = rotations * (np.array(counts) * (self.weight / np.sqrt(2.0)))
+        return np.concatenate([positions, scaled.reshape(-1, 9)], axis=1)
+
+    def start(self, task: Array, attempt: Array) -> np.ndarray:
+        """Where an attempt (n + 1: positions, azimuth) begins for a task: turned to the task's azimuth."""
+        if self.base is None:
+            return self.within(attempt[: self.n])
+        angle = attempt[0] + (task[12] - attempt[self.n])
+        angle = angle - TURN * scalar.floor(angle / TURN + 0.5)
+        return self.within(scalar.array([angle, *attempt[1 : self.n]]))
+
+
+def _cross(a: Array, b: Array) -> np.ndarray:
+    return scalar.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

@@ -1,0 +1,156 @@
+"""Inverse kinematics: every solution is checked by forward kinematics and against the limits, on arms nobody tuned it to."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import ModelError, ShapeError
+from ik.arms import arm_of, samples
+
+COUNT = 2000
+TOLERANCE = 1e-8
+
+
+def off(arm, q, targets):
+    """Distances [m] and angles [rad] of the tip, by the angle of the rotation between the two."""
+    from scipy.spatial.transform import Rotation
+
+    poses = aw.compile(arm).forward_kinematics(q)
+    turn = Rotation.from_matrix(np.swapaxes(poses[:, :3, :3], 1, 2) @ targets[:, :3, :3])
+    return np.linalg.norm(poses[:, :3, 3] - targets[:, :3, 3], axis=1), turn.magnitude()
+
+
+@pytest.mark.parametrize("name", ["puma560", "lwa4p", "panda", "cmu-dd", "ur5", "xarm7", "iiwa"])
+def test_reachable_poses_are_solved_within_the_limits(name, tmp_path):
+    arm = arm_of(name, tmp_path)
+    _, targets = samples(arm, COUNT)
+    found = aw.inverse_kinematics(arm, targets)
+    assert found.success.mean() >= 0.999
+    q = found.q[found.success]
+    far, turned = off(arm, q, targets[found.success])
+    assert far.max() <= TOLERANCE
+    assert turned.max() <= 2.0 * TOLERANCE  # an angle from a rotation matrix has no more digits
+    low, high = np.array([body.limits.position for body in arm.bodies]).T
+    assert (q >= low).all()
+    assert (q <= high).all()
+    assert found.iterations.mean() < 60.0
+
+
+def test_the_bits_of_a_target_depend_on_nothing_else():
+    arm = aw.load("puma560")
+    _, targets = samples(arm, 9000)
+    every = aw.inverse_kinematics(arm, targets)
+    assert np.array_equal(aw.inverse_kinematics(arm, targets, threads=2).q, every.q)
+    assert np.array_equal(aw.inverse_kinematics(arm, targets[::-1]).q[::-1], every.q)
+    for part in (slice(77, 78), slice(100, 333)):
+        assert np.array_equal(aw.inverse_kinematics(arm, targets[part]).q, every.q[part])
+    one = aw.inverse_kinematics(arm, targets[77])
+    assert one.q.shape == (6,)
+    assert one.success.shape == ()
+    assert np.array_equal(one.q, every.q[77])
+    assert np.array_equal(aw.inverse_kinematics(arm, targets[:6].reshape(2, 3, 4, 4)).q, every.q[:6].reshape(2, 3, 6))
+
+
+@pytest.mark.parametrize("name", ["puma560", "lwa4p", "iiwa"])
+def test_near_positions_are_found_again(name, tmp_path):
+    arm = arm_of(name, tmp_path)
+    q, targets = samples(arm, 500, seed=3)
+    low, high = np.array([body.limits.position for body in arm.bodies]).T
+    near = np.clip(q + 0.02, low, high)
+    found = aw.inverse_kinematics(arm, targets, near=near)
+    assert found.success.all()
+    away = np.abs(found.q - near).max(axis=1)
+    assert np.quantile(away, 0.95) < 0.1  # close to a singular pose a small turn of the tip is a large one of joints
+
+
+def test_positions_and_directions_alone():
+    arm = aw.load("puma560")
+    _, targets = samples(arm, 500)
+    found = aw.inverse_kinematics(arm, targets[:, :3, 3])
+    assert found.success.all()
+    assert (found.angle_error == 0.0).all()
+    assert off(arm, found.q, targets)[0].max() <= TOLERANCE
+    found = aw.inverse_kinematics(arm, targets, aim="axis")
+    assert found.success.mean() >= 0.998
+    axes = aw.compile(arm).forward_kinematics(found.q)[:, :3, 2]
+    assert np.abs(axes - targets[:, :3, 2])[found.success].max() < 2.0 * TOLERANCE
+
+
+def test_another_frame_than_the_tip():
+    arm = aw.load("puma560")
+    frame = "link5"
+    q, _ = samples(arm, 50)
+    targets = np.array([aw.forward_kinematics(arm, each, frame=frame) for each in q])
+    found = aw.inverse_kinematics(arm, targets, frame=frame)
+    again = np.array([aw.forward_kinematics(arm, each, frame=frame) for each in found.q])
+    assert found.success.all()
+    assert np.abs(again - targets).max() < 3.0 * TOLERANCE
+
+
+def test_sliding_joints_and_singular_poses():
+    arm = aw.load("examples/scara.toml")
+    _, targets = samples(arm, 300)
+    assert aw.inverse_kinematics(arm, targets).success.all()
+    puma = aw.load("puma560")
+    q, _ = samples(puma, 300)
+    q[:, 4] = 0.0  # the wrist's axes 4 and 6 fall together
+    targets = aw.compile(puma).forward_kinematics(q)
+    found = aw.inverse_kinematics(puma, targets)
+    far, turned = off(puma, found.q, targets)
+    assert found.success.mean() > 0.98
+    assert far[found.success].max() <= TOLERANCE
+    assert turned[found.success].max() <= 2.0 * TOLERANCE
+
+
+def test_out_of_reach_says_how_far_and_where_the_nearest_pose_is():
+    arm = aw.load("puma560")
+    targets = np.array([[3.0, 0.0, 0.0], [0.5, 0.1, 0.2]])
+    found = aw.inverse_kinematics(arm, targets)
+    assert found.success.tolist() == [False, True]
+    from scipy.optimize import minimize
+
+    dyn = aw.compile(arm)
+    low, high = np.array([body.limits.position for body in arm.bodies]).T
+    best = min(
+        minimize(
+            lambda q: np.linalg.norm(dyn.forward_kinematics(q)[:3, 3] - targets[0]),
+            start,
+            bounds=[*zip(low, high, strict=True)],
+        ).fun
+        for start in samples(arm, 10)[0]
+    )
+    assert found.position_error[0] == pytest.approx(best, rel=1e-4)
+    assert f"{1e3 * found.position_error[0]:.4g} mm" in str(found)
+    assert "1 of 2 solved" in str(found)
+
+
+def test_a_frame_that_no_joint_moves_is_refused():
+    with pytest.raises(ModelError) as error:
+        aw.inverse_kinematics(aw.load("puma560"), np.eye(4), frame="base")
+    assert error.value.value == "base"
+
+
+@pytest.mark.parametrize(
+    ("targets", "options", "place"),
+    [
+        (np.eye(3), {"aim": "pose"}, "targets"),
+        (np.zeros((2, 5)), {}, "targets"),
+        (np.diag([1.0, 1.0, -1.0, 1.0]), {}, "targets"),
+        (np.diag([2.0, 2.0, 2.0, 1.0]), {}, "targets"),
+        (np.stack([np.eye(4), np.full((4, 4), np.nan)]), {}, "targets[1]"),
+        ([0.1, np.inf, 0.2], {}, "targets"),
+        (np.eye(4), {"tolerance": 0.0}, "tolerance"),
+        (np.eye(4), {"tolerance": np.nan}, "tolerance"),
+        (np.eye(4), {"aim": "point"}, "aim"),
+        (np.eye(4), {"near": np.zeros(5)}, "near"),
+        (np.eye(4), {"near": np.full(6, np.nan)}, "near"),
+        (np.eye(4), {"near": np.zeros((3, 6))}, "near"),
+        (np.eye(4), {"threads": 0}, "threads"),
+    ],
+)
+def test_bad_input_is_named(targets, options, place):
+    with pytest.raises((ModelError, ShapeError)) as error:
+        aw.inverse_kinematics(aw.load("puma560"), targets, **options)
+    assert error.value.place == place
