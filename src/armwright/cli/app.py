@@ -22,6 +22,7 @@ from armwright.cli.diff import diff
 from armwright.cli.dynamics import forward_dynamics, inverse_dynamics
 from armwright.cli.export import export
 from armwright.cli.identify import identify
+from armwright.cli.ik import ik
 from armwright.cli.info import info
 from armwright.cli.log import log
 from armwright.cli.parts import parts
@@ -141,6 +142,7 @@ for command in (
     convert,
     inverse_dynamics,
     forward_dynamics,
+    ik,
     simulate,
     plot,
     animate,

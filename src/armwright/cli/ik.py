@@ -1,0 +1,106 @@
+"""`armwright ik`: a table of poses in, joint positions out."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from armwright.cli.arguments import Out, Robot, Table, option, vector
+from armwright.terminal import PrintableStream, say
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy as np
+
+UNIT = 1e-3  # how far the length of a quaternion may be from 1
+MISSED = 1  # the exit code where a pose is not reached
+COLUMNS = {
+    3: ("x", "y", "z"),
+    6: ("x", "y", "z", "roll", "pitch", "yaw"),
+    7: ("x", "y", "z", "qw", "qx", "qy", "qz"),
+}
+UNITS = {"x": "m", "y": "m", "z": "m", "roll": "rad", "pitch": "rad", "yaw": "rad"}
+
+
+def ik(
+    robot: Robot,
+    table: Table,
+    output: Out = None,
+    frame: Annotated[str | None, option("--frame", "NAME", "The frame to bring there; by default the tip.")] = None,
+    near: Annotated[
+        str | None, option("--near", "Q1,Q2,…", "Joint positions to begin with, in rad (m for sliding joints).")
+    ] = None,
+    axis: Annotated[bool, typer.Option("--axis", help="Only position and z axis of the frame count.")] = False,
+    tolerance: Annotated[float, option("--tolerance", "T", "On distance [m] and angle [rad].")] = 1e-8,
+) -> None:
+    """Joint positions within the limits for a table of poses: inverse kinematics, one pose a row.
+
+    The table has the columns x, y, z in m, alone or with roll, pitch, yaw in rad (about fixed axes, as in a URDF) or with the
+    quaternion qw, qx, qy, qz. The result has q_JOINT, and how far off the pose is in mm and mrad; q_JOINT is nan where
+    a pose was not reached. Exit code: 0 all were reached, 1 some were not, 2 bad input.
+
+    \b
+    Examples:
+      armwright ik puma560 poses.csv -o positions.csv
+      armwright ik my-arm.toml points.csv --near 0,0.5,1.2 | head
+    """
+    import numpy as np
+
+    import armwright as aw
+    from armwright.cli.progress import progress
+    from armwright.model.joint_signals import joint_units
+    from armwright.output import check_destination
+    from armwright.results.tables import joint_columns, write_table
+
+    arm = aw.load(robot)
+    if output is not None:
+        check_destination(output)
+    targets, turned = _targets(table)
+    aim: Any = "axis" if axis else "pose" if turned else "position"
+    start = None if near is None else vector("--near", near, arm.names, joint_units(arm, "q"))
+    with progress("inverse kinematics"):
+        found = aw.inverse_kinematics(arm, targets, frame=frame, aim=aim, near=start, tolerance=tolerance)
+    q = np.where(found.success[:, None], found.q, np.nan)
+    columns = joint_columns("q", arm.names, joint_units(arm, "q"), q)
+    columns |= {"off [mm]": 1e3 * found.position_error, "off [mrad]": 1e3 * found.angle_error}
+    write_table(output, columns, PrintableStream(sys.stdout))
+    if output is not None or not found.success.all():
+        say(str(found), err=output is None)
+    if not found.success.all():
+        raise typer.Exit(MISSED)
+
+
+def _targets(table: Path) -> tuple[np.ndarray, bool]:
+    """Poses (k, 4, 4) of a table, and whether it says how they are turned.
+
+    Raises:
+        ScheduleError: what is no such table, or a quaternion that is not of unit length.
+    """
+    import numpy as np
+    from scipy.spatial.transform import Rotation
+
+    from armwright.errors import ScheduleError
+    from armwright.results.tables import Column, parse_numbers, table_text
+
+    text = table_text(table)
+    first = next((line for line in text.splitlines() if line.strip()), "")
+    names = COLUMNS.get(first.count(",") + 1, COLUMNS[6])
+    columns = [Column(name, (UNITS[name],) if name in UNITS else ()) for name in names]
+    numbers = parse_numbers(text, str(table), columns)
+    values = numbers.values
+    poses = np.broadcast_to(np.eye(4), (len(values), 4, 4)).copy()
+    poses[:, :3, 3] = values[:, :3]
+    if len(names) == 6:
+        poses[:, :3, :3] = Rotation.from_euler("xyz", values[:, 3:]).as_matrix()
+    if len(names) == 7:
+        length = np.linalg.norm(values[:, 3:], axis=1)
+        for row in np.flatnonzero(np.abs(length - 1.0) > UNIT)[:1]:
+            place, expected = "columns qw, qx, qy, qz", "a quaternion of length 1"
+            raise ScheduleError(
+                f"length {length[row]:.6g}", place=place, expected=expected, file=f"{table}:{numbers.lines[row]}"
+            )
+        poses[:, :3, :3] = Rotation.from_quat(values[:, 3:], scalar_first=True).as_matrix()
+    return poses, len(names) > 3

@@ -1,0 +1,53 @@
+"""`armwright ik`: joint positions for tables of points, of angles and of quaternions."""
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.results.tables import write_table
+from cli.test_commands import run
+
+
+def poses(tmp_path, columns):
+    path = tmp_path / "poses.csv"
+    write_table(path, {name: np.atleast_1d(values) for name, values in columns.items()})
+    return str(path)
+
+
+def test_positions_of_all_kinds_of_tables(tmp_path):
+    arm, out = aw.load("puma560"), tmp_path / "q.csv"
+    point = {"x [m]": [0.4, 0.3], "y [m]": [0.1, -0.3], "z [m]": [0.3, 0.2]}
+    angles = {"roll [rad]": [0.1, 3.0], "pitch [rad]": [0.3, 0.2], "yaw [rad]": [-0.2, 1.0]}
+    turned = {"qw": [1.0, 0.5], "qx": [0.0, 0.5], "qy": [0.0, -0.5], "qz": [0.0, 0.5]}
+    for columns in (point, point | angles, point | turned):
+        shown = run("ik", "puma560", poses(tmp_path, columns), "-o", str(out)).stdout
+        assert "2 of 2 solved" in shown
+        rows = np.genfromtxt(out, delimiter=",", skip_header=1)
+        tips = aw.compile(arm).forward_kinematics(rows[:, :6])
+        assert np.abs(tips[:, :3, 3] - np.stack(list(point.values()), axis=1)).max() < 1e-7
+        if columns == point | turned:
+            assert np.abs(tips[0, :3, :3] - np.eye(3)).max() < 1e-7
+
+
+def test_a_pose_out_of_reach_is_nan_and_exit_code_1(tmp_path):
+    done = run("ik", "puma560", poses(tmp_path, {"x": [9.0], "y": [0.0], "z": [0.0]}), code=1)
+    assert "0 of 1 solved" in done.stderr
+    assert "not reached" in done.stderr
+    assert done.stdout.splitlines()[1].startswith("nan,nan,nan,nan,nan,nan,")
+
+
+@pytest.mark.parametrize(
+    ("columns", "words", "names"),
+    [
+        ({"x": [1.0], "y": [2.0]}, (), "x, y, z"),
+        ({"x": [1.0], "y": [2.0], "z": [3.0], "qw": [2.0], "qx": [0.0], "qy": [0.0], "qz": [0.0]}, (), "length 2"),
+        ({"x [mm]": [1.0], "y": [2.0], "z": [3.0]}, (), "mm"),
+        ({"x": [0.1], "y": [0.2], "z": [0.3]}, ("--near", "1,2"), "--near"),
+        ({"x": [0.1], "y": [0.2], "z": [0.3]}, ("--frame", "hand"), "hand"),
+        ({"x": [0.1], "y": [0.2], "z": [0.3]}, ("--tolerance", "0"), "tolerance"),
+    ],
+)
+def test_bad_tables_and_options_are_one_line(tmp_path, columns, words, names):
+    done = run("ik", "puma560", poses(tmp_path, columns), *words, code=2)
+    assert names in done.stderr
+    assert done.stderr.count("\n") == 1
