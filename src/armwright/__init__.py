@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from armwright.errors import ArmwrightError
     from armwright.identification.arm.friction import identify_friction
     from armwright.identification.arm.payload import identify_payload
+    from armwright.identification.arm.identify import ArmEstimate, identify_arm
     from armwright.identification.estimate import Estimate, write_into
     from armwright.identification.logs.log import Log, read_log
     from armwright.identification.logs.plot import plot_log
@@ -104,6 +105,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.errors": ("ArmwrightError",),
     "armwright.identification.arm.friction": ("identify_friction",),
     "armwright.identification.arm.payload": ("identify_payload",),
+    "armwright.identification.arm.identify": ("ArmEstimate", "identify_arm"),
     "armwright.identification.estimate": ("Estimate", "write_into"),
     "armwright.identification.logs.log": ("Log", "read_log"),
     "armwright.identification.logs.plot": ("plot_log",),
@@ -146,6 +148,7 @@ _HOME = {name: home for home, names in _HOMES.items() for name in names}
 _CALLED = {"compile": "compile_arm"}  # inside, nothing is called like Python's own
 
 __all__ = [
+    "ArmEstimate",
     "ArmwrightError",
     "Batch",
     "Cascade",
@@ -207,6 +210,7 @@ __all__ = [
     "gravity_torques",
     "identify_friction",
     "identify_payload",
+    "identify_arm",
     "inverse_dynamics",
     "inverse_dynamics_derivatives",
     "inverse_kinematics",

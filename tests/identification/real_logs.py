@@ -96,6 +96,7 @@ file = "torque"
 columns = [1, 2, 3, 4, 5, 6]
 unit = "N m"
 side = "joint"
+lacks = ["gravity", "coulomb", "offset"]     # taken off before it was logged, see SOURCE.md there
 """
 
 

@@ -5,6 +5,7 @@ Columns of the regressor that depend on earlier ones are regrouped:  Y π = Y_b 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -95,15 +96,17 @@ class BaseParameters:
         return prior + scale * change
 
 
-def base_parameters(model: TorqueModel) -> BaseParameters:
+def base_parameters(model: TorqueModel, without: Sequence[int] = ()) -> BaseParameters:
     """The base parameters of an arm, which its structure alone decides: any motion is allowed.
 
     Args:
-        model: the arm and its columns.
+        model: the arm and its columns.   without: numbers of columns that count as 0.
     Returns:
         base: rank and regrouping of the columns at random states.
     """
-    return regrouped(model.columns, structural_factor(model))
+    factor = structural_factor(model)
+    factor[:, list(without)] = 0.0
+    return regrouped(model.columns, factor)
 
 
 def structural_factor(model: TorqueModel) -> np.ndarray:

@@ -7,17 +7,25 @@ some parts and residuals over others follow from the factors alone. [DemmelEtAl2
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import sosfiltfilt
 
 from armwright.actuators.coupling import shares_of, to_joints
 from armwright.errors import IdentificationError
 from armwright.identification.arm.torque_model import TorqueModel
 from armwright.identification.arm.triangular import triangle
 from armwright.identification.logs.log import Log
-from armwright.identification.logs.preparation import Preparation, choose_preparation, prepared_blocks
+from armwright.identification.logs.preparation import (
+    EDGE,
+    SEAM,
+    Preparation,
+    choose_preparation,
+    prepared_blocks,
+    settling,
+)
 
 CHUNK_VALUES = 2**21  # of the regressor in one block: 16 MB
 PARTS = 32  # of a log's runs together, at most but for one each: for hold-outs
@@ -34,6 +42,7 @@ class Samples:
     Attributes:
         run, stretch: which part of the log.   t: (rows,) [s].   q, qd, qdd: (rows, n).
         tau: (rows, n) [N m | N] measured motor torque, joint side; NaN for joints without.
+        dry: (rows, d) values of the model's `dry` columns, filtered as the torques are; None: not filtered.
     """
 
     run: str
@@ -43,11 +52,13 @@ class Samples:
     qd: np.ndarray
     qdd: np.ndarray
     tau: np.ndarray
+    dry: np.ndarray | None = None
 
     def part(self, chosen: slice | np.ndarray) -> Samples:
         """Some of its rows."""
-        arrays = (each[chosen] for each in (self.t, self.q, self.qd, self.qdd, self.tau))
-        return Samples(self.run, self.stretch, *arrays)
+        dry = None if self.dry is None else self.dry[chosen]
+        parts = {name: getattr(self, name)[chosen] for name in ("t", "q", "qd", "qdd", "tau")}
+        return replace(self, **parts, dry=dry)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +192,7 @@ def equations_of(
                 last = key
                 begin = float(piece.t[0])
                 parts.append(Part(piece.run, begin, begin, tuple(_empty(model)), np.zeros(model.arm.n)))
-            values, tau = model.rows(piece.q, piece.qd, piece.qdd), piece.tau - model.known_torques(piece.q)
+            values, tau = model.rows(piece.q, piece.qd, piece.qdd, piece.dry), piece.tau - model.known_torques(piece.q)
             weights = None
             if row_weights is not None and parameters is not None:
                 weights = row_weights(tau - values @ parameters)
@@ -227,7 +238,10 @@ def _by_part(block: Samples, seconds: float | None) -> Iterator[tuple[tuple[str,
 
 
 def samples_of(
-    log: Log, model: TorqueModel, runs: Sequence[str] | None = None, preparation: Preparation | None = None
+    log: Log,
+    model: TorqueModel,
+    runs: Sequence[str] | None = None,
+    preparation: Preparation | Mapping[str, Preparation] | None = None,
 ) -> Iterator[Samples]:
     """Prepared rows of a log's runs as an arm's states and motor torques, block by block in bounded memory.
 
@@ -235,7 +249,7 @@ def samples_of(
 
     Args:
         log: a checked log.   model: of the arm; its joints are the log's, by name, or in order where no name is the same.
-        runs: names; None: those to fit.   preparation: None: chosen for each run.
+        runs: names; None: those to fit.   preparation: of all runs, or of each by its name; None: chosen for each run.
     Raises:
         IdentificationError: joints of the arm without positions, or neither torque, current nor voltage.
         ModelError: currents or voltages of motors without constants.
@@ -243,11 +257,67 @@ def samples_of(
     order = joints_of(log, model.arm.names)
     source = torque_source(log)
     for run in log.fit if runs is None else runs:
-        chosen = preparation or choose_preparation(log, run)
-        for stretch, block in prepared_blocks(log, run, chosen):
-            values = {name: _full(log, name, each)[:, order] for name, each in block.values.items()}
-            tau = _torque(model, source, values)
-            yield Samples(run, stretch, block.t, values["q"], values["qd"], values["qdd"], tau)
+        chosen = preparation[run] if isinstance(preparation, Mapping) else preparation or choose_preparation(log, run)
+        for stretch, t, values, dry in _with_dry(log, run, model, chosen, order):
+            yield Samples(
+                run, stretch, t, values["q"], values["qd"], values["qdd"], _torque(model, source, values), dry
+            )
+
+
+def _with_dry(
+    log: Log, run: str, model: TorqueModel, chosen: Preparation, order: list[int]
+) -> Iterator[tuple[int, np.ndarray, dict[str, np.ndarray], np.ndarray]]:
+    """Stretch, times, signals (rows, n) and dry friction's columns (rows, d), these filtered too, then decimated.
+
+    A torque that jumps leaves the filter as a smooth step; its column must do the same, or Coulomb friction takes what is
+    inertia's. The columns are made of all rows, and rows on either side of a block are kept until the filter has settled.
+    """
+    seam, behind = settling(chosen.sections, SEAM), None
+    for stretch, block in prepared_blocks(log, run, replace(chosen, decimate=1)):
+        values = {name: _full(log, name, each)[:, order] for name, each in block.values.items()}
+        if behind is not None and behind.stretch != stretch:
+            yield behind.rows(model, chosen, 0)
+            behind = None
+        behind = _Behind(stretch, block.t, values, 0, 0) if behind is None else behind.plus(block.t, values)
+        if len(behind.t) - behind.done > 2 * seam:
+            yield behind.rows(model, chosen, seam)
+            behind = behind.after(seam)
+    if behind is not None:
+        yield behind.rows(model, chosen, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Behind:
+    """Rows of a stretch that wait for those after them; the first `done` are only there for the filter."""
+
+    stretch: int
+    t: np.ndarray
+    values: dict[str, np.ndarray]
+    done: int
+    first: int  # number of the first row in the stretch
+
+    def plus(self, t: np.ndarray, values: dict[str, np.ndarray]) -> _Behind:
+        """With the rows after them."""
+        joined = {name: np.concatenate([each, values[name]]) for name, each in self.values.items()}
+        return replace(self, t=np.concatenate([self.t, t]), values=joined)
+
+    def rows(
+        self, model: TorqueModel, chosen: Preparation, seam: int
+    ) -> tuple[int, np.ndarray, dict[str, np.ndarray], np.ndarray]:
+        """Every k-th of the rows but for the last `seam`."""
+        dry = model.dry_values(self.values["qd"])
+        if dry.size and len(dry) > 1:
+            pad = min(3 * settling(chosen.sections, EDGE), len(dry) - 1)
+            dry = np.asarray(sosfiltfilt(chosen.sections, dry, axis=0, padlen=pad))
+        numbers = np.arange(self.done, len(self.t) - seam)
+        numbers = numbers[(self.first + numbers) % chosen.decimate == 0]
+        return self.stretch, self.t[numbers], {name: each[numbers] for name, each in self.values.items()}, dry[numbers]
+
+    def after(self, seam: int) -> _Behind:
+        """What is left when all rows but the last `seam` are done, with as many before them for the filter."""
+        cut = max(len(self.t) - 2 * seam, 0)
+        rest = {name: each[cut:] for name, each in self.values.items()}
+        return _Behind(self.stretch, self.t[cut:], rest, len(self.t) - seam - cut, self.first + cut)
 
 
 def joints_of(log: Log, names: Sequence[str]) -> list[int]:

@@ -254,7 +254,7 @@ def residuals_of(samples: Iterable[Samples], fit: ArmFit, rows: int = 4096):
     for block in samples:
         for begin in range(0, len(block.t), rows):
             piece = block.part(slice(begin, begin + rows))
-            values = model.rows(piece.q, piece.qd, piece.qdd)[:, :, fit.base.independent]
+            values = model.rows(piece.q, piece.qd, piece.qdd, piece.dry)[:, :, fit.base.independent]
             yield piece, values, piece.tau - model.known_torques(piece.q) - values @ fit.values
 
 

@@ -63,12 +63,12 @@ class PayloadModel(TorqueModel):
     moved: np.ndarray | None = None
     loaded: bool = True
 
-    def rows(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    def rows(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, dry: np.ndarray | None = None) -> np.ndarray:
         """Values (rows, n, p) of all columns, the payload's last."""
         own = replace_columns(self, self.columns[:-PER_LINK])
         values = np.zeros((len(q), self.arm.n, len(self.columns)))
         if len(own.columns):
-            values[:, :, :-PER_LINK] = TorqueModel.rows(own, q, qd, qdd)
+            values[:, :, :-PER_LINK] = TorqueModel.rows(own, q, qd, qdd, dry)
         if self.loaded:
             of_link = self.dyn.regressor(q, qd, qdd)[:, :, PER_LINK * self.carrier : PER_LINK * (self.carrier + 1)]
             values[:, :, -PER_LINK:] = of_link @ self.moved

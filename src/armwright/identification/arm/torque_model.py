@@ -10,7 +10,7 @@ A motor that several joints turn gives its torque to all of them: its rotor, vis
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -27,6 +27,7 @@ INERTIAL = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 INERTIAL_UNITS = ("kg", "kg m", "kg m", "kg m", *["kg m²"] * 6)
 FRICTION = ("viscous", "coulomb", "offset", "asymmetric", "stribeck")
 USUAL_FRICTION = ("viscous", "coulomb", "offset")
+DRY = ("coulomb", "coulomb+", "coulomb-", "stribeck")
 LACKS = ("gravity", "springs", "rotors", "viscous", "coulomb", "offset")  # terms that a measured torque may be without
 ZERO = 1e-10  # of the largest column: smaller ones are rounding
 PROBES = 50  # random states that show which joint's torque a column is part of
@@ -137,15 +138,31 @@ class TorqueModel:
             raise IdentificationError("no such column", place="column", value=name, choices=self.names)
         return self.names.index(name)
 
-    def rows(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    @property
+    def dry(self) -> list[int]:
+        """Numbers of the columns that jump where a motor turns back, and so reach beyond any filter's band."""
+        return [k for k, column in enumerate(self.columns) if column.kind in DRY]
+
+    def dry_values(self, qd: np.ndarray) -> np.ndarray:
+        """Values (rows, d) of the laws of the columns `dry`, before shares, at speeds (rows, n) [rad/s | m/s]."""
+        values = [_law(self.columns[k], {"qd": qd}) for k in self.dry]
+        return np.stack(values, axis=1) if values else np.zeros((len(qd), 0))
+
+    def rows(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, dry: np.ndarray | None = None) -> np.ndarray:
         """Values of all columns:  tau = rows @ parameters (+ `known_torques`).
 
         Args:
             q: (rows, n) [rad | m].   qd: (rows, n) [rad/s | m/s].   qdd: (rows, n) [rad/s² | m/s²].
+            dry: (rows, d) values of the columns `dry`, filtered as the torques are; None: those at qd.
         Returns:
             Y: (rows, n, p) [N m | N] per the columns' units.
         """
-        return rows_of(self.dyn, self.columns, q, qd, qdd)
+        values = rows_of(self.dyn, self.columns, q, qd, qdd)
+        for place, k in enumerate(self.dry if dry is not None else ()):
+            assert dry is not None
+            for j, share in self.columns[k].turned:
+                values[:, j, k] = share * dry[:, place]
+        return values
 
     def known_torques(self, q: np.ndarray) -> np.ndarray:
         """Torques (rows, n) [N m | N] of the record's springs, which are not fitted."""
@@ -160,12 +177,17 @@ def rows_of(dyn: CompiledArm, columns: Sequence[Column], q: np.ndarray, qd: np.n
     values[:, :, :inertial] = dyn.regressor(q, qd, qdd)
     states = {"q": q, "qd": qd, "qdd": qdd}
     for k, column in enumerate(columns[inertial:], start=inertial):
-        kind = KINDS[column.kind]
-        x = sum(share * states[kind.state][:, j] for j, share in column.turned)
-        torque = kind.law(np.asarray(x), column.speed)
+        torque = _law(column, states)
         for j, share in column.turned:
             values[:, j, k] = share * torque
     return values
+
+
+def _law(column: Column, states: Mapping[str, np.ndarray]) -> np.ndarray:
+    """A column's law (rows,) at the state of the joint or motor that it belongs to."""
+    kind = KINDS[column.kind]
+    x = sum(share * states[kind.state][:, j] for j, share in column.turned)
+    return kind.law(np.asarray(x), column.speed)
 
 
 def torque_model(

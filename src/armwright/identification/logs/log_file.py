@@ -134,12 +134,18 @@ class SignalTable(Record):
     offsets: Numbers | None = Field(
         default=None, description="Added at the joint after all else, in the SI unit; absent: 0."
     )
+    lacks: tuple[Literal["gravity", "springs", "rotors", "viscous", "coulomb", "offset"], ...] = Field(
+        default=(),
+        description="Of a torque: terms that were taken off it before it was logged, as of gravity compensation.",
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> SignalTable:
         kind = QUANTITIES[self.quantity]
         if self.joints is not None and len(self.joints) != len(self.columns):
             raise Invalid(place="joints", value=self.joints, expected=f"{len(self.columns)}, one for each column")
+        if self.lacks and kind.signal not in ("tau", "tau_link"):
+            raise Invalid("goes with a torque", place="lacks", value=self.lacks[0])
         if self.unit is not None and self.unit not in kind.units:
             raise Invalid(f"no unit of a {self.quantity}", place="unit", value=self.unit, choices=kind.units)
         if kind.sided != (self.side is not None):

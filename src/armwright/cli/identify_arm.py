@@ -1,0 +1,100 @@
+"""`armwright identify arm`: masses, rotors and friction of an arm from a log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armwright.cli.arguments import option
+from armwright.cli.tables import console_for_tables, number, table
+from armwright.terminal import say
+
+if TYPE_CHECKING:
+    from armwright.identification.arm.identify import ArmEstimate
+
+NOT_IDENTIFIED = 1  # exit code
+HEADS = ("base parameter", "value", "± std", "±", "unit")
+JOINTS = ("joint", "R²", "RMS of the residual", "of the torque's", "held-out parts", "R² of hold-out runs", "unit")
+
+
+def arm(
+    file: Annotated[Path, typer.Argument(metavar="LOG.log.toml", help="Positions and torques.", show_default=False)],
+    robot: Annotated[str | None, option("--robot", "ROBOT", "The arm; by default the one that the log names.")] = None,
+    kinematics_only: Annotated[
+        bool, typer.Option("--kinematics-only", help="The robot's links may lack masses.", show_default=False)
+    ] = False,
+    method: Annotated[str, option("--method", "NAME", "ols, wls (default), irls or tukey.")] = "wls",
+    friction: Annotated[
+        str, option("--friction", "A,B,…", "Of viscous, coulomb, offset, asymmetric, stribeck.")
+    ] = "viscous,coulomb,offset",
+    stribeck_speed: Annotated[
+        float | None, option("--stribeck-speed", "W", "Of stribeck, in rad/s or m/s at the joint.")
+    ] = None,
+    springs: Annotated[
+        str, option("--springs", "J1,J2,…", "Joints that get a spring and a counterbalance as candidates.")
+    ] = "",
+    lacks: Annotated[
+        str | None,
+        option("--lacks", "A,B,…", "What the torque is without: gravity, springs, rotors, viscous, coulomb, offset."),
+    ] = None,
+    cutoff: Annotated[float | None, option("--cutoff", "HZ", "Cut-off of the low-pass; by default chosen.")] = None,
+    decimate: Annotated[int | None, option("--decimate", "K", "Keep every k-th row; by default chosen.")] = None,
+    output: Annotated[Path | None, option("--output -o", "ARM.toml", "Write the arm with the fitted numbers.")] = None,
+) -> None:
+    """Identify an arm: base parameters, rotors and friction with standard deviations, and what the log cannot tell.
+
+    The robot may be a full record or kinematics alone. Exit code: 0 identified, 1 the log does not tell all of it, 2 bad input.
+
+    \b
+    Examples:
+      armwright identify arm arm.log.toml --robot arm.urdf --kinematics-only -o arm_identified.toml
+      armwright identify arm arm.log.toml --robot lwa4p --method irls --friction viscous,asymmetric
+    """
+    import armwright as aw
+    from armwright.cli.progress import progress
+    from armwright.output import check_destination
+
+    if output is not None:
+        check_destination(output, (".toml",))
+    model = None if robot is None else aw.load(robot, kinematics_only=kinematics_only)
+    with progress(f"reading {file.name}") as tell:
+        log = aw.read_log(file, progress=tell)
+    found = aw.identify_arm(
+        log, model, method=method, friction=_words(friction), springs=_words(springs), stribeck_speed=stribeck_speed,
+        lacks=None if lacks is None else _words(lacks), cutoff=cutoff, decimate=decimate, record=output is not None,
+    )  # fmt: skip
+    show(found)
+    if output is not None:
+        found.write(output)
+        say(f"wrote {output}")
+    if found.verdict != "identified":
+        raise typer.Exit(NOT_IDENTIFIED)
+
+
+def _words(text: str) -> tuple[str, ...]:
+    return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def show(found: ArmEstimate) -> None:
+    """Prints base parameters, measures by joint, remarks and verdict."""
+    estimate, fit, console = found.estimate, found.fit, console_for_tables()
+    rows = []
+    for formula, value, std, unit in zip(found.formulas, estimate.values, estimate.std, estimate.units, strict=True):
+        relative = f"{100 * std / abs(value):.2g} %" if value else ""
+        rows.append([formula, number(value), number(float(f"{std:.2g}")), relative, unit])
+    console.print(table(f"{estimate.log}: {estimate.method}", HEADS, rows, ("unit",)))
+    joints = []
+    for j, body in enumerate(fit.equations.model.arm.coordinates):
+        measures = estimate.fit.get(body.joint, {})
+        relative = f"{100 * fit.rms[j] / fit.torque_rms[j]:.3g} %" if fit.torque_rms[j] > 0 else "—"
+        held = f"{100 * measures['held_out']:.3g} %" if "held_out" in measures else ""
+        unit = "N m" if body.kind == "revolute" else "N"
+        on_runs = number(measures["hold_out_r2"]) if "hold_out_r2" in measures else ""
+        joints.append([body.joint, number(fit.r2[j]), number(fit.rms[j]), relative, held, on_runs, unit])
+    console.print(table("\njoints", JOINTS, joints, ("unit",)))
+    say("")
+    for remark in estimate.remarks:
+        say(f"{remark[0].upper()}{remark[1:]}.")
+    say(f"\n{estimate.verdict}")

@@ -1,0 +1,301 @@
+"""The robot's record with the parameters of a fit: links, rotors and friction, each with the source `fit`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armwright.description.friction import key_of
+from armwright.description.robot import RobotDescription, Source
+from armwright.errors import IdentificationError
+from armwright.identification.arm.equations import Equations, stacked
+from armwright.identification.arm.fit import ArmFit, measures_of
+from armwright.identification.arm.physical import (
+    PER_LINK,
+    PhysicalBounds,
+    PhysicalEstimate,
+    inertial_parameters,
+    physical_by_log_cholesky,
+    physical_by_sdp,
+    pseudo_inertias,
+)
+from armwright.identification.arm.torque_model import Column, TorqueModel
+
+MASSLESS = "massless"  # in a remark of an arm that was read without masses, and which are known now
+SPRINGS = ("spring", "sine", "cosine")
+NOT_NEGATIVE = ("rotor", "viscous", "coulomb", "coulomb+", "coulomb-")
+Paths = dict[int, list[tuple[str, float]]]  # column → path of a number and the factor from the column's value to it
+NEAR = 0.01  # weight of a link's prior values beside the log's torques
+
+
+@dataclass(frozen=True, eq=False)
+class RecordParameters:
+    """Parameters of all columns as a record can hold them: physically possible, one friction and one rotor a joint.
+
+    Attributes:
+        values: (p,); 0 for columns that a record has no number for.   kept: numbers of the columns that it has.
+        physical: how they were found.   r2: (n,) of these values on the fitted rows.
+    """
+
+    values: np.ndarray
+    kept: tuple[int, ...]
+    physical: PhysicalEstimate
+    r2: np.ndarray
+
+
+def record_parameters(fit: ArmFit) -> RecordParameters:
+    """Physically possible parameters nearest to the fit, of the columns that a record can hold.
+
+    The record's own links are the prior for what the log cannot tell; an arm of which only the kinematics are known has none.
+
+    Args:
+        fit: of a log.
+    Raises:
+        IdentificationError: no solution.
+    """
+    equations = fit.weighted or fit.equations
+    model = equations.model
+    kept = _columns_of_record(equations, fit.weights)
+    matrix, _ = stacked(equations.factors, len(model), fit.weights)
+    links = np.arange(PER_LINK * len(model.arm.bodies)).reshape(-1, PER_LINK)
+    columns = [model.columns[k] for k in kept]
+    bounds = PhysicalBounds(
+        [column.name for column in columns], links, [k for k, c in enumerate(columns) if c.kind in NOT_NEGATIVE]
+    )
+    prior = model.prior[kept]
+    known = {} if np.isnan(prior[links]).any() else {"prior": np.nan_to_num(prior), "weight": NEAR}
+    found = None
+    for options in (known, {}):
+        try:
+            found = _physical(matrix[:, kept], matrix[:, -1], bounds, options)
+            break
+        except IdentificationError as error:
+            if not options or error.place != "prior":
+                raise
+    assert found is not None
+    values = np.zeros(len(model))
+    values[kept] = found.values
+    return RecordParameters(values, tuple(kept), found, measures_of(fit.equations.factors, values)[2])
+
+
+def _physical(R: np.ndarray, z: np.ndarray, bounds: PhysicalBounds, options: dict[str, Any]) -> PhysicalEstimate:
+    """By semidefinite programming where cvxpy is installed, else by log-Cholesky."""
+    try:
+        import cvxpy
+    except ImportError:
+        return physical_by_log_cholesky(R, z, bounds, **options)
+    del cvxpy
+    return physical_by_sdp(R, z, bounds, **options)
+
+
+def _columns_of_record(equations: Equations, weights: np.ndarray) -> list[int]:
+    """Numbers of the columns that a record has numbers for: of a coupled motor its rotor, and the friction of it or of its
+    joint, whichever explains more.
+    """
+    model = equations.model
+    kept = [k for k, column in enumerate(model.columns) if column.kind not in SPRINGS]
+    for joint in _coupled(model):
+        of_joint = [k for k in kept if model.columns[k].joint == joint and _is_drive(model.columns[k])]
+        several = [k for k in of_joint if len(model.columns[k].turned) > 1]
+        own = [k for k in of_joint if len(model.columns[k].turned) == 1]
+        rotors = [k for k in own if model.columns[k].kind == "rotor"]
+        friction = [k for k in own if model.columns[k].kind not in ("rotor", "offset")]
+        of_motor = [k for k in several if model.columns[k].kind != "rotor"]
+        choices = [rotors + drop for drop in (friction, of_motor)]
+        kept = min(
+            ([k for k in kept if k not in dropped] for dropped in choices),
+            key=lambda columns: _residual(equations, weights, columns),
+        )
+    return kept
+
+
+def _coupled(model: TorqueModel) -> list[str]:
+    return list(dict.fromkeys(column.joint for column in model.columns if len(column.turned) > 1))
+
+
+def _is_drive(column: Column) -> bool:
+    return column.kind not in ("inertial", *SPRINGS)
+
+
+def _residual(equations: Equations, weights: np.ndarray, columns: Sequence[int]) -> float:
+    """Weighted squares that are left with some of the columns."""
+    matrix, _ = stacked(equations.factors, len(equations.model), weights)
+    chosen = matrix[:, list(columns)]
+    solution = np.linalg.lstsq(chosen, matrix[:, -1], rcond=1e-12)[0]
+    return float(((chosen @ solution - matrix[:, -1]) ** 2).sum())
+
+
+def described(
+    model: TorqueModel, found: RecordParameters, gears: np.ndarray | None, source: Source, key: str
+) -> tuple[RobotDescription, Paths]:
+    """The arm's description with these parameters, numbers of kind `fit`, and paths of drive numbers by column.
+
+    Args:
+        model: of the fit.   found: its parameters.   gears: N of the log (n, n), where the record has no motors.
+        source: of the numbers.   key: its key.
+    Returns:
+        record: RobotDescription.   paths: of drive numbers, by column.
+    Raises:
+        DescriptionError: values that no record can hold.
+    """
+    record = model.arm.record
+    places = {column: k for k, column in enumerate(model.columns)}
+    paths: Paths = {}
+    joints = [_with_drive(joint, model, found, gears, key, paths, places) for joint in record.joints]
+    links = [_with_inertia(link, record, model, found, key) for link in record.links]
+    sources = {**record.sources, key: source}
+    remarks = tuple(each for each in record.remarks if MASSLESS not in each)
+    return record.replace(joints=tuple(joints), links=tuple(links), sources=sources, remarks=remarks), paths
+
+
+def _with_inertia(link: Any, record: RobotDescription, model: TorqueModel, found: RecordParameters, key: str) -> Any:
+    """A link with the fitted values: the whole body's for the link that moves, 0 for those that are fixed to it."""
+    for i, body in enumerate(model.arm.bodies):
+        if link.name == body.link:
+            return link.replace(**inertia_table(found.values[PER_LINK * i : PER_LINK * (i + 1)], key))
+        if link.name in _fixed_to(record, body.link):
+            return link.replace(**inertia_table(np.zeros(PER_LINK), key))
+    return link
+
+
+def _fixed_to(record: RobotDescription, link: str) -> set[str]:
+    """Links that fixed joints hang on a link."""
+    found, added = {link}, True
+    while added:
+        more = {joint.child for joint in record.joints if joint.type == "fixed" and joint.parent in found} - found
+        found, added = found | more, bool(more)
+    return found - {link}
+
+
+def inertia_table(parameters: np.ndarray, key: str) -> dict[str, Any]:
+    """Keys of a link's record from its inertial parameters (10,) about the link frame's origin.
+
+    They are lifted to the edge of the possible where rounding has left them beyond it.
+    """
+    pseudo = pseudo_inertias(parameters)
+    values, vectors = np.linalg.eigh(pseudo)
+    if values[0] < 0 <= values[-1]:
+        parameters = inertial_parameters((vectors * np.maximum(values, 1e-12 * values[-1])) @ vectors.T)
+    mass = float(parameters[0])
+    com = parameters[1:4] / mass if mass > 0 else np.zeros(3)
+    xx, xy, xz, yy, yz, zz = parameters[4:]
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    tensor = tensor - mass * (com @ com * np.eye(3) - np.outer(com, com))
+    names = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
+    return {
+        "mass_kg": _number(mass, key),
+        "com_m": {"value": [float(c) for c in com], "source": key},
+        "inertia_kg_m2": {name: _number(float(tensor[place]), key) for name, place in names.items()},
+    }
+
+
+def _number(value: float, key: str) -> dict[str, Any]:
+    return {"value": value, "source": key}
+
+
+def _with_drive(
+    joint: Any,
+    model: TorqueModel,
+    found: RecordParameters,
+    gears: np.ndarray | None,
+    key: str,
+    paths: Paths,
+    places: dict[Column, int],
+) -> Any:
+    """A joint with fitted rotor and friction; `paths` gets the place of each number."""
+    if joint.name not in model.arm.names:
+        return joint
+    columns = {c.kind: c for c in model.columns if c.joint == joint.name and _is_drive(c) and places[c] in found.kept}
+    index = model.arm.names.index(joint.name)
+    ratio = (
+        float(joint.motor.gear_ratio)
+        if joint.motor is not None
+        else 1.0
+        if gears is None
+        else float(gears[index, index])
+    )
+    changes: dict[str, Any] = {}
+    if "rotor" in columns:
+        column = columns["rotor"]
+        path, factor = f"{joint.name}.motor.rotor_inertia_kg_m2", ratio**-2
+        paths[places[column]] = [(path, factor)]
+        inertia = _number(max(float(found.values[places[column]]), 0.0) * factor, key)
+        if joint.motor is not None:
+            changes["motor"] = joint.motor.replace(rotor_inertia_kg_m2=inertia)
+        else:
+            coupling = [
+                {"joint": model.arm.names[j], "ratio": {"value": share * ratio, "source": "definition"}}
+                for j, share in column.turned[1:]
+            ]
+            gear = {"value": ratio, "source": "definition"}
+            changes["motor"] = {"gear_ratio": gear, "rotor_inertia_kg_m2": inertia, "coupling": coupling}
+    friction = _friction(joint, columns, found, ratio, key, paths, places, model)
+    return joint.replace(**changes, **friction)
+
+
+def _friction(
+    joint: Any,
+    columns: dict[str, Column],
+    found: RecordParameters,
+    ratio: float,
+    key: str,
+    paths: Paths,
+    places: dict[Column, int],
+    model: TorqueModel,
+) -> dict[str, Any]:
+    """Keys of a joint's friction; none where no friction was fitted."""
+    fitted = {kind: column for kind, column in columns.items() if kind != "rotor"}
+    if not fitted:
+        return {}
+    on_motor = any(len(column.turned) > 1 for column in fitted.values())
+    linear = joint.type == "prismatic" and not on_motor
+    n = abs(ratio) if on_motor else 1.0
+    values: dict[str, Any] = {"side": "motor"} if on_motor else {}
+    old = joint.friction
+    if old is not None and old.law == "coulomb" and (old.side == "motor") == on_motor:
+        smoothing = key_of("smoothing", "speed", linear)
+        if getattr(old, smoothing) is not None:
+            values[smoothing] = getattr(old, smoothing)
+
+    def put(stem: str, dimension: Any, kind: str, factor: float, value: float | None = None) -> None:
+        name = key_of(stem, dimension, linear)
+        paths.setdefault(places[fitted[kind]], []).append((f"{joint.name}.friction.{name}", factor))
+        values[name] = _number((float(found.values[places[fitted[kind]]]) if value is None else value) * factor, key)
+
+    if "viscous" in fitted:
+        put("viscous", "damping", "viscous", n**-2)
+    for kind, sides in (
+        ("coulomb", ("positive", "negative")),
+        ("coulomb+", ("positive",)),
+        ("coulomb-", ("negative",)),
+    ):
+        for side in sides if kind in fitted else ():
+            put(f"coulomb_{side}", "torque", kind, 1 / n)
+    if "offset" in fitted:
+        put("offset", "torque", "offset", 1 / n, _offset(model, found, places, joint.name))
+    if "stribeck" in fitted and "coulomb" in fitted:
+        level = float(found.values[places[fitted["coulomb"]]] + found.values[places[fitted["stribeck"]]])
+        put("stribeck_torque", "torque", "stribeck", 1 / n, max(level, 0.0))
+        values[key_of("stribeck_speed", "speed", linear)] = _number(fitted["stribeck"].speed * n, key)
+    return {"friction": values}
+
+
+def _offset(model: TorqueModel, found: RecordParameters, places: dict[Column, int], joint: str) -> float:
+    """Constant torque of a joint's record: a coupled motor's acts on all its joints, so theirs are less by its share.
+
+    Columns of offsets are the joints' own, o = Bᵀ o_record with rows of B only for motors whose friction is the motor's.
+    """
+    n, names = model.arm.n, model.arm.names
+    shares, total = np.eye(n), np.zeros(n)
+    for column, place in places.items():
+        if place not in found.kept:
+            continue
+        if column.kind == "offset":
+            total[names.index(column.joint)] = found.values[place]
+        elif len(column.turned) > 1 and column.kind != "rotor":
+            for j, share in column.turned:
+                shares[names.index(column.joint), j] = share
+    return float(np.linalg.solve(shares.T, total)[names.index(joint)])

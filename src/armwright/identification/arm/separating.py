@@ -1,0 +1,86 @@
+"""Motions that would show what a log does not: candidates are tried, and the best is said in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from armwright.identification.arm.equations import Samples
+from armwright.identification.arm.fit import ArmFit
+from armwright.identification.identifiability import ENOUGH, WEAK, gain, in_words, scaled, weak_directions
+
+STATES = 240  # of the log that a candidate repeats
+TURN = 0.5 * np.pi  # [rad]; slides move by as much of a quarter of a metre
+SLIDE = 0.25  # [m]
+MOST_SENTENCES = 6
+
+
+def sentences(fit: ArmFit, samples: Iterable[Samples]) -> list[str]:
+    """Directions that the log shows weakly, the weakest first, each with the motion that would show it.
+
+    Args:
+        fit: of the log.   samples: of it, for the poses that were used.
+    """
+    names = fit.base.names
+    directions = weak_directions(fit.information, names, WEAK)[:MOST_SENTENCES]
+    if not directions:
+        return []
+    short = {name: fit.base.columns[k].about for name, k in zip(names, fit.base.independent, strict=True)}
+    candidates = motions(fit, samples)
+    return [in_words(each, short, _remedy(fit, each.vector, candidates)) for each in directions]
+
+
+def _remedy(fit: ArmFit, vector: np.ndarray, candidates: dict[str, np.ndarray]) -> str:
+    """The candidate that shows a direction best, as a clause; "" where none at least doubles what is known of it."""
+    _, size = scaled(fit.information)
+    known = np.linalg.norm(fit.information @ (vector / size))
+    shown = {name: float(np.linalg.norm(rows @ (vector / size))) for name, rows in candidates.items()}
+    best = max(shown, key=lambda name: shown[name], default="")
+    if not best or np.hypot(shown[best], known) < ENOUGH * known or gain(fit.information, candidates[best]) < 1.01:
+        return "no motion of one joint more would"
+    return f"{best} would"
+
+
+def motions(fit: ArmFit, samples: Iterable[Samples]) -> dict[str, np.ndarray]:
+    """Candidates in words with their weighted rows (m, b), as many as the log has: the same motion with a joint elsewhere, and
+    a joint that swings while the others rest.
+    """
+    seen = _thinned(samples)
+    model, base, n = fit.equations.model, fit.base, fit.equations.model.arm.n
+    weight = np.sqrt(fit.weights)[None, :, None] * np.sqrt(max(fit.equations.rows.max(), 1) / max(len(seen.t), 1))
+
+    def rows(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+        return (model.rows(q, qd, qdd)[:, :, base.independent] * weight).reshape(-1, len(base))
+
+    middle, speed = np.median(seen.q, axis=0), np.sqrt((seen.qd**2).mean(axis=0))
+    phase = 2 * np.pi * np.arange(len(seen.t)) / max(len(seen.t), 1)
+    found = {}
+    for j, body in enumerate(model.arm.coordinates):
+        step = TURN if body.kind == "revolute" else SLIDE
+        q = seen.q.copy()
+        q[:, j] += step
+        turned = "turned by 90°" if body.kind == "revolute" else f"moved by {SLIDE:g} m"
+        found[f"the same motion with {body.joint} {turned}"] = rows(q, seen.qd, seen.qdd)
+        rate = max(speed[j], speed.max(initial=0.0), 0.1) / step * np.sqrt(2)
+        still = np.zeros((len(phase), n))
+        q, qd, qdd = still + middle, still.copy(), still.copy()
+        q[:, j] += step * np.sin(phase)
+        qd[:, j] = step * rate * np.cos(phase)
+        qdd[:, j] = -step * rate**2 * np.sin(phase)
+        amount = "±90°" if body.kind == "revolute" else f"±{SLIDE:g} m"
+        found[f"a swing of {body.joint} by {amount}"] = rows(q, qd, qdd)
+    return found
+
+
+def _thinned(samples: Iterable[Samples]) -> Samples:
+    """Some states of a log, evenly spread over its blocks."""
+    blocks, rows = [], 0
+    for block in samples:
+        blocks.append(block.part(slice(None, None, max(len(block.t) // STATES, 1))))
+        rows += len(blocks[-1].t)
+        if rows > 20 * STATES:
+            break
+    joined = [np.concatenate([getattr(b, name) for b in blocks]) for name in ("t", "q", "qd", "qdd", "tau")]
+    step = max(len(joined[0]) // STATES, 1)
+    return Samples(blocks[0].run, 0, *(each[::step] for each in joined))

@@ -1,0 +1,38 @@
+"""`armwright identify arm` from the command line."""
+
+from typer.testing import CliRunner
+
+import armwright as aw
+from armwright.cli.app import app
+from identification.arm.simulated_log import write_log
+
+run = CliRunner().invoke
+
+
+def test_arm_is_identified_and_written(tmp_path):
+    log = write_log(tmp_path, aw.load("lwa4p"))
+    result = run(app, ["identify", "arm", str(log), "--robot", "lwa4p", "-o", str(tmp_path / "found.toml")])
+    assert result.exit_code == 0, result.output
+    assert "Izz6" in result.output
+    assert "\nidentified\n" in result.output
+    assert aw.load(tmp_path / "found.toml").n == 6
+
+
+def test_resting_joint_ends_with_1(tmp_path):
+    log = write_log(tmp_path, aw.load("lwa4p"), still=(5,))
+    result = run(app, ["identify", "arm", str(log), "--robot", "lwa4p"])
+    assert result.exit_code == 1
+    assert "not identified" in result.output
+
+
+def test_bad_input_ends_with_2_and_writes_nothing(tmp_path):
+    log = write_log(tmp_path, aw.load("lwa4p"), seconds=5)
+    for extra in (
+        ["--robot", "panda"],
+        [],
+        ["--robot", "lwa4p", "--method", "magic"],
+        ["--robot", "lwa4p", "--lacks", "mass"],
+    ):
+        result = run(app, ["identify", "arm", str(log), *extra, "-o", str(tmp_path / "found.toml")])
+        assert result.exit_code == 2, extra
+        assert not (tmp_path / "found.toml").exists()

@@ -1,0 +1,162 @@
+"""identify_arm on logs with known truth and on the measured logs of two real arms."""
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import IdentificationError, LogError
+from armwright.identification.arm.equations import equations_of, samples_of
+from armwright.identification.arm.fit import cross_validated, fit_arm
+from identification.arm.simulated_log import write_log
+from identification.arm.tx40 import tx40_urdf
+from identification.real_logs import DATA, LWA_4P, TX40, log_of
+
+
+def test_record_with_fitted_numbers_moves_as_the_truth(tmp_path):
+    arm = aw.load("lwa4p")
+    log = aw.read_log(write_log(tmp_path, arm, seconds=40))
+    found = aw.identify_arm(log, arm.replace(name="lwa4p"))
+    assert found.verdict == "identified", str(found)
+    assert found.structural == len(found.formulas) == 58
+    truth = found.fit.base.of(np.nan_to_num(found.fit.equations.model.prior))
+    z = (found.fit.values - truth) / found.fit.std
+    assert np.sqrt(np.mean(z**2)) < 1.6
+    path = found.write(tmp_path / "found.toml")
+    again = aw.load(path)
+    q, qd, qdd = np.random.default_rng(9).uniform(-1, 1, (3, 50, 6))
+    expected = aw.compile(arm).inverse_dynamics(q, qd, qdd)
+    error = aw.compile(again).inverse_dynamics(q, qd, qdd) - expected
+    assert (error.std(axis=0) < 0.03 * expected.std(axis=0)).all()
+    number = next(n for n in again.parameters if n.name == "joint3.friction.viscous_n_m_s_per_rad")
+    assert again.provenance(number.name).kind == "fit"
+    assert number.std is not None
+    assert again.record.fits["fit"].log_sha256 == log.sha256
+
+
+def test_kinematics_alone_are_enough(tmp_path):
+    """The same log without masses, motors and friction of the record: base parameters are the same."""
+    arm = aw.load("lwa4p")
+    log = aw.read_log(write_log(tmp_path, arm, seconds=40))
+    nothing = dict.fromkeys(("xx", "xy", "xz", "yy", "yz", "zz"), 0.0)
+    bare = [link.replace(mass_kg=0.0, inertia_kg_m2=nothing) for link in arm.record.links]
+    joints = [joint.replace(motor=None, friction=None) for joint in arm.record.joints]
+    aw.write_toml(arm.record.replace(links=tuple(bare), joints=tuple(joints), command="torque"), tmp_path / "bare.toml")
+    kinematics = aw.load(tmp_path / "bare.toml")
+    found, full = (aw.identify_arm(log, each, sensitivity=False) for each in (kinematics, arm))
+    q, qd, qdd = np.random.default_rng(9).uniform(-1, 1, (3, 50, 6))
+    qd += 0.2 * np.sign(qd)  # the bare arm has no smoothing speed
+    mine, expected = (each.fit.equations.model.rows(q, qd, qdd) @ each.fit.parameters for each in (found, full))
+    assert (np.abs(mine - expected).std(axis=0) < 0.02 * expected.std(axis=0)).all()
+    again = aw.load(found.write(tmp_path / "found.toml"))
+    assert again.bodies[3].mass > 0
+
+
+def test_joint_that_rests_is_not_identified_and_said(tmp_path):
+    arm = aw.load("lwa4p")
+    log = aw.read_log(write_log(tmp_path, arm, still=(5,)))
+    found = aw.identify_arm(log, arm, sensitivity=False)
+    assert found.verdict == "not identified"
+    assert len(found.formulas) < found.structural
+    text = "\n".join(found.estimate.remarks)
+    assert "joint6" in text or "link6" in text
+
+
+def test_what_the_torque_lacks_is_read_from_the_log(tmp_path):
+    arm = aw.load("lwa4p")
+    floating = arm.replace(gravity=(0.0, 0.0, 0.0))
+    log = aw.read_log(write_log(tmp_path, floating, extra='lacks = ["gravity"]'))
+    found = aw.identify_arm(log, arm, sensitivity=False, record=False)
+    assert found.verdict == "identified"
+    assert found.fit.r2.min() > 0.99
+    wrong = aw.identify_arm(log, arm, sensitivity=False, record=False, lacks=())
+    assert np.nanmax(np.abs(wrong.fit.values - 0.0)) > 0  # gravity at work, and absent from the torque
+    assert wrong.fit.r2.min() < found.fit.r2.min()
+
+
+def test_springs_stay_where_they_lower_the_held_out_error(tmp_path):
+    arm = aw.load("lwa4p")
+    joints = list(arm.record.joints)
+    joints[1] = joints[1].replace(spring={"stiffness_n_m_per_rad": 30.0, "rest_rad": 0.2})
+    aw.write_toml(arm.record.replace(joints=tuple(joints)), tmp_path / "sprung.toml")
+    sprung = aw.load(tmp_path / "sprung.toml")
+    log = aw.read_log(write_log(tmp_path, sprung))
+    found = aw.identify_arm(log, arm, springs=("joint2", "joint3"), sensitivity=False, record=False)
+    names = found.estimate.names
+    assert "k2" in names
+    assert "k3" not in names
+    assert abs(found.estimate["k2"] - 30.0) < 4 * found.estimate.std[names.index("k2")]
+
+
+def test_logs_that_do_not_fit_the_arm_are_refused(tmp_path):
+    arm = aw.load("lwa4p")
+    log = aw.read_log(write_log(tmp_path, arm, seconds=5))
+    with pytest.raises(IdentificationError, match="robot"):
+        aw.identify_arm(log)
+    with pytest.raises(IdentificationError, match="not in the log"):
+        aw.identify_arm(log, aw.load("panda"))
+    with pytest.raises(IdentificationError, match="method"):
+        aw.identify_arm(log, arm, method="magic")
+    with pytest.raises(LogError, match="cutoff"):
+        aw.identify_arm(log, arm, cutoff=1e6)
+
+
+@pytest.fixture(scope="module")
+def tx40(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tx40")
+    log = aw.read_log(log_of(folder, "staubli_tx40", TX40))
+    return log, aw.load(tx40_urdf(folder), kinematics_only=True)
+
+
+def test_tx40(tx40, tmp_path):
+    """Rank, R², rotors and friction beside the references of SOURCE.md there."""
+    log, arm = tx40
+    found = aw.identify_arm(log, arm, cutoff=100, decimate=20)
+    assert found.structural == len(found.formulas) == 61
+    assert (found.fit.r2 >= np.array([0.990, 0.977, 0.961, 0.973, 0.960, 0.963]) - 0.003).all()
+    assert found.record is not None
+    assert (found.fit.r2 - found.record.r2 <= 0.01).all()
+    values = dict(zip(found.estimate.names, found.fit.values, strict=True))
+    # Viscous friction is close to the manufacturer's; Coulomb's is not, as it trades with it on so short a run.
+    reference = {
+        "fv1": 8.05,
+        "fv2": 5.53,
+        "fv3": 1.97,
+        "fv4": 1.11,
+        "Ia3": 0.0988,
+        "Ia4": 0.0313,
+        "Ia5": 0.0468,
+        "Iam6": 0.00964,
+    }
+    for name, expected in reference.items():
+        assert 0.7 * expected < values[name] < 1.4 * expected, name
+    assert (
+        abs(values["Ia6"]) < 2 * found.estimate.std[found.estimate.names.index("Ia6")]
+    )  # the rotor turns with joint 5
+    assert np.isclose(values["fvm6"], 0.616, rtol=0.3)
+    again = aw.load(found.write(tmp_path / "tx40.toml"))
+    assert again.record.fits["fit"].verdict == "identified"
+    assert again.bodies[5].drive.coupling == (("joint5", 32.0),)
+
+
+def test_tx40_predicts_seconds_that_it_has_not_seen(tx40):
+    log, arm = tx40
+    found = aw.identify_arm(log, arm, cutoff=100, decimate=20, record=False, sensitivity=False)
+    model = found.fit.equations.model
+    prepared = aw.choose_preparation(log, cutoff=100, decimate=20)
+    equations = equations_of(samples_of(log, model, preparation=prepared), model, part_seconds=1.0)
+    held = cross_validated(fit_arm(equations, found.fit.base))
+    assert [each.at_rest for each in held] == [False] * 8 + [True]
+    assert max(each.error for each in held if not each.at_rest) <= 0.28
+
+
+def test_lwa_4p_joint_2_is_found_to_fit_poorly(tmp_path):
+    folders = sorted((DATA / "schunk_lwa4p").glob("measurement_*[1234]"))
+    if not folders:
+        pytest.skip(f"the measurements are not here: {DATA}")
+    fit, held = ([each.as_posix() for each in folders[k::2]] for k in (0, 1))
+    log = aw.read_log(log_of(tmp_path, "schunk_lwa4p", LWA_4P, fit=fit, held=held))
+    found = aw.identify_arm(log, aw.load("lwa4p"), friction=("viscous",), record=False, sensitivity=False)
+    assert found.hold_out is not None
+    assert (found.hold_out[[0, 2, 3, 4, 5]] > 0.7).all()
+    assert found.hold_out[1] < 0.6
+    assert any(remark.startswith("joint2: R²") for remark in found.estimate.remarks)
