@@ -142,7 +142,7 @@ def test_it_can_say_all_that_a_robot_file_says_of_drives():
     placed = {"name", "parent", "child", "frame", "type", "dh", "modified_dh", "axis", "mimic"}
     for joint in (RevoluteJoint, PrismaticJoint):
         assert set(joint.model_fields) - placed == set(JointDrive.model_fields)
-    told = {"name", "title", "notes", "base", "built_from", "remarks", "without_masses", "links", "frames"}
+    told = {"name", "title", "notes", "base", "built_from", "fits", "remarks", "without_masses", "links", "frames"}
     assert set(RobotDescription.model_fields) - told == set(DriveFile.model_fields)
 
 
