@@ -3,6 +3,7 @@
 import io
 import itertools
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas
@@ -106,6 +107,25 @@ def test_info_shows_springs(tmp_path):
     shown = " ".join(run("info", path).stdout.split())
     assert "joint2 positions_m [−0.8, −0.1, 0.3, 0.9], forces_n [30, 12, −8, −9], outside linear" in shown
     assert "balancer base (0.3, −0.2, 0.9) link1 (0.1, 0.5, 0) −80 0.9 240" in shown
+
+
+def test_info_shows_coupled_motors_and_efficiency_by_load(tmp_path):
+    text = Path(aw.__file__).with_name("robots").joinpath("puma560.toml").read_text(encoding="utf-8")
+    table = """gear_efficiency_table.torque_n_m = [1.0, 5.0]
+gear_efficiency_table.rows = [
+    { speed_rad_per_s = 0.5, driving = [0.5, 0.7], driven_back = [0.45, 0.6] },
+    { speed_rad_per_s = 3.0, driving = [0.4, 0.6] },
+]
+coupling = [{ joint = "wrist_pitch", ratio = -40.0 }]
+"""
+    before, last = text.rsplit("[joints.motor]\n", 1)
+    path = tmp_path / "coupled.toml"
+    path.write_text(f"{before}[joints.motor]\n{table}{last}", encoding="utf-8")
+    shown = run("info", path).stdout
+    name, ratio = aw.load(path).names[-1], aw.load(path).coordinates[-1].drive.gear_ratio
+    assert re.search(rf"^{name} +{f'{ratio:.5g}'.replace('-', '−')} · {name} \+ −40 · ", shown, re.M)
+    assert re.search(rf"^{name} +\[1, 5\] +0.5 +\[0.5, 0.7\] +\[0.45, 0.6\]", shown, re.M)
+    assert re.search(rf"^{name} +\[1, 5\] +3 +\[0.4, 0.6\] +\[0.4, 0.6\]", shown, re.M)
 
 
 @pytest.mark.parametrize("name", ["cmu-dd", "lwa4p", "two-link"])

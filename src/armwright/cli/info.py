@@ -55,6 +55,8 @@ def info(robot: Robot, operations: Operations = False) -> None:
         _masses(record),
         _inertias(record),
         _drives(arm, record),
+        _efficiencies(record),
+        _couplings(record),
         _friction(record),
         _springs(record),
         _cylinders(record),
@@ -169,6 +171,34 @@ def _drives(arm: Model, record: RobotDescription) -> Group | None:
         "L [H]",
     )
     return table("Drives (DC-equivalent constants)", heads, rows, left=("command",))
+
+
+def _efficiencies(record: RobotDescription) -> Group | None:
+    """Tables of gear efficiency, a line for each speed."""
+    rows = []
+    for joint in record.joints:
+        motor = getattr(joint, "motor", None)
+        efficiency = None if motor is None else motor.gear_efficiency_table
+        for row in () if efficiency is None else efficiency.rows:
+            torques = _one_or_many(getattr(efficiency, efficiency.torque_key))
+            speed = getattr(row, efficiency.speed_key)
+            back = row.driving if row.driven_back is None else row.driven_back
+            shares = (_one_or_many(row.driving), _one_or_many(back))
+            rows.append([joint.name, torques, "any" if speed is None else number(speed), *shares])
+    heads = ("joint", "leaves the gear [N m | N]", "at a speed of [rad/s | m/s]", "η driving", "η driven back")
+    return table("Gear efficiency by load", heads, rows, left=(heads[1], *heads[3:]))
+
+
+def _couplings(record: RobotDescription) -> Group | None:
+    """Motors that other joints turn too, as in a wrist."""
+    rows = []
+    for joint in record.joints:
+        motor = getattr(joint, "motor", None)
+        turns = [] if motor is None else [f"{number(each.ratio)} · {each.joint}" for each in motor.coupling]
+        if motor is not None and turns:
+            rows.append([joint.name, " + ".join([f"{number(motor.gear_ratio)} · {joint.name}", *turns])])
+    heads = ("motor of", "turns by [rad for each rad | m]")
+    return table("Coupled motors: other joints turn them too", heads, rows, left=heads[1:])
 
 
 def _mimics(record: RobotDescription) -> Group | None:
