@@ -1,10 +1,13 @@
 """The animation of a run: which run, which arm, which lane; and one line where it cannot be."""
 
+import itertools
+
 import numpy as np
 import pytest
 
 import armwright as aw
 from armwright.errors import OutputError, RunError
+from physics.arms import arm as sprung
 from pictures.gltf_rules import Gltf
 from pictures.playing import pose_of
 from pictures.reading import Page
@@ -29,6 +32,28 @@ def test_simulated_run_ends_where_kinematics_says(tmp_path):
     assert len(gltf.animation("run")["channels"]) == 6
     last = to_base(arm) @ pose_of(gltf, "run", "tip hand", 0.5)
     assert np.abs(last - aw.forward_kinematics(arm, run["q"].values[-1])).max() < 1e-5
+
+
+def test_cylinders_stay_at_their_ends(tmp_path):
+    """Barrel and rod begin at the points that their links carry, point at each other, and overlap at all times."""
+    arm = sprung("sprung")
+    run = invented(arm)
+    t, q = run["time"].values, run["q"].values
+    aw.animate(run, arm, tmp_path / "run.glb")
+    gltf = Gltf((tmp_path / "run.glb").read_bytes())
+    for at, spring in itertools.product((0.0, 0.31, 1.07, 2.0), arm.cylinders):
+        positions = [np.interp(at, t, column) for column in q.T]
+        links = ["base" if body < 0 else arm.bodies[body].link for body in spring.bodies]
+        poses = [aw.forward_kinematics(arm, positions, frame=link) for link in links]
+        bodies = [
+            pose @ np.linalg.inv(arm.frames[link].placement.matrix()) for pose, link in zip(poses, links, strict=True)
+        ]
+        ends = [(body @ [*end, 1.0])[:3] for body, end in zip(bodies, np.asarray(spring.ends), strict=True)]
+        for name, own, other in (("barrel", *ends), ("rod", *ends[::-1])):
+            pose = to_base(arm) @ pose_of(gltf, "run", f"{spring.name} {name}", at)
+            along = (other - own) / np.linalg.norm(other - own)
+            assert np.abs(pose[:3, 3] - own).max() < 1e-3
+            assert pose[:3, 2] @ along > 1.0 - 1e-4
 
 
 def test_page_plays_the_same_file(arm, tmp_path):

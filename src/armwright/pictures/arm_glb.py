@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 
 from armwright.model import BASE, Body, Model
-from armwright.pictures.body_shapes import Shape, body_shapes
+from armwright.pictures.body_shapes import Shape, body_shapes, rod_shape
 from armwright.pictures.glb_container import Arrays, container
 from armwright.pictures.keyframes import keyframes
+from armwright.pictures.moving_cylinders import Part, cylinder_parts, part_keyframes
 from armwright.pictures.posed_arm import upright
 from armwright.spatial import rotation_quaternion
 
@@ -82,6 +83,13 @@ def arm_glb(
         name = "base" if body == BASE else arm.bodies[body].link
         meshes.append({"name": name, "primitives": [_primitive(shape, arrays, materials) for shape in parts]})
     _add_tip(arm, nodes)
+    cylinders: dict[int, tuple[int, Part]] = {}
+    if motions is not None:
+        for number, part in cylinder_parts(arm, np.vstack(list(motions.values()))):
+            nodes[1]["children"].append(len(nodes))
+            cylinders[len(nodes)] = number, part
+            nodes.append({"name": part.name, "mesh": len(meshes), **_posed(arm, number, part, q)})
+            meshes.append({"name": part.name, "primitives": [_primitive(rod_shape(part), arrays, materials)]})
     if not nodes[1]["children"]:
         del nodes[1]["children"]
     document: dict[str, Any] = {
@@ -93,7 +101,7 @@ def arm_glb(
         "materials": materials,
     }
     if t is not None and motions is not None:
-        document["animations"] = [_animation(arm, name, t, q, arrays) for name, q in motions.items()]
+        document["animations"] = [_animation(arm, name, t, q, arrays, cylinders) for name, q in motions.items()]
     return container(document, arrays)
 
 
@@ -131,8 +139,23 @@ def _linear(value: float) -> float:
     return round(value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4, 6)
 
 
-def _animation(arm: Model, name: str, t: np.ndarray, q: np.ndarray, arrays: Arrays) -> dict[str, Any]:
-    channels, samplers = [], []
+def _posed(arm: Model, number: int, part: Part, q: np.ndarray) -> dict[str, Any]:
+    """Place of a cylinder's piece in one pose q (bodies,)."""
+    _, places, turns = part_keyframes(arm, number, part, np.zeros(1), q[None])
+    return {"rotation": turns[0].tolist(), "translation": places[0].tolist()}
+
+
+def _animation(
+    arm: Model, name: str, t: np.ndarray, q: np.ndarray, arrays: Arrays, cylinders: Mapping[int, tuple[int, Part]]
+) -> dict[str, Any]:
+    channels: list[dict[str, Any]] = []
+    samplers: list[dict[str, Any]] = []
+
+    def add(node: int, path: str, times: int, values: np.ndarray) -> None:
+        channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
+        # LINEAR is along the great circle for rotations
+        samplers.append({"input": times, "output": arrays.samples(values), "interpolation": "LINEAR"})
+
     lengths = [body.placement.position for body in arm.bodies]
     reach = max(sum(float(np.linalg.norm(np.asarray(length, dtype=float))) for length in lengths), 0.1)
     if arm.tip is not None:
@@ -142,11 +165,12 @@ def _animation(arm: Model, name: str, t: np.ndarray, q: np.ndarray, arrays: Arra
         turns = body.kind == "revolute"
         times, positions = keyframes(t, q[:, k], TOLERANCE / (len(arm.bodies) * (reach if turns else 1.0)), turns)
         values = _rotation(body, positions) if turns else _translation(body, positions)
-        path = "rotation" if turns else "translation"
-        channels.append({"sampler": len(samplers), "target": {"node": _node(k), "path": path}})
-        # LINEAR is along the great circle for rotations
-        keys = {"input": arrays.samples(times, bounds=True), "output": arrays.samples(values)}
-        samplers.append({**keys, "interpolation": "LINEAR"})
+        add(_node(k), "rotation" if turns else "translation", arrays.samples(times, bounds=True), values)
+    for node, (number, part) in cylinders.items():
+        times, places, turned = part_keyframes(arm, number, part, t, q)
+        keys = arrays.samples(times, bounds=True)
+        add(node, "rotation", keys, turned)
+        add(node, "translation", keys, places)
     return {"name": name, "channels": channels, "samplers": samplers}
 
 

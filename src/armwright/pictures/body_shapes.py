@@ -13,9 +13,10 @@ import numpy as np
 from armwright.description.robot import Link
 from armwright.errors import DescriptionError, Problem, RunError
 from armwright.model import Model
-from armwright.pictures.joint_figure import GREY, Piece, joint_figure
+from armwright.pictures.joint_figure import CYLINDER, GREY, Piece, joint_figure
+from armwright.pictures.moving_cylinders import Part
 from armwright.solids.manifold import manifold
-from armwright.solids.surface import surface
+from armwright.solids.surface import AROUND, surface
 from armwright.solids.visual import Visual
 
 CREASE = radians(30)  # faces that meet at a smaller angle are shaded as one smooth surface
@@ -66,6 +67,14 @@ def body_shapes(
         body: [_merged(same, colour) for colour, same in colours.items()] for body, colours in sorted(merged.items())
     }
     return shapes, tuple(notes)
+
+
+def rod_shape(part: Part) -> Shape:
+    """A cylinder's piece, along z from its end."""
+    from trimesh.creation import cylinder
+
+    rod = cylinder(radius=part.radius, height=part.length, sections=AROUND)
+    return _merged([_smooth(rod.apply_translation([0.0, 0.0, 0.5 * part.length]))], CYLINDER)
 
 
 def _visual_patches(arm: Model, notes: list[Problem]) -> Iterator[tuple[int, Colour, Patch]]:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 GREY, JOINT, TIP = (0.78, 0.79, 0.81), (0.0, 0.447, 0.698), (0.835, 0.369, 0.0)
 CYLINDER = (0.0, 0.62, 0.451)
+ROD, BARREL = 0.25, 0.5  # radii of a cylinder's two pieces, in sizes of a bone
 THICKNESS = 0.028  # of a bone, in lengths of the whole arm
 
 Piece = tuple[
@@ -81,7 +82,7 @@ def cylinder_figures(arm: Model, placed: Mapping[int, Placement]) -> Iterator[Pi
     for spring in arm.cylinders:
         start, end = (placed[body].point(point) for body, point in zip(spring.bodies, spring.ends, strict=True))
         turn = Placement(rotation_to_axis(end - start), start)
-        for radius, share in ((0.25, 1.0), (0.5, 0.5)):
+        for radius, share in ((ROD, 1.0), (BARREL, 0.5)):
             length = share * float(np.linalg.norm(end - start))
             piece = cylinder(radius=radius * size, height=length, sections=AROUND)
             yield BASE, CYLINDER, piece, turn @ Placement(np.eye(3), np.array([0.0, 0.0, 0.5 * length]))

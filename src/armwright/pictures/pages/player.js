@@ -65,7 +65,7 @@ class Player {
   play(wanted) {
     if (wanted === this.playing) return;
     this.playing = wanted;
-    this.at("play").textContent = wanted ? "⏸" : "▶";
+    this.at("play").textContent = wanted ? "‖" : "▶";
     this.at("play").setAttribute("aria-label", wanted ? "Pause" : "Play");
     let before = null;
     const step = (now) => {
