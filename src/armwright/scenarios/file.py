@@ -290,6 +290,11 @@ def _built(home: str, kind: str, values: Mapping[str, Any], arm: Model, place: s
         missing = [name for name in needed if name not in values]
         what = f"{kind} needs {', '.join(missing)}" if missing else str(error)
         raise ScenarioError(what, place=place) from None
+    except ScenarioError as error:  # which names the class: Step.time
+        own = f"{kinds[kind].__name__}."
+        raise error.renamed(
+            lambda each: f"{place}.{each.removeprefix(own)}" if each.startswith(own) else each
+        ) from None
 
 
 def _is_needed(field: dataclasses.Field) -> bool:
