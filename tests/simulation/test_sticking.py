@@ -11,7 +11,7 @@ import armwright as aw
 from armwright.errors import ScenarioError
 from armwright.kernels.batch import Kernel
 from armwright.kernels.target import select_target
-from armwright.model.drive import Brake, Elasticity
+from armwright.model.drive import Brake, Elasticity, Friction
 from armwright.model.springs import LinearSpring
 from armwright.program import trace
 from armwright.simulation.integrate.integrators import INTEGRATORS
@@ -207,6 +207,43 @@ def test_rules_of_their_own_steps_agree_with_small_ones(name, rule):
     run = aw.simulate(replace(scenario, solver=solver, recording=recording))
     assert run.q.values == pytest.approx(exact.q.values, abs=2e-4 * np.ptp(exact.q.values))
     assert ((exact.qd.values == 0.0).any(axis=0) == (run.qd.values == 0.0).any(axis=0)).all()
+
+
+def soft_arm(seed):
+    """Two links behind lossy gears that give way, with dry friction on either side."""
+    draw = np.random.default_rng(seed)
+    bodies = []
+    for body in arm("two-link").bodies:
+        level = 10.0 ** draw.uniform(-2.0, -1.0)
+        friction = Friction(
+            coulomb_positive=level, coulomb_negative=level * draw.uniform(0.9, 1.0), on_motor=bool(draw.integers(2))
+        )
+        inertia, efficiency = 10.0 ** draw.uniform(-5.0, -4.0), draw.uniform(0.6, 0.95)
+        drive = replace(body.drive, gear_ratio=100.0, rotor_inertia=inertia, efficiency=efficiency, smoothing=None)
+        elasticity = Elasticity(draw.uniform(100.0, 600.0), draw.uniform(0.1, 1.0))
+        bodies.append(replace(body, friction=friction, drive=drive, elasticity=elasticity))
+    return replace(arm("two-link"), bodies=tuple(bodies))
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_no_lane_runs_out_of_substeps_behind_soft_gears(seed):
+    """Motors that turn back near the end of a step whose error asks for a far shorter one."""
+    model, draw, lanes = soft_arm(seed), np.random.default_rng(seed), 200
+    commands = draw.normal(size=(lanes, 2)) * 10.0 ** draw.uniform(-2.0, 1.0, (lanes, 1))
+    q = draw.uniform(-2.0, 2.0, (lanes, 2)) * draw.integers(0, 2, (lanes, 1))
+    qd = draw.normal(size=(lanes, 2)) * draw.integers(0, 2, (lanes, 1))
+    run = aw.simulate(
+        aw.Scenario(
+            model,
+            duration=0.2,
+            command=aw.Batch(commands),
+            start=aw.Start(q=aw.Batch(q), qd=aw.Batch(qd)),
+            recording=aw.Recording(what="state"),
+        )
+    )
+    assert run.stalled_at.isnull().all()
+    assert run.diverged_at.isnull().all()
+    assert run.steps_tried.max() < 3 * run.steps_tried.median()
 
 
 # --- lossy gears -------------------------------------------------------------------------------------------------------------

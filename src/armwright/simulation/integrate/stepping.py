@@ -30,6 +30,7 @@ MOST_SUBSTEPS, EACH = (
 ACCURACY = 1e-3  # of each quantity's range, at the end of a run
 LEAST_TOLERANCE = 1e-14  # below it an estimate is rounding
 LEAST_ACCURACY = 1e-12  # of a run, of which one step has a small part
+CLOSEST = 0.98  # of a refused step, for the next trial
 NO_EVENTS: Mapping[str, EventFunction] = {}
 
 
@@ -159,7 +160,8 @@ def adaptive_stage(
         adaptivity: tolerances and events.   layout: of x.   planned, seen: as in `Integrate`.
         watched: what may switch; `step` then takes which contacts count as made, as its last argument before h.
         order: of the error in h.
-        lands: whether `step` also tells, last, at which part of it the next trial shall end where this is refused; below 1.
+        lands: whether `step` also tells, last, the error of the rule alone, and at which part of the step something changes; a
+            trial behind one that is refused then ends there, where this part is below 1.
     """
     held, events, allowed = (
         {**shapes, **({} if watched is None else watched.block)},
@@ -172,14 +174,20 @@ def adaptive_stage(
     def trial(x: Array, *rest: Array) -> tuple[Array, ...]:
         inputs, h = rest[: len(held) - 1], rest[-1]
         new, error, *path = step(x, *inputs, h)
-        part = path.pop() if lands else None
+        smooth, part = (path.pop(-2), path.pop()) if lands else (None, None)
         if not by_range:
             share = allowed.share(x, new, error)
-            return (new, share, _landing(growth(share, order), share, part), *(path if events else ()))
+            grow = growth(share, order)
+            if smooth is not None:
+                grow = _landing(grow, share, part, growth(allowed.share(x, new, smooth), order))
+            return (new, share, grow, *(path if events else ()))
         first, reach = rest[len(held) - 1 : -1]
         reach = scalar.maximum(reach, scalar.abs(new[places] - first))
         share, worst = allowed.share_of_range(error[places], reach, places)
-        return new, share, _landing(quick_growth(share), share, part), worst, reach
+        grow = quick_growth(share)
+        if smooth is not None:
+            grow = _landing(grow, share, part, quick_growth(allowed.share_of_range(smooth[places], reach, places)[0]))
+        return new, share, grow, worst, reach
 
     names = ("worst", f"reach{NEXT}") if by_range else ("path",) * bool(events)
     program = trace("trial", trial, {**held, **by_range, "h": ()}, (f"x{NEXT}", "error", "grow", *names))
@@ -187,9 +195,13 @@ def adaptive_stage(
     return Adapt(program, adaptivity.most, planned, seen, **watching, **switching_programs(watched, shapes), each=EACH)
 
 
-def _landing(grow: Scalar, share: Scalar, part: Scalar | None) -> Scalar:
-    """The factor for the next trial: to where something changes in a step that is refused, if it tells."""
-    return grow if part is None else scalar.where(scalar.less(1.0, share) * scalar.less(part, 1.0), part, grow)
+def _landing(grow: Scalar, share: Scalar, part: Scalar, smooth: Scalar) -> Scalar:
+    """The factor for the next trial: in a step that is refused, to where something changes, if the rule's own error lets it.
+
+    At most `CLOSEST`: a trial that ended all but where the refused one did would be lengthened to the same edge, for ever.
+    """
+    lands = scalar.less(1.0, share) * scalar.less(part, 1.0)
+    return scalar.where(lands, scalar.minimum(scalar.minimum(part, CLOSEST), smooth), grow)
 
 
 def begin_adaptive(lanes: Lanes, adaptivity: Adaptivity, layout: Layout, x0: np.ndarray) -> None:

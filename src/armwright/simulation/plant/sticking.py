@@ -164,7 +164,8 @@ class Sticking:
     def landed(
         self, x: Array, inputs: PlantInputs, moved: Array, error: Array, h: Scalar, others: Sequence[Array] = ()
     ) -> tuple[Array, ...]:
-        """The state (size,) after a step in which directions are held, its error (size,), others, and where in it one changes.
+        """The state (size,) after a step in which directions are held, its error (size,), others, the rule's own error, and at
+        which part of the step a direction changes.
 
         A speed that turns round counts as wrong by what it has beyond 0, and is 0 then: the next step begins there. What breaks
         loose within the step counts as wrong by the speed that it would have by then. Both places are those of straight lines.
@@ -191,7 +192,7 @@ class Sticking:
             k, ratio = self._speed_of(place)
             wrong[k] = scalar.abs(wrong[k]) + scalar.abs(ratio) * (scalar.where(turned, scalar.abs(end), 0.0) + late)
             still.append(scalar.maximum(turned, sticks))
-        return self._with_rest(moved, still), scalar.array(wrong), *others, part
+        return self._with_rest(moved, still), scalar.array(wrong), *others, error, part
 
     def _excess(self, x: Array, inputs: PlantInputs) -> list[Scalar]:
         """Accelerations [rad/s² | m/s²] by which loads would move what sticks if it stuck no more; below 0 what is left to that.
