@@ -84,34 +84,36 @@ class LaneStatus:
     ) -> None:
         """Adds variables to a run: times at which lanes diverged or stalled, substeps, the largest error, events."""
 
-        def put(name: str, dims: tuple[str, ...], values: np.ndarray, unit: str, about: str) -> None:
-            attrs: dict[str, Any] = {"units": unit, "long_name": about}
-            run[name] = (dims, values[0], attrs) if single else (("lane", *dims), values, attrs)
+        dims, first = ((), 0) if single else (("lane",), slice(None))
+        added: dict[str, Any] = {}  # put in at once: xarray aligns all variables at every change
+
+        def put(name: str, values: np.ndarray, unit: str, about: str, *more: str) -> None:
+            added[name] = ((*dims, *more), values[first], {"units": unit, "long_name": about})
 
         stopped, stalled = np.where(self.frozen < 0, np.nan, self.frozen * tick), self.stalled > 0.0
+        choosing = adaptivity if adaptivity is not None and adaptivity.most else None
         if not single:
             diverged = np.where(stalled, np.nan, stopped)
-            put("diverged_at", (), diverged, "s", "time at which the lane left the finite numbers")
-        if adaptivity is None:
-            return
-        run.attrs |= adaptivity.allowed.attributes
-        if not adaptivity.most:
-            return
-        if not single:
-            put("stalled_at", (), np.where(stalled, stopped, np.nan), "s", "time at which the lane ran out of substeps")
+            put("diverged_at", diverged, "s", "time at which the lane left the finite numbers")
+        if adaptivity is not None:
+            run.attrs |= adaptivity.allowed.attributes
+        if choosing is not None and not single:
+            put("stalled_at", np.where(stalled, stopped, np.nan), "s", "time at which the lane ran out of substeps")
             if stalled.any():
-                first = int(np.argmin(np.where(stalled, stopped, np.inf)))
+                lane = int(np.argmin(np.where(stalled, stopped, np.inf)))
                 note = (
                     f"{np.count_nonzero(stalled)} of {len(stalled)} lanes ran out of substeps and stay where they are, first at "
-                    f"t = {stopped[first]:g} s, as {entries[int(self.stalled_by[first])]} asked for more"
+                    f"t = {stopped[lane]:g} s, as {entries[int(self.stalled_by[lane])]} asked for more"
                 )
                 run.attrs["notes"] = "\n".join(filter(None, [str(run.attrs.get("notes", "")), note]))
                 asked = np.where(stalled, np.array(entries)[self.stalled_by.astype(int)], "")
-                put("stalled_by", (), asked, "1", "what asked for more substeps")
-        put("steps_tried", (), self.trials, "1", "substeps that the integrator tried")
-        put("steps_repeated", (), self.repeats, "1", "substeps that were too long, and taken again")
-        put("largest_error", (), self.largest, "1", "largest error of a substep, in parts of what is allowed")
-        if adaptivity.events:
-            run.coords["event"] = ("event", [name for name, _ in adaptivity.events])
-            put("event_time", ("event",), self.first, "s", "first time of the event")
-            put("event_count", ("event",), self.count, "1", "how often the event happened")
+                put("stalled_by", asked, "1", "what asked for more substeps")
+        if choosing is not None:
+            put("steps_tried", self.trials, "1", "substeps that the integrator tried")
+            put("steps_repeated", self.repeats, "1", "substeps that were too long, and taken again")
+            put("largest_error", self.largest, "1", "largest error of a substep, in parts of what is allowed")
+        if choosing is not None and choosing.events:
+            run.coords["event"] = ("event", [name for name, _ in choosing.events])
+            put("event_time", self.first, "s", "first time of the event", "event")
+            put("event_count", self.count, "1", "how often the event happened", "event")
+        run.update(added)
