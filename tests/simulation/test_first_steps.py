@@ -82,3 +82,15 @@ def test_ripple_of_a_ur5_under_pid(tmp_path):
     with pytest.raises(ScenarioError, match=r"winding of joint 'wrist_3_joint' .* 0.0005 s, by substeps = 8") as error:
         aw.simulate(slower)
     aw.simulate(replace(slower, solver=aw.Solver(substeps=int(re.search("substeps = (.)", error.value.expected)[1]))))
+
+
+def test_a_ur5_under_pid_by_default(tmp_path):
+    """Motors of 0.8 ms in a loop of 2 ms, beside CVODES: within 1e-3 of every range."""
+    arm = ur5(tmp_path)
+    if arm is None:
+        pytest.skip("the UR5 comes from the example-robot-data wheel: pip install example-robot-data")
+    run, exact = (aw.simulate(ur5_under_pid(arm, aw.Solver(rule))) for rule in ("auto", "cvodes"))
+    for name in ("q", "qd", "tau"):
+        error = np.abs(run[name].values - exact[name].values).max(axis=0)
+        assert (error < 1e-3 * np.ptp(exact[name].values, axis=0)).all()
+    assert "coarse" not in run.attrs["notes"]

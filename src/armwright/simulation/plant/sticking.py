@@ -168,7 +168,8 @@ class Sticking:
         which part of the step a direction changes.
 
         A speed that turns round counts as wrong by what it has beyond 0, and is 0 then: the next step begins there. What breaks
-        loose within the step counts as wrong by the speed that it would have by then. Both places are those of straight lines.
+        loose within the step counts as wrong by the speed that it would have by then: it begins late by the rest of the step, with
+        the acceleration there, and with all that friction loses once it slides. Both places are those of straight lines.
 
         Args:
             x: (size,) before the step.   inputs: with the directions.   moved, error: (size,) of the rule.   h: () [s].
@@ -180,7 +181,7 @@ class Sticking:
         ends = zip(
             self.speeds(x), self.speeds(moved), self._excess(x, inputs), self._excess(moved, inputs), strict=True
         )
-        for place, way, jump, (begin, end, lacking, breaking) in zip(
+        for place, way, jump, (begin, end, (lacking, _), (breaking, lost)) in zip(
             self.places, inputs.directions, jumps, ends, strict=True
         ):
             sticks, turned = scalar.equal(way, 0.0), scalar.less(way * end, 0.0) * jump
@@ -188,45 +189,57 @@ class Sticking:
             of_turn = _part(scalar.abs(begin), scalar.abs(end))
             of_break = _part(-lacking, breaking)
             part = scalar.minimum(part, scalar.where(turned, of_turn, scalar.where(loose, of_break, 1.0)))
-            late = scalar.where(loose, 0.5 * h * (1.0 - of_break) * breaking, 0.0)
+            late = scalar.where(loose, h * (1.0 - of_break) * (0.5 * breaking + lost), 0.0)
             k, ratio = self._speed_of(place)
-            wrong[k] = scalar.abs(wrong[k]) + scalar.abs(ratio) * (scalar.where(turned, scalar.abs(end), 0.0) + late)
+            shifted = self._shifted(place, begin, end, lost, h)
+            wrong[k] = shifted * scalar.abs(wrong[k])
+            wrong[k] = wrong[k] + scalar.abs(ratio) * (scalar.where(turned, scalar.abs(end), 0.0) + late)
             still.append(scalar.maximum(turned, sticks))
         return self._with_rest(moved, still), scalar.array(wrong), *others, error, part
 
-    def _excess(self, x: Array, inputs: PlantInputs) -> list[Scalar]:
+    def _shifted(self, place: Place, begin: Scalar, end: Scalar, lost: Scalar, h: Scalar) -> Scalar:
+        """Factor by which an error of speed grows while friction falls.
+
+        It shifts all that follows in time, by itself over the acceleration; that one then rises by what friction still loses.
+        """
+        friction = self.plant.model.coordinates[place[0]].friction
+        if friction is None or friction.stribeck is None:
+            return 1.0
+        moved, speed = scalar.abs(end - begin), begin / friction.stribeck_speed
+        left = h * lost * scalar.exp(-speed * speed)
+        return 1.0 + scalar.where(scalar.equal(moved, 0.0), 0.0, left / scalar.where(scalar.equal(moved, 0.0), 1.0, moved))
+
+    def _excess(self, x: Array, inputs: PlantInputs) -> list[tuple[Scalar, Scalar]]:
         """Accelerations [rad/s² | m/s²] by which loads would move what sticks if it stuck no more; below 0 what is left to that.
 
-        Of motors that turn several joints none, below 0: what holds them is no single torque.
+        Beside each the one that falling friction adds once it slides. Of motors that turn several joints -1 and 0: what holds them
+        is no single torque.
         """
-        directions = inputs.directions
+        directions, model = inputs.directions, self.plant.model
         assert directions is not None
         sides = self._sides(x, inputs)
-        apart = {
-            i: [side[i].acceleration / self.plant.model.coordinates[i].drive.gear_ratio for side in sides]
-            for i, on_motor in self.places
-            if (i, on_motor) not in self._together
-        }
-        torques: dict[Place, Scalar] = {}
-        if self._inverse is None and self._together:
-            joints = self.plant.driven(x, inputs, self.of_joints(directions))
-            mass, bias, gears = self._equations(x, inputs, joints, self.of_joints(directions), ())
-            held = scalar.array([directions[k] for k, place in enumerate(self.places) if place in self._together])
-            _, holding = held_accelerations(mass, bias, gears, [self._row(place) for place in self._together], held)
-            for place, torque in zip(self._together, holding, strict=True):
-                i = place[0]
-                there = torque + self._side(place, joints[i], self._resisting(x, i, joints[i], 0.0)).standing
-                low, high = (
-                    self._side(place, side[i], self._resisting(x, i, side[i], way)).standing
-                    for side, way in zip(sides, (1.0, -1.0), strict=True)
-                )
-                torques[place] = scalar.maximum(low - there, there - high) / mass[i, i]
-        return [
-            torques.get(place, -1.0)
-            if place in self._together
-            else scalar.maximum(apart[place[0]][0], -apart[place[0]][1])
-            for place in self.places
-        ]
+        found: dict[Place, tuple[Scalar, Scalar]] = {}
+        for i, on_motor in self.places:
+            if (i, on_motor) not in self._together:
+                forth, back = (side[i].acceleration / model.coordinates[i].drive.gear_ratio for side in sides)
+                lost = _falling(model.coordinates[i], on_motor) / model.coordinates[i].drive.reflected
+                found[i, True] = scalar.maximum(forth, -back), lost
+        if self._inverse is not None or not self._together:
+            return [found.get(place, (-1.0, 0.0)) for place in self.places]
+        joints = self.plant.driven(x, inputs, self.of_joints(directions))
+        mass, bias, gears = self._equations(x, inputs, joints, self.of_joints(directions), ())
+        held = scalar.array([directions[k] for k, place in enumerate(self.places) if place in self._together])
+        _, holding = held_accelerations(mass, bias, gears, [self._row(place) for place in self._together], held)
+        for place, torque in zip(self._together, holding, strict=True):
+            i = place[0]
+            there = torque + self._side(place, joints[i], self._resisting(x, i, joints[i], 0.0)).standing
+            low, high = (
+                self._side(place, side[i], self._resisting(x, i, side[i], way)).standing
+                for side, way in zip(sides, (1.0, -1.0), strict=True)
+            )
+            excess = scalar.maximum(low - there, there - high) / mass[i, i]
+            found[place] = excess, _falling(model.coordinates[i], place[1]) / mass[i, i]
+        return [found[place] for place in self.places]
 
     def _speed_of(self, place: Place) -> tuple[int, Scalar]:
         """Place of an element's speed in the state, and its unit there by that of the element; a coupled motor's joint's."""
@@ -395,6 +408,14 @@ class Sticking:
             else:
                 total = total + factor * joint_friction(body.friction, speed)
         return total
+
+
+def _falling(body: Body, on_motor: bool) -> Scalar:
+    """Torque [N m | N] by which a joint's or its motor's friction at rest is above that of sliding."""
+    friction = body.friction
+    if friction is None or friction.stribeck is None or (_is_separate(body) and friction.on_motor != on_motor):
+        return 0.0
+    return scalar.maximum(friction.stribeck - scalar.minimum(friction.coulomb_positive, friction.coulomb_negative), 0.0)
 
 
 def _part(before: Scalar, beyond: Scalar) -> Scalar:
