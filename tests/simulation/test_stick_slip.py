@@ -37,7 +37,7 @@ def reference(stiffness, damping, rotor, push, speed, times):
                 return state[1] if t > begin + 1e-6 else 1.0
             return STATIC - spring(state)
 
-        ends.terminal, ends.direction = True, -1
+        ends.__dict__.update(terminal=True, direction=-1)
         exact = {"rtol": 1e-11, "atol": 1e-14, "method": "DOP853", "max_step": 2e-3}
         part = solve_ivp(rates, (t, times[-1]), state, events=ends, dense_output=True, args=(slides,), **exact)
         here = (times >= t) & (times <= part.t[-1])
@@ -50,7 +50,13 @@ def reference(stiffness, damping, rotor, push, speed, times):
 @pytest.mark.parametrize(
     ("stiffness", "damping", "rotor", "push", "speed"),
     [
-        (100.0, 0.0, 1e4, 300.0, 1e-2),  # a slow pull, as of a belt, and friction that falls within a part of the slips' speed
+        (
+            100.0,
+            0.0,
+            1e4,
+            300.0,
+            1e-2,
+        ),  # a slow pull, as of a belt, and friction that falls within a part of the slips' speed
         (100.0, 1.0, 1e4, 100.0, 1e-4),  # and that falls at once
         (100.0, 0.1, 30.0, 2.0, 2e-2),  # a motor that swings
     ],

@@ -168,8 +168,8 @@ class Sticking:
         which part of the step a direction changes.
 
         A speed that turns round counts as wrong by what it has beyond 0, and is 0 then: the next step begins there. What breaks
-        loose within the step counts as wrong by the speed that it would have by then: it begins late by the rest of the step, with
-        the acceleration there, and with all that friction loses once it slides. Both places are those of straight lines.
+        loose within the step counts as wrong by the speed that it would have by then: it begins late by the rest of the step,
+        with the acceleration there and all that friction loses once it slides. Both places are those of straight lines.
 
         Args:
             x: (size,) before the step.   inputs: with the directions.   moved, error: (size,) of the rule.   h: () [s].
@@ -207,13 +207,15 @@ class Sticking:
             return 1.0
         moved, speed = scalar.abs(end - begin), begin / friction.stribeck_speed
         left = h * lost * scalar.exp(-speed * speed)
-        return 1.0 + scalar.where(scalar.equal(moved, 0.0), 0.0, left / scalar.where(scalar.equal(moved, 0.0), 1.0, moved))
+        return 1.0 + scalar.where(
+            scalar.equal(moved, 0.0), 0.0, left / scalar.where(scalar.equal(moved, 0.0), 1.0, moved)
+        )
 
     def _excess(self, x: Array, inputs: PlantInputs) -> list[tuple[Scalar, Scalar]]:
         """Accelerations [rad/s² | m/s²] by which loads would move what sticks if it stuck no more; below 0 what is left to that.
 
-        Beside each the one that falling friction adds once it slides. Of motors that turn several joints -1 and 0: what holds them
-        is no single torque.
+        Beside each the one that falling friction adds once it slides. Of motors that turn several joints -1 and 0: what holds
+        them is no single torque.
         """
         directions, model = inputs.directions, self.plant.model
         assert directions is not None
