@@ -44,6 +44,10 @@ if TYPE_CHECKING:
     from armwright.identification.arm.payload import identify_payload
     from armwright.identification.arm.identify import ArmEstimate, identify_arm
     from armwright.identification.estimate import Estimate, write_into
+    from armwright.identification.linear.fit import fit_armax, fit_arx, fit_oe
+    from armwright.identification.linear.frequency import FrequencyResponse, frequency_response
+    from armwright.identification.linear.model import LinearModel
+    from armwright.identification.linear.n4sid import fit_n4sid
     from armwright.identification.logs.log import Log, read_log
     from armwright.identification.logs.plot import plot_log
     from armwright.identification.logs.preparation import Preparation, choose_preparation, prepare_log
@@ -107,6 +111,10 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.identification.arm.payload": ("identify_payload",),
     "armwright.identification.arm.identify": ("ArmEstimate", "identify_arm"),
     "armwright.identification.estimate": ("Estimate", "write_into"),
+    "armwright.identification.linear.fit": ("fit_armax", "fit_arx", "fit_oe"),
+    "armwright.identification.linear.frequency": ("FrequencyResponse", "frequency_response"),
+    "armwright.identification.linear.model": ("LinearModel",),
+    "armwright.identification.linear.n4sid": ("fit_n4sid",),
     "armwright.identification.logs.log": ("Log", "read_log"),
     "armwright.identification.logs.plot": ("plot_log",),
     "armwright.identification.logs.preparation": ("Preparation", "choose_preparation", "prepare_log"),
@@ -159,10 +167,12 @@ __all__ = [
     "Draw",
     "Estimate",
     "Fourier",
+    "FrequencyResponse",
     "Inputs",
     "JointPID",
     "JointReference",
     "Layout",
+    "LinearModel",
     "Log",
     "Loop",
     "LoopState",
@@ -202,11 +212,16 @@ __all__ = [
     "diff",
     "energy",
     "enumerate_assemblies",
+    "fit_armax",
+    "fit_arx",
+    "fit_n4sid",
+    "fit_oe",
     "forward_arm",
     "forward_arm_linearised",
     "forward_dynamics",
     "forward_dynamics_derivatives",
     "forward_kinematics",
+    "frequency_response",
     "gravity_torques",
     "identify_friction",
     "identify_payload",

@@ -1,0 +1,60 @@
+"""Fit of a black-box model that is chosen by name, as the command line asks for it."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from armwright.errors import LogError
+from armwright.identification.linear.fit import fit_armax, fit_arx, fit_oe
+from armwright.identification.linear.frequency import FrequencyResponse, frequency_response
+from armwright.identification.linear.model import LinearModel
+from armwright.identification.linear.n4sid import fit_n4sid
+from armwright.identification.logs.log import Log
+
+FITS = {"arx": fit_arx, "oe": fit_oe, "armax": fit_armax, "n4sid": fit_n4sid}
+MODELS = (*FITS, "frequency")
+
+
+def fit_linear(
+    log: Log,
+    model: str,
+    *,
+    order: int | str = "auto",
+    delay: int | str = "auto",
+    select: str = "cv",
+    input: str | None = None,
+    output: str | None = None,
+    joint: str | None = None,
+) -> LinearModel | FrequencyResponse:
+    """A black-box model of a log by the name of its kind.
+
+    Args:
+        log: with the runs to fit and to hold out.   model: "arx", "oe", "armax", "n4sid" or "frequency".
+        order, delay: whole numbers, as numbers or as typed, or "auto".   select: criterion for "auto".
+        input: signal, as of `fit_oe`.   output: the same.   joint: its name.
+    Returns:
+        result: `verdict` of a model says whether it was identified; `str` shows it.
+    Raises:
+        LogError: no such model, an order that is no number; and as `fit_oe`.
+    """
+    if model not in MODELS:
+        raise LogError("no such model", place="model", value=model, choices=MODELS)
+    chosen: dict[str, Any] = {"input": input, "output": output, "joint": joint}
+    if model == "frequency":
+        return frequency_response(log, **chosen)
+    numbers: dict[str, Any] = {"order": _number("order", order), "delay": _number("delay", delay), "select": select}
+    return FITS[model](log, **numbers, **chosen)
+
+
+def _number(place: str, text: int | str) -> int | Literal["auto"]:
+    """A whole number or "auto".
+
+    Raises:
+        LogError: anything else.
+    """
+    if text == "auto":
+        return "auto"
+    try:
+        return int(text)
+    except ValueError:
+        raise LogError(place=place, value=text, expected='"auto" or a whole number') from None

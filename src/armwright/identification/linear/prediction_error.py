@@ -1,0 +1,364 @@
+"""Prediction-error estimates of ARX, OE and ARMAX models with exact gradients by filtering. [Ljung1999], sections 7.2 and 10.3.
+
+    A(q) y(t) = B(q) u(t) + c + C(q) e(t),      A = 1 + a1 q⁻¹ + …,  B = b_d q⁻ᵈ + …,  C = 1 + c1 q⁻¹ + …
+
+ARX has C = 1, OE has C = A (so that e is the error of the free simulation), ARMAX a C of its own. Rows before the first whose
+past is known serve as past only. What their unknown errors e add to the rest is the response of 1/C to impulses in its first
+rows: these initial states are eliminated from each stretch by an orthogonal projection [GolubPereyra1973].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from scipy import signal
+
+from armwright.identification.linear.records import Stretch
+
+ONE = np.ones(1)
+Structure = Literal["arx", "oe", "armax"]
+ROUNDS, STARTED = 60, 1e-3  # Levenberg-Marquardt steps at most, and its first damping
+STEADY = 1e-3  # of a standard deviation of the parameters: a step that moves them by no more ends the fit
+ROUNDING = 1e-13  # relative decrease of the sum of squares that is rounding
+FIRST = 5  # steps from every start, before the best goes on
+HARDEST = 1e10  # damping at which no step helps any more
+MOST_PAST = 30  # rows of the past in an autoregressive model of errors
+INSIDE = 0.98  # largest pole of a start that was unstable
+
+
+@dataclass(frozen=True, eq=False)
+class Polynomials:
+    """Coefficients of powers of q⁻¹: a (na + 1,) and c (nc + 1,) begin with 1, b (delay + nb,) with `delay` zeros.
+
+    Attributes:
+        constant: c of the equation, in units of y.   delay: [samples].
+    """
+
+    a: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
+    constant: float
+    delay: int
+
+    @property
+    def past(self) -> int:
+        """Rows of the past that the equation needs."""
+        return max(len(self.a), len(self.b)) - 1
+
+
+@dataclass(frozen=True)
+class Orders:
+    """Numbers of coefficients: na poles, nb zeros and one more, nc of the noise; delay [samples]; constant: 0 or 1."""
+
+    structure: Structure
+    na: int
+    nb: int
+    nc: int
+    delay: int
+    constant: bool
+
+    @property
+    def count(self) -> int:
+        """Number of parameters."""
+        return self.na + self.nb + (self.nc if self.structure == "armax" else 0) + self.constant
+
+    @property
+    def past(self) -> int:
+        """Rows of the past that the equation needs."""
+        return max(self.na, self.nb + self.delay - 1)
+
+    def polynomials(self, theta: np.ndarray) -> Polynomials:
+        """Polynomials of parameters [a, b, c, constant]."""
+        a, b, c = (theta[begin:end] for begin, end in self._parts())
+        a = np.concatenate([ONE, a])
+        b = np.concatenate([np.zeros(self.delay), b])
+        c = a if self.structure == "oe" else np.concatenate([ONE, c])
+        return Polynomials(a, b, c, float(theta[-1]) if self.constant else 0.0, self.delay)
+
+    def theta(self, model: Polynomials) -> np.ndarray:
+        """Parameters of polynomials."""
+        c = model.c[1:] if self.structure == "armax" else np.zeros(0)
+        return np.concatenate([model.a[1:], model.b[self.delay :], c, [model.constant] * self.constant])
+
+    def _parts(self) -> list[tuple[int, int]]:
+        ends = np.cumsum([0, self.na, self.nb, self.nc if self.structure == "armax" else 0])
+        return list(pairwise(ends))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        letter = "f" if self.structure == "oe" else "a"
+        names = [f"{letter}{k + 1}" for k in range(self.na)] + [f"b{k + self.delay}" for k in range(self.nb)]
+        names += [f"c{k + 1}" for k in range(self.nc)] if self.structure == "armax" else []
+        return (*names, *(["constant"] if self.constant else []))
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Result of `minimise`: parameters, errors and their Jacobian at the minimum.
+
+    Attributes:
+        theta: (k,).   errors: (rows,) of all stretches.   jacobian: (rows, k) ∂errors/∂theta, initial states projected out.
+        equations: rows less the initial states that were estimated.   converged: False where rounds ran out.
+    """
+
+    orders: Orders
+    theta: np.ndarray
+    errors: np.ndarray
+    jacobian: np.ndarray
+    equations: int
+    converged: bool
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares of the errors."""
+        return float(self.errors @ self.errors)
+
+
+def filtered(b: np.ndarray, a: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """B(q)/A(q) of columns (rows,) or (rows, k), from rest."""
+    return np.asarray(signal.lfilter(b, a, values, axis=0))
+
+
+def prediction_errors(model: Polynomials, each: Stretch, skip: int, initial: bool) -> np.ndarray:
+    """Errors e (rows - skip,) = [A y - B u - c] / C of one stretch, without what its initial state explains.
+
+    Args:
+        each: u and y (rows, 1).   skip: rows that serve as past only, at least `model.past`.
+        initial: True: initial states are estimated; False: errors before the first row are 0, the first rows taken as measured.
+    """
+    e = filtered(ONE, model.c, _equation_errors(model, each, skip))
+    base = _initial_basis(model.c, len(e)) if initial else None
+    return e if base is None else e - base @ (base.T @ e)
+
+
+def _equation_errors(model: Polynomials, each: Stretch, skip: int) -> np.ndarray:
+    return filtered(model.a, ONE, each.y[:, 0])[skip:] - filtered(model.b, ONE, each.u[:, 0])[skip:] - model.constant
+
+
+def _initial_basis(c: np.ndarray, rows: int) -> np.ndarray | None:
+    """Orthonormal basis (rows, nc) of the responses of 1/C to initial states; None if C = 1."""
+    order = len(c) - 1
+    if order == 0 or rows == 0:
+        return None
+    impulse = np.zeros(rows)
+    impulse[0] = 1.0
+    return np.linalg.qr(_shifts(filtered(ONE, c, impulse), range(order)))[0]
+
+
+def _shifts(column: np.ndarray, by: Sequence[int]) -> np.ndarray:
+    """Columns that are `column` later by that many rows, zeros first."""
+    result = np.zeros((len(column), len(by)))
+    for k, shift in enumerate(by):
+        result[shift:, k] = column[: len(column) - shift]
+    return result
+
+
+def _with_gradient(orders: Orders, theta: np.ndarray, each: Stretch, skip: int, initial: bool):
+    """Errors (rows,) and their derivatives (rows, k) of one stretch, initial states projected out. [Ljung1999], eq. (10.61)."""
+    model = orders.polynomials(theta)
+    rows = len(each.y) - skip
+    e = filtered(ONE, model.c, _equation_errors(model, each, skip))
+    base = _initial_basis(model.c, rows) if initial else None
+    if base is not None:
+        e = e - base @ (base.T @ e)
+    last = len(each.y)
+    past = [each.y[skip - k : last - k, 0] for k in range(1, orders.na + 1)]
+    columns = [filtered(ONE, model.c, column) for column in past]
+    of_noise = _shifts(filtered(ONE, model.c, -e), range(1, len(model.c)))
+    if orders.structure == "oe":
+        columns = [column + of_noise[:, k] for k, column in enumerate(columns)]
+    moved = range(orders.delay, orders.delay + orders.nb)
+    columns += [-filtered(ONE, model.c, each.u[skip - k : last - k, 0]) for k in moved]
+    columns += list(of_noise.T) if orders.structure == "armax" else []
+    columns += [-filtered(ONE, model.c, np.ones(rows))] if orders.constant else []
+    jacobian = np.stack(columns, axis=1)
+    if base is not None:
+        jacobian = jacobian - base @ (base.T @ jacobian)
+    return e, jacobian
+
+
+def _all(orders: Orders, theta: np.ndarray, stretches: Sequence[Stretch], skip: int, initial: bool):
+    parts = [_with_gradient(orders, theta, each, skip, initial) for each in stretches if len(each.y) > skip + orders.na]
+    return np.concatenate([e for e, _ in parts]), np.concatenate([j for _, j in parts])
+
+
+def radius(polynomial: np.ndarray) -> float:
+    """Magnitude of the largest root in z."""
+    return float(np.abs(np.roots(polynomial)).max(initial=0.0)) if len(polynomial) > 1 else 0.0
+
+
+def stabilised(polynomial: np.ndarray, largest: float = INSIDE) -> np.ndarray:
+    """Polynomial with roots beyond `largest` mirrored into the circle, and at most that large."""
+    roots = np.roots(polynomial)
+    size = np.abs(roots)
+    mirrored = np.where(size > 1.0, roots / np.maximum(size, 1e-300) ** 2, roots)
+    mirrored = mirrored * np.minimum(1.0, largest / np.maximum(np.abs(mirrored), 1e-300))
+    return np.real(np.poly(mirrored)) if len(roots) else polynomial
+
+
+def least_squares(orders: Orders, stretches: Sequence[Stretch], skip: int) -> np.ndarray:
+    """Parameters of the ARX model of these orders; of ARMAX orders its C is 1."""
+    arx = replace(orders, structure="arx", nc=0)
+    e, jacobian = _all(arx, np.zeros(arx.count), stretches, skip, initial=False)
+    theta = -np.linalg.lstsq(jacobian, e, rcond=None)[0]
+    return orders.theta(replace(arx.polynomials(theta), c=np.eye(1, orders.nc + 1)[0]))
+
+
+def starts(orders: Orders, stretches: Sequence[Stretch], skip: int, initial: bool) -> list[np.ndarray]:
+    """Starting points: ARX, instrumental variables of its simulation, and Steiglitz-McBride. [Ljung1999], section 10.4."""
+    found = [least_squares(orders, stretches, skip)]
+    found.append(_instrumental(orders, stretches, skip, found[0]))
+    if orders.structure == "oe":
+        theta = found[0]
+        for _ in range(6):
+            f = stabilised(orders.polynomials(theta).a)
+            whiter = [Stretch(s.run, filtered(ONE, f, s.u), filtered(ONE, f, s.y)) for s in stretches]
+            theta = least_squares(orders, whiter, skip)
+            if orders.constant:
+                theta[-1] *= f.sum()  # the constant column was not filtered
+        found.append(theta)
+    models = [orders.polynomials(theta) for theta in found if np.isfinite(theta).all()]
+    kept = [replace(m, a=stabilised(m.a)) if radius(m.a) >= 1.0 else m for m in models]
+    if orders.structure == "oe":
+        kept = [replace(m, c=m.a) for m in kept]
+    if orders.structure == "armax":  # white errors of the equation, and white errors of the simulation
+        kept.append(
+            replace(kept[0], c=np.resize(np.append(stabilised(kept[-1].a), np.zeros(orders.nc)), orders.nc + 1))
+        )
+    return [with_best_numerator(orders, stretches, skip, initial, each) for each in kept]
+
+
+def _instrumental(orders: Orders, stretches: Sequence[Stretch], skip: int, theta: np.ndarray) -> np.ndarray:
+    """ARX parameters by instrumental variables: outputs simulated by the last estimate, which the noise cannot reach, twice."""
+    arx = replace(orders, structure="arx", nc=0)
+    model = orders.polynomials(theta)
+    for _ in range(2):
+        a = stabilised(model.a)
+        clean = [
+            Stretch(s.run, s.u, filtered(model.b, a, s.u) + model.constant / max(a.sum(), 1e-3)) for s in stretches
+        ]
+        e, regressors = _all(arx, np.zeros(arx.count), stretches, skip, initial=False)
+        _, instruments = _all(arx, np.zeros(arx.count), clean, skip, initial=False)
+        solution = np.linalg.lstsq(instruments.T @ regressors, -instruments.T @ e, rcond=None)[0]
+        model = replace(arx.polynomials(solution), c=np.eye(1, orders.nc + 1)[0])
+    return orders.theta(model)
+
+
+def minimise(
+    orders: Orders, stretches: Sequence[Stretch], skip: int, initial: bool, theta: np.ndarray, rounds: int = ROUNDS
+) -> Fit:
+    """Least squares of the errors from a starting point, by Levenberg-Marquardt; poles stay within the unit circle.
+
+    Poles may pass the circle by 1/rows, so that an integrator lies inside: over all rows such a pole grows by no more than e.
+    """
+    e, jacobian = _all(orders, theta, stretches, skip, initial)
+    freed = (len(orders.polynomials(theta).c) - 1) * sum(len(each.y) > skip + orders.na for each in stretches)
+    equations = len(e) - (freed if initial else 0)
+    if orders.structure == "arx":
+        return Fit(orders, theta, e, jacobian, equations, True)
+    limit = 1.0 + 1.0 / max(len(each.y) for each in stretches)
+    damping, cost, converged = STARTED, e @ e, False
+    for _ in range(rounds):
+        scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+        normal, gradient = (jacobian / scale).T @ (jacobian / scale), (jacobian / scale).T @ e
+        while damping < HARDEST:
+            step = -np.linalg.solve(normal + damping * np.eye(len(scale)), gradient)
+            trial = theta + step / scale
+            if _admissible(orders, trial, limit):
+                new_e, new_jacobian = _all(orders, trial, stretches, skip, initial)
+                new_cost = new_e @ new_e
+                if new_cost <= cost:
+                    break
+            damping = max(damping, 1e-12) * 4.0
+        else:
+            converged = True  # at a minimum to rounding, or at the edge of stability
+            break
+        gained, moved = cost - new_cost, float(step @ normal @ step)
+        theta, e, jacobian, cost = trial, new_e, new_jacobian, new_cost
+        damping = damping * 0.1 if damping > 1e-12 else 0.0
+        if gained <= ROUNDING * cost or moved <= STEADY**2 * cost / len(e):
+            converged = True
+            break
+    return Fit(orders, theta, e, jacobian, equations, converged)
+
+
+def _admissible(orders: Orders, theta: np.ndarray, limit: float) -> bool:
+    model = orders.polynomials(theta)
+    return bool(np.isfinite(theta).all()) and radius(model.a) <= limit and radius(model.c) <= limit
+
+
+def estimate(
+    orders: Orders,
+    stretches: Sequence[Stretch],
+    skip: int,
+    initial: bool,
+    begin: np.ndarray | None = None,
+    further: Sequence[np.ndarray] = (),
+) -> Fit:
+    """The best fit from several starts: a few steps from each, then on from the best.
+
+    Args:
+        begin: the only start, where it is known to be near.   further: starts beside those of `starts`.
+    """
+    if orders.structure == "arx":
+        return minimise(orders, stretches, skip, initial, least_squares(orders, stretches, skip))
+    candidates = [begin] if begin is not None else [*starts(orders, stretches, skip, initial), *further]
+    fits = [minimise(orders, stretches, skip, initial, theta, FIRST) for theta in candidates]
+    best = min(fits, key=lambda fit: fit.cost)
+    return best if best.converged else minimise(orders, stretches, skip, initial, best.theta)
+
+
+def with_best_numerator(
+    orders: Orders, stretches: Sequence[Stretch], skip: int, initial: bool, model: Polynomials
+) -> np.ndarray:
+    """Parameters with the B and constant that fit best beside a model's A and C: of these the errors are linear."""
+    theta = orders.theta(model)
+    e, jacobian = _all(orders, theta, stretches, skip, initial)
+    linear = np.r_[orders.na : orders.na + orders.nb, len(theta) - orders.constant : len(theta)]
+    theta[linear] -= np.linalg.lstsq(jacobian[:, linear], e, rcond=None)[0]
+    return theta
+
+
+def covariance_of(fit: Fit) -> np.ndarray:
+    """Covariance (k, k) of the parameters:  (JᵀJ)⁻¹ Jᵀ R J (JᵀJ)⁻¹  with R that of the errors.
+
+    The errors of an OE model are whatever the plant's noise is: R then follows from an autoregressive model of them, and the
+    intervals hold for coloured noise too [Ljung1999], section 9.4.
+    """
+    rows, count = fit.equations, fit.jacobian.shape[1]
+    scale = np.maximum(np.linalg.norm(fit.jacobian, axis=0), 1e-300)
+    weighted = fit.jacobian / scale
+    inverse = np.linalg.pinv(weighted.T @ weighted, rcond=1e-14)
+    if fit.orders.structure == "oe":
+        ar, variance = autoregression(fit.errors)
+        coloured = filtered(ONE, ar, weighted[::-1])
+        middle = variance * (coloured.T @ coloured) * rows / max(rows - count, 1)
+    else:
+        middle = fit.cost / max(rows - count, 1) * (weighted.T @ weighted)
+    return inverse @ middle @ inverse / np.outer(scale, scale)
+
+
+def autoregression(errors: np.ndarray, most: int = MOST_PAST) -> tuple[np.ndarray, float]:
+    """Autoregressive model of a signal by Levinson's recursion, order by AIC: polynomial (p + 1,), variance of its input."""
+    rows = len(errors)
+    most = min(most, max(rows // 20, 0))
+    size = 1 << (2 * rows - 1).bit_length()
+    power = np.abs(np.fft.rfft(errors - errors.mean(), size)) ** 2
+    r = np.fft.irfft(power)[: most + 1] / rows
+    a, variance = np.ones(1), float(r[0])
+    best = (rows * np.log(max(variance, 1e-300)), a, variance)
+    for p in range(1, most + 1):
+        if variance <= 1e-14 * r[0]:
+            break
+        reflection = -float(a @ r[p:0:-1][: len(a)]) / variance if variance > 0 else 0.0
+        a = np.append(a, 0.0) + reflection * np.append(0.0, a[::-1])
+        variance *= 1.0 - reflection**2
+        score = rows * np.log(max(variance, 1e-300)) + 2 * p
+        if score < best[0]:
+            best = (score, a, variance)
+    return best[1], best[2]

@@ -1,0 +1,59 @@
+"""Signals centred and scaled for a fit, and models of them in units again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from armwright.identification.linear.prediction_error import Orders, Polynomials
+from armwright.identification.linear.records import Records, Stretch
+from armwright.identification.linear.state_space import StateSpace
+
+
+class Units:
+    """Mean and size of every signal, and the way back to units."""
+
+    def __init__(self, records: Records, centred: bool):
+        u, y = (np.concatenate([getattr(each, name) for each in records.fit]) for name in ("u", "y"))
+        self.u0, self.y0 = (u.mean(axis=0), y.mean(axis=0)) if centred else (np.zeros(u.shape[1]), np.zeros(y.shape[1]))
+        self.us, self.ys = u.std(axis=0), y.std(axis=0)
+
+    def scaled(self, each: Stretch) -> Stretch:
+        """Rows with mean 0 and size 1."""
+        return Stretch(each.run, (each.u - self.u0) / self.us, (each.y - self.y0) / self.ys)
+
+    def polynomials(self, model: Polynomials) -> Polynomials:
+        """Polynomials of signals in units."""
+        b = model.b * self.ys[0] / self.us[0]
+        constant = model.a.sum() * self.y0[0] - b.sum() * self.u0[0] + self.ys[0] * model.constant
+        return replace(model, b=b, constant=float(constant))
+
+    def jacobian(self, orders: Orders) -> np.ndarray:
+        """(k, k) derivative of the parameters in units by the scaled ones."""
+        ratio = self.ys[0] / self.us[0]
+        noise = orders.nc if orders.structure == "armax" else 0
+        matrix = block_diag(
+            np.eye(orders.na), ratio * np.eye(orders.nb), np.eye(noise), *([self.ys[:1, None]] * orders.constant)
+        )
+        if orders.constant:
+            matrix[-1, : orders.na] = self.y0[0]
+            matrix[-1, orders.na : orders.na + orders.nb] = -self.u0[0] * ratio
+        return np.asarray(matrix)
+
+    def state_space(self, model: StateSpace) -> StateSpace:
+        """The model of signals in units."""
+        b, c = model.b / self.us, model.c * self.ys[:, None]
+        d = model.d * self.ys[:, None] / self.us
+        whole = replace(model, b=b, c=c, d=d)
+        offset = self.y0 + self.ys * model.offset
+        gain = whole.gain
+        return replace(whole, offset=offset - (gain @ self.u0 if np.isfinite(gain).all() else 0.0))
+
+
+def scale(records: Records, offset: bool) -> tuple[Records, Units]:
+    """Records scaled, centred where an offset is estimated, and the way back."""
+    units = Units(records, offset)
+    fit, held = (tuple(units.scaled(each) for each in part) for part in (records.fit, records.hold_out))
+    return replace(records, fit=fit, hold_out=held), units

@@ -1,0 +1,261 @@
+"""Order and delay of a model by information criteria and by cross-validation of the free simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Literal
+
+import numpy as np
+
+from armwright.errors import LogError
+from armwright.identification.linear.prediction_error import (
+    Fit,
+    Orders,
+    Structure,
+    covariance_of,
+    estimate,
+    least_squares,
+    minimise,
+    prediction_errors,
+    with_best_numerator,
+)
+from armwright.identification.linear.records import Stretch
+
+Criterion = Literal["cv", "aic", "bic", "fpe", "mdl"]
+CRITERIA: tuple[Criterion, ...] = ("cv", "aic", "bic", "fpe", "mdl")
+FOLDS = 5
+LONGEST_PAST = 12  # poles and further zeros of the first, long ARX model
+SIGNIFICANT = 3.3  # standard deviations: 1 of 1000 coefficients that are 0 lies beyond
+WORSE = 5.0  # times what BIC pays for: a fit that loses more has lost a coefficient that it needs
+BEFORE = 2  # delays that are tried below the first significant coefficient of the long model
+EXACT = 1e-20  # of the output's variance: a smaller error is rounding, and no reason for a higher order
+
+
+MOST_ORDER, MOST_DELAY = 5, 25  # that are searched by default
+LARGEST_ORDER = 100
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One structure that was tried, with its criteria; lower is better.
+
+    Attributes:
+        orders: numbers of coefficients and delay.   aic, bic, fpe, mdl: of the errors that the structure minimises.
+        cv: mean square of the free simulation's error on blocks that were not fitted, over the output's variance.
+    """
+
+    orders: Orders
+    aic: float
+    bic: float
+    fpe: float
+    mdl: float
+    cv: float
+
+    def __getitem__(self, name: Criterion) -> float:
+        return float(getattr(self, name))
+
+
+def criteria(cost: float, rows: int, count: int, variance: float = 1.0) -> dict[str, float]:
+    """Information criteria of a model. [Ljung1999], section 16.4.
+
+        V = cost / rows,  AIC = N ln V + 2d,  BIC = N ln V + d ln N,  FPE = V (N + d) / (N - d),  MDL = V (1 + d ln N / N)
+
+    Args:
+        cost: sum of squares.   rows: N.   count: d, number of parameters.   variance: of the output, the scale of rounding.
+    """
+    v = max(cost / rows, EXACT * variance)
+    n, d = float(rows), float(count)
+    return {
+        "aic": n * np.log(v) + 2 * d,
+        "bic": n * np.log(v) + d * np.log(n),
+        "fpe": v * (n + d) / max(n - d, 1.0),
+        "mdl": v * (1 + d * np.log(n) / n),
+    }
+
+
+def first_response(stretches: Sequence[Stretch], most: int, least: int = 0) -> int:
+    """Delay [samples] at which an ARX model of many coefficients first answers significantly to its input.
+
+    Args:
+        stretches: one input, one output.   most: largest delay that is looked for.   least: smallest.
+    """
+    rows = sum(len(each.y) for each in stretches)
+    past = int(min(LONGEST_PAST, max((rows // 10 - most) // 2, 1)))
+    orders = Orders("arx", past, most - least + past, 0, least, constant=True)
+    fit = minimise(orders, stretches, orders.past, False, least_squares(orders, stretches, orders.past))
+    b = fit.theta[past : past + most - least + 1]
+    std = np.sqrt(np.diag(covariance_of(fit)))[past : past + most - least + 1]
+    clear = np.flatnonzero(np.abs(b) > SIGNIFICANT * std)
+    return least + int(clear[0] if len(clear) else np.argmax(np.abs(b) / np.maximum(std, 1e-300)))
+
+
+def trimmed(
+    orders: Orders, stretches: Sequence[Stretch], skip: int, initial: bool, further: Sequence[np.ndarray]
+) -> Fit:
+    """A fit whose B has lost the coefficients at its ends that no criterion would pay for: t² < ln(rows)."""
+    fit = estimate(orders, stretches, skip, initial, None, further)
+    while fit.orders.nb > 1:
+        now = fit.orders
+        part = slice(now.na, now.na + now.nb)
+        t = np.abs(fit.theta[part]) / np.sqrt(np.maximum(np.diag(covariance_of(fit))[part], 1e-300))
+        end = 0 if t[0] <= t[-1] else -1
+        if t[end] ** 2 >= np.log(len(fit.errors)):
+            break
+        fewer = replace(now, nb=now.nb - 1, delay=now.delay + (end == 0))
+        place = now.na if end == 0 else now.na + now.nb - 1
+        begin = fewer.polynomials(np.delete(fit.theta, place))
+        shorter = estimate(fewer, stretches, skip, initial, with_best_numerator(fewer, stretches, skip, initial, begin))
+        if shorter.cost > fit.cost * (1.0 + WORSE * np.log(len(fit.errors)) / fit.equations):
+            break  # the linear statistic was wrong: poles and zeros nearly cancel
+        fit = shorter
+    return fit
+
+
+def cross_validation(fit: Fit, stretches: Sequence[Stretch], skip: int, initial: bool) -> np.ndarray:
+    """Mean squares (folds,) of the free simulation's error on blocks of rows that the fit has not seen."""
+    orders, errors = fit.orders, []
+    for fitted, held in folds(stretches, skip + 2 * orders.count):
+        model = orders.polynomials(estimate(orders, fitted, skip, initial, fit.theta).theta)
+        free = replace(model, c=model.a)
+        with np.errstate(over="ignore", invalid="ignore"):
+            parts = np.concatenate([prediction_errors(free, each, skip, True) for each in held])
+            # an initial state fits as many rows as it has numbers: not counted, it would speak for high orders
+            mean = float(parts @ parts) / max(len(parts) - orders.na * len(held), 1)
+        errors.append(mean if np.isfinite(mean) else np.inf)
+    return np.array(errors)
+
+
+def folds(stretches: Sequence[Stretch], shortest: int, count: int = FOLDS) -> list[tuple[list[Stretch], list[Stretch]]]:
+    """Stretches to fit and to judge by: every fold holds out one block of successive rows.
+
+    Args:
+        shortest: rows below which a part is of no use and is left out.   count: of folds.
+    """
+    total = sum(len(each.y) for each in stretches)
+    found = []
+    bounds = np.linspace(0, total, count + 1).astype(int)
+    for low, high in pairwise(bounds):
+        fitted, held, begin = [], [], 0
+        for each in stretches:
+            rows = len(each.y)
+            a, b = np.clip([low - begin, high - begin], 0, rows)
+            parts = ((fitted, 0, a), (held, a, b), (fitted, b, rows))
+            for goes, first, last in parts:
+                if last - first > shortest:
+                    goes.append(Stretch(each.run, each.u[first:last], each.y[first:last]))
+            begin += rows
+        if fitted and held:
+            found.append((fitted, held))
+    return found
+
+
+def selected(
+    structure: Structure, stretches: Sequence[Stretch], order: int | None, delay: int | None, *, most_order: int,
+    most_delay: int, constant: bool, initial: bool, by: Criterion,
+) -> tuple[Orders, tuple[Candidate, ...]]:  # fmt: skip
+    """Order and delay of a structure, and all that was tried.
+
+    Args:
+        structure: "arx", "oe" or "armax".   order, delay: None: to be found.   most_order, most_delay: to be tried.
+        constant, initial: as of the fit.   by: the criterion that decides.
+    """
+    variance = float(np.var(np.concatenate([each.y[:, 0] for each in stretches])))
+    low = first_response(stretches, most_delay) if delay is None else delay
+    begin = max(low - BEFORE, 0) if delay is None else delay
+    tried: list[Candidate] = []
+    scores: dict[Orders, np.ndarray] = {}
+    numbers = range(1, most_order + 1) if order is None else [order]
+    skip, last = max(numbers) + low + 2, None
+    for n in numbers:
+        nc = n if structure == "armax" else 0
+        orders = Orders(structure, n, n + 1 + low - begin, nc, begin, constant)
+        if delay is None:
+            fit = trimmed(orders, stretches, skip, initial, _grown(orders, last))
+            orders = replace(fit.orders, nb=n) if order is not None else fit.orders
+        else:
+            fit, orders = None, replace(orders, nb=n)
+        if fit is None or fit.orders != orders:
+            fit = estimate(orders, stretches, skip, initial, None, _grown(orders, last))
+        last = fit
+        found = criteria(fit.cost, fit.equations, orders.count, variance)
+        scores[orders] = cross_validation(fit, stretches, skip, initial) if by == "cv" else np.array([np.nan])
+        tried.append(Candidate(orders, **found, cv=float(np.mean(scores[orders])) / variance))
+    chosen = _simplest(tried, scores, variance) if by == "cv" else min(tried, key=lambda each: each[by]).orders
+    if delay is None:
+        chosen = _polished(chosen, stretches, skip, initial, fixed=order is not None)
+    return chosen, tuple(tried)
+
+
+def _grown(orders: Orders, last: Fit | None) -> list[np.ndarray]:
+    """The fit of a lower order as a start of a higher one, with poles and coefficients at 0 that it did not have."""
+    if last is None or last.orders.delay < orders.delay:
+        return []
+    model, end = last.orders.polynomials(last.theta), orders.delay + orders.nb
+    if len(model.b) > end:
+        return []
+    a, b = (np.pad(each, (0, size - len(each))) for each, size in ((model.a, orders.na + 1), (model.b, end)))
+    c = a if orders.structure == "oe" else np.pad(model.c, (0, orders.nc + 1 - len(model.c)))
+    return [orders.theta(replace(model, a=a, b=b, c=c))]
+
+
+def _polished(orders: Orders, stretches: Sequence[Stretch], skip: int, initial: bool, fixed: bool) -> Orders:
+    """The neighbour in delay and number of B's coefficients with the lowest BIC, as long as there is a lower one."""
+
+    def bic(each: Orders) -> float:
+        fit = estimate(each, stretches, skip, initial)
+        return criteria(fit.cost, fit.equations, each.count)["bic"]
+
+    seen = {orders: bic(orders)}
+    while True:
+        here = min(seen, key=lambda each: seen[each])
+        moves = [(d, n) for d in (-1, 0, 1) for n in (-1, 0, 1) if not fixed or n == 0]
+        near = [replace(here, delay=here.delay + d, nb=here.nb + n) for d, n in moves]
+        fresh = [each for each in near if each not in seen and each.delay >= 0 and each.nb >= 1 and each.past <= skip]
+        seen |= {each: bic(each) for each in fresh}
+        if min(seen, key=lambda each: seen[each]) == here:
+            return here
+
+
+def _simplest(tried: Sequence[Candidate], scores: dict[Orders, np.ndarray], variance: float) -> Orders:
+    """The first structure whose held-out error is no more than a standard error of the difference above the best."""
+    best = min(tried, key=lambda each: each.cv).orders
+    for each in tried:
+        difference = scores[each.orders] - scores[best]
+        if not np.isfinite(difference).all():
+            continue
+        if difference.mean() <= difference.std(ddof=1) / np.sqrt(len(difference)) + EXACT * variance:
+            return each.orders
+    return best
+
+
+def checked_order(order: Any, numbers: int) -> int | tuple[int, ...] | None:
+    """None for "auto".
+
+    Raises:
+        LogError: no whole number from 1 on, nor a tuple of them.
+    """
+    if order == "auto":
+        return None
+    parts = order if isinstance(order, (tuple, list)) else (order,)
+    whole = all(isinstance(each, int) and not isinstance(each, bool) and 1 <= each <= LARGEST_ORDER for each in parts)
+    if not whole or len(parts) not in (1, numbers):
+        expected = f'"auto", a whole number from 1 to {LARGEST_ORDER}, or {numbers} of them'
+        raise LogError(place="order", value=order, expected=expected)
+    return int(parts[0]) if len(parts) == 1 else tuple(int(each) for each in parts)
+
+
+def check_options(delay: Any, by: Any, most_order: Any, most_delay: Any) -> None:
+    """Refuses a delay, a criterion or bounds of the search that are none.
+
+    Raises:
+        LogError: names the option.
+    """
+    if delay != "auto" and (not isinstance(delay, int) or isinstance(delay, bool) or not 0 <= delay <= 10_000):
+        raise LogError(place="delay", value=delay, expected='"auto" or a whole number of samples from 0 on')
+    if by not in CRITERIA:
+        raise LogError(place="select", value=by, choices=CRITERIA)
+    for place, value, least in (("most_order", most_order, 1), ("most_delay", most_delay, 0)):
+        if not isinstance(value, int) or not least <= value <= 1000:
+            raise LogError(place=place, value=value, expected=f"a whole number from {least} on")

@@ -1,0 +1,114 @@
+"""Data that no model can be fitted to are refused in words; logs and arrays give the same fit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import armwright as aw
+from armwright.errors import ArmwrightError
+from armwright.results.tables import write_table
+
+HEAD = """
+joints = ["motor"]
+[files.log]
+[time]
+column = "t"
+unit = "s"
+[[signals]]
+quantity = "voltage"
+columns = "u"
+unit = "V"
+[[signals]]
+quantity = "speed"
+columns = "y"
+unit = "rad/s"
+side = "joint"
+"""
+
+
+def data(seed=0, rows=600, period=0.01):
+    draw = np.random.default_rng(seed)
+    u = np.repeat(draw.choice([-1.0, 1.0], rows // 3), 3)
+    return period * np.arange(rows), u, lfilter([0.0, 0.2], [1.0, -0.9], u) + 0.01 * draw.standard_normal(rows)
+
+
+def log_file(folder, runs):
+    text = HEAD
+    for name, (use, (t, u, y)) in runs.items():
+        write_table(folder / f"{name}.csv", {"t": t, "u": u, "y": y})
+        text += f'[[runs]]\nname = "{name}"\nfiles.log = "{name}.csv"\nuse = "{use}"\n'
+    path = folder / "motor.log.toml"
+    path.write_text(text)
+    return path
+
+
+def test_a_log_is_fitted_by_its_runs_and_judged_by_the_others(tmp_path):
+    runs = {"a": ("fit", data(0)), "b": ("fit", data(1)), "c": ("hold-out", data(2))}
+    log = aw.read_log(log_file(tmp_path, runs))
+    model = aw.fit_oe(log, order=1, delay=1)
+    arrays = aw.fit_oe([data(0)[1], data(1)[1]], [data(0)[2], data(1)[2]], 0.01, order=1, delay=1)
+    assert model.values == pytest.approx(arrays.values, rel=1e-9)
+    assert list(model.fit) == ["a (fit): qd", "b (fit): qd", "c (hold-out): qd"]
+    assert model.fit["c (hold-out): qd"]["fit_percent"] > 95.0
+    assert model.quantities[0].unit == "rad/s / V"
+    estimate = model.estimate()
+    assert estimate.sha256 == log.sha256
+    assert estimate["time_constant1"] == pytest.approx(-0.01 / np.log(0.9), rel=0.02)
+    assert "free simulation" in str(model)
+    assert aw.fit_n4sid(log, order=1).gain[0, 0] == pytest.approx(2.0, rel=0.02)
+    assert aw.frequency_response(log).units == ("rad/s", "V")
+
+
+def test_gaps_split_a_run(tmp_path):
+    t, u, y = data()
+    keep = np.r_[0:200, 260:600]
+    model = aw.fit_oe(aw.read_log(log_file(tmp_path, {"a": ("fit", (t[keep], u[keep], y[keep]))})), order=1, delay=1)
+    assert any("gaps" in remark for remark in model.remarks)
+    assert model.gain[0, 0] == pytest.approx(2.0, rel=0.02)
+
+
+def test_two_clocks(tmp_path):
+    log = aw.read_log(log_file(tmp_path, {"a": ("fit", data()), "b": ("fit", data(1, period=0.02))}))
+    with pytest.raises(ArmwrightError, match="two clocks"):
+        aw.fit_oe(log)
+
+
+T, U, Y = data()
+BAD = {
+    "not a number": ((U, np.where(np.arange(600) == 7, np.nan, Y), 0.01), {}, "y[7]"),
+    "constant input": ((np.full(600, 2.0), Y, 0.01), {}, "u"),
+    "constant output": ((U, np.full(600, 2.0), 0.01), {}, "y"),
+    "too few rows": ((U[:40], Y[:40], 0.01), {"order": 5}, "order"),
+    "rows differ": ((U, Y[:-1], 0.01), {}, "run"),
+    "runs differ": (([U, U], [Y], 0.01), {}, "y"),
+    "gap": ((U, Y, np.where(T > 3, T + 1, T)), {}, "period"),
+    "no period": ((U, Y), {}, "period"),
+    "period": ((U, Y, -1.0), {}, "period"),
+    "text": ((["a", "b"], Y, 0.01), {}, "u"),
+    "order": ((U, Y, 0.01), {"order": 0}, "order"),
+    "orders": ((U, Y, 0.01), {"order": (1, 2, 3, 4)}, "order"),
+    "delay": ((U, Y, 0.01), {"delay": -1}, "delay"),
+    "criterion": ((U, Y, 0.01), {"select": "best"}, "select"),
+    "a log's word": ((U, Y, 0.01), {"input": "voltage"}, "input"),
+    "two inputs": ((np.stack([U, U[::-1]], 1), Y, 0.01), {}, "data"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input(case):
+    arguments, options, place = BAD[case]
+    with pytest.raises(ArmwrightError) as caught:
+        aw.fit_oe(*arguments, **options)
+    assert caught.value.place == place
+    assert "\n" not in str(caught.value)
+
+
+def test_unknown_signals_of_a_log(tmp_path):
+    log = aw.read_log(log_file(tmp_path, {"a": ("fit", data())}))
+    for options, place in (({"input": "volts"}, "input"), ({"output": "q"}, "output"), ({"joint": "elbow"}, "joint"),
+                           ({"input": "qd"}, "output")):  # fmt: skip
+        with pytest.raises(ArmwrightError) as caught:
+            aw.fit_oe(log, **options)
+        assert caught.value.place == place
