@@ -15,6 +15,16 @@ FITS = {"arx": fit_arx, "oe": fit_oe, "armax": fit_armax, "n4sid": fit_n4sid}
 MODELS = (*FITS, "frequency")
 
 
+def check_model(model: str) -> None:
+    """Refuses a name that is no kind of model.
+
+    Raises:
+        LogError: with the names that there are.
+    """
+    if model not in MODELS:
+        raise LogError("no such model", place="model", value=model, choices=MODELS)
+
+
 def fit_linear(
     log: Log,
     model: str,
@@ -37,8 +47,7 @@ def fit_linear(
     Raises:
         LogError: no such model, an order that is no number; and as `fit_oe`.
     """
-    if model not in MODELS:
-        raise LogError("no such model", place="model", value=model, choices=MODELS)
+    check_model(model)
     chosen: dict[str, Any] = {"input": input, "output": output, "joint": joint}
     if model == "frequency":
         return frequency_response(log, **chosen)

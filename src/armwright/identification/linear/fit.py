@@ -190,7 +190,7 @@ def _result(
     text = f"na {na}, nb {nb}" + (f", nc {orders.nc}" if orders.structure == "armax" else "")
     text = text.replace("na", "nf") if orders.structure == "oe" else text
     method = (
-        f"{orders.structure.upper()} of {text}, delay {orders.delay} samples ({orders.delay * records.period:.4g} s), "
+        f"{orders.structure.upper()} of {text}, delay {orders.delay} sample{'s' * (orders.delay != 1)} ({orders.delay * records.period:.4g} s), "
         f"{'offset estimated' if orders.constant else 'no offset'}, {start}, {records.rows} rows"
     )
     return LinearModel(

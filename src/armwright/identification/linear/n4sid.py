@@ -115,7 +115,7 @@ def fit_n4sid(
     measures = simulation_measures(records, late, free, None, 0, units.ys)
     fits = [row["fit_percent"] for row in measures.values()]
     method = (
-        f"N4SID ({weighting.upper()}, horizon {rows}) of order {chosen}, delay {delay} samples, "
+        f"N4SID ({weighting.upper()}, horizon {rows}) of order {chosen}, delay {delay} sample{'s' * (delay != 1)}, "
         f"{'offset estimated' if offset else 'no offset'}, initial states {'estimated' if initial else '0'}, {records.rows} rows"
     )
     return LinearModel(

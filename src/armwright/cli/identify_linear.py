@@ -1,0 +1,75 @@
+"""`armwright identify linear`: black-box models of a motor or a joint."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armwright.cli.arguments import option
+from armwright.terminal import say
+
+NOT_IDENTIFIED = 1  # exit code
+
+
+def linear(
+    file: Annotated[
+        Path, typer.Argument(metavar="LOG.log.toml", help="Runs to fit and to hold out.", show_default=False)
+    ],
+    model: Annotated[str, option("--model", "KIND", "arx, oe, armax, n4sid or frequency.")] = "oe",
+    order: Annotated[str, option("--order", "N", "Number of poles; auto: chosen.")] = "auto",
+    delay: Annotated[str, option("--delay", "K", "Samples from input to output; auto: chosen.")] = "auto",
+    select: Annotated[str, option("--select", "CRITERION", "What chooses: cv, aic, bic, fpe or mdl.")] = "cv",
+    input: Annotated[str | None, option("--input", "SIGNAL", "By default the voltage, current or torque.")] = None,
+    output: Annotated[str | None, option("--output", "SIGNAL", "By default the speed or the position.")] = None,
+    joint: Annotated[str | None, option("--joint", "NAME", "Needed where the log has several.")] = None,
+    picture: Annotated[
+        Path | None,
+        option("--plot", "FILE", "Draw runs and frequency response, measured and of the model: .png, .svg or .pdf."),
+    ] = None,
+) -> None:
+    """Fit a black-box model: how an output follows from an input.
+
+    Fits are those of the free simulation, on the runs that were fitted and on those that were held out. Exit code: 0 identified,
+    1 the output does not answer to the input, 2 bad input.
+
+    \b
+    Examples:
+      armwright identify linear motor.log.toml
+      armwright identify linear motor.log.toml --model n4sid --order 2 --plot motor.png
+      armwright identify linear arm.log.toml --joint elbow --input tau --output qd --model frequency
+    """
+    show_linear(
+        file, model, order=order, delay=delay, select=select, input=input, output=output, joint=joint, picture=picture
+    )
+
+
+def show_linear(
+    file: Path,
+    model: str,
+    *,
+    order: str = "auto",
+    delay: str = "auto",
+    select: str = "cv",
+    input: str | None = None,
+    output: str | None = None,
+    joint: str | None = None,
+    picture: Path | None = None,
+) -> None:
+    """Fits and shows a black-box model; for every command that offers one."""
+    import armwright as aw
+    from armwright.identification.linear.choice import check_model, fit_linear
+    from armwright.identification.linear.plot import check_linear_plot, plot_linear
+
+    check_model(model)
+    if picture is not None:
+        check_linear_plot(picture)
+    log = aw.read_log(file)
+    found = fit_linear(log, model, order=order, delay=delay, select=select, input=input, output=output, joint=joint)
+    say(str(found))
+    if picture is not None:
+        plot_linear(log, found, picture, joint)
+        say(f"wrote {picture}")
+    if isinstance(found, aw.LinearModel) and found.verdict != "identified":
+        raise typer.Exit(NOT_IDENTIFIED)
