@@ -61,6 +61,23 @@ def test_a_log_is_fitted_by_its_runs_and_judged_by_the_others(tmp_path):
     assert aw.frequency_response(log).units == ("rad/s", "V")
 
 
+def test_short_logs_take_an_information_criterion():
+    _, u, y = data()
+    model = aw.fit_oe(u[:200], y[:200], 0.01, select="bic", most_order=2, most_delay=5)
+    assert model.gain[0, 0] == pytest.approx(2.0, rel=0.05)
+    assert aw.fit_oe(u[:60], y[:60], 0.01, order=1, delay=1).gain[0, 0] == pytest.approx(2.0, rel=0.1)
+
+
+def test_joints_of_a_log_are_inputs_and_outputs(tmp_path):
+    (t, u1, y1), (_, u2, y2) = data(0), data(1)
+    write_table(tmp_path / "a.csv", {"t": t, "u1": u1, "u2": u2, "y1": y1 + 0.5 * y2, "y2": y2})
+    text = HEAD.replace('["motor"]', '["one", "two"]').replace('"u"', '["u1", "u2"]').replace('"y"', '["y1", "y2"]')
+    (tmp_path / "two.log.toml").write_text(text + '[[runs]]\nfiles.log = "a.csv"\n')
+    model = aw.fit_n4sid(aw.read_log(tmp_path / "two.log.toml"), order=2, joint=["one", "two"])
+    assert model.inputs == ("voltage/one", "voltage/two")
+    assert model.gain == pytest.approx(np.array([[2.0, 1.0], [0.0, 2.0]]), abs=0.06)
+
+
 def test_gaps_split_a_run(tmp_path):
     t, u, y = data()
     keep = np.r_[0:200, 260:600]
@@ -81,6 +98,12 @@ BAD = {
     "constant input": ((np.full(600, 2.0), Y, 0.01), {}, "u"),
     "constant output": ((U, np.full(600, 2.0), 0.01), {}, "y"),
     "too few rows": ((U[:40], Y[:40], 0.01), {"order": 5}, "order"),
+    "too few rows to hold out": ((U[:150], Y[:150], 0.01), {}, "select"),
+    "short runs": (
+        ([U[k : k + 20] for k in range(0, 600, 20)], [Y[k : k + 20] for k in range(0, 600, 20)], 0.01),
+        {},
+        "order",
+    ),
     "rows differ": ((U, Y[:-1], 0.01), {}, "run"),
     "runs differ": (([U, U], [Y], 0.01), {}, "y"),
     "gap": ((U, Y, np.where(T > 3, T + 1, T)), {}, "period"),

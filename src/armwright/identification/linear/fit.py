@@ -189,8 +189,9 @@ def _result(
     start = "initial states estimated" if initial else "initial states as measured"
     text = f"na {na}, nb {nb}" + (f", nc {orders.nc}" if orders.structure == "armax" else "")
     text = text.replace("na", "nf") if orders.structure == "oe" else text
+    samples = f"{orders.delay} sample{'s' * (orders.delay != 1)} ({orders.delay * records.period:.4g} s)"
     method = (
-        f"{orders.structure.upper()} of {text}, delay {orders.delay} sample{'s' * (orders.delay != 1)} ({orders.delay * records.period:.4g} s), "
+        f"{orders.structure.upper()} of {text}, delay {samples}, "
         f"{'offset estimated' if orders.constant else 'no offset'}, {start}, {records.rows} rows"
     )
     return LinearModel(

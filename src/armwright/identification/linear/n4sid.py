@@ -25,6 +25,7 @@ from armwright.identification.linear.selection import (
     criteria,
     first_response,
     folds,
+    too_short,
 )
 from armwright.identification.linear.state_space import StateSpace
 
@@ -180,6 +181,8 @@ def _tried(
     parted = []
     for fitted, held in folds(data.fit, 3 * how.rows) if by == "cv" else []:
         parted.append((how.projection(fitted), replace(data, fit=tuple(fitted)), held))
+    if by == "cv" and not parted:
+        raise too_short()
     tried: list[Mapping[str, float]] = []
     for order in range(1, largest + 1):
         _, errors, _ = _states(projection, order, data, how)

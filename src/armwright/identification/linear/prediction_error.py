@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 from scipy import signal
 
+from armwright.errors import LogError
 from armwright.identification.linear.records import Stretch
 
 ONE = np.ones(1)
@@ -183,7 +184,12 @@ def _with_gradient(orders: Orders, theta: np.ndarray, each: Stretch, skip: int, 
 
 
 def _all(orders: Orders, theta: np.ndarray, stretches: Sequence[Stretch], skip: int, initial: bool):
-    parts = [_with_gradient(orders, theta, each, skip, initial) for each in stretches if len(each.y) > skip + orders.na]
+    usable = [each for each in stretches if len(each.y) > skip + orders.na]
+    if not usable:
+        longest = max(len(each.y) for each in stretches)
+        expected = f"more than {skip + orders.na}: a lower order, a smaller delay or longer runs"
+        raise LogError(f"the longest stretch has {longest} rows", place="order", expected=expected)
+    parts = [_with_gradient(orders, theta, each, skip, initial) for each in usable]
     return np.concatenate([e for e, _ in parts]), np.concatenate([j for _, j in parts])
 
 

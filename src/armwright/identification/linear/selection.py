@@ -116,7 +116,10 @@ def trimmed(
 def cross_validation(fit: Fit, stretches: Sequence[Stretch], skip: int, initial: bool) -> np.ndarray:
     """Mean squares (folds,) of the free simulation's error on blocks of rows that the fit has not seen."""
     orders, errors = fit.orders, []
-    for fitted, held in folds(stretches, skip + 2 * orders.count):
+    parts_of_rows = folds(stretches, skip + 2 * orders.count)
+    if not parts_of_rows:
+        raise too_short()
+    for fitted, held in parts_of_rows:
         model = orders.polynomials(estimate(orders, fitted, skip, initial, fit.theta).theta)
         free = replace(model, c=model.a)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -125,6 +128,12 @@ def cross_validation(fit: Fit, stretches: Sequence[Stretch], skip: int, initial:
             mean = float(parts @ parts) / max(len(parts) - orders.na * len(held), 1)
         errors.append(mean if np.isfinite(mean) else np.inf)
     return np.array(errors)
+
+
+def too_short() -> LogError:
+    """The error for rows that cannot be parted for a cross-validation."""
+    expected = 'select="bic", which needs fewer, longer runs, or an order'
+    return LogError("too few rows to hold blocks of them out", place="select", value="cv", expected=expected)
 
 
 def folds(stretches: Sequence[Stretch], shortest: int, count: int = FOLDS) -> list[tuple[list[Stretch], list[Stretch]]]:
