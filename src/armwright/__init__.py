@@ -53,6 +53,10 @@ if TYPE_CHECKING:
     from armwright.identification.logs.preparation import Preparation, choose_preparation, prepare_log
     from armwright.ik.solutions import PoseSolutions
     from armwright.ik.solve import inverse_kinematics
+    from armwright.identification.validation.limits import Limits
+    from armwright.identification.validation.report import write_report
+    from armwright.identification.validation.validate import Validation, validate
+    from armwright.identification.validation.verdict import stored_verdict, write_verdict
     from armwright.interfaces import Controller, JointReference, Measurement, Sensor, Trajectory
     from armwright.kernels.compiled import CompiledArm
     from armwright.kernels.compiled import compile_arm as compile
@@ -120,6 +124,10 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.identification.logs.preparation": ("Preparation", "choose_preparation", "prepare_log"),
     "armwright.ik.solutions": ("PoseSolutions",),
     "armwright.ik.solve": ("inverse_kinematics",),
+    "armwright.identification.validation.limits": ("Limits",),
+    "armwright.identification.validation.report": ("write_report",),
+    "armwright.identification.validation.validate": ("Validation", "validate"),
+    "armwright.identification.validation.verdict": ("stored_verdict", "write_verdict"),
     "armwright.kernels.compiled": ("CompiledArm", "compile"),
     "armwright.kinematics": ("forward_kinematics", "jacobian", "jacobian_dot_qd"),
     "armwright.model": ("Model",),
@@ -173,6 +181,7 @@ __all__ = [
     "JointReference",
     "Layout",
     "LinearModel",
+    "Limits",
     "Log",
     "Loop",
     "LoopState",
@@ -197,6 +206,7 @@ __all__ = [
     "Step",
     "Timing",
     "Trajectory",
+    "Validation",
     "animate",
     "articulated_body",
     "assemble",
@@ -260,10 +270,14 @@ __all__ = [
     "spring_torques",
     "statistics",
     "step_study",
+    "stored_verdict",
     "to_toml",
+    "validate",
     "write_into",
     "write_parts",
+    "write_report",
     "write_toml",
+    "write_verdict",
 ]
 
 

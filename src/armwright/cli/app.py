@@ -33,6 +33,7 @@ from armwright.cli.show import show
 from armwright.cli.sim import sim
 from armwright.cli.simulate import simulate
 from armwright.cli.step_study import step_study
+from armwright.cli.validate import validate
 from armwright.errors import ArmwrightError
 from armwright.terminal import say
 
@@ -150,6 +151,7 @@ for command in (
     reproduce,
     assemble,
     log,
+    validate,
     sim,
 ):
     app.command()(command)

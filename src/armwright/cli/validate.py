@@ -1,0 +1,95 @@
+"""`armwright validate`: a record against a log, and a verdict."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armwright.cli.arguments import SCENARIO, Allow, option, refuse_allow
+from armwright.cli.tables import console_for_tables, table
+from armwright.terminal import say
+
+FAILS = 1  # the exit code where the record does not keep its limits
+
+
+def validate(
+    robot: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENARIO|ARM",
+            help="Path of a robot's file, name of a built-in arm, or path of a .scenario.toml.",
+            show_default=False,
+        ),
+    ],
+    log: Annotated[Path, typer.Argument(metavar="FILE.log.toml", help="The log to compare with.", show_default=False)],
+    limits: Annotated[
+        Path | None,
+        option("--limits", "LIMITS.toml", "What has to be reached; by default R² ≥ 0.9 of torques, or a fit of 70 %."),
+    ] = None,
+    run: Annotated[
+        list[str] | None,
+        option("--run", "NAME", "A run to judge, may be repeated; by default those marked hold-out, else all."),
+    ] = None,
+    window: Annotated[
+        float | None,
+        option("--window", "S", "Time in s after which a free simulation starts again from the log; default 0.5."),
+    ] = None,
+    no_simulation: Annotated[bool, typer.Option("--no-simulation", help="Predict torques only.")] = False,
+    report: Annotated[
+        Path | None, option("--report", "FILE.html", "Write a page with plots, which needs no network.")
+    ] = None,
+    allow: Allow = None,
+) -> None:
+    """Compare a record with a log: torque prediction, free simulation, a verdict.
+
+    Judged are the runs that the log marks use = "hold-out"; without any all runs, and that is said. The verdict is stored
+    beside the record, as ARM.verdict.toml, with the checksums of record and log. Exit code: 0 passes, 1 fails its limits, 2
+    input that cannot be used.
+
+    \b
+    Examples:
+      armwright validate arm.toml arm.log.toml
+      armwright validate arm.toml arm.log.toml --limits limits.toml --report report.html
+      armwright validate swing.scenario.toml arm.log.toml
+    """
+    import armwright as aw
+    from armwright.cli.progress import progress
+    from armwright.identification.validation.report import check_report, write_report
+    from armwright.identification.validation.validate import HEADS
+    from armwright.identification.validation.verdict import check_verdict, write_verdict
+
+    if report is not None:
+        check_report(report)
+    if robot.endswith(SCENARIO):
+        subject, record = aw.read_scenario(robot, allow=allow or ()), robot
+    else:
+        refuse_allow(allow)
+        subject, record = robot, None
+    check_verdict(record or robot)
+    with progress(f"comparing {robot} with {log.name}") as tell:
+        found = aw.validate(
+            subject,
+            log,
+            limits=limits,
+            runs=run,
+            window=window,
+            simulation=not no_simulation,
+            record=record,
+            progress=tell,
+        )
+    console = console_for_tables()
+    console.print(table(f"{found.arm.name}: {found.verdict}", HEADS, found.rows(), (HEADS[1], HEADS[6], HEADS[8])))
+    say("")
+    for note in found.notes:
+        say(note)
+    for each in found.measures:
+        for remark in each.remarks:
+            say(f"{each.joint}, {each.quantity}: {remark}")
+    if found.record is not None:
+        say(f"wrote {write_verdict(found)}")
+    if report is not None:
+        say(f"wrote {write_report(report, f'{found.arm.name}: validation', validation=found)}")
+    if not found.passed:
+        raise typer.Exit(FAILS)

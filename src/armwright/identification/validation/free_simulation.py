@@ -1,0 +1,296 @@
+"""Free simulation: an arm driven by the logged commands, or a scenario's closed loop, beside the logged motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from armwright.description.drive import Command
+from armwright.errors import LogError, ScenarioError
+from armwright.identification.logs.log import Log, LogRun
+from armwright.identification.logs.preparation import prepare_log
+from armwright.identification.validation.prediction import (
+    SIGNALS,
+    Prediction,
+    Quantity,
+    check_match,
+    check_pose_free,
+    columns_of,
+    is_logged,
+    preparation_for,
+    units_of,
+)
+from armwright.identification.validation.residuals import parts_of
+from armwright.identification.validation.torque import check_constants, motor_shares, with_command
+from armwright.kernels.compiled import CompiledArm, compile_arm
+from armwright.model import Model
+from armwright.parameters import Batch
+from armwright.simulation.inputs.schedule import Schedule
+from armwright.simulation.scenario import Scenario
+from armwright.simulation.scenario_parts import Recording, Start
+from armwright.simulation.simulation import Simulation, simulate
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+WINDOW = 0.5  # [s] after which an arm that drifts starts again from the log
+LEAST = 8  # steps of a window
+INPUTS: dict[str, Command] = {
+    "voltage": "voltage",
+    "current": "current",
+    "tau": "torque",
+}  # signal of a log → command of a drive
+
+
+@dataclass(frozen=True, eq=False)
+class _Driven:
+    """A run as a simulation needs it, at the rows where the filter has settled.
+
+    Attributes:
+        t: (rows,) [s].   windows: row numbers (k + 1,) of each window; the first is where it begins.
+        start_q, start_qd: (rows, n), filtered.   commands: (rows, n), as logged.   q, qd: (rows, n) as logged; None: not logged.
+    """
+
+    run: LogRun
+    t: np.ndarray
+    windows: list[np.ndarray]
+    start_q: np.ndarray
+    start_qd: np.ndarray
+    commands: np.ndarray
+    q: np.ndarray | None
+    qd: np.ndarray | None
+
+
+def driving_signal(arm: Model, log: Log) -> str | None:
+    """The signal that can drive a simulation: what the record's drives take, else voltage, current or torque; None: none."""
+    own = {command: signal for signal, command in INPUTS.items()}
+    kinds = {body.drive.command for body in arm.coordinates}
+    first = [own[kind] for kind in kinds] if len(kinds) == 1 else []
+    return next((signal for signal in (*first, *INPUTS) if is_logged(log, signal)), None)
+
+
+def default_window(log: Log) -> float | None:
+    """[s] of the windows of a free simulation; None: whole stretches, where speeds alone are compared, which do not drift."""
+    return WINDOW if is_logged(log, "q") else None
+
+
+def simulate_log(
+    arm: Model, log: Log, runs: Sequence[str], window: float | None = WINDOW, dyn: CompiledArm | None = None
+) -> list[Prediction]:
+    """Motion of an arm that the logged commands drive, held from row to row, in windows that each start from the log.
+
+    A window begins with the position and speed of the filtered log; within it nothing is corrected. Robots drift in open
+    loop, so the length of the windows belongs to every number that is made of them. Rows at the ends of a stretch that make
+    no whole window are left out.
+
+    Args:
+        arm: a full record.   log: what `read_log` returned.   runs: names.
+        window: [s]; None: whole stretches.   dyn: the arm's kernels; None: they are compiled where they are needed.
+    Returns:
+        predictions: of the position and of the speed of each run, where they are logged.
+    Raises:
+        LogError: an arm that does not match, no command or no motion in the log, a window too short.
+        ArmwrightError: as `Simulation`.
+    """
+    check_match(arm, log)
+    signal = driving_signal(arm, log)
+    if signal is None:
+        expected = "voltages, currents or torques of all joints"
+        raise LogError("nothing logged that drives the arm", place="signals", expected=expected, file=log.path)
+    check_constants(arm, signal, log)
+    if window is not None and not (isinstance(window, (int, float)) and window > 0):
+        raise LogError(place="window", value=window, expected="a time above 0 [s], or None")
+    if not is_logged(log, "q"):
+        check_pose_free(arm, dyn or compile_arm(arm), log)
+    driven = [_driven(arm, log, log.run(name), signal, window) for name in runs]
+    moved = _simulated(with_command(arm, INPUTS[signal]), driven)
+    kept = f"{INPUTS[signal]}s of the log held from row to row"
+    length = "whole stretches" if window is None else f"windows of {window:g} s, each started from the log"
+    how = f"free simulation, {kept}; {length}"
+    return [
+        prediction
+        for run, windows in zip(driven, moved, strict=True)
+        for prediction in _predictions(arm, run, windows, how, INPUTS[signal])
+    ]
+
+
+def _driven(arm: Model, log: Log, run: LogRun, signal: str, window: float | None) -> _Driven:
+    """A run with its windows.
+
+    Raises:
+        LogError: no speed, or a window that no stretch holds.
+    """
+    order = columns_of(arm, log)
+    # Filtered rows say where a window begins; what drives it, and what it is compared with, stays as it was logged.
+    smooth = prepare_log(log, run.name, preparation_for(log, run.name, decimate=1))
+    if "qd" not in smooth:
+        raise LogError("neither position nor speed logged", place="signals", expected="one of them", file=log.path)
+    raw, t = log.dataset(run.name), smooth["time"].values
+    at = np.minimum(np.searchsorted(raw["time"].values, t - 0.5 * run.period), raw.sizes["time"] - 1)
+    commands = raw[signal].values[at][:, order]
+    if signal == "tau":  # of the motors, where they are coupled
+        commands = commands @ np.linalg.inv(motor_shares(arm))
+    windows = _windows(smooth["stretch"].values, None if window is None else round(window / run.period))
+    if not windows:
+        longest = max((part.stop - part.start for part in parts_of(smooth["stretch"].values)), default=0)
+        expected = f"{LEAST} rows at least, and no more than a stretch has, {longest * run.period:.4g} s"
+        raise LogError(place="window", value=window, expected=expected, file=log.path)
+    logged = {name: raw[name].values[at][:, order] if is_logged(log, name) else None for name in ("q", "qd")}
+    start_q = smooth["q"].values[:, order] if "q" in smooth else np.zeros((len(t), arm.n))
+    return _Driven(run, t, windows, start_q, smooth["qd"].values[:, order], commands, logged["q"], logged["qd"])
+
+
+def _windows(stretch: np.ndarray, steps: int | None) -> list[np.ndarray]:
+    """Row numbers of every window of so many steps; None: of every stretch."""
+    found = []
+    for part in parts_of(stretch):
+        rows = part.stop - part.start
+        length = min(rows - 1, steps or rows)
+        if length >= LEAST:
+            begins = range(part.start, part.stop - length, length)
+            found += [np.arange(begin, begin + length + 1) for begin in begins]
+    return found
+
+
+def _simulated(arm: Model, driven: Sequence[_Driven]) -> list[list[tuple[np.ndarray, np.ndarray]]]:
+    """q and q̇ (k, n) at the rows of every window of every run after its first; windows of the same length run side by side."""
+    results: list[list[tuple[np.ndarray, np.ndarray]]] = [[] for _ in driven]
+    groups: dict[tuple[int, float], list[tuple[int, np.ndarray]]] = {}
+    for number, each in enumerate(driven):
+        for rows in each.windows:
+            groups.setdefault((len(rows), round(each.run.period, 12)), []).append((number, rows))
+    loop, found = None, {}
+    for (count, period), members in groups.items():
+        times = period * np.arange(count - 1)
+        commands = [Schedule(times, driven[k].commands[rows[:-1]], tuple(arm.names)) for k, rows in members]
+        start = Start(
+            Batch(np.array([driven[k].start_q[rows[0]] for k, rows in members])),
+            Batch(np.array([driven[k].start_qd[rows[0]] for k, rows in members])),
+        )
+        scenario = Scenario(
+            arm,
+            (count - 1) * period,
+            command=Batch(commands),
+            start=start,
+            recording=Recording(period=period, what="state"),
+        )
+        simulation = Simulation(scenario, loop=loop)
+        loop = simulation.loop
+        run = simulation.run(keep_state=False)
+        stopped = _stopped(run)
+        for lane, (number, rows) in enumerate(members):
+            q, qd = (run[name].values[lane, 1:] * (np.nan if stopped[lane] else 1.0) for name in ("q", "qd"))
+            found[number, int(rows[0])] = (q, qd)
+    for number, each in enumerate(driven):
+        results[number] = [found[number, int(rows[0])] for rows in each.windows]
+    return results
+
+
+def _stopped(run: xr.Dataset) -> np.ndarray:
+    """(lanes,) True where a lane diverged or ran out of steps."""
+    stopped = np.zeros(run.sizes["lane"], dtype=bool)
+    for name in ("diverged_at", "stalled_at"):
+        if name in run:
+            stopped |= np.isfinite(run[name].values)
+    return stopped
+
+
+def _predictions(
+    arm: Model, run: _Driven, windows: list[tuple[np.ndarray, np.ndarray]], how: str, command: str
+) -> Iterator[Prediction]:
+    """Position and speed of a run, as far as they are logged."""
+    rows = np.concatenate([each[1:] for each in run.windows])
+    part = np.concatenate([np.full(len(each) - 1, k) for k, each in enumerate(run.windows)])
+    diverged = sum(bool(np.isnan(q).any()) for q, _ in windows)
+    logged: list[tuple[Quantity, np.ndarray | None, int]] = [("position", run.q, 0), ("speed", run.qd, 1)]
+    for quantity, measured, which in logged:
+        if measured is not None:
+            predicted = np.concatenate([each[which] for each in windows])
+            yield Prediction(
+                quantity,
+                how,
+                run.run.name,
+                run.run.use,
+                tuple(arm.names),
+                units_of(arm, quantity),
+                1.0 / run.run.period,
+                1,
+                run.t[rows],
+                part,
+                measured[rows],
+                predicted,
+                run.start_qd[rows],
+                None,
+                run.commands[rows - 1],
+                command,
+                diverged,
+            )
+
+
+def simulate_scenario(scenario: Scenario, log: Log, runs: Sequence[str]) -> list[Prediction]:
+    """Motion of a scenario, its loop closed, beside runs of a log that were made with the same reference and controller.
+
+    Time 0 of the scenario is the first row of a run. Where the scenario states no initial position, it starts where the log
+    does. Positions, speeds and torques are compared at the log's rows, as long as both last.
+
+    Args:
+        scenario: one without lanes.   log: what `read_log` returned.   runs: names.
+    Returns:
+        predictions: of all that is logged of position, speed and torque.
+    Raises:
+        LogError: an arm that does not match, nothing to compare.   ScenarioError: a scenario with lanes, or one that cannot run.
+    """
+    arm = scenario.arm
+    check_match(arm, log)
+    if scenario.lane_count is not None:
+        raise ScenarioError(
+            place="lanes", value=scenario.lane_count, expected="a single run, to be compared with a log"
+        )
+    signals: dict[Quantity, str] = {quantity: name for quantity, name in SIGNALS.items() if is_logged(log, name)}
+    if not signals:
+        raise LogError("neither position, speed nor torque logged", place="signals", file=log.path)
+    order, how = columns_of(arm, log), "the scenario's run, time 0 at the first row"
+    found = []
+    for name in runs:
+        chosen, raw = log.run(name), log.dataset(name)
+        states_none = isinstance(scenario.start, Start) and scenario.start.q is None
+        start = Start(_first(raw, "q", order), _first(raw, "qd", order)) if states_none else scenario.start
+        run = simulate(replace(scenario, start=start, recording=Recording()))
+        inside = raw["time"].values <= float(run["time"][-1]) + 1e-9
+        t = raw["time"].values[inside]
+        for quantity, signal in signals.items():
+            values = run[signal].values
+            if signal == "tau":
+                values = values @ motor_shares(arm)
+            predicted = np.stack([np.interp(t, run["time"].values, each) for each in values.T], axis=1)
+            speed = raw["qd"].values[inside][:, order] if is_logged(log, "qd") else None
+            found.append(
+                Prediction(
+                    quantity,
+                    how,
+                    name,
+                    chosen.use,
+                    tuple(arm.names),
+                    units_of(arm, quantity),
+                    1.0 / chosen.period,
+                    1,
+                    t,
+                    np.zeros(len(t), dtype=int),
+                    raw[signal].values[inside][:, order],
+                    predicted,
+                    speed,
+                )
+            )
+    return found
+
+
+def _first(raw: xr.Dataset, signal: str, order: list[int]) -> np.ndarray | None:
+    """(n,) first row of a signal that is whole; None where it is not logged."""
+    if signal not in raw:
+        return None
+    values = raw[signal].values[:, order]
+    whole = np.flatnonzero(np.isfinite(values).all(axis=1))
+    return values[whole[0]] if len(whole) else None

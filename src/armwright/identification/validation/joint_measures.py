@@ -1,0 +1,257 @@
+"""Measures of one quantity of one joint over all judged runs, and what they mean in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armwright.identification.logs.delay import Delay
+from armwright.identification.logs.log import Log
+from armwright.identification.logs.preparation import longest_finite, motion_band
+from armwright.identification.logs.quantisation import quantisation_step
+from armwright.identification.validation.friction_signature import FrictionSignature, Term, friction_signature
+from armwright.identification.validation.measures import Agreement, agreement, rms
+from armwright.identification.validation.prediction import Prediction, Quantity
+from armwright.identification.validation.residuals import (
+    Correlation,
+    LjungBox,
+    autocorrelation,
+    cross_correlation,
+    delay_of,
+    ljung_box,
+    parts_of,
+    residual_spectrum,
+)
+
+STILL = 1e-3  # of the joint's largest range over all runs: less is rest
+STEPS = 3  # of quantisation: less is rest
+SHORTEST = 32  # rows of which a spectrum tells motion
+OPPOSED, ALIKE = -0.7, 0.85  # correlations from which on a wrong sign, or a wrong scale, is named
+SCALES = (0.75, 1.33)  # of measured over predicted: what lies between needs no wrong gear ratio
+WORSE = 2.0  # times the median RMS: a run that stands out
+CAUSES = {  # of a wrong scale
+    "torque": "a wrong gear ratio or torque constant",
+    "motion": "a wrong gear ratio, motor constant or friction",
+}
+LATE = 0.3  # samples: shorter delays are as the differences of counts have them
+
+
+@dataclass(frozen=True)
+class AtRest:
+    """A run in which a joint stands still: nothing that R² could be made of.
+
+    Attributes:
+        measured, predicted: means.   rms: of the residual.
+    """
+
+    measured: float
+    predicted: float
+    rms: float
+
+
+@dataclass(frozen=True, eq=False)
+class JointMeasures:
+    """Measures of one quantity of one joint.
+
+    Attributes:
+        joint, quantity, unit.   how: it was predicted, in words.
+        overall: over all runs in which the joint moves.   runs: each of these.   at_rest: the others.
+        autocorrelation, whiteness: of the residual.   cross: with the input.   input_name: which.
+        delay: of the measured behind the predicted signal, in samples of the log.   period: of these [s].
+        spectrum: f in Hz, power densities of the residual and of the measured signal.   friction: of torques.
+        diverged: windows whose simulation diverged.   remarks: what a user should know, one sentence each.
+    """
+
+    joint: str
+    quantity: Quantity
+    unit: str
+    how: str
+    overall: Agreement
+    runs: Mapping[str, Agreement]
+    at_rest: Mapping[str, AtRest]
+    autocorrelation: Correlation | None
+    whiteness: LjungBox | None
+    cross: Correlation | None
+    input_name: str
+    delay: Delay | None
+    period: float
+    spectrum: tuple[np.ndarray, np.ndarray, np.ndarray] | None
+    friction: FrictionSignature | None
+    diverged: int
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def spread(self) -> tuple[float, float]:
+        """Lowest and highest RMS of the residual of a run, in the signal's unit."""
+        values = [each.rms for each in self.runs.values()]
+        return (min(values), max(values)) if values else (np.nan, np.nan)
+
+    @property
+    def worst(self) -> str | None:
+        """The run with the largest RMS of the residual; None where the joint moves in none."""
+        return max(self.runs, key=lambda name: self.runs[name].rms, default=None)
+
+
+def resting(log: Log, joint: str, runs: Sequence[str]) -> set[str]:
+    """Runs in which a joint stands still: its range is a thousandth of that over all runs, a few counts, or noise."""
+    name = next(name for name in ("q", "qd") if name in log.layout)
+    places = log.layout[name].joints or ()
+    if log.joints.index(joint) not in places:
+        return set()
+    column, order, still = places.index(log.joints.index(joint)), 2 if name == "q" else 1, set()
+    ends = [
+        (run.census.signals[name].low[column], run.census.signals[name].high[column]) for run in log.runs if run.census
+    ]
+    largest = max(high for _, high in ends) - min(low for low, _ in ends)
+    for run in (log.run(each) for each in runs):
+        assert run.census is not None
+        extent = float(run.census.signals[name].high[column] - run.census.signals[name].low[column])
+        values = longest_finite(run.census.excerpt.values[name][:, column])
+        step = quantisation_step(values) or 0.0
+        has_spectrum = len(values) >= SHORTEST and values.std() > 0
+        noise = has_spectrum and motion_band(values, 1.0 / run.period, order)[0] == 0.0
+        if extent <= max(STILL * largest, STEPS * step) or noise:
+            still.add(run.name)
+    return still
+
+
+def joint_measures(predictions: Sequence[Prediction], column: int, still: set[str]) -> JointMeasures:
+    """Measures of one joint over predictions of the same quantity, a run each.
+
+    Args:
+        predictions: of several runs.   column: the joint's.   still: runs in which it does not move.
+    """
+    first = predictions[0]
+    moving = [each for each in predictions if each.run not in still]
+    at_rest = {each.run: _at_rest(each, column) for each in predictions if each.run in still}
+    runs = {each.run: agreement(each.measured[:, column], each.predicted[:, column]) for each in moving}
+    rows = _joined(moving, column)
+    residual, parts = rows.measured - rows.predicted, parts_of(rows.part)
+    auto = autocorrelation(residual, parts)
+    delay = delay_of(rows.measured, rows.predicted, parts)
+    if delay is not None:
+        delay = Delay(delay.samples * first.every, delay.std * first.every, delay.gain, delay.correlation)
+    unit, friction = first.units[column], None
+    if first.quantity == "torque" and rows.speed is not None and rows.acceleration is not None:
+        length = "m" if unit == "N" else "rad"
+        friction = friction_signature(residual, rows.speed, rows.acceleration, unit, length)
+    found = JointMeasures(
+        first.joints[column],
+        first.quantity,
+        unit,
+        first.how,
+        agreement(rows.measured, rows.predicted),
+        runs,
+        at_rest,
+        auto,
+        None if auto is None else ljung_box(auto, len(residual)),
+        None if rows.inputs is None else cross_correlation(residual, rows.inputs, parts),
+        first.input_name,
+        delay,
+        1.0 / (first.rate * first.every),
+        residual_spectrum(residual, rows.measured, parts, first.rate),
+        friction,
+        sum(each.diverged for each in moving),
+    )
+    return replace(found, remarks=tuple(remarks(found)))
+
+
+def _at_rest(prediction: Prediction, column: int) -> AtRest:
+    y, p = prediction.measured[:, column], prediction.predicted[:, column]
+    both = np.isfinite(y) & np.isfinite(p)
+    if not both.any():
+        return AtRest(np.nan, np.nan, np.nan)
+    return AtRest(float(y[both].mean()), float(p[both].mean()), rms((y - p)[both]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Rows of one joint over all runs in which it moves, those that are not finite left out; None: not known."""
+
+    measured: np.ndarray
+    predicted: np.ndarray
+    part: np.ndarray
+    speed: np.ndarray | None
+    acceleration: np.ndarray | None
+    inputs: np.ndarray | None
+
+
+def _joined(moving: Sequence[Prediction], column: int) -> _Rows:
+    """Rows of all runs one after the other, their stretches numbered on."""
+    finite = [np.isfinite(each.measured[:, column]) & np.isfinite(each.predicted[:, column]) for each in moving]
+
+    def join(values: list[np.ndarray]) -> np.ndarray:
+        rows = [each[kept, column] for each, kept in zip(values, finite, strict=True)]
+        return np.concatenate([np.zeros(0), *rows])
+
+    def known(values: list[np.ndarray | None]) -> np.ndarray | None:
+        there = [each for each in values if each is not None]
+        return join(there) if len(there) == len(values) else None
+
+    counts = np.cumsum([0, *(int(each.part.max(initial=-1)) + 1 for each in moving)])
+    parts = [each.part[kept] + count for each, kept, count in zip(moving, finite, counts[:-1], strict=True)]
+    return _Rows(
+        join([each.measured for each in moving]),
+        join([each.predicted for each in moving]),
+        np.concatenate([np.zeros(0, dtype=int), *parts]),
+        known([each.speed for each in moving]),
+        known([each.acceleration for each in moving]),
+        known([each.inputs for each in moving]),
+    )
+
+
+def remarks(found: JointMeasures) -> list[str]:
+    """What the measures mean, one sentence each, the gravest first."""
+    all_runs, said = found.overall, []
+    if found.diverged:
+        said.append(
+            f"{_plural(found.diverged, 'simulated window')} diverged: with these commands the model is unstable"
+        )
+    if not found.runs:
+        said.append(f"{found.joint} stands still in every judged run: nothing is said about it")
+    elif np.isnan(all_runs.r2):
+        said.append(f"the measured {found.quantity} is constant although the joint moves: is the column the right one?")
+    elif all_runs.correlation <= OPPOSED:
+        said.append(
+            f"the sign of the {found.quantity} looks wrong: measured and predicted move against each other "
+            f"(correlation {all_runs.correlation:.2f}); look at `signs` in the log, and at the joint's axis"
+        )
+    elif all_runs.correlation >= ALIKE and not SCALES[0] <= all_runs.gain <= SCALES[1]:
+        causes = CAUSES["torque" if found.quantity == "torque" else "motion"]
+        said.append(
+            f"the measured {found.quantity} is {all_runs.gain:.3g} times the predicted one: this looks like {causes}"
+        )
+    if found.delay is not None and abs(found.delay.samples) > max(LATE, 3 * found.delay.std):
+        d = found.delay
+        said.append(
+            f"the measured {found.quantity} comes {abs(d.samples):.2f} ± {d.std:.2g} samples "
+            f"({1e3 * abs(d.samples) * found.period:.3g} ms) {'after' if d.samples > 0 else 'before'} the predicted one"
+        )
+    if found.friction is not None:
+        said += [_missing(term) for term in found.friction.missing]
+    if len(found.runs) > 2:
+        middle = float(np.median([each.rms for each in found.runs.values()]))
+        worst = found.worst
+        if worst is not None and found.runs[worst].rms > WORSE * middle > 0:
+            times = found.runs[worst].rms / middle
+            said.append(f"run {worst!r} stands out: its residual is {times:.1f} times that of the usual run")
+    return said
+
+
+def _missing(term: Term) -> str:
+    """A term of friction that a record lacks, or has too much of, as a sentence."""
+    words = {
+        "offset": "a constant torque (an offset of the current sensor, or a weight)",
+        "Coulomb": "Coulomb friction", "viscous": "viscous friction", "Stribeck": "a Stribeck peak at low speed",
+        "inertia": "inertia (of the rotor, say)",
+    }  # fmt: skip
+    share = f"{100 * term.share:.0f} % of the residual's power"
+    if term.value < 0 and term.name != "offset":
+        return f"the record has {-term.value:.3g} {term.unit} too much of {words[term.name]}: {share}"
+    return f"{words[term.name]} of {term.value:.3g} ± {term.std:.1g} {term.unit} is missing: {share}"
+
+
+def _plural(count: int, word: str) -> str:
+    return f"{count} {word}{'' if count == 1 else 's'}"

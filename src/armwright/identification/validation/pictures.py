@@ -1,0 +1,152 @@
+"""Pictures of a validation's page, as SVG whose colours are those of the page, light or dark."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armwright.identification.validation.joint_measures import JointMeasures
+from armwright.identification.validation.prediction import Prediction
+from armwright.identification.validation.residuals import parts_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Stand-ins that matplotlib draws with; the page's own colours take their place.
+INK, QUIET, GRID, PREDICTED, RESIDUAL = "#010101", "#020202", "#030303", "#040404", "#050505"
+VARIABLES = {INK: "--ink", QUIET: "--quiet", GRID: "--faint", PREDICTED: "--accent", RESIDUAL: "--residual"}
+POINTS = 1200  # of a curve: of more rows the lowest and the highest of each group
+SIZE = 9.0
+WIDE, SMALL = (9.2, 3.9), (4.3, 2.6)  # [inch]
+MARGINS = (0.75, 0.5, 0.12, 0.3)  # left, below, right, above [inch]
+
+
+def over_time(prediction: Prediction, column: int) -> str:
+    """SVG of a joint's measured and predicted signal over time, the residual below."""
+
+    def draw(figure: Figure) -> None:
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
+        unit = prediction.units[column]
+        y, p = prediction.measured[:, column], prediction.predicted[:, column]
+        for k, part in enumerate(parts_of(prediction.part)):
+            t = prediction.t[part]
+            _curve(above, t, y[part], INK, "measured" if k == 0 else None)
+            _curve(above, t, p[part], PREDICTED, "predicted" if k == 0 else None)
+            _curve(below, t, (y - p)[part], RESIDUAL, None)
+        _words(above, "", f"{prediction.quantity} [{unit}]")
+        _words(below, "time [s]", f"residual [{unit}]")
+        figure.align_ylabels()
+        figure.legend(loc="upper left", ncols=2, borderaxespad=0.1, frameon=False, labelcolor=INK, fontsize=SIZE)
+
+    return _svg(draw, WIDE)
+
+
+def spectrum_picture(found: JointMeasures) -> str:
+    """SVG of the residual's spectrum beside that of the measured signal; "" where there is none."""
+    if found.spectrum is None:
+        return ""
+    from matplotlib.ticker import NullFormatter
+
+    f, e, y = found.spectrum
+
+    def draw(figure: Figure) -> None:
+        axis = figure.subplots()
+        for power, colour, label in ((y, INK, "measured"), (e, RESIDUAL, "residual")):
+            axis.plot(f, np.sqrt(np.maximum(power, 1e-300)), color=colour, linewidth=1.0, label=label)
+        top = float(np.sqrt(max(y.max(), e.max(), 1e-300)))
+        axis.set(xscale="log", yscale="log", ylim=(1e-6 * top, 3 * top))
+        for each in (axis.xaxis, axis.yaxis):  # plain numbers: matplotlib sets powers slowly, as formulas
+            each.set_major_formatter(lambda value, _: f"{value:g}")
+            each.set_minor_formatter(NullFormatter())
+        axis.legend(frameon=False, labelcolor=INK, fontsize=SIZE - 1)
+        _words(axis, "frequency [Hz]", f"[{found.unit}/√Hz]")
+
+    return _svg(draw, SMALL)
+
+
+def friction_picture(found: JointMeasures) -> str:
+    """SVG of the residual torque against speed; "" where there is none."""
+    signature = found.friction
+    if signature is None:
+        return ""
+
+    def draw(figure: Figure) -> None:
+        axis = figure.subplots()
+        low, high = signature.mean - signature.std, signature.mean + signature.std
+        axis.fill_between(signature.speed, low, high, color=RESIDUAL, alpha=0.2, linewidth=0)
+        axis.plot(signature.speed, signature.mean, ".-", color=RESIDUAL, linewidth=1.0, markersize=4)
+        axis.axhline(0.0, color=QUIET, linewidth=0.7)
+        _words(axis, f"speed [{'m/s' if found.unit == 'N' else 'rad/s'}]", f"mean residual [{found.unit}]")
+
+    return _svg(draw, SMALL)
+
+
+def correlation_picture(found: JointMeasures) -> str:
+    """SVG of the residual's autocorrelation and of its correlation with the input, with 99 % bounds; "" where there is none."""
+    if found.autocorrelation is None:
+        return ""
+    shown = [("residual", found.autocorrelation, RESIDUAL)]
+    if found.cross is not None:
+        shown.append((f"with {found.input_name}", found.cross, PREDICTED))
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
+        for axis, (label, correlation, colour) in zip(axes, shown, strict=True):
+            axis.axhspan(-correlation.bound, correlation.bound, color=QUIET, alpha=0.2, linewidth=0)
+            axis.vlines(correlation.lags, 0.0, correlation.values, color=colour, linewidth=1.6)
+            axis.set_ylim(-1.05, 1.05)
+            _words(axis, "lag [rows]", "correlation" if axis is axes[0] else "")
+            axis.set_title(label, color=INK, fontsize=SIZE)
+
+    return _svg(draw, SMALL)
+
+
+def _curve(axis: Axes, t: np.ndarray, values: np.ndarray, colour: str, label: str | None) -> None:
+    group = -(-len(t) // (POINTS // 2))
+    if group > 1:
+        rows = len(t) // group * group
+        groups = np.where(np.isfinite(values[:rows]), values[:rows], 0.0).reshape(-1, group)
+        both = np.sort(np.stack([groups.argmin(1), groups.argmax(1)]), axis=0) + np.arange(0, rows, group)
+        t, values = t[both.T.ravel()], values[both.T.ravel()]
+    axis.plot(t, values, color=colour, linewidth=1.0, label=label)
+
+
+def _words(axis: Axes, below: str, left: str) -> None:
+    axis.set_xlabel(below, color=QUIET, fontsize=SIZE)
+    axis.set_ylabel(left, color=QUIET, fontsize=SIZE)
+    axis.tick_params(which="both", colors=QUIET, labelsize=SIZE)
+    axis.grid(color=GRID, linewidth=0.7)
+    axis.set_facecolor("none")
+    axis.spines[["top", "right"]].set_visible(False)
+    axis.spines[["left", "bottom"]].set_color(QUIET)
+
+
+def _svg(draw: Callable[[Figure], None], size: Sequence[float]) -> str:
+    """The picture as an SVG element with the page's colours and its font."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    style: Any = {
+        "svg.fonttype": "none",
+        "svg.hashsalt": "armwright",
+        "font.family": "sans-serif",
+        "path.simplify_threshold": 0.5,
+    }
+    with matplotlib.rc_context(style):
+        figure = Figure(figsize=(size[0], size[1]), facecolor="none")  # a computed layout would take most of the time
+        left, below, right, above = (inches / size[k % 2] for k, inches in enumerate(MARGINS))
+        figure.subplots_adjust(left, below, 1.0 - right, 1.0 - above, wspace=0.12, hspace=0.12)
+        draw(figure)
+        file = io.StringIO()
+        figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
+    text = file.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    for colour, variable in VARIABLES.items():
+        text = text.replace(colour, f"var({variable})")
+    return text

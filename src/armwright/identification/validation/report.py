@@ -1,0 +1,297 @@
+"""Report of an identification or of a validation as one HTML page that needs no network."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from armwright.identification.estimate import Estimate
+from armwright.identification.validation.joint_measures import JointMeasures
+from armwright.identification.validation.limits import Check
+from armwright.identification.validation.pictures import (
+    correlation_picture,
+    friction_picture,
+    over_time,
+    spectrum_picture,
+)
+from armwright.identification.validation.validate import Validation
+from armwright.output import check_destination, whole_file
+from armwright.results.plot_page import PAGES, page
+
+HERE = Path(__file__).parent / "pages"
+ENDINGS = (".html",)
+STRONG = 0.95  # correlation from which on two parameters are named
+PAIRS = 12  # of strongly correlated parameters that are listed
+SMALL = 1e-3  # of a probability: less is shown as that
+BOUNDS = "beyond 99 % bounds"
+DRAWN = 2  # runs of each joint that are drawn
+MEASURES = (
+    ("R²", "1 − ‖e‖² / ‖y − ȳ‖²: the share of the signal's power that is explained; below 0 the mean would be better"),
+    ("fit", "100 (1 − ‖e‖ / ‖y − ȳ‖) %: the share of its amplitude; NRMSE is 1 − fit / 100"),
+    ("VAF", "100 (1 − var e / var y) %: as R², but a constant error is forgiven"),
+    ("white", "p of Ljung and Box's test: how likely correlations this large are, if nothing is left in the residual but noise"),
+    ("delay", "of the measured behind the predicted signal, in samples of the log, ± its standard deviation"),
+    ("at rest", "a joint that stands still has nothing that a model could explain: its mean values are given instead"),
+)  # fmt: skip
+
+
+def check_report(path: str | os.PathLike[str]) -> Path:
+    """The path, if a report can be written there; to be asked before long work.
+
+    Raises:
+        OutputError: another ending than .html, a missing folder, no permission.
+    """
+    return check_destination(path, ENDINGS)
+
+
+def write_report(
+    path: str | os.PathLike[str],
+    title: str,
+    estimate: Estimate | None = None,
+    validation: Validation | None = None,
+    sections: Sequence[tuple[str, str]] = (),
+) -> Path:
+    """Writes a report: verdict and summary first, then what to do next, parameters, joints with their plots, and the method.
+
+    Args:
+        path: ending in .html.   title: of the page.   estimate: of the parameters, if some were fitted.
+        validation: on a log, if there was one.
+        sections: further ones, each a heading and its HTML: what a fit adds of its own.
+    Returns:
+        path: of the page, one file that needs no network; light or dark as the reader's system is.
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    path = check_report(path)
+    html = report_page(title, estimate, validation, sections)
+    with whole_file(path, ENDINGS) as temporary:
+        temporary.write_text(html, encoding="utf-8", newline="\n")
+    return path
+
+
+def report_page(
+    title: str,
+    estimate: Estimate | None = None,
+    validation: Validation | None = None,
+    sections: Sequence[tuple[str, str]] = (),
+) -> str:
+    """HTML of the page; see `write_report`."""
+    blocks = [_summary(estimate, validation)]
+    if validation is not None:
+        blocks.append(_block("Every joint", _measures(validation)))
+    next_steps = steps(estimate, validation)
+    if next_steps:
+        blocks.append(_block("What to do next", _list(next_steps)))
+    if estimate is not None:
+        blocks.append(_block("Parameters", _parameters(estimate)))
+    blocks += [_block(heading, html) for heading, html in sections]
+    if validation is not None:
+        blocks += [_joint(validation, joint) for joint in validation.arm.names]
+        blocks.append(_block("How this was measured", _method(validation)))
+    words = {"title": title, "heading": title, "subtitle": "" if validation is None else validation.log.title}
+    styles = [PAGES / "page.css", HERE / "report.css"]
+    return page(HERE / "report.html", [PAGES / "unpack.js"], styles, words, body="\n".join(blocks))
+
+
+def steps(estimate: Estimate | None, validation: Validation | None) -> list[str]:
+    """What the findings ask for, in words, the gravest first."""
+    found = [] if estimate is None else list(estimate.remarks)
+    if validation is None:
+        return found
+    for each in validation.measures:
+        found += [f"{each.joint}, {each.quantity}: {remark}." for remark in each.remarks]
+    missing = {term.name for each in validation.measures if each.friction for term in each.friction.missing}
+    if missing & {"Coulomb", "viscous", "Stribeck"}:
+        found.append("Friction is missing or too large: `armwright identify friction` fits it to the same log.")
+    if missing & {"inertia"}:
+        found.append("Inertia is missing or too large: identify the arm again, with the rotors free.")
+    if not validation.held_out:
+        found.append(
+            'Mark a run that no fit has seen use = "hold-out" in the log, and validate again: this verdict flatters.'
+        )
+    if validation.passed and not found:
+        found.append(
+            "Nothing stands out: the record predicts this log. It says nothing about other speeds, loads and poses."
+        )
+    return found
+
+
+def _summary(estimate: Estimate | None, validation: Validation | None) -> str:
+    """Verdicts, and what belongs to them."""
+    lines = []
+    if estimate is not None:
+        good = " good" if estimate.verdict == "identified" else ""
+        lines.append(
+            f'<p class="verdict{good}">{escape(estimate.verdict.capitalize())}</p><p>{escape(estimate.method)}</p>'
+        )
+    if validation is not None:
+        good = " good" if validation.passed else ""
+        lines.append(f'<p class="verdict{good}">{escape(validation.arm.name)} {escape(validation.verdict)}</p>')
+        record = "made in Python or built in" if validation.record is None else validation.record.name
+        runs = ", ".join(validation.runs) if len(validation.runs) <= 8 else f"{len(validation.runs)} runs"
+        facts = {
+            "Record": f"{record} {_short(validation.record_sha256)}",
+            "Log": f"{validation.log.path.name} {_short(validation.log.sha256)}",
+            "Judged": f"{runs}, {'not used for fitting' if validation.held_out else 'not held out'}",
+            "Limits": _limits(validation),
+            "Date": validation.date,
+        }
+        lines.append("<dl>" + "".join(f"<dt>{k}</dt><dd>{escape(v)}</dd>" for k, v in facts.items()) + "</dl>")
+    elif estimate is not None:
+        facts = {"Log": f"{estimate.log} {_short(estimate.sha256)}"}
+        lines.append("<dl>" + "".join(f"<dt>{k}</dt><dd>{escape(v)}</dd>" for k, v in facts.items()) + "</dl>")
+    return f"<section>{''.join(lines)}</section>"
+
+
+def _short(sha256: str) -> str:
+    return f"(sha256 {sha256[:12]}…)" if sha256 else ""
+
+
+def _limits(validation: Validation) -> str:
+    """The limits in one line."""
+    tables = validation.limits.model_dump(exclude_none=True, exclude_defaults=True)
+    tables |= {
+        f"{joint}.{quantity}": each for joint, own in tables.pop("joints", {}).items() for quantity, each in own.items()
+    }
+    texts = [f"{name}.{key} = {value:g}" for name, table in tables.items() for key, value in table.items()]
+    judged = sorted({check.quantity for check in validation.checks})
+    default = f" (default; judged: {', '.join(judged) or 'nothing'})" if validation.by_default else ""
+    return f"{', '.join(texts)}{default}"
+
+
+def _measures(validation: Validation) -> str:
+    """Table of all measures, a row for each joint and quantity."""
+    heads = ("joint", "quantity", "R²", "fit [%]", "VAF [%]", "RMS", "unit", "RMS of runs", "delay", "white", "limits")
+    rows = []
+    for each in validation.measures:
+        name = f'<a href="#{escape(each.joint)}">{escape(each.joint)}</a>'
+        if not each.runs:
+            rows.append([name, each.quantity, "at rest", *[""] * 3, each.unit, *[""] * 3, _at_rest(each)])
+            continue
+        a, (low, high) = each.overall, each.spread
+        values = [f"{a.r2:.3f}", f"{a.fit:.1f}", f"{a.vaf:.1f}", f"{a.rms:.4g}", each.unit]
+        spread = f"{low:.3g} … {high:.3g}" if len(each.runs) > 1 else ""
+        delay = "" if each.delay is None else f"{each.delay.samples:.2f} ± {each.delay.std:.1g}"
+        white = "" if each.whiteness is None else escape(_probability(each.whiteness.p))
+        judged = (check for check in validation.checks if (check.joint, check.quantity) == (each.joint, each.quantity))
+        rows.append([name, each.quantity, *values, spread, delay, white, "<br>".join(map(_judged, judged))])
+    return _table(heads, rows, (0, 1, 6, 10))
+
+
+def _judged(check: Check) -> str:
+    sign, colour = ("✓", "good") if check.passed else ("✗", "bad")
+    return f'<span class="{colour}">{sign} {escape(str(check))}</span>'
+
+
+def _at_rest(found: JointMeasures) -> str:
+    """Means of the first runs in which a joint stands still."""
+    few = list(found.at_rest.items())[:3]
+    return escape("; ".join(f"{k}: measured {v.measured:.3g}, predicted {v.predicted:.3g}" for k, v in few))
+
+
+def _parameters(estimate: Estimate) -> str:
+    """Table of the estimated numbers, then strong correlations and measures of the fit."""
+    rows = []
+    std, at_bound, known = estimate.std, np.asarray(estimate.at_bound), np.asarray(estimate.identifiable)
+    for k, name in enumerate(estimate.names):
+        value, is_known = estimate.values[k], np.isfinite(std[k])
+        share = f"{100 * abs(std[k] / value):.2g} %" if value and is_known else ""
+        note = "" if known[k] else "not identified: as the record has it"
+        note = "at its bound" if at_bound[k] else note
+        cells = [escape(name), f"{value:.6g}", f"{std[k]:.2g}" if is_known else "", escape(estimate.units[k]), share]
+        rows.append([*cells, f'<span class="bad">{note}</span>'])
+    parts = [_table(("parameter", "value", "± std", "unit", "relative", ""), rows, (0, 3, 5))]
+    matrix = estimate.correlation
+    pairs = sorted(np.argwhere(np.triu(np.abs(matrix), 1) > STRONG), key=lambda pair: -abs(matrix[tuple(pair)]))
+    if pairs:
+        named = [f"{estimate.names[i]} and {estimate.names[j]}: {matrix[i, j]:.3f}" for i, j in pairs[:PAIRS]]
+        parts.append(f"<h3>Strong correlations</h3>{_list(named)}")
+    if estimate.fit:
+        names = list(dict.fromkeys(name for each in estimate.fit.values() for name in each))
+        words = {"fit_percent": "fit [%]", "r2": "R²", "rms": "RMS"}
+        cells = [[escape(k), *(f"{v[n]:.4g}" if n in v else "" for n in names)] for k, v in estimate.fit.items()]
+        heads = ("", *(words.get(name, name.replace("_", " ")) for name in names))
+        parts.append(f"<h3>Fit to the log</h3>{_table(heads, cells, (0,))}")
+    if np.isfinite(estimate.condition):
+        parts.append(f'<p class="quiet">Condition number {estimate.condition:.4g}.</p>')
+    return "".join(parts)
+
+
+def _joint(validation: Validation, joint: str) -> str:
+    """Plots and words of one joint, those of the first quantity open."""
+    column, inner = validation.arm.names.index(joint), []
+    for number, each in enumerate(each for each in validation.measures if each.joint == joint):
+        runs = {p.run: p for p in validation.predictions if p.quantity == each.quantity}
+        shown = list(dict.fromkeys([each.worst or next(iter(runs)), *runs]))[: 1 if number else DRAWN]
+        parts = []
+        for name in shown:
+            worst = " (the largest residual)" if len(runs) > 1 and name == each.worst else ""
+            parts.append(f"<h3>{each.quantity.capitalize()}, run {escape(name)}{worst}</h3>")
+            parts.append(f'<div class="plot">{over_time(runs[name], column)}</div>')
+        pictures = [svg for svg in (spectrum_picture(each), friction_picture(each), correlation_picture(each)) if svg]
+        parts.append(f'<div class="small">{"".join(f"""<div class="plot">{svg}</div>""" for svg in pictures)}</div>')
+        parts += [_list(map(_sentence, each.remarks)), _tests(each)]
+        text = "\n".join(parts)
+        inner.append(f"<details><summary>{each.quantity.capitalize()}</summary>{text}</details>" if number else text)
+    return _block(joint, "\n".join(inner), joint) if inner else ""
+
+
+def _tests(found: JointMeasures) -> str:
+    """The residual's tests in words; they are no part of the verdict."""
+    texts = []
+    if found.whiteness is not None and found.autocorrelation is not None:
+        w, beyond = found.whiteness, 100 * found.autocorrelation.outside
+        p = f"p {'' if w.p < SMALL else '= '}{_probability(w.p)}"
+        texts.append(
+            f"Ljung–Box over {w.lags} lags: Q = {w.q:.4g}, {p}; {beyond:.0f} % of the autocorrelations {BOUNDS}."
+        )
+    if found.cross is not None:
+        (lag, value), beyond = found.cross.largest, 100 * found.cross.outside
+        texts.append(
+            f"Largest correlation with the {found.input_name} {value:.2f} at lag {lag}; {beyond:.0f} % {BOUNDS}."
+        )
+    return f'<p class="quiet">{escape(" ".join(texts))}</p>' if texts else ""
+
+
+def _method(validation: Validation) -> str:
+    """How the predictions came about, and what the measures are."""
+    notes = [*validation.notes, "Tests of residuals are reported and never decide: what is filtered is never white"]
+    terms = "".join(f"<dt>{name}</dt><dd>{escape(about)}</dd>" for name, about in MEASURES)
+    symbols = "y is measured, ŷ predicted, e = y − ŷ the residual, ȳ the mean of y."
+    return f'{_list(map(_sentence, notes))}<p class="quiet">{symbols}</p><dl>{terms}</dl>'
+
+
+def _probability(p: float) -> str:
+    return "< 0.001" if p < SMALL else f"{p:.2g}"
+
+
+def _block(heading: str, inner: str, anchor: str = "") -> str:
+    where = f' id="{escape(anchor)}"' if anchor else ""
+    return f"<section{where}><h2>{escape(heading)}</h2>\n{inner}\n</section>"
+
+
+def _list(texts: Iterable[str]) -> str:
+    items = "".join(f"<li>{escape(text)}</li>" for text in texts)
+    return f"<ul>{items}</ul>" if items else ""
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
+
+
+def _table(heads: Sequence[str], rows: Iterable[Sequence[str]], words: Sequence[int]) -> str:
+    """A table of cells that are HTML already; columns in `words` stand to the left."""
+
+    def cells(row: Sequence[str], tag: str) -> str:
+        return "".join(
+            f'<{tag} class="word">{c}</{tag}>' if k in words else f"<{tag}>{c}</{tag}>" for k, c in enumerate(row)
+        )
+
+    body = "\n".join(f"<tr>{cells(row, 'td')}</tr>" for row in rows)
+    return (
+        f'<div class="table"><table><thead><tr>{cells(heads, "th")}</tr></thead><tbody>\n{body}\n</tbody></table></div>'
+    )

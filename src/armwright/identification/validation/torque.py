@@ -1,0 +1,125 @@
+"""Torque prediction: inverse dynamics of a record along the motion of a log, beside the torques that were measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from armwright.actuators import drive_torque
+from armwright.actuators.coupling import shares_of, to_motors
+from armwright.description.drive import Command
+from armwright.errors import LogError
+from armwright.identification.logs.log import Log
+from armwright.identification.logs.preparation import Preparation, prepare_log
+from armwright.identification.validation.prediction import (
+    Prediction,
+    check_match,
+    columns_of,
+    is_logged,
+    positions_of,
+    preparation_for,
+    units_of,
+)
+from armwright.kernels.compiled import CompiledArm, compile_arm
+from armwright.model import Model
+
+Source = Literal["tau", "current", "voltage"]  # signals of a log from which torques are known
+
+
+def torque_source(log: Log) -> Source | None:
+    """The signal from which torques are known: "tau", else "current", else "voltage" with positions; None: there is none."""
+    sources: tuple[Source, ...] = ("tau", "current", "voltage")
+    for signal in sources:
+        if signal in log.layout and (signal != "voltage" or is_logged(log, "q")):
+            return signal
+    return None
+
+
+def predict_torque(
+    arm: Model, log: Log, run: str | None = None, preparation: Preparation | None = None, dyn: CompiledArm | None = None
+) -> Prediction:
+    """Torques of a run by inverse dynamics,  τ̂ = M(q) q̈ + C q̇ + g + f(q̇),  along its prepared motion. [LuhWalkerPaul1980]
+
+    Where motors are coupled, τ̂ are torques on the joints, as logs have them: Bᵀ times those of the motors.
+
+    Measured torques are those of the log, or of its currents, Nᵀ Kt i, or of its voltages by eq. (12) of the CMU report.
+
+    Args:
+        arm: a full record.   log: what `read_log` returned.   run: its name; None: the first.
+        preparation: None: what `preparation_for` says.   dyn: the arm's kernels; None: they are compiled.
+    Returns:
+        prediction: of the torque, a row for each prepared row.
+    Raises:
+        LogError: an arm that does not match, no torque, no motion.   ModelError: no motor constants for a current or voltage.
+    """
+    check_match(arm, log)
+    source = torque_source(log)
+    if source is None:
+        raise LogError("neither torque nor current logged", place="signals", expected="one of them", file=log.path)
+    check_constants(arm, source, log)
+    chosen = log.run(run)
+    preparation = preparation or preparation_for(log, chosen.name)
+    data = prepare_log(log, chosen.name, preparation)
+    if "qdd" not in data:
+        raise LogError("neither position nor speed logged", place="signals", expected="one of them", file=log.path)
+    dyn = dyn or compile_arm(arm)
+    order = columns_of(arm, log)
+    q, qd, qdd = positions_of(arm, dyn, log, data), data["qd"].values[:, order], data["qdd"].values[:, order]
+    measured = _measured(arm, source, data[source].values[:, order], qd)
+    how = {"tau": "", "current": " from currents", "voltage": " from voltages"}[source]
+    return Prediction(
+        "torque",
+        f"inverse dynamics along the log, torques measured{how}",
+        chosen.name,
+        chosen.use,
+        tuple(arm.names),
+        units_of(arm, "torque"),
+        preparation.rate / preparation.decimate,
+        preparation.decimate,
+        data["time"].values,
+        data["stretch"].values,
+        measured,
+        dyn.inverse_dynamics(q, qd, qdd) @ motor_shares(arm),
+        qd,
+        qdd,
+        qdd,
+        "acceleration",
+    )
+
+
+def check_constants(arm: Model, source: str, log: Log) -> None:
+    """Refuses currents or voltages of motors whose constants the record does not state.
+
+    Raises:
+        LogError: names joint and key.
+    """
+    needed = {"tau": (), "current": ("torque_constant",), "voltage": ("torque_constant", "resistance")}[source]
+    keys = {"torque_constant": "torque_constant_n_m_per_a", "resistance": "resistance_ohm"}
+    for body in arm.coordinates:
+        for name in needed:
+            if getattr(body.drive, name) is None:
+                what = f"the log has {source}s, and the record of {arm.name} states no {keys[name]}"
+                place = f"joint {body.joint!r} motor"
+                raise LogError(
+                    what, place=place, expected="a record with motor constants, or logged torques", file=log.path
+                )
+
+
+def _measured(arm: Model, source: Source, values: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    """Torques on the joints (rows, n), Bᵀ times those of the motors, from torques, currents or voltages."""
+    if source == "tau":
+        return values
+    return drive_torque(with_command(arm, source), qd.T, values.T).T @ motor_shares(arm)
+
+
+def motor_shares(arm: Model) -> np.ndarray:
+    """B (n, n) of coupled motors, 1 where there are none: tau_joints = Bᵀ tau_motors, as rows  tau_joints = tau_motors B."""
+    return np.array(to_motors(shares_of(arm), np.eye(arm.n)), dtype=float)
+
+
+def with_command(arm: Model, command: Command) -> Model:
+    """The arm with drives that take another kind of command."""
+    bodies = (replace(body, drive=replace(body.drive, command=command)) for body in arm.bodies)
+    return replace(arm, bodies=tuple(bodies))

@@ -1,0 +1,315 @@
+"""Validation of a record against a log: predictions, measures of every joint, and whether they keep the limits."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armwright.description import builtin_names
+from armwright.errors import ArmwrightError, LogError
+from armwright.identification.logs.log import Log, read_log
+from armwright.identification.logs.preparation import Preparation
+from armwright.identification.validation.free_simulation import (
+    default_window,
+    driving_signal,
+    simulate_log,
+    simulate_scenario,
+)
+from armwright.identification.validation.joint_measures import JointMeasures, joint_measures, resting
+from armwright.identification.validation.limits import DEFAULT, Check, Limits, check_limits, checks_of, read_limits
+from armwright.identification.validation.prediction import Prediction, Quantity, check_match
+from armwright.identification.validation.torque import predict_torque, torque_source
+from armwright.kernels.compiled import compile_arm
+from armwright.model import Model
+from armwright.model.load import load
+from armwright.reading import read_file
+from armwright.simulation.scenario import Scenario
+
+QUANTITIES: tuple[Quantity, ...] = ("torque", "position", "speed")
+HEADS = ("joint", "quantity", "R²", "fit %", "VAF %", "RMS", "unit", "runs from … to", "limit")
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """Result of `validate`; printed, it is a table.
+
+    Attributes:
+        arm: the record's model.   scenario: the closed loop that was compared; None: the arm alone.
+        record: path of the record or scenario; None: built in, or made in Python.   record_sha256: of it; "" without a path.
+        log: what was compared with.   runs: names.   held_out: whether these were kept from fitting.
+        predictions: of every quantity and run.   measures: of every quantity and joint.
+        limits: that were asked for.   by_default: whether they are the default ones.   checks: each limit that was judged.
+        notes: what belongs to the numbers, one sentence each.   date: ISO 8601.
+    """
+
+    arm: Model
+    scenario: Scenario | None
+    record: Path | None
+    record_sha256: str
+    log: Log
+    runs: tuple[str, ...]
+    held_out: bool
+    predictions: tuple[Prediction, ...]
+    measures: tuple[JointMeasures, ...]
+    limits: Limits
+    by_default: bool
+    checks: tuple[Check, ...]
+    notes: tuple[str, ...]
+    date: str
+
+    @property
+    def passed(self) -> bool:
+        """True if at least one limit was judged, and all that were are kept."""
+        return bool(self.checks) and all(check.passed for check in self.checks)
+
+    @property
+    def verdict(self) -> str:
+        """The verdict as one sentence."""
+        failed = [check for check in self.checks if not check.passed]
+        if not self.checks:
+            return "fails its limits: nothing moved that a limit could judge"
+        if not failed:
+            return f"passes: all {len(self.checks)} limits are kept"
+        joints = list(dict.fromkeys(check.joint for check in failed))
+        return f"fails its limits: {len(failed)} of {len(self.checks)}, for {', '.join(joints)}"
+
+    def of(self, quantity: str, joint: str) -> JointMeasures:
+        """Measures of a quantity of a joint.
+
+        Raises:
+            LogError: there are none.
+        """
+        for each in self.measures:
+            if (each.quantity, each.joint) == (quantity, joint):
+                return each
+        known = [f"{each.quantity} of {each.joint}" for each in self.measures]
+        raise LogError("not predicted", value=f"{quantity} of {joint}", choices=known)
+
+    def rows(self) -> list[list[str]]:
+        """Cells of the table, a row for each quantity and joint, under HEADS."""
+        rows = []
+        for each in self.measures:
+            a, checks = each.overall, [c for c in self.checks if (c.joint, c.quantity) == (each.joint, each.quantity)]
+            low, high = each.spread
+            values = (
+                [f"{a.r2:.3f}", f"{a.fit:.1f}", f"{a.vaf:.1f}", f"{a.rms:.4g}"] if each.runs else ["at rest"] + [""] * 3
+            )
+            spread = f"{low:.3g} … {high:.3g}" if len(each.runs) > 1 else ""
+            judged = "; ".join(("" if c.passed else "FAILS ") + str(c) for c in checks)
+            rows.append([each.joint, each.quantity, *values, each.unit, spread, judged])
+        return rows
+
+    def __str__(self) -> str:
+        cells = [list(HEADS), *self.rows()]
+        widths = [max(len(row[k]) for row in cells) for k in range(len(HEADS))]
+        lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in cells]
+        words = [f"{each.joint}, {each.quantity}: {remark}" for each in self.measures for remark in each.remarks]
+        return "\n".join([f"{self.arm.name}: {self.verdict}", *lines, *self.notes, *words])
+
+
+def validate(
+    arm: Any,
+    log: Any,
+    *,
+    limits: Any = None,
+    runs: Sequence[str] | None = None,
+    window: float | None = None,
+    simulation: bool = True,
+    preparation: Preparation | None = None,
+    record: str | os.PathLike[str] | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> Validation:
+    """Torque prediction and free simulation of an arm against a log, measured for every joint and judged by limits.
+
+    Judged are the runs that the log marks `use = "hold-out"`; without any, all runs, and a note says so. By default torques
+    need R² ≥ 0.9; where no torque or current is logged, motions need a fit of 70 %.
+
+    Args:
+        arm: name or path of a robot, a `Model`, or a `Scenario`, whose own run is then compared instead of a free simulation.
+        log: path of a `*.log.toml`, or what `read_log` returned.   limits: path of a TOML file or its tables; None: the default.
+        runs: names, instead of the choice above.
+        window: [s] after which a free simulation starts again from the log; default 0.5 s, or whole stretches of logged speeds
+            without positions.
+        simulation: False leaves the simulation out.   preparation: of the log, instead of what `choose_preparation` says.
+        record: path of what `arm` was read from, where that is a `Model` or a `Scenario`.
+        progress: called with the number of steps that are done, and of all.
+    Returns:
+        validation: `passed`, `measures`, `checks`, `notes`; printed, a table.
+    Raises:
+        LogError: an arm that does not match the log, a log without what is needed, unknown joints in the limits.
+        ArmwrightError: a record or a scenario that cannot be believed, or run.
+    """
+    tell = progress or (lambda done, total: None)
+    scenario = arm if isinstance(arm, Scenario) else None
+    model, path = _record(arm, record)
+    data = log if isinstance(log, Log) else read_log(log)
+    asked = DEFAULT if limits is None else read_limits(limits)
+    check_limits(asked, model, limits if isinstance(limits, (str, os.PathLike)) else "")
+    check_match(model, data)
+    chosen, held_out, notes = _runs(data, runs)
+    tell(0, 3)
+    predictions = _torques(model, data, chosen, preparation, notes)
+    tell(1, 3)
+    if simulation or scenario is not None:
+        predictions += _motions(model, scenario, data, chosen, window, bool(predictions), notes)
+    if not predictions:
+        expected = "torques, currents or voltages beside positions or speeds"
+        raise LogError("; ".join(notes) or "nothing to predict", place="signals", expected=expected, file=data.path)
+    tell(2, 3)
+    measures = [
+        joint_measures(group, k, resting(data, joint, chosen))
+        for quantity in QUANTITIES
+        for group in [_logged(predictions, quantity)]
+        for k, joint in enumerate(model.names)
+        if any(np.isfinite(each.measured[:, k]).any() for each in group)  # some joints' torques may not be logged
+    ]
+    checks = _checks(asked, limits is None, measures, data, scenario is not None)
+    tell(3, 3)
+    return Validation(
+        model,
+        scenario,
+        path,
+        "" if path is None else record_sha256(path, scenario),
+        data,
+        tuple(chosen),
+        held_out,
+        tuple(predictions),
+        tuple(measures),
+        asked,
+        limits is None,
+        tuple(checks),
+        tuple(notes),
+        datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    )
+
+
+def record_sha256(path: Path, scenario: Scenario | None = None) -> str:
+    """Checksum of a record's file; of a scenario, of all that it names."""
+    if scenario is not None and scenario.document is not None:
+        return hashlib.sha256(scenario.document.encode()).hexdigest()
+    return hashlib.sha256(read_file(path, "a record", LogError)).hexdigest()
+
+
+def _record(arm: Any, record: str | os.PathLike[str] | None) -> tuple[Model, Path | None]:
+    """The model, and the path of what it was read from; None of a built-in one, or one made in Python."""
+    path = None if record is None else Path(record)
+    if isinstance(arm, Scenario):
+        return arm.arm, path
+    if isinstance(arm, Model):
+        return arm, path
+    return load(arm), path or (None if arm in builtin_names() else Path(arm))
+
+
+def _runs(log: Log, names: Sequence[str] | None) -> tuple[list[str], bool, list[str]]:
+    """Runs to judge, whether they were held out, and a note where they were not.
+
+    Raises:
+        LogError: no such run.
+    """
+    if isinstance(names, str):
+        names = [names]
+    chosen = [log.run(name).name for name in names] if names is not None else list(log.hold_out)
+    if names is not None and not chosen:
+        raise LogError(place="runs", value=list(names), expected="one at least", choices=[run.name for run in log.runs])
+    if chosen and all(log.run(name).use == "hold-out" for name in chosen):
+        return chosen, True, []
+    if chosen:
+        return (
+            chosen,
+            False,
+            ["some judged runs are marked for fitting: the measures flatter a record that was fitted to them"],
+        )
+    note = (
+        'no run is marked use = "hold-out": all are judged, and the measures flatter a record that was fitted to them'
+    )
+    return [run.name for run in log.runs], False, [note]
+
+
+def _torques(
+    arm: Model, log: Log, runs: Sequence[str], preparation: Preparation | None, notes: list[str]
+) -> list[Prediction]:
+    """Torque predictions of all runs; none, with a note, where nothing was logged that they could be compared with."""
+    source = torque_source(log)
+    if source is None:
+        notes.append("neither torque nor current is logged: no torque prediction")
+        return []
+    if source == "voltage" and any(body.drive.resistance is None for body in arm.coordinates):
+        notes.append("voltages alone are logged, and the record states no resistances: no torque prediction")
+        return []
+    if not {"q", "qd"} & set(log.layout.names):
+        notes.append("neither position nor speed is logged: no torque prediction")
+        return []
+    dyn = compile_arm(arm)
+    found = [predict_torque(arm, log, run, preparation, dyn) for run in runs]
+    rate = found[0].rate
+    notes.append(f"torque prediction: signals filtered without delay, a row every {1e3 / rate:.3g} ms")
+    return found
+
+
+def _motions(
+    arm: Model,
+    scenario: Scenario | None,
+    log: Log,
+    runs: Sequence[str],
+    window: float | None,
+    has_torques: bool,
+    notes: list[str],
+) -> list[Prediction]:
+    """Simulated motions of all runs; none, with a note, where nothing drives them.
+
+    Raises:
+        LogError: an error of the log that no torque prediction makes up for.
+    """
+    if scenario is not None:
+        notes.append("simulation: the scenario's own run, its time 0 at the first row of each run")
+        return simulate_scenario(scenario, log, runs)
+    if driving_signal(arm, log) is None:
+        notes.append("no voltages, currents or torques of all joints are logged: no simulation")
+        return []
+    try:
+        chosen = default_window(log) if window is None else window
+        found = simulate_log(arm, log, runs, chosen)
+    except ArmwrightError as error:
+        if not has_torques or window is not None:
+            raise
+        notes.append(f"no simulation: {error}")
+        return []
+    notes.append(found[0].how if found else "no simulation: positions and speeds of some joints are not logged")
+    return found
+
+
+def _logged(predictions: Sequence[Prediction], quantity: Quantity) -> list[Prediction]:
+    """Predictions of one quantity, a run each."""
+    return [each for each in predictions if each.quantity == quantity]
+
+
+def _checks(
+    limits: Limits, by_default: bool, measures: Sequence[JointMeasures], log: Log, closed_loop: bool
+) -> list[Check]:
+    """Every limit against its measure; joints that stand still are judged by none.
+
+    By default one quantity decides: torques where they or currents were logged, else positions, else speeds.
+
+    Raises:
+        LogError: limits of a quantity that was not predicted.
+    """
+    found = [each.quantity for each in measures]
+    order = ("position", "speed", "torque") if closed_loop or torque_source(log) == "voltage" else QUANTITIES
+    judged = [quantity for quantity in order if quantity in found][:1] if by_default else list(QUANTITIES)
+    for quantity in QUANTITIES:
+        if not by_default and limits.limited(quantity) and quantity not in found:
+            known = list(dict.fromkeys(found))
+            raise LogError("was not predicted for this log", place="limits", value=quantity, choices=known)
+    checks = []
+    for each in measures:
+        if each.quantity in judged and each.runs:
+            of_joint = limits.of(each.joint, each.quantity, each.unit)
+            checks += checks_of(of_joint, each.joint, each.quantity, each.overall, each.diverged > 0)
+    return checks

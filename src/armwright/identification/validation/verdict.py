@@ -1,0 +1,161 @@
+"""`NAME.verdict.toml`: the verdict of a validation beside the record it belongs to, with the checksums of record and log."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from pydantic import Field
+
+from armwright.description.toml_file import read_document
+from armwright.errors import DescriptionError, LogError
+from armwright.identification.validation.validate import Validation, record_sha256
+from armwright.output import check_destination, whole_file
+from armwright.quantity import Record
+from armwright.reading import read_file
+from armwright.validation import validated
+
+ENDING = ".verdict.toml"
+COMMENT = "Written by `armwright validate`; it belongs to the record with the checksum below and to no other."
+MEASURES = ("r2", "fit", "vaf", "nrmse", "rms", "gain", "correlation")
+
+
+class VerdictTable(Record):
+    """The file."""
+
+    passed: bool
+    verdict: str
+    date: str
+    armwright: str
+    record: str
+    record_sha256: str
+    log: str
+    log_sha256: str
+    runs: tuple[str, ...]
+    held_out: bool
+    notes: tuple[str, ...] = ()
+    limits: dict[str, Any] = Field(default_factory=dict)
+    measures: dict[str, dict[str, dict[str, Any]]] = Field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class StoredVerdict:
+    """A verdict that was read.
+
+    Attributes:
+        path: of its file.   table: what it says.   belongs: whether its checksum is that of the record as it is now.
+    """
+
+    path: Path
+    table: VerdictTable
+    belongs: bool
+
+    @property
+    def passed(self) -> bool:
+        """True if it is a passing verdict on this very record."""
+        return self.table.passed and self.belongs
+
+    def __str__(self) -> str:
+        if not self.belongs:
+            return f"{self.path}: of another state of the record, which has changed since {self.table.date}"
+        return f"{self.path}: {self.table.verdict} ({self.table.date}, log {self.table.log})"
+
+
+def verdict_path(record: str | os.PathLike[str]) -> Path:
+    """Path of the verdict on a record: arm.toml has arm.verdict.toml beside it."""
+    return Path(record).with_suffix(ENDING)
+
+
+def check_verdict(record: str | os.PathLike[str]) -> None:
+    """Refuses a record beside which no verdict can be written; built-in arms have none. To be asked before long work.
+
+    Raises:
+        OutputError: no permission to write there.
+    """
+    if Path(record).is_file():
+        check_destination(verdict_path(record))
+
+
+def write_verdict(validation: Validation) -> Path:
+    """Writes the verdict of a validation beside its record.
+
+    Args:
+        validation: of a record that has a path.
+    Returns:
+        path: of the file.
+    Raises:
+        LogError: a built-in arm, or one made in Python.   OutputError: the file cannot be written.
+    """
+    if validation.record is None:
+        raise LogError(
+            "has no file that a verdict could stand beside", place="record", value=validation.arm.name,
+            expected="the path of a robot or scenario file",
+        )  # fmt: skip
+    path = verdict_path(validation.record)
+    document = tomlkit.document()
+    document.add(
+        tomlkit.comment(
+            "Written by `armwright validate`. It belongs to the record with the checksum below and to no other."
+        )
+    )
+    for name, value in _head(validation).items():
+        document[name] = value
+    document["limits"] = validation.limits.model_dump(exclude_none=True, exclude_defaults=True)
+    measures: dict[str, Any] = {}
+    for each in validation.measures:
+        values: dict[str, Any] = {
+            name: float(f"{v:.6g}") for name in MEASURES if isfinite(v := getattr(each.overall, name))
+        }
+        if each.remarks:
+            values["remarks"] = list(each.remarks)
+        measures.setdefault(each.joint, {})[each.quantity] = {"rows": each.overall.rows, **values}
+    document["measures"] = measures
+    with whole_file(path) as temporary:
+        temporary.write_text(tomlkit.dumps(document), encoding="utf-8", newline="\n")
+    return path
+
+
+def _head(validation: Validation) -> dict[str, Any]:
+    assert validation.record is not None
+    return {
+        "passed": validation.passed,
+        "verdict": validation.verdict,
+        "date": validation.date,
+        "armwright": importlib.metadata.version("armwright"),
+        "record": validation.record.name,
+        "record_sha256": validation.record_sha256,
+        "log": validation.log.path.name,
+        "log_sha256": validation.log.sha256,
+        "runs": list(validation.runs),
+        "held_out": validation.held_out,
+        "notes": list(validation.notes),
+    }
+
+
+def stored_verdict(record: str | os.PathLike[str], sha256: str | None = None) -> StoredVerdict | None:
+    """The verdict beside a record; `passed` of it says whether a passing one belongs to this very record.
+
+    Args:
+        record: path of a robot's file; of a scenario together with its checksum.
+        sha256: of the record; None: of the file's bytes. Of a scenario that `read_scenario` has read it is
+            `validate.record_sha256(path, scenario)`.
+    Returns:
+        verdict: None where there is none.
+    Raises:
+        LogError: no such record, or a verdict that cannot be read.
+    """
+    path = verdict_path(record)
+    if not path.exists():
+        read_file(record, "a record", LogError)
+        return None
+    try:
+        document = read_document(path)
+    except DescriptionError as error:
+        raise LogError.of(*error.problems) from None
+    table = validated(VerdictTable, document, file=path, error=LogError)
+    return StoredVerdict(path, table, (sha256 or record_sha256(Path(record))) == table.record_sha256)
