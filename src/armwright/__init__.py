@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     )
     from armwright.errors import ArmwrightError
     from armwright.identification.arm.friction import identify_friction
-    from armwright.identification.arm.payload import identify_payload
     from armwright.identification.arm.identify import ArmEstimate, identify_arm
+    from armwright.identification.arm.payload import identify_payload
     from armwright.identification.estimate import Estimate, write_into
     from armwright.identification.linear.fit import fit_armax, fit_arx, fit_oe
     from armwright.identification.linear.frequency import FrequencyResponse, frequency_response
@@ -233,9 +233,9 @@ __all__ = [
     "forward_kinematics",
     "frequency_response",
     "gravity_torques",
+    "identify_arm",
     "identify_friction",
     "identify_payload",
-    "identify_arm",
     "inverse_dynamics",
     "inverse_dynamics_derivatives",
     "inverse_kinematics",

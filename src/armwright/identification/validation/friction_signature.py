@@ -43,10 +43,12 @@ class FrictionSignature:
 
     Attributes:
         terms: offset, Coulomb, viscous, inertia and, where speeds reach low enough, Stribeck.
+        explained: share of the residual's power that all terms explain together.
         speed, mean, std: (k,) means of the residual in bins of speed.
     """
 
     terms: tuple[Term, ...]
+    explained: float
     speed: np.ndarray
     mean: np.ndarray
     std: np.ndarray
@@ -93,11 +95,11 @@ def friction_signature(
         "offset": unit, "Coulomb": unit, "Stribeck": unit, "viscous": f"{unit} s/{length}",
         "inertia": "kg m²" if length == "rad" else "kg",
     }  # fmt: skip
-    return FrictionSignature(_terms(e, columns, units), *_by_speed(e, v))
+    return FrictionSignature(*_terms(e, columns, units), *_by_speed(e, v))
 
 
-def _terms(e: np.ndarray, columns: dict[str, np.ndarray], units: dict[str, str]) -> tuple[Term, ...]:
-    """Every column's coefficient with its standard deviation and its share of the power of e where it acts."""
+def _terms(e: np.ndarray, columns: dict[str, np.ndarray], units: dict[str, str]) -> tuple[tuple[Term, ...], float]:
+    """Every column's coefficient with its standard deviation and share of the power of e, and the share of all together."""
     matrix = np.stack(list(columns.values()), axis=1)
     scales = np.linalg.norm(matrix, axis=0)
     scales[scales == 0] = 1.0
@@ -112,10 +114,11 @@ def _terms(e: np.ndarray, columns: dict[str, np.ndarray], units: dict[str, str])
     acts = np.abs(matrix) > ACTS * np.abs(matrix).max(axis=0)
     powers = (e[:, None] ** 2 * acts).sum(axis=0)
     shares = np.divide(rises, powers, out=np.zeros_like(rises), where=powers > 0)
-    return tuple(
-        Term(name, float(c), float(s), units[name], float(share))
+    terms = tuple(
+        Term(name, float(c), float(s), units[name], float(min(share, 1.0)))
         for name, c, s, share in zip(columns, solution / scales, std, shares, strict=True)
     )
+    return terms, 1.0 - float(rest @ rest) / float(e @ e) if e.any() else 0.0
 
 
 def _by_speed(e: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

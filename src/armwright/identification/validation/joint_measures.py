@@ -35,17 +35,20 @@ CAUSES = {  # of a wrong scale
     "torque": "a wrong gear ratio or torque constant",
     "motion": "a wrong gear ratio, motor constant or friction",
 }
+SLOW = 0.005  # of the joint's largest speed: below it for REST seconds and LEAST rows a joint is at rest
+REST, LEAST = 0.1, 20
 LATE = 0.3  # samples: shorter delays are as the differences of counts have them
 
 
 @dataclass(frozen=True)
 class AtRest:
-    """A run in which a joint stands still: nothing that R² could be made of.
+    """Rows in which a joint stands still: nothing that R² could be made of.
 
     Attributes:
-        measured, predicted: means.   rms: of the residual.
+        rows: how many.   measured, predicted: means.   rms: of the residual.
     """
 
+    rows: int
     measured: float
     predicted: float
     rms: float
@@ -57,7 +60,7 @@ class JointMeasures:
 
     Attributes:
         joint, quantity, unit.   how: it was predicted, in words.
-        overall: over all runs in which the joint moves.   runs: each of these.   at_rest: the others.
+        overall: over all runs in which the joint moves.   runs: each of these.   at_rest: rows at rest, by run.
         autocorrelation, whiteness: of the residual.   cross: with the input.   input_name: which.
         delay: of the measured behind the predicted signal, in samples of the log.   period: of these [s].
         spectrum: f in Hz, power densities of the residual and of the measured signal.   friction: of torques.
@@ -125,9 +128,12 @@ def joint_measures(predictions: Sequence[Prediction], column: int, still: set[st
     """
     first = predictions[0]
     moving = [each for each in predictions if each.run not in still]
+    masks = _rests(moving, column)
     at_rest = {each.run: _at_rest(each, column) for each in predictions if each.run in still}
-    runs = {each.run: agreement(each.measured[:, column], each.predicted[:, column]) for each in moving}
-    rows = _joined(moving, column)
+    at_rest |= {each.run: _at_rest(each, column, mask) for each, mask in zip(moving, masks, strict=True) if mask.any()}
+    moves = [(each, ~mask) for each, mask in zip(moving, masks, strict=True)]
+    runs = {each.run: agreement(each.measured[m, column], each.predicted[m, column]) for each, m in moves}
+    rows = _joined(moves, column)
     residual, parts = rows.measured - rows.predicted, parts_of(rows.part)
     auto = autocorrelation(residual, parts)
     delay = delay_of(rows.measured, rows.predicted, parts)
@@ -158,12 +164,34 @@ def joint_measures(predictions: Sequence[Prediction], column: int, still: set[st
     return replace(found, remarks=tuple(remarks(found)))
 
 
-def _at_rest(prediction: Prediction, column: int) -> AtRest:
+def _rests(moving: Sequence[Prediction], column: int) -> list[np.ndarray]:
+    """(rows,) of every run, True where the joint stands still for a while.
+
+    Dry friction at rest is whatever holds the joint; its law, which goes by the sign of a speed of mere noise, predicts nothing.
+    """
+    top = max(
+        (float(np.abs(each.speed[:, column]).max(initial=0.0)) for each in moving if each.speed is not None),
+        default=0.0,
+    )
+    masks = []
+    for each in moving:
+        mask = np.zeros(len(each.t), dtype=bool)
+        if each.quantity == "torque" and each.speed is not None:
+            slow = np.abs(each.speed[:, column]) < SLOW * top
+            for part in parts_of(slow):
+                if slow[part.start] and part.stop - part.start >= max(LEAST, REST * each.rate):
+                    mask[part] = True
+        masks.append(mask)
+    return masks
+
+
+def _at_rest(prediction: Prediction, column: int, rows: np.ndarray | None = None) -> AtRest:
+    """Means over the rows of a mask (rows,); None: over all."""
     y, p = prediction.measured[:, column], prediction.predicted[:, column]
-    both = np.isfinite(y) & np.isfinite(p)
+    both = np.isfinite(y) & np.isfinite(p) & (True if rows is None else rows)
     if not both.any():
-        return AtRest(np.nan, np.nan, np.nan)
-    return AtRest(float(y[both].mean()), float(p[both].mean()), rms((y - p)[both]))
+        return AtRest(0, np.nan, np.nan, np.nan)
+    return AtRest(int(both.sum()), float(y[both].mean()), float(p[both].mean()), rms((y - p)[both]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,27 +206,31 @@ class _Rows:
     inputs: np.ndarray | None
 
 
-def _joined(moving: Sequence[Prediction], column: int) -> _Rows:
-    """Rows of all runs one after the other, their stretches numbered on."""
-    finite = [np.isfinite(each.measured[:, column]) & np.isfinite(each.predicted[:, column]) for each in moving]
+def _joined(moves: Sequence[tuple[Prediction, np.ndarray]], column: int) -> _Rows:
+    """Rows of all runs in which the joint moves, one after the other, their stretches numbered on."""
+    kept = [m & np.isfinite(each.measured[:, column]) & np.isfinite(each.predicted[:, column]) for each, m in moves]
+    runs = [each for each, _ in moves]
 
     def join(values: list[np.ndarray]) -> np.ndarray:
-        rows = [each[kept, column] for each, kept in zip(values, finite, strict=True)]
+        rows = [each[mask, column] for each, mask in zip(values, kept, strict=True)]
         return np.concatenate([np.zeros(0), *rows])
 
     def known(values: list[np.ndarray | None]) -> np.ndarray | None:
         there = [each for each in values if each is not None]
         return join(there) if len(there) == len(values) else None
 
-    counts = np.cumsum([0, *(int(each.part.max(initial=-1)) + 1 for each in moving)])
-    parts = [each.part[kept] + count for each, kept, count in zip(moving, finite, counts[:-1], strict=True)]
+    number, parts = 0, []
+    for each, mask in zip(runs, kept, strict=True):
+        changes = (np.diff(each.part, prepend=each.part[:1]) != 0) | (np.diff(mask, prepend=mask[:1]) != 0)
+        parts.append(number + np.cumsum(changes)[mask])
+        number += int(changes.sum()) + 1
     return _Rows(
-        join([each.measured for each in moving]),
-        join([each.predicted for each in moving]),
+        join([each.measured for each in runs]),
+        join([each.predicted for each in runs]),
         np.concatenate([np.zeros(0, dtype=int), *parts]),
-        known([each.speed for each in moving]),
-        known([each.acceleration for each in moving]),
-        known([each.inputs for each in moving]),
+        known([each.speed for each in runs]),
+        known([each.acceleration for each in runs]),
+        known([each.inputs for each in runs]),
     )
 
 
@@ -230,7 +262,7 @@ def remarks(found: JointMeasures) -> list[str]:
             f"({1e3 * abs(d.samples) * found.period:.3g} ms) {'after' if d.samples > 0 else 'before'} the predicted one"
         )
     if found.friction is not None:
-        said += [_missing(term) for term in found.friction.missing]
+        said += _friction(found.friction)
     if len(found.runs) > 2:
         middle = float(np.median([each.rms for each in found.runs.values()]))
         worst = found.worst
@@ -238,6 +270,17 @@ def remarks(found: JointMeasures) -> list[str]:
             times = found.runs[worst].rms / middle
             said.append(f"run {worst!r} stands out: its residual is {times:.1f} times that of the usual run")
     return said
+
+
+def _friction(signature: FrictionSignature) -> list[str]:
+    """What the record lacks, a sentence each; several terms of friction, which stand in for each other, in one."""
+    friction = [term for term in signature.missing if term.name in ("Coulomb", "viscous", "Stribeck")]
+    if len(friction) < 2:
+        return [_missing(term) for term in signature.missing]
+    differs = ", ".join(f"{term.name} {term.value:+.3g} {term.unit}" for term in friction).replace("-", "−")
+    together = f"with offset and inertia {100 * signature.explained:.0f} % of the residual's power"
+    others = [_missing(term) for term in signature.missing if term not in friction]
+    return [f"friction differs from the record's: {differs}; {together}", *others]
 
 
 def _missing(term: Term) -> str:

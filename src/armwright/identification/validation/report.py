@@ -190,7 +190,9 @@ def _judged(check: Check) -> str:
 def _at_rest(found: JointMeasures) -> str:
     """Means of the first runs in which a joint stands still."""
     few = list(found.at_rest.items())[:3]
-    return escape("; ".join(f"{k}: measured {v.measured:.3g}, predicted {v.predicted:.3g}" for k, v in few))
+    return escape(
+        "; ".join(f"{k}: measured {v.measured:.3g}, predicted {v.predicted:.3g} {found.unit}" for k, v in few)
+    )
 
 
 def _parameters(estimate: Estimate) -> str:
@@ -254,6 +256,8 @@ def _tests(found: JointMeasures) -> str:
         texts.append(
             f"Largest correlation with the {found.input_name} {value:.2f} at lag {lag}; {beyond:.0f} % {BOUNDS}."
         )
+    if found.at_rest and found.runs:
+        texts.append(f"At rest: {_at_rest(found)}.")
     return f'<p class="quiet">{escape(" ".join(texts))}</p>' if texts else ""
 
 

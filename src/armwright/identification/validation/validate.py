@@ -171,6 +171,10 @@ def validate(
         if any(np.isfinite(each.measured[:, k]).any() for each in group)  # some joints' torques may not be logged
     ]
     checks = _checks(asked, limits is None, measures, data, scenario is not None)
+    if any(each.at_rest for each in measures if each.quantity == "torque"):
+        notes.append(
+            "rows in which a joint stands still are left out of its torque's measures: friction there has any value"
+        )
     tell(3, 3)
     return Validation(
         model,
