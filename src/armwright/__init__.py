@@ -51,12 +51,12 @@ if TYPE_CHECKING:
     from armwright.identification.logs.log import Log, read_log
     from armwright.identification.logs.plot import plot_log
     from armwright.identification.logs.preparation import Preparation, choose_preparation, prepare_log
-    from armwright.ik.solutions import PoseSolutions
-    from armwright.ik.solve import inverse_kinematics
     from armwright.identification.validation.limits import Limits
     from armwright.identification.validation.report import write_report
     from armwright.identification.validation.validate import Validation, validate
     from armwright.identification.validation.verdict import stored_verdict, write_verdict
+    from armwright.ik.solutions import PoseSolutions
+    from armwright.ik.solve import inverse_kinematics
     from armwright.interfaces import Controller, JointReference, Measurement, Sensor, Trajectory
     from armwright.kernels.compiled import CompiledArm
     from armwright.kernels.compiled import compile_arm as compile
@@ -180,8 +180,8 @@ __all__ = [
     "JointPID",
     "JointReference",
     "Layout",
-    "LinearModel",
     "Limits",
+    "LinearModel",
     "Log",
     "Loop",
     "LoopState",

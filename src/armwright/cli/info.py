@@ -179,7 +179,9 @@ def _efficiencies(record: RobotDescription) -> Group | None:
     for joint in record.joints:
         motor = getattr(joint, "motor", None)
         efficiency = None if motor is None else motor.gear_efficiency_table
-        for row in () if efficiency is None else efficiency.rows:
+        if efficiency is None:
+            continue
+        for row in efficiency.rows:
             torques = _one_or_many(getattr(efficiency, efficiency.torque_key))
             speed = getattr(row, efficiency.speed_key)
             back = row.driving if row.driven_back is None else row.driven_back
