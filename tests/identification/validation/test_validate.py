@@ -207,6 +207,17 @@ def test_arms_and_logs_that_do_not_match(two_link, motor_log):
         validate(massless, log)
 
 
+def test_terms_that_the_torques_lack_are_taken_off_the_record(tmp_path):
+    arm = aw.load("two-link")
+    table = _motion(arm.replace(gravity=np.zeros(3)), 0)
+    log = written_log(tmp_path, list(arm.names), {"fit": table, "held": table})
+    assert not validate(arm, log, simulation=False).passed
+    log.write_text(log.read_text().replace('unit = "N m"', 'unit = "N m"\nlacks = ["gravity"]'))
+    found = validate(arm, log, simulation=False)
+    assert found.of("torque", "shoulder").overall.r2 > 0.999
+    assert "lack gravity" in found.notes[0]
+
+
 def test_a_log_of_currents_needs_motor_constants(tmp_path):
     arm = aw.load("two-link")
     table = _motion(arm, 0)

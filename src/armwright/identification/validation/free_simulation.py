@@ -24,7 +24,7 @@ from armwright.identification.validation.prediction import (
     units_of,
 )
 from armwright.identification.validation.residuals import parts_of
-from armwright.identification.validation.torque import check_constants, motor_shares, with_command
+from armwright.identification.validation.torque import as_logged, check_constants, motor_shares, with_command
 from armwright.kernels.compiled import CompiledArm, compile_arm
 from armwright.model import Model
 from armwright.parameters import Batch
@@ -101,6 +101,7 @@ def simulate_log(
         expected = "voltages, currents or torques of all joints"
         raise LogError("nothing logged that drives the arm", place="signals", expected=expected, file=log.path)
     check_constants(arm, signal, log)
+    arm = as_logged(arm, log, signal)
     if window is not None and not (isinstance(window, (int, float)) and window > 0):
         raise LogError(place="window", value=window, expected="a time above 0 [s], or None")
     if not is_logged(log, "q"):

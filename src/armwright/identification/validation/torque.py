@@ -27,6 +27,12 @@ from armwright.model import Model
 
 Source = Literal["tau", "current", "voltage"]  # signals of a log from which torques are known
 
+FRICTION: dict[str, dict[str, float | None]] = {  # fields of a term that torques may lack
+    "viscous": {"viscous": 0.0},
+    "coulomb": {"coulomb_positive": 0.0, "coulomb_negative": 0.0, "stribeck": None},
+    "offset": {"offset": 0.0},
+}
+
 
 def torque_source(log: Log) -> Source | None:
     """The signal from which torques are known: "tau", else "current", else "voltage" with positions; None: there is none."""
@@ -48,7 +54,7 @@ def predict_torque(
 
     Args:
         arm: a full record.   log: what `read_log` returned.   run: its name; None: the first.
-        preparation: None: what `preparation_for` says.   dyn: the arm's kernels; None: they are compiled.
+        preparation: None: what `preparation_for` says.   dyn: kernels of `as_logged`; None: they are compiled.
     Returns:
         prediction: of the torque, a row for each prepared row.
     Raises:
@@ -64,6 +70,7 @@ def predict_torque(
     data = prepare_log(log, chosen.name, preparation)
     if "qdd" not in data:
         raise LogError("neither position nor speed logged", place="signals", expected="one of them", file=log.path)
+    arm = as_logged(arm, log, source)
     dyn = dyn or compile_arm(arm)
     order = columns_of(arm, log)
     q, qd, qdd = positions_of(arm, dyn, log, data), data["qd"].values[:, order], data["qdd"].values[:, order]
@@ -117,6 +124,25 @@ def _measured(arm: Model, source: Source, values: np.ndarray, qd: np.ndarray) ->
 def motor_shares(arm: Model) -> np.ndarray:
     """B (n, n) of coupled motors, 1 where there are none: tau_joints = Bᵀ tau_motors, as rows  tau_joints = tau_motors B."""
     return np.array(to_motors(shares_of(arm), np.eye(arm.n)), dtype=float)
+
+
+def as_logged(arm: Model, log: Log, source: str) -> Model:
+    """The arm without the terms that were taken off its torques before they were logged: what the log's tables call `lacks`.
+
+    Args:
+        arm: the whole arm.   log: whose torques these are.   source: the signal that is used; only of "tau" terms are taken away.
+    """
+    lacks = {term for signal in log.table.signals for term in signal.lacks} if source == "tau" else set()
+    whole = {"springs": None, "rotors": None, "gravity": np.zeros(3)}
+    arm = arm.replace(**{term: value for term, value in whole.items() if term in lacks})
+    taken = {key: value for term in lacks for key, value in FRICTION.get(term, {}).items()}
+    if not taken:
+        return arm
+    bodies = (
+        body if body.friction is None else replace(body, friction=replace(body.friction, **taken))
+        for body in arm.bodies
+    )
+    return replace(arm, bodies=tuple(bodies))
 
 
 def with_command(arm: Model, command: Command) -> Model:

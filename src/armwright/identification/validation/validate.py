@@ -25,7 +25,7 @@ from armwright.identification.validation.free_simulation import (
 from armwright.identification.validation.joint_measures import JointMeasures, joint_measures, resting
 from armwright.identification.validation.limits import DEFAULT, Check, Limits, check_limits, checks_of, read_limits
 from armwright.identification.validation.prediction import Prediction, Quantity, check_match
-from armwright.identification.validation.torque import predict_torque, torque_source
+from armwright.identification.validation.torque import as_logged, predict_torque, torque_source
 from armwright.kernels.compiled import compile_arm
 from armwright.model import Model
 from armwright.model.load import load
@@ -250,9 +250,12 @@ def _torques(
     if not {"q", "qd"} & set(log.layout.names):
         notes.append("neither position nor speed is logged: no torque prediction")
         return []
-    dyn = compile_arm(arm)
+    dyn = compile_arm(as_logged(arm, log, source))
     found = [predict_torque(arm, log, run, preparation, dyn) for run in runs]
     rate = found[0].rate
+    lacks = list(dict.fromkeys(term for signal in log.table.signals for term in signal.lacks))
+    if lacks and source == "tau":
+        notes.append(f"the logged torques lack {', '.join(lacks)}, as the log says: the record is compared without")
     notes.append(f"torque prediction: signals filtered without delay, a row every {1e3 / rate:.3g} ms")
     return found
 
