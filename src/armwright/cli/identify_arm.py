@@ -42,6 +42,10 @@ def arm(
     cutoff: Annotated[float | None, option("--cutoff", "HZ", "Cut-off of the low-pass; by default chosen.")] = None,
     decimate: Annotated[int | None, option("--decimate", "K", "Keep every k-th row; by default chosen.")] = None,
     output: Annotated[Path | None, option("--output -o", "ARM.toml", "Write the arm with the fitted numbers.")] = None,
+    report: Annotated[
+        Path | None,
+        option("--report", "FILE.html", "Write a page; with -o it also compares the written arm with the log."),
+    ] = None,
 ) -> None:
     """Identify an arm: base parameters, rotors and friction with standard deviations, and what the log cannot tell.
 
@@ -54,10 +58,13 @@ def arm(
     """
     import armwright as aw
     from armwright.cli.progress import progress
+    from armwright.identification.validation.report import definitions
     from armwright.output import check_destination
 
     if output is not None:
         check_destination(output, (".toml",))
+    if report is not None:
+        check_destination(report, (".html",))
     model = None if robot is None else aw.load(robot, kinematics_only=kinematics_only)
     with progress(f"reading {file.name}") as tell:
         log = aw.read_log(file, progress=tell)
@@ -69,6 +76,15 @@ def arm(
     if output is not None:
         found.write(output)
         say(f"wrote {output}")
+    if report is not None:
+        compared = None if output is None else aw.validate(output, log, simulation=False)
+        formulas = [
+            (name, formula)
+            for name, formula in zip(found.estimate.names, found.formulas, strict=True)
+            if name != formula
+        ]
+        aw.write_report(report, f"{log.title}: arm", found.estimate, compared, definitions("Regrouping", formulas))
+        say(f"wrote {report}")
     if found.verdict != "identified":
         raise typer.Exit(NOT_IDENTIFIED)
 

@@ -97,6 +97,12 @@ def report_page(
     return page(HERE / "report.html", [PAGES / "unpack.js"], styles, words, body="\n".join(blocks))
 
 
+def definitions(heading: str, pairs: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    """A section of `write_report` with names and what they mean; none where there are no pairs."""
+    rows = [[escape(name), escape(about)] for name, about in pairs]
+    return [(heading, _table(("", ""), rows, (0, 1)))] if rows else []
+
+
 def steps(estimate: Estimate | None, validation: Validation | None) -> list[str]:
     """What the findings ask for, in words, the gravest first."""
     found = [] if estimate is None else list(estimate.remarks)
@@ -201,7 +207,8 @@ def _parameters(estimate: Estimate) -> str:
     std, at_bound, known = estimate.std, np.asarray(estimate.at_bound), np.asarray(estimate.identifiable)
     for k, name in enumerate(estimate.names):
         value, is_known = estimate.values[k], np.isfinite(std[k])
-        share = f"{100 * abs(std[k] / value):.2g} %" if value and is_known else ""
+        relative = abs(std[k] / value) if value and is_known else np.nan
+        share = f"{100 * relative:.2g} %" if relative < 1 else "> 100 %" if relative >= 1 else ""
         note = "" if known[k] else "not identified: as the record has it"
         note = "at its bound" if at_bound[k] else note
         cells = [escape(name), f"{value:.6g}", f"{std[k]:.2g}" if is_known else "", escape(estimate.units[k]), share]
