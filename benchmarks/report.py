@@ -201,6 +201,15 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
             worst("error"),
         ),
     ),
+    "identification": (
+        "Normal equations of a log's states, ns per state",
+        (
+            *(label("arm", "arm"), label("work", "work"), label("states", "states"), time("ours", "ours")),
+            *(time("triangular factor", "factor"), ratio("triangular factor ÷ ours", "factor")),
+            time("Pinocchio's regressor from Python", "pinocchio_python"),
+            *(ratio("Pinocchio ÷ ours", "pinocchio_python"), worst("error")),
+        ),
+    ),
     "compile": (
         "Tracing and compiling with a cold cache, ms",
         (

@@ -29,6 +29,7 @@ MODULES = (
     "rows_auto",
     "rows_stiff",
     "rows_control",
+    "rows_identification",
     "rows_scaling",
     "rows_start",
 )

@@ -1,0 +1,81 @@
+"""Normal equations of an arm's inertial parameters from a log's states: ns per state, beside Pinocchio's regressor."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from arms import random_states, timed_arm
+from peers.pinocchio_peer import PinocchioArm, pin
+from records import Record, Task, record
+from timing import Check, Contestant, Entry, race
+
+from armwright.identification.arm.equations import Samples, equations_of, stacked
+from armwright.identification.arm.normal import normal_equations
+
+ARM = "lwa4p"
+ROWS, QUICK_ROWS = 45_000, 500  # as the TX40's log has
+TOLERANCE = 1e-9  # of the largest entry
+WANTED = 20.0  # times
+
+
+def tasks(quick: bool) -> list[Task]:
+    """One row: the same sums by the kernel of base columns, by triangular factors, and by Pinocchio's loop from Python."""
+    return [Task("identification", f"{ARM} normal equations", partial(_run, QUICK_ROWS if quick else ROWS))]
+
+
+def notes(quick: bool) -> dict[str, list[str]]:
+    """What the row says."""
+    return {
+        "identification": [
+            f"[Y τ]ᵀ[Y τ] of {QUICK_ROWS if quick else ROWS} states, all 60 columns; one thread, but for NumPy's own",
+            "triangular factor: R with RᵀR the same, without the loss of digits of normal equations",
+            "Pinocchio: computeJointTorqueRegressor in a loop from Python, NumPy's product of each state added up",
+        ]
+    }
+
+
+def _run(rows: int, repetitions: int) -> list[Record]:
+    arm = timed_arm(ARM)
+    states = random_states(arm, rows)
+    q, qd, qdd = (states[name] for name in ("q", "qd", "qdd"))
+    tau = np.random.default_rng(1).normal(size=q.shape)
+    fast, peer = normal_equations(arm), PinocchioArm(arm)
+    samples = Samples("states", 0, np.arange(rows) * 1.0, q, qd, qdd, tau)
+
+    def factors() -> np.ndarray:
+        return stacked(equations_of([samples], fast.model).factors, len(fast.model))[0]
+
+    def loop() -> np.ndarray:
+        total = np.zeros((len(fast.model) + 1,) * 2)
+        for k in range(rows):
+            values = np.column_stack(
+                [pin.computeJointTorqueRegressor(peer.model, peer.data, q[k], qd[k], qdd[k]), tau[k]]
+            )
+            total += values.T @ values
+        return total
+
+    truth = np.concatenate([fast.model.rows(q, qd, qdd), tau[:, :, None]], axis=2).reshape(-1, len(fast.model) + 1)
+    truth = truth.T @ truth
+    size = np.abs(truth).max()
+
+    def ours(gram: np.ndarray) -> Check:
+        return Check(float(np.abs(gram - truth).max() / size), TOLERANCE)
+
+    def theirs(gram: np.ndarray) -> Check:  # of columns in frames of Pinocchio's own: what they explain is the same
+        return Check(abs(_unexplained(gram) - _unexplained(truth)), 1e-6)
+
+    contestants = {
+        "ours": Contestant("Armwright", lambda: fast(q, qd, qdd, tau), rows, ours),
+        "factor": Contestant("Armwright, triangular factor", factors, rows, lambda r: ours(r.T @ r)),
+        "pinocchio_python": Contestant("Pinocchio from Python", loop, rows, theirs),
+    }
+    labels = {"arm": ARM, "work": "normal equations", "states": rows}
+    entry = Entry(labels, contestants, {"factor": "ours", "pinocchio_python": "ours"}, {"pinocchio_python": WANTED})
+    return [record(row) for row in race([entry], repetitions)]
+
+
+def _unexplained(gram: np.ndarray) -> float:
+    """Share of the torques' squares that no parameters explain."""
+    right = gram[:-1, -1]
+    return float(1.0 - right @ np.linalg.pinv(gram[:-1, :-1], rcond=1e-10, hermitian=True) @ right / gram[-1, -1])
