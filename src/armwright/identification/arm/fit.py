@@ -267,13 +267,13 @@ def with_correlation(source: SampleSource, fit: ArmFit, lags: int | None = None)
 
     Args:
         source: gives the samples, anew at each call.   fit: of these samples.
-        lags: L; None: by the residuals' own correlation from row to row. [Andrews1991]
+        lags: L; None: by the scores' own correlation from row to row. [Andrews1991]
     """
     if lags is None:
         lags = _lags(source(), fit)
     b, rows, sums = len(fit.base), 0, None
     for _, values, residuals in residuals_of(source(), fit):
-        scores = np.einsum("tjb,tj->tb", values, np.nan_to_num(residuals) * fit.weights)
+        scores = _scores(fit, values, residuals)
         steps = np.concatenate([np.zeros((1, b)), np.cumsum(scores, axis=0)])
         ends = np.arange(1, len(scores) + lags + 1)  # of all windows, those that reach beyond either end included
         windows = steps[np.minimum(ends, len(scores))] - steps[np.maximum(ends - lags - 1, 0)]
@@ -283,24 +283,29 @@ def with_correlation(source: SampleSource, fit: ArmFit, lags: int | None = None)
         return fit
     inverse = scipy.linalg.solve_triangular(fit.information, np.eye(b))
     root = sums @ inverse @ inverse.T
-    counted = rows / max(rows - b / fit.equations.model.arm.n, 1)
-    return replace(fit, covariance=counted / (lags + 1) * root.T @ root, lags=lags)
+    free = max(1.0 - b * (lags + 1) / max(rows, 1), 0.5)  # share of the residuals' slow part that the fit leaves
+    return replace(fit, covariance=root.T @ root / (free * (lags + 1)), lags=lags)
 
 
 def _lags(samples: Iterable[Samples], fit: ArmFit) -> int:
-    """Rows over which residuals count as correlated: 1.1447 (4 ρ² N / (1 - ρ²)²)^(1/3), ρ from row to row. [Andrews1991]"""
-    n = fit.equations.model.arm.n
-    products, squares, rows = np.zeros(n), np.zeros(n), 0
-    for _, _, residuals in residuals_of(samples, fit):
-        each = np.nan_to_num(residuals)
-        products += (each[1:] * each[:-1]).sum(axis=0)
-        squares += (each**2).sum(axis=0)
-        rows += len(each)
+    """Rows over which scores count as correlated: 1.1447 (4 ρ² N / (1 - ρ²)²)^(1/3), ρ from row to row. [Andrews1991]"""
+    b, rows = len(fit.base), 0
+    products, squares = np.zeros(b), np.zeros(b)
+    for _, values, residuals in residuals_of(samples, fit):
+        scores = _scores(fit, values, residuals)
+        products += (scores[1:] * scores[:-1]).sum(axis=0)
+        squares += (scores**2).sum(axis=0)
+        rows += len(scores)
     share = np.clip(products[squares > 0] / squares[squares > 0], -0.97, 0.97)
     if not len(share):
         return 0
     strength = np.median(4 * share**2 / (1 - share**2) ** 2)
     return int(np.clip(ceil(1.1447 * (strength * rows) ** (1 / 3)), 1, max(rows // 10, 1)))
+
+
+def _scores(fit: ArmFit, values: np.ndarray, residuals: np.ndarray) -> np.ndarray:
+    """s_t = Y_tᵀ W e_t (rows, b) of a chunk; torques that are missing count as 0."""
+    return np.einsum("tjb,tj->tb", values, np.nan_to_num(residuals) * fit.weights)
 
 
 @dataclass(frozen=True)
