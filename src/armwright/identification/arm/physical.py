@@ -35,7 +35,8 @@ ACTIVE = 1e-6  # a number above its bound by no more, in units of its column
 STEEPEST = 15.0  # of the exponents of the diagonal: a body 3e6 times thinner than the prior is flat
 NEUTRAL = 1e-3  # weight of the neutral body: far below one measurement
 LEAST = 1e-12  # weight of the norm of rotors and friction that no row shows, in units of their columns
-STEPS = 300  # of the search by log-Cholesky at each weight, most take 20 to 100
+STEPS = 300  # of the search by log-Cholesky at each weight, most take 20 to 50
+COARSE, FINE = 1e-8, 1e-13  # relative change of cost at which it ends, at weights on the way and at the last one
 STRONG, STAGES = 100.0, 6  # first weight of a weak prior, and number of weights until its own
 
 
@@ -247,10 +248,13 @@ def physical_by_log_cholesky(
     start[links.size :][positive] = np.maximum(start[links.size :][positive], ACTIVE)
     # Weak priors have long flat valleys at the edge of the possible: from a strong one on they are short ways.
     weights = np.append(np.geomspace(STRONG, weight, STAGES)[:-1], weight) if weight < STRONG else [weight]
-    method: Any = {"bounds": (low, high), "xtol": 1e-13, "ftol": 1e-13, "gtol": 1e-11, "max_nfev": STEPS, "jac": slope}
     found: Any = None
-    for pull in np.sqrt(2 * np.array(weights)):
-        found = least_squares(residuals, start, args=(pull,), **method)
+    for weight in weights:
+        fine = FINE if weight == weights[-1] else COARSE
+        found = least_squares(
+            residuals, start, jac=slope, bounds=(low, high), args=(np.sqrt(2 * weight),), xtol=fine, ftol=fine, gtol=fine,
+            max_nfev=STEPS,
+        )  # fmt: skip
         start = found.x
     remark = () if found.status > 0 else (f"the search by log-Cholesky did not settle in {STEPS} steps",)
     return _estimate("log-cholesky", bodies(found.x)[1], R, z, bounds, unit, given, remark)
