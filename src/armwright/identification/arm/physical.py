@@ -251,10 +251,8 @@ def physical_by_log_cholesky(
     found: Any = None
     for weight in weights:
         fine = FINE if weight == weights[-1] else COARSE
-        found = least_squares(
-            residuals, start, jac=slope, bounds=(low, high), args=(np.sqrt(2 * weight),), xtol=fine, ftol=fine, gtol=fine,
-            max_nfev=STEPS,
-        )  # fmt: skip
+        ends: Any = {"xtol": fine, "ftol": fine, "gtol": fine, "max_nfev": STEPS, "jac": slope, "bounds": (low, high)}
+        found = least_squares(residuals, start, args=(np.sqrt(2 * weight),), **ends)
         start = found.x
     remark = () if found.status > 0 else (f"the search by log-Cholesky did not settle in {STEPS} steps",)
     return _estimate("log-cholesky", bodies(found.x)[1], R, z, bounds, unit, given, remark)
