@@ -177,6 +177,16 @@ def test_an_input_without_influence_is_not_identified():
     assert "does not answer" in " ".join(model.remarks)
 
 
+def test_a_sine_does_not_tell_a_third_order():
+    t = np.arange(800)
+    u = np.sin(0.1 * t)
+    y = lfilter(B, A, u) + 0.01 * np.random.default_rng(0).standard_normal(800)
+    model = aw.fit_oe(u[300:], y[300:], 1.0, order=np.int64(3), delay=2)
+    assert model.verdict == "not identified"
+    assert "cannot be told apart" in " ".join(model.remarks)
+    assert aw.fit_oe(u, y, 1.0, order=1, delay=2, offset=False).verdict == "identified"
+
+
 def test_beside_sippy():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

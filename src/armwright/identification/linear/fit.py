@@ -37,6 +37,8 @@ from armwright.identification.linear.selection import (
     selected,
 )
 
+SINGULAR = 1e8  # condition from which parameters are rounding
+
 
 class Options(TypedDict, total=False):
     """Options of `fit_arx`, `fit_oe` and `fit_armax`; `fit_oe` explains them."""
@@ -175,6 +177,13 @@ def _result(
         remarks.append(
             f"no coefficient of B differs from 0: {records.outputs[0]} does not answer to {records.inputs[0]}"
         )
+    condition = fit.condition
+    if condition > SINGULAR:
+        remarks.append(
+            f"the parameters cannot be told apart (condition {condition:.1g}): the order is too high for "
+            "the input's frequencies, or for data without noise"
+        )
+        known = False
     if not fit.converged:
         remarks.append("the search for the minimum did not end: treat the numbers with care")
     quantities = [Quantity("gain", gain, gain_std, unit), *modes(poles, pole_gradient, covariance, records.period)]
@@ -220,6 +229,7 @@ def _result(
         remarks=tuple(remarks),
         tried=tuple(_row(each) for each in tried),
         criterion=criterion,
+        condition=condition,
         verdict="identified" if known else "not identified",
         sha256=records.sha256,
     )

@@ -114,7 +114,7 @@ def frequency_response(
     if len(records.inputs) > 1 or len(records.outputs) > 1:
         raise LogError("several inputs or outputs", place="input", expected="one of each; fit_n4sid has several")
     for place, value, least in (("segment", segment, 4), ("repeats", repeats, 0)):
-        if value is not None and (not isinstance(value, int) or value < least):
+        if value is not None and (not isinstance(value, (int, np.integer)) or value < least):
             raise LogError(place=place, value=value, expected=f"a whole number from {least} on")
     longest = max(records.fit, key=lambda each: len(each.y))
     rows = _repetition(longest.u[:, 0]) if repeats is None else repeats

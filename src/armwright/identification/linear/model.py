@@ -34,6 +34,7 @@ class LinearModel:
         gain, gain_std: (outputs, inputs) at rest.   quantities: time constants, frequencies, damping, gain.
         fit: measures of the free simulation by run and output: fit_percent, r2, rms, one_step_percent.
         tried: rows of the search for order and delay.   criterion: that decided.   remarks: sentences.
+        condition: of the scaled Jacobian; NaN of "n4sid".
         verdict: "identified" or "not identified".   method: one line.   sha256: of the log.
     """
 
@@ -62,6 +63,7 @@ class LinearModel:
     remarks: tuple[str, ...] = ()
     tried: tuple[Mapping[str, float], ...] = ()
     criterion: str = ""
+    condition: float = float("nan")
     verdict: str = "identified"
     sha256: str = ""
     singular: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -165,6 +167,7 @@ class LinearModel:
             method=self.method,
             units=tuple(each.unit for each in chosen),
             remarks=self.remarks,
+            condition=self.condition,
             fit=self.fit,
             verdict="identified" if self.verdict == "identified" else "not identified",
         )

@@ -81,7 +81,7 @@ def fit_n4sid(
         raise LogError(place="weighting", value=weighting, choices=("cva", "moesp"))
     assert not isinstance(n, tuple)
     rows = horizon or max(2 * (n or most_order) + 2, SHORTEST)
-    if not isinstance(rows, int) or rows <= (n or 1):
+    if not isinstance(rows, (int, np.integer)) or rows <= (n or 1):
         raise LogError(place="horizon", value=horizon, expected=f"a whole number above the order, {n or 1}")
     single = len(records.inputs) == len(records.outputs) == 1
     if delay == "auto":

@@ -115,6 +115,15 @@ class Fit:
     converged: bool
 
     @property
+    def condition(self) -> float:
+        """Ratio of the largest singular value of the Jacobian, its columns scaled to 1, to the smallest."""
+        size = np.linalg.norm(self.jacobian, axis=0)
+        if not (size > 0.0).all():
+            return float("inf")
+        values = np.linalg.svd(np.linalg.qr(self.jacobian / size, mode="r"), compute_uv=False)
+        return float(values[0] / values[-1]) if values[-1] > 0.0 else float("inf")
+
+    @property
     def cost(self) -> float:
         """Sum of squares of the errors."""
         return float(self.errors @ self.errors)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import LogError
-from armwright.identification.logs.log import Log, LogRun
+from armwright.identification.logs.log import LARGEST, Log, LogRun
 
 INPUTS, OUTPUTS = ("voltage", "current", "tau"), ("qd", "q", "qdd", "tau_link")  # of a log, the likeliest first
 UNEVEN = 0.05  # of a period: rows further from even times are no sampled signal
@@ -110,6 +110,8 @@ def _of_arrays(u: Any, y: Any, period: Any) -> Records:
                     "not a finite number", place=f"{place}[{row}]", value=float(values[row][~np.isfinite(values[row])][0]),
                     expected="runs that end at a gap and begin again behind it: lists of arrays",
                 )  # fmt: skip
+            if np.abs(values).max() > LARGEST:
+                raise LogError(place=place, value=float(np.abs(values).max()), expected=f"at most {LARGEST:g}")
         fit.append(Stretch(name, columns_u, columns_y))
     step = _period(period, fit)
     inputs = tuple(f"u{k + 1}" for k in range(fit[0].u.shape[1])) if fit[0].u.shape[1] > 1 else ("u",)
@@ -126,7 +128,10 @@ def _is_list_of_runs(values: Any) -> bool:
 
 def _columns(values: Any, place: str) -> np.ndarray:
     try:
-        array = np.asarray(values, dtype=float)
+        array = np.asarray(values)
+        if np.iscomplexobj(array):
+            raise TypeError
+        array = array.astype(float)
     except (TypeError, ValueError):
         raise LogError(place=place, value=values, expected="numbers (rows,) or (rows, signals)") from None
     if array.ndim not in (1, 2) or array.size == 0:

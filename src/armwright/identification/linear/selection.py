@@ -248,7 +248,10 @@ def checked_order(order: Any, numbers: int) -> int | tuple[int, ...] | None:
     if order == "auto":
         return None
     parts = order if isinstance(order, (tuple, list)) else (order,)
-    whole = all(isinstance(each, int) and not isinstance(each, bool) and 1 <= each <= LARGEST_ORDER for each in parts)
+    whole = all(
+        isinstance(each, (int, np.integer)) and not isinstance(each, bool) and 1 <= each <= LARGEST_ORDER
+        for each in parts
+    )
     if not whole or len(parts) not in (1, numbers):
         expected = f'"auto", a whole number from 1 to {LARGEST_ORDER}, or {numbers} of them'
         raise LogError(place="order", value=order, expected=expected)
@@ -261,10 +264,12 @@ def check_options(delay: Any, by: Any, most_order: Any, most_delay: Any) -> None
     Raises:
         LogError: names the option.
     """
-    if delay != "auto" and (not isinstance(delay, int) or isinstance(delay, bool) or not 0 <= delay <= 10_000):
+    if delay != "auto" and (
+        not isinstance(delay, (int, np.integer)) or isinstance(delay, bool) or not 0 <= delay <= 10_000
+    ):
         raise LogError(place="delay", value=delay, expected='"auto" or a whole number of samples from 0 on')
     if by not in CRITERIA:
         raise LogError(place="select", value=by, choices=CRITERIA)
     for place, value, least in (("most_order", most_order, 1), ("most_delay", most_delay, 0)):
-        if not isinstance(value, int) or not least <= value <= 1000:
+        if not isinstance(value, (int, np.integer)) or not least <= value <= 1000:
             raise LogError(place=place, value=value, expected=f"a whole number from {least} on")
