@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -129,6 +131,25 @@ def test_bad_input(case):
         aw.fit_oe(*arguments, **options)
     assert caught.value.place == place
     assert "\n" not in str(caught.value)
+
+
+ODD = {
+    "output is input": U,
+    "no noise": lfilter([0.0, 0.2], [1.0, -0.9], U),
+    "an outlier": Y + 1e6 * (np.arange(600) == 200),
+    "quantised": np.round(Y),
+    "two integrators": 1e-3 * np.cumsum(np.cumsum(U)),
+    "tiny": 1e-25 * Y,
+}
+
+
+@pytest.mark.parametrize("case", ODD)
+def test_odd_data_end_in_a_model_or_in_words(case):
+    for fit in (aw.fit_arx, aw.fit_oe, aw.fit_armax, aw.fit_n4sid):
+        with contextlib.suppress(ArmwrightError):
+            model = fit(U, ODD[case], 0.01, order=2, delay=1)
+            assert np.isfinite(model.simulate(U)).all()
+            assert str(model).splitlines()[-1] == model.verdict
 
 
 def test_unknown_signals_of_a_log(tmp_path):

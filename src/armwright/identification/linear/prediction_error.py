@@ -26,6 +26,7 @@ ROUNDS, STARTED = 60, 1e-3  # Levenberg-Marquardt steps at most, and its first d
 STEADY = 1e-3  # of a standard deviation of the parameters: a step that moves them by no more ends the fit
 ROUNDING = 1e-13  # relative decrease of the sum of squares that is rounding
 FIRST = 5  # steps from every start, before the best goes on
+LEAST = 1e-12  # damping: what keeps a singular matrix solvable
 HARDEST = 1e10  # damping at which no step helps any more
 MOST_PAST = 30  # rows of the past in an autoregressive model of errors
 INSIDE = 0.98  # largest pole of a start that was unstable
@@ -289,13 +290,13 @@ def minimise(
                 new_cost = new_e @ new_e
                 if new_cost <= cost:
                     break
-            damping = max(damping, 1e-12) * 4.0
+            damping = damping * 4.0
         else:
             converged = True  # at a minimum to rounding, or at the edge of stability
             break
         gained, moved = cost - new_cost, float(step @ normal @ step)
         theta, e, jacobian, cost = trial, new_e, new_jacobian, new_cost
-        damping = damping * 0.1 if damping > 1e-12 else 0.0
+        damping = max(damping * 0.1, LEAST)
         if gained <= ROUNDING * cost or moved <= STEADY**2 * cost / len(e):
             converged = True
             break
