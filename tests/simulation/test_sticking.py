@@ -71,6 +71,19 @@ def test_an_arm_held_by_friction_stays_for_ever(rule):
     assert outputs["tau_link"] == pytest.approx(need, rel=1e-12)
 
 
+def test_an_hour_on_a_slope():
+    """By default steps, of as much as a row asks for."""
+    model, start = sticking(arm("two-link"), [90.0, 30.0]), np.array([0.4, -0.7])
+    run = aw.simulate(
+        aw.Scenario(
+            model, duration=3600.0, start=aw.Start(q=start), command=[2.0, -1.0], recording=aw.Recording(period=1.0)
+        )
+    )
+    assert len(run.time) == 3601
+    assert (run.q.values == start).all()
+    assert (run.qd.values == 0.0).all()
+
+
 def test_it_comes_to_rest_where_and_when_the_closed_form_says():
     """A block that slides against friction: v²/(2a) and v/a, position to order 2 in the step."""
     model, speed, level = block(2.0, friction=dry(3.0)), 0.5, 3.0
