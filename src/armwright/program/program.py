@@ -86,9 +86,10 @@ class Program:
         for name in NO_OPERATIONS:
             del counts[name]
         if counts.pop("CALL", 0):  # only the instructions name the callee; reading them takes ten times as long
-            for instruction in self.instructions:
-                if instruction.callee is not None:
-                    counts += instruction.callee.operation_counts()
+            callees = [each.callee for each in self.instructions if each.callee is not None]
+            for name, calls in Counter(callee.name for callee in callees).items():
+                of_one = next(callee for callee in callees if callee.name == name).operation_counts()
+                counts.update({operation: calls * count for operation, count in of_one.items()})
         return counts
 
     def __str__(self) -> str:

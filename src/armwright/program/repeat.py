@@ -6,7 +6,6 @@ more, and every lane has the bits that all the steps would have given it.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 
 import numpy as np
@@ -39,10 +38,7 @@ def repeated(
         return step(state, *(_filled(each, given) for each in entries))
 
     shapes = {"state": np.shape(state), "values": (len(symbols),)}
-    digest = hashlib.sha256(str(trace(name, function, shapes, ("next",)).instructions).encode()).hexdigest()[:8]
-    program = trace(
-        f"{name}_{digest}", function, shapes, ("next",), noinline=True
-    )  # two steps of one name are two functions
+    program = trace(name, function, shapes, ("next",), noinline=True, by_content=True)
     values = np.array(symbols, dtype=object)
     for _ in range(most):
         state = call(program, state, values)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import casadi
@@ -19,9 +20,10 @@ def trace(
     name: str,
     function: Callable[..., Any],
     inputs: Mapping[str, Shape],
-    outputs: tuple[str, ...] | None = None,
+    outputs: Sequence[str] | None = None,
     *,
     noinline: bool = False,
+    by_content: bool = False,
 ) -> Program:
     """The program of `function`: every operation that it does on its inputs, in order, constants folded.
 
@@ -29,8 +31,10 @@ def trace(
         name: what the program is called, a C identifier.
         function: takes one array per input by position and returns an array, or a tuple of them.
         inputs: name and shape of every input.
-        outputs: names of the results; by default `name` itself, for a function that returns one array.
+        outputs: names of the results; by default `name` itself, for a function that returns one array. A list may be filled by
+            the function.
         noinline: a traced function that calls this program keeps one call of it instead of a copy of its operations.
+        by_content: whether a hash of its operations is added to the name, so that two programs of one name are two functions.
     Raises:
         ProgramError: the function returns another number of arrays than `outputs` has names.
         HiddenStateError: it computes with symbols of another call, which are none of its inputs.
@@ -43,12 +47,20 @@ def trace(
     if len(results) != len(names):
         raise ProgramError(f"returns {len(results)} arrays", place=name, expected=f"{len(names)}: {', '.join(names)}")
     arrays = [np.asarray(result, dtype=object) for result in results]
+    columns = dict(zip(names, arrays, strict=True))
+    if by_content:
+        listing = str(_program(name, symbols, columns, noinline=False).instructions)
+        name = f"{name}_{hashlib.sha256(listing.encode()).hexdigest()[:8]}"
+    return _program(name, symbols, columns, noinline=noinline)
+
+
+def _program(name: str, symbols: dict[str, np.ndarray], results: dict[str, np.ndarray], *, noinline: bool) -> Program:
     graph = casadi.Function(
         name,
         [_column(array) for array in symbols.values()],
-        casadi.cse([_column(array) for array in arrays]),
+        casadi.cse([_column(array) for array in results.values()]),
         list(symbols),
-        [f"{key}_out" if key in symbols else key for key in names],
+        [f"{key}_out" if key in symbols else key for key in results],
         {"never_inline": noinline, "allow_free": True},
     )
     if graph.has_free():
@@ -57,7 +69,7 @@ def trace(
     return Program(
         name,
         tuple(Port(key, array.shape) for key, array in symbols.items()),
-        tuple(Port(key, array.shape) for key, array in zip(names, arrays, strict=True)),
+        tuple(Port(key, array.shape) for key, array in results.items()),
         graph,
     )
 
