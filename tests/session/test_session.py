@@ -328,7 +328,10 @@ def test_python_knows_the_same_names(session):
 def test_an_unstable_step_is_told_and_the_session_lives():
     session = Session()
     session.run("TimeStep = 0.5")
-    assert isinstance(refused(session, "simulate new steps=10"), ScenarioError)
+    error = refused(session, "simulate new steps=10")
+    assert isinstance(error, ScenarioError)
+    assert error.place == "TimeStep"
+    assert re.fullmatch(r"0\.00[125] s", error.expected)  # rules and substeps are not a session's to choose
     session.run("TimeStep = 1 ms")
     session.run("simulate new steps=10")
 

@@ -19,10 +19,7 @@ from armwright.session.controllers import built_controller
 from armwright.session.listing import Line, Output, by_joint
 from armwright.session.state import State
 from armwright.session.workspace import Workspace
-from armwright.simulation.fixed_steps import COARSE, OR_NONE
 from armwright.simulation.inputs.schedule import Schedule
-from armwright.simulation.plant.recommended_step import written_step
-from armwright.simulation.plant.step_limits import OTHER_STEPS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -194,6 +191,8 @@ def _run(
 
 def _in_terms_of_the_session(run: xr.Dataset, state: State) -> xr.Dataset:
     """The run with notes that name TimeStep, which the session always has, in place of a scenario's steps."""
+    from armwright.simulation.fixed_steps import COARSE, OR_NONE
+    from armwright.simulation.plant.recommended_step import written_step
 
     def named(note: str) -> str:
         if COARSE not in note:
@@ -208,6 +207,8 @@ def _in_terms_of_the_session(run: xr.Dataset, state: State) -> xr.Dataset:
 
 def _without_rules(text: str) -> str:
     """A sentence without the rules and substeps that a session does not let choose."""
+    from armwright.simulation.plant.step_limits import OTHER_STEPS
+
     return re.sub(r", by substeps = \d+", "", text.replace(f"; or {OTHER_STEPS}", ""))
 
 
