@@ -301,7 +301,7 @@ RENAMED = dataclasses.replace(STATE, entries=("q a", *STATE.entries[1:]))
             r"start = \['a', 'b'\]: of other joints; expected a run of",
         ),
         ({"start": RENAMED}, "start: a state with 'q a'; expected the 4 numbers of two-link with its drives"),
-        ({"start": RUN, "step": 5e-4}, r"start: a state of ticks of 0\.001 s"),
+        ({"start": RUN, "step": 5e-4}, r"solver\.step = 0\.0005: the state to go on from has another, 0\.001 s"),
         ({"start": RUN.isel(state_entry=[0])}, "loop_state cannot be read"),
     ],
 )
