@@ -1,0 +1,1 @@
+"""Experiments for identification: motions of an arm and commands of a motor, designed before anything is measured."""

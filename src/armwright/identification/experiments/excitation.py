@@ -1,0 +1,389 @@
+"""Motions that excite an arm for identification: Fourier series of the best condition, within limits. [SweversEtAl1997]
+
+    minimise    condition number, or -log det, of the base regressor over a period
+    subject to  rest at both ends, and limits of position, speed, acceleration, torque, voltage and of the tip's place
+
+IPOPT solves it from several random starts [WachterBiegler2006]; the regressor and the torques are traced from the same
+dynamics as all kernels. The motion is then judged on ten times as many instants by the compiled kernels; limits that it
+exceeds between those of the design are tightened by the excess, and it is solved again.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi
+import numpy as np
+from scipy.linalg import block_diag, null_space
+
+from armwright.errors import ScenarioError
+from armwright.identification.experiments.columns import DRIVES, BaseRegressor
+from armwright.identification.experiments.information import (
+    Criterion,
+    Scaling,
+    condition_number,
+    criterion_function,
+)
+from armwright.identification.experiments.limits import MotionLimits, motion_limits
+from armwright.kernels.signatures import SIGNATURES, trace_kernel
+from armwright.model import Model, check_arm
+from armwright.model.joint_signals import joint_units
+from armwright.results.tables import joint_columns, write_table
+from armwright.trajectory.fourier import Fourier, rest_rows, series_matrices
+
+SAMPLES = 12  # instants of the design for each harmonic
+DENSER = 10  # times as many for the judgement
+ROUNDS = 6  # of tightening the limits
+SPARE = 1e-3  # part of a limit that is left free beyond a measured excess
+KEPT = 1.0 + 1e-9  # part of a limit that a motion may use: rounding
+ITERATIONS = 300  # of IPOPT in a round, at most
+SMALLEST_SPEED = 0.01  # of the largest: smooths the sign in Coulomb's column, where the record has no smoothing speed
+SIZE_WEIGHT = 0.05  # of logdet beside the condition number: the larger of two motions counts
+DRAWN = 50  # random motions for a start, which is the best of them
+RATE = 500.0  # [Hz] of rows of a saved motion
+FIRST = 0.5  # part of the limits of position and speed that a random start uses
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """A designed motion.
+
+    Attributes:
+        limits: that it keeps.   trajectory: one period, from rest to rest.
+        condition: number of the base regressor with columns of length 1.
+        condition_si: the same in SI units, as most papers state it.   logdet: log det of WᵀW.
+        columns: (p,) names of the base columns that it excites.
+        used: by quantity (n,) part of each joint's limit that is used on the dense grid; NaN without a limit.
+        starts: condition number of the motion from each start; infinite without a motion within the limits.
+        reasons: sentences: what was minimised, what is not honoured and why.
+    """
+
+    limits: MotionLimits
+    trajectory: Fourier
+    condition: float
+    condition_si: float
+    logdet: float
+    columns: tuple[str, ...]
+    used: dict[str, np.ndarray]
+    starts: tuple[float, ...] = ()
+    reasons: tuple[str, ...] = ()
+
+    @property
+    def arm(self) -> Model:
+        """The model."""
+        return self.limits.arm
+
+    @property
+    def margins(self) -> dict[str, np.ndarray]:
+        """By quantity (n,) part of each joint's limit that is left."""
+        return {name: 1.0 - part for name, part in self.used.items()}
+
+    def states(self, rate: float = RATE) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """t (k,) [s] and q, q̇, q̈ (k, n) of the period, both ends included, `rate` rows a second."""
+        t = np.append(np.arange(0.0, self.trajectory.duration, 1.0 / rate), self.trajectory.duration)
+        return t, *self.trajectory.at(t)
+
+    def save(self, path: str | os.PathLike[str], rate: float = RATE) -> None:
+        """Writes the motion as CSV: t, then q, q̇ and q̈ of every joint, units in the header.
+
+        Args:
+            path: the file, replaced as a whole.   rate: rows in a second.
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        t, *states = self.states(rate)
+        columns = {"t [s]": t}
+        for name, values in zip(("q", "qd", "qdd"), states, strict=True):
+            columns |= joint_columns(name, self.arm.names, joint_units(self.arm, name), values)
+        write_table(path, columns)
+
+    def __str__(self) -> str:
+        width = max(len("joint"), *(len(name) for name in self.arm.names))
+        lines = [
+            f"{self.arm.name}: {len(self.columns)} base parameters, condition number {self.condition:.4g} "
+            f"({self.condition_si:.4g} in SI units)",
+            "largest part of its limit that is used:",
+            f"{'joint':{width}}" + "".join(f"{name:>14}" for name in self.used),
+        ]
+        for k, name in enumerate(self.arm.names):
+            cells = (f"{'':>14}" if np.isnan(part[k]) else f"{part[k]:>14.1%}" for part in self.used.values())
+            lines.append(f"{name:{width}}{''.join(cells)}")
+        return "\n".join([*lines, *self.reasons])
+
+
+def design_excitation(
+    arm: Model,
+    *,
+    period: float = 10.0,
+    harmonics: int = 5,
+    starts: int = 4,
+    criterion: Criterion = "condition",
+    scaling: Scaling = "columns",
+    drives: Sequence[str] = DRIVES,
+    position: Any = None,
+    velocity: Any = None,
+    acceleration: Any = None,
+    torque: Any = None,
+    voltage: Any = None,
+    box: Any = None,
+    seed: int = 0,
+    progress: Callable[[int, int], object] | None = None,
+) -> Excitation:
+    """A periodic motion from rest to rest that excites all base parameters of an arm, within its limits. [SweversEtAl1997]
+
+    Args:
+        arm: a full record, or kinematics alone; then only motion limits are honoured. A payload of the record counts.
+        period: [s].   harmonics: of each joint, 2 or more.   starts: random ones, from `seed`; the best motion counts.
+        criterion: "condition" of the base regressor, or "logdet" of its information, which asks for large motions as well.
+        scaling: "columns": the condition number of columns of length 1; "none": of the regressor in SI units.
+        drives: columns beside the links': "rotor", "viscous", "coulomb", "offset".
+        position: (n, 2) bounds, or one number to either side [rad | m]; None: the record's.
+        velocity: largest magnitude, one or (n,) [rad/s | m/s]; None: the record's.
+        acceleration: likewise [rad/s² | m/s²].
+        torque: motor torque referred to the joints, likewise [N m | N].   voltage: of the motors [V].
+        box: (2, 3) lowest and highest x, y, z of the tip in base axes [m].   seed: of the starts.
+        progress: is called with the number of starts that are done, and of all.
+    Returns:
+        excitation: trajectory, condition number, used part of every limit, reasons.
+    Raises:
+        ScenarioError: numbers that are none, a joint that nothing bounds, or no motion within the limits.
+    """
+    check_arm(arm)
+    _check(period, harmonics, starts, criterion, scaling, seed)
+    given = {
+        "position": position, "velocity": velocity, "acceleration": acceleration, "torque": torque, "voltage": voltage,
+    }  # fmt: skip
+    limits = motion_limits(arm, box, **given)
+    problem = Problem.of(
+        limits, BaseRegressor.of(arm, drives, _smoothing(limits, period, harmonics)), period, harmonics
+    )
+    tell = progress or (lambda *_: None)
+    found = []
+    for k in range(starts):
+        tell(k, starts)
+        found.append(problem.solved(np.random.default_rng([seed, k]), criterion, scaling))
+    tell(starts, starts)
+    within = [each for each in found if each is not None]
+    if not within:
+        raise ScenarioError(
+            f"no motion within the limits was found from {starts} starts", place=arm.name,
+            expected="wider limits, a longer period or more starts",
+        )  # fmt: skip
+    return _result(problem, min(within, key=lambda x: problem.value(x, criterion, scaling)), found, criterion, scaling)
+
+
+def _check(period: Any, harmonics: Any, starts: Any, criterion: Any, scaling: Any, seed: Any) -> None:
+    is_number = isinstance(period, (int, float, np.number)) and not isinstance(period, bool)
+    if not is_number or not 1e-6 < period < 1e6:
+        raise ScenarioError(place="period", value=period, expected="a number of seconds")
+    for name, value, least, most in (
+        ("harmonics", harmonics, 2, 50),
+        ("starts", starts, 1, 1000),
+        ("seed", seed, 0, 2**63),
+    ):
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
+            raise ScenarioError(place=name, value=value, expected=f"a whole number, {least} … {most}")
+    for name, value, known in (
+        ("criterion", criterion, ("condition", "logdet")),
+        ("scaling", scaling, ("columns", "none")),
+    ):
+        if value not in known:
+            raise ScenarioError("unknown", place=name, value=value, choices=known)
+
+
+def _smoothing(limits: MotionLimits, period: float, harmonics: int) -> np.ndarray:
+    """(n,) speed that smooths Coulomb's sign: the record's, or a part of the largest speed."""
+    natural = 0.5 * (limits.high - limits.low) * 2.0 * np.pi / period * harmonics
+    usual = SMALLEST_SPEED * np.minimum(limits.most["velocity"], natural)
+    known = [None if body.friction is None else body.friction.smoothing for body in limits.arm.coordinates]
+    return np.array([usual[k] if speed is None else float(speed) for k, speed in enumerate(known)])
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """The optimisation problem: unknowns x (n K) are for each joint [centre, K - 1 coefficients] / scale.
+
+    Attributes:
+        limits: of the motion.   columns: of the base regressor.   period: [s].   harmonics: of each joint.
+        rest: (2 harmonics, K - 1) coefficients that start and end at rest.   scale: (n,) of a joint's unknowns.
+    """
+
+    limits: MotionLimits
+    columns: BaseRegressor
+    period: float
+    harmonics: int
+    rest: np.ndarray
+    scale: np.ndarray
+
+    @classmethod
+    def of(cls, limits: MotionLimits, columns: BaseRegressor, period: float, harmonics: int) -> Problem:
+        """The problem of an arm with its limits."""
+        rest = np.asarray(block_diag(*(null_space(row[None]) for row in rest_rows(harmonics))))
+        slow = limits.most["velocity"] * period / (2.0 * np.pi)  # amplitude at the speed limit
+        return cls(limits, columns, period, harmonics, rest, np.minimum(0.5 * (limits.high - limits.low), slow))
+
+    @property
+    def samples(self) -> int:
+        """Number of instants of the design."""
+        return SAMPLES * self.harmonics
+
+    def basis(self, count: int) -> list[np.ndarray]:
+        """Values of q, q̇, q̈ by a joint's unknowns, each (count, K), at instants spread over the period."""
+        t = np.arange(count)[:, None] * (self.period / count)
+        blocks = [part @ self.rest for part in series_matrices(self.harmonics, self.period, t)]
+        return [np.hstack([np.full((count, 1), float(k == 0)), block]) for k, block in enumerate(blocks)]
+
+    def states(self, x: np.ndarray, count: int) -> list[np.ndarray]:
+        """q, q̇, q̈, each (count, n)."""
+        coefficients = x.reshape(len(self.scale), -1).T * self.scale
+        return [part @ coefficients for part in self.basis(count)]
+
+    def trajectory(self, x: np.ndarray) -> Fourier:
+        """The motion, one period of it."""
+        rows = x.reshape(len(self.scale), -1) * self.scale[:, None]
+        sine, cosine = np.split(rows[:, 1:] @ self.rest.T, 2, axis=1)
+        return Fourier(rows[:, 0], sine, cosine, self.period, periods=1)
+
+    def information(self, x: np.ndarray) -> np.ndarray:
+        """WᵀW (p, p) over the dense grid, by the compiled regressor, divided by its number of instants."""
+        count = DENSER * self.samples
+        return self.columns.information(*self.states(x, count)) / count
+
+    def value(self, x: np.ndarray, criterion: Criterion, scaling: Scaling) -> float:
+        """What is minimised, on the dense grid."""
+        information = self.information(x)
+        return (
+            condition_number(information, scaling) if criterion == "condition" else -np.linalg.slogdet(information)[1]
+        )
+
+    def solved(self, generator: np.random.Generator, criterion: Criterion, scaling: Scaling) -> np.ndarray | None:
+        """The best x from a random start; None without a motion within the limits."""
+        solver, bounds = self._solver(criterion, scaling)
+        drawn = [self.random(generator) for _ in range(DRAWN)]
+        x = min(drawn, key=lambda each: self.value(each, criterion, scaling))
+        part = {name: np.ones(len(self.scale)) for name in self.limits.used_names}
+        inset = 0.0
+        for _ in range(ROUNDS):
+            low, high = bounds(part, inset)
+            x = np.asarray(solver(x0=x, lbg=low, ubg=high)["x"]).ravel()
+            q, qd, qdd = self.states(x, DENSER * self.samples)
+            used, outside = self.limits.used(q, qd, qdd), self.limits.outside_box(q)
+            if all(np.nanmax(each, initial=0.0) <= KEPT for each in used.values()) and outside <= 0.0:
+                return x
+            for name, each in used.items():
+                part[name] = np.where(each > 1.0, part[name] / each * (1.0 - SPARE), part[name])
+            inset += outside * (1.0 + SPARE) + (SPARE * 1e-3 if outside else 0.0)
+        return None
+
+    def random(self, generator: np.random.Generator) -> np.ndarray:
+        """A random x within the limits of position and speed."""
+        n, size = len(self.scale), self.rest.shape[1] + 1
+        x = np.zeros((n, size))
+        x[:, 1:] = generator.normal(size=(n, size - 1)) / np.tile(np.arange(1.0, size // 2 + 1.0), 2)[: size - 1]
+        x[:, 0] = (
+            self.limits.middle + 0.2 * (self.limits.high - self.limits.low) * generator.uniform(-1, 1, n)
+        ) / self.scale
+        q, qd, _ = self.states(x.ravel(), DENSER * self.samples)
+        centre = x[:, 0] * self.scale
+        room = np.minimum(self.limits.high - centre, centre - self.limits.low)
+        most = np.maximum(np.abs(q - centre).max(axis=0) / room, np.abs(qd).max(axis=0) / self.limits.most["velocity"])
+        x[:, 1:] *= FIRST / most[:, None]
+        return x.ravel()
+
+    def _solver(self, criterion: Criterion, scaling: Scaling) -> tuple[Any, Any]:
+        """IPOPT for the problem, and a function of the limits' parts → bounds of its constraints."""
+        n, count = len(self.scale), self.samples
+        basis = self.basis(count)
+        x = casadi.MX.sym("x", n * basis[0].shape[1])
+        coefficients = casadi.reshape(x, basis[0].shape[1], n) @ casadi.diag(casadi.DM(self.scale))
+        q, qd, qdd = ((casadi.DM(part) @ coefficients).T for part in basis)  # (n, count)
+        rows = self.columns.graph().map(count)(q, qd, qdd)  # Yᵀ (p, n count)
+        information = rows @ rows.T / count
+        objective = criterion_function(len(self.columns), criterion, scaling)(information)
+        if criterion == "condition":
+            objective += SIZE_WEIGHT * criterion_function(len(self.columns), "logdet", scaling)(information)
+        values, bounds = self._constraints(q, qd, qdd)
+        options = {
+            "ipopt.hessian_approximation": "limited-memory", "ipopt.limited_memory_max_history": 30,
+            "ipopt.max_iter": ITERATIONS, "ipopt.tol": 1e-4,
+            # without second derivatives the last digits of the optimum take longest, and mean nothing here
+            "ipopt.acceptable_iter": 8, "ipopt.acceptable_obj_change_tol": 1e-4, "ipopt.acceptable_tol": 1e3,
+            "ipopt.acceptable_dual_inf_tol": 1e10, "ipopt.acceptable_constr_viol_tol": 1e-3,
+            "ipopt.acceptable_compl_inf_tol": 1e-2, "ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False,
+        }  # fmt: skip
+        return casadi.nlpsol(
+            "excitation", "ipopt", {"x": x, "f": objective, "g": casadi.vertcat(*values)}, options
+        ), bounds
+
+    def _constraints(self, q: Any, qd: Any, qdd: Any) -> tuple[list[Any], Any]:
+        """Values that are bounded, in parts of their limits, and a function that gives the bounds."""
+        limits, count = self.limits, self.samples
+        values: list[Any] = []
+        names: list[tuple[str, np.ndarray]] = []
+
+        def add(name: str, matrix: Any, most: np.ndarray) -> None:
+            bounded = np.flatnonzero(np.isfinite(most))
+            if len(bounded):
+                rows = casadi.diag(casadi.DM(1.0 / most[bounded])) @ matrix[[int(k) for k in bounded], :]
+                values.append(casadi.vec(rows))
+                names.append((name, bounded))
+
+        add("position", q - casadi.repmat(casadi.DM(limits.middle), 1, count), 0.5 * (limits.high - limits.low))
+        add("velocity", qd, limits.most["velocity"])
+        add("acceleration", qdd, limits.most["acceleration"])
+        if limits.bounded("torque").any() or limits.bounded("voltage").any():
+            tau = _mapped(limits.arm, "inverse_dynamics", count)(q, qd, qdd)
+            add("torque", tau, limits.most["torque"])
+            if limits.bounded("voltage").any():
+                add("voltage", _mapped(limits.arm, "motor_voltage", count)(qd, tau), limits.most["voltage"])
+        if limits.has_box:
+            pose = _mapped(limits.arm, "forward_kinematics", count)(q)  # row-major (4, 4)
+            values.append(casadi.vec(pose[[3, 7, 11], :]))
+
+        def bounds(part: dict[str, np.ndarray], inset: float) -> tuple[np.ndarray, np.ndarray]:
+            high = [np.tile(part[name][bounded], count) for name, bounded in names]
+            low = [-each for each in high]
+            if limits.has_box:
+                low.append(np.tile(limits.box[0] + inset, count))
+                high.append(np.tile(limits.box[1] - inset, count))
+            return np.concatenate(low), np.concatenate(high)
+
+        return values, bounds
+
+
+def _mapped(arm: Model, name: str, count: int) -> casadi.Function:
+    """A kernel's function for `count` states, one a column."""
+    return trace_kernel(arm, SIGNATURES[name]).graph.map(count)
+
+
+def _result(
+    problem: Problem, x: np.ndarray, found: Sequence[np.ndarray | None], criterion: Criterion, scaling: Scaling
+) -> Excitation:
+    """The design as users have it."""
+    information, count = problem.information(x), DENSER * problem.samples
+    starts = tuple(np.inf if each is None else condition_number(problem.information(each), scaling) for each in found)
+    what = {"condition": "the condition number", "logdet": "-log det of the information"}[criterion]
+    units = {"columns": "with columns of length 1", "none": "in SI units"}[scaling] if criterion == "condition" else ""
+    reasons = [
+        f"minimised: {what} of the base regressor {units}".rstrip() + f", from {len(found)} starts",
+        f"limits judged at {count} instants of the period",
+        *problem.limits.reasons,
+        "self-collision is not checked: look at the motion before it runs",
+    ]
+    failed = sum(each is None for each in found)
+    if failed:
+        reasons.append(f"{failed} of {len(found)} starts led to no motion within the limits")
+    return Excitation(
+        problem.limits,
+        problem.trajectory(x),
+        condition_number(information),
+        condition_number(information, "none"),
+        float(np.linalg.slogdet(information)[1]),
+        problem.columns.names,
+        problem.limits.used(*problem.states(x, count)),
+        starts,
+        tuple(reasons),
+    )

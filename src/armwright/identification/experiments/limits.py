@@ -1,0 +1,194 @@
+"""Limits of a designed motion, and how much of them a motion uses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.errors import ScenarioError
+from armwright.kernels.compiled import CompiledArm, compile_arm
+from armwright.model import Body, Model
+
+WHOLE_TURN = np.pi  # [rad] to either side, of revolute joints without limits
+QUANTITIES = {
+    "position": "[rad | m]", "velocity": "[rad/s | m/s]", "acceleration": "[rad/s² | m/s²]", "torque": "[N m | N]",
+    "voltage": "[V]",
+}  # fmt: skip
+MOTION = ("position", "velocity", "acceleration")
+
+
+@dataclass(frozen=True, eq=False)
+class MotionLimits:
+    """Limits that a motion has to keep; infinite where there is none.
+
+    Attributes:
+        arm: the model.   low, high: (n,) positions.
+        most: by quantity (n,) the largest magnitude: "velocity", "acceleration", "torque", "voltage".
+        box: (2, 3) lowest and highest x, y, z of the tip in base axes [m].   reasons: sentences on what is not honoured.
+    """
+
+    arm: Model
+    low: np.ndarray
+    high: np.ndarray
+    most: dict[str, np.ndarray]
+    box: np.ndarray
+    reasons: tuple[str, ...] = ()
+
+    @cached_property
+    def dyn(self) -> CompiledArm:
+        """The compiled arm."""
+        return compile_arm(self.arm)
+
+    @property
+    def middle(self) -> np.ndarray:
+        """(n,) middle of the range of positions."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def has_box(self) -> bool:
+        """True if the tip is bounded."""
+        return bool(np.isfinite(self.box).any())
+
+    @property
+    def used_names(self) -> tuple[str, ...]:
+        """Names of what `used` gives."""
+        return ("position", *self.most)
+
+    def bounded(self, quantity: str) -> np.ndarray:
+        """(n,) bool: the joint has a limit of that quantity."""
+        return np.isfinite(self.most[quantity])
+
+    def used(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> dict[str, np.ndarray]:
+        """By quantity (n,) the largest part of its limit that a motion uses, 1: all of it; NaN without a limit.
+
+        Args:
+            q, qd, qdd: (rows, n) states of the motion.
+        """
+        peaks = {"velocity": np.abs(qd).max(axis=0), "acceleration": np.abs(qdd).max(axis=0)}
+        if self.bounded("torque").any() or self.bounded("voltage").any():
+            tau = self.dyn.inverse_dynamics(q, qd, qdd)
+            peaks["torque"] = np.abs(tau).max(axis=0)
+            if self.bounded("voltage").any():
+                peaks["voltage"] = np.abs(self.dyn.motor_voltage(qd, tau)).max(axis=0)
+        half = 0.5 * (self.high - self.low)
+        found = {"position": np.abs(q - self.middle).max(axis=0) / half}
+        for quantity, most in self.most.items():
+            limited = np.isfinite(most)
+            found[quantity] = np.full(self.arm.n, np.nan)
+            found[quantity][limited] = (peaks[quantity] / most)[limited] if limited.any() else []
+        return found
+
+    def outside_box(self, q: np.ndarray) -> float:
+        """How far the tip leaves the box [m]; 0 inside."""
+        if not self.has_box:
+            return 0.0
+        tip = self.dyn.forward_kinematics(q)[:, :3, 3]
+        return float(max((self.box[0] - tip).max(), (tip - self.box[1]).max(), 0.0))
+
+
+def motion_limits(arm: Model, box: Any = None, **given: Any) -> MotionLimits:
+    """Limits of the record, or those that are given.
+
+    Args:
+        arm: the model.   box: (2, 3) lowest and highest x, y, z of the tip in base axes [m]; infinite where free.
+        given: `position` (n, 2) or one number to either side; `velocity`, `acceleration`, `torque`, `voltage` one number or
+            (n,); None: the record's.
+    Raises:
+        ScenarioError: a limit that is none, or a joint that nothing bounds.
+    """
+    reasons: list[str] = []
+    limits = [body.limits for body in arm.coordinates]
+    low, high = _positions(arm, given.get("position"), reasons)
+    most = {}
+    for quantity in ("velocity", "acceleration", "torque", "voltage"):
+        record = np.array([getattr(each, quantity) for each in limits], dtype=float)
+        if quantity == "torque":  # a limit of the current is one of the torque
+            record = np.minimum(record, [_current_torque(body) for body in arm.coordinates])
+        value = given.get(quantity)
+        most[quantity] = record if value is None else _numbers(quantity, value, arm.n)
+    _drop_unknown(arm, most, given, reasons)
+    free = [name for k, name in enumerate(arm.names) if not any(np.isfinite(each[k]) for each in most.values())]
+    if free:
+        raise ScenarioError(
+            f"nothing bounds the speed of {', '.join(map(repr, free))}", place=arm.name,
+            expected="a velocity, acceleration, torque or voltage limit, in the record or as an argument",
+        )  # fmt: skip
+    return MotionLimits(arm, low, high, most, _box(box), tuple(reasons))
+
+
+def _current_torque(body: Body) -> float:
+    """Torque of the largest current, referred to the joint [N m | N]; infinite where the record has none."""
+    drive, current = body.drive, float(body.limits.current)
+    if drive.torque_constant is None or not np.isfinite(current):
+        return np.inf
+    return abs(float(drive.gear_ratio) * float(drive.torque_constant)) * current
+
+
+def _positions(arm: Model, given: Any, reasons: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    bounds = np.array([body.limits.position for body in arm.coordinates], dtype=float)
+    if given is not None:
+        try:
+            values = scalar.real_numbers(given)
+        except ValueError:
+            values = np.full(1, np.nan)
+        bounds = np.stack([-values, values], axis=-1) if values.ndim < 2 else values
+        if values.ndim == 0:
+            bounds = np.tile(bounds, (arm.n, 1))
+        if bounds.shape != (arm.n, 2) or not np.isfinite(bounds).all() or (bounds[:, 0] >= bounds[:, 1]).any():
+            raise ScenarioError(place="position", value=given, expected=f"({arm.n}, 2) lower and upper bounds")
+    for k, body in enumerate(arm.coordinates):
+        if not np.isfinite(bounds[k]).all():
+            if body.kind == "prismatic":
+                expected = "position limits, in the record or as an argument"
+                raise ScenarioError("slides without bounds", place=f"joint {body.joint!r}", expected=expected)
+            bounds[k] = [-WHOLE_TURN, WHOLE_TURN]
+            reasons.append(f"{body.joint} has no position limits: it stays within half a turn to either side")
+    return bounds[:, 0], bounds[:, 1]
+
+
+def _numbers(quantity: str, value: Any, n: int) -> np.ndarray:
+    try:
+        values = scalar.real_numbers(value)
+    except ValueError:
+        values = np.zeros(1)
+    if values.shape not in ((), (n,)) or not (values > 0.0).all():
+        expected = f"a number above 0 {QUANTITIES[quantity]}, or one for each of {n} joints"
+        raise ScenarioError(place=quantity, value=value, expected=expected)
+    return np.broadcast_to(values, (n,)).astype(float)
+
+
+def _drop_unknown(arm: Model, most: dict[str, np.ndarray], given: dict[str, Any], reasons: list[str]) -> None:
+    """Leaves torque and voltage limits away where the record cannot say what a motion takes, and tells why."""
+    massless = bool(arm.without_masses) or not np.asarray(arm.inertial_parameters, dtype=float).any()
+    drives = [body.drive for body in arm.coordinates]
+    dark = [
+        body.joint for body, drive in zip(arm.coordinates, drives, strict=True)
+        if drive.resistance is None or drive.torque_constant is None
+    ]  # fmt: skip
+    for quantity, unknown in (("torque", massless), ("voltage", massless or bool(dark))):
+        if not unknown:
+            continue
+        what = "links without masses" if massless else f"no motor constants of {', '.join(dark)}"
+        if given.get(quantity) is not None:
+            raise ScenarioError(
+                f"the record has {what}", place=quantity, value=given[quantity], expected="a record that can tell it"
+            )
+        if massless or np.isfinite(most[quantity]).any():
+            reasons.append(f"{quantity} limits are not honoured: the record has {what}")
+        most[quantity] = np.full(arm.n, np.inf)
+
+
+def _box(box: Any) -> np.ndarray:
+    if box is None:
+        return np.array([[-np.inf] * 3, [np.inf] * 3])
+    try:
+        values = np.asarray(box, dtype=float)
+    except (TypeError, ValueError):
+        values = np.zeros(0)
+    if values.shape != (2, 3) or not (values[0] < values[1]).all():
+        raise ScenarioError(place="box", value=box, expected="(2, 3): lowest and highest x, y, z of the tip [m]")
+    return values
