@@ -44,6 +44,10 @@ if TYPE_CHECKING:
     from armwright.identification.arm.identify import ArmEstimate, identify_arm
     from armwright.identification.arm.payload import identify_payload
     from armwright.identification.estimate import Estimate, write_into
+    from armwright.identification.experiments.excitation import Excitation, design_excitation
+    from armwright.identification.experiments.expected import compare_experiments
+    from armwright.identification.experiments.motor import MotorGuess, motor_experiment
+    from armwright.identification.experiments.plot import plot_experiment
     from armwright.identification.linear.fit import fit_armax, fit_arx, fit_oe
     from armwright.identification.linear.frequency import FrequencyResponse, frequency_response
     from armwright.identification.linear.model import LinearModel
@@ -119,6 +123,10 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.identification.linear.frequency": ("FrequencyResponse", "frequency_response"),
     "armwright.identification.linear.model": ("LinearModel",),
     "armwright.identification.linear.n4sid": ("fit_n4sid",),
+    "armwright.identification.experiments.excitation": ("Excitation", "design_excitation"),
+    "armwright.identification.experiments.expected": ("compare_experiments",),
+    "armwright.identification.experiments.motor": ("MotorGuess", "motor_experiment"),
+    "armwright.identification.experiments.plot": ("plot_experiment",),
     "armwright.identification.logs.log": ("Log", "read_log"),
     "armwright.identification.logs.plot": ("plot_log",),
     "armwright.identification.logs.preparation": ("Preparation", "choose_preparation", "prepare_log"),
@@ -174,6 +182,7 @@ __all__ = [
     "Controller",
     "Draw",
     "Estimate",
+    "Excitation",
     "Fourier",
     "FrequencyResponse",
     "Inputs",
@@ -187,6 +196,7 @@ __all__ = [
     "LoopState",
     "Measurement",
     "Model",
+    "MotorGuess",
     "Payload",
     "PoseSolutions",
     "Preparation",
@@ -215,10 +225,12 @@ __all__ = [
     "centre_of_mass",
     "check",
     "choose_preparation",
+    "compare_experiments",
     "compile",
     "composite_body",
     "convert",
     "coriolis_matrix",
+    "design_excitation",
     "diff",
     "energy",
     "enumerate_assemblies",
@@ -247,10 +259,12 @@ __all__ = [
     "load_run",
     "mass_matrix",
     "motor_current",
+    "motor_experiment",
     "motor_torque",
     "motor_voltage",
     "operational_inertia",
     "plot",
+    "plot_experiment",
     "plot_log",
     "potential_energy",
     "prepare_log",

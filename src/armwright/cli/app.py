@@ -20,6 +20,7 @@ from armwright.cli.check import check
 from armwright.cli.convert import convert
 from armwright.cli.diff import diff
 from armwright.cli.dynamics import forward_dynamics, inverse_dynamics
+from armwright.cli.excite import excite
 from armwright.cli.export import export
 from armwright.cli.identify import identify
 from armwright.cli.ik import ik
@@ -155,6 +156,7 @@ for command in (
     sim,
 ):
     app.command()(command)
+app.add_typer(excite, name="excite")
 app.add_typer(export, name="export")
 app.add_typer(identify, name="identify")
 app.add_typer(parts, name="parts")
@@ -170,6 +172,8 @@ for entry in (
     *app.registered_commands,
     *export.registered_commands,
     *identify.registered_commands,
+    *excite.registered_commands,
+    *export.registered_commands,
     *parts.registered_commands,
 ):
     assert entry.callback is not None

@@ -1,0 +1,179 @@
+"""`armwright excite`: experiments for identification, of a whole arm or of one motor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from armwright.cli.arguments import Robot, option
+from armwright.errors import ScenarioError
+from armwright.terminal import say
+
+if TYPE_CHECKING:
+    from armwright.identification.experiments.motor import MotorGuess
+
+
+class ArmByDefault(TyperGroup):
+    """Commands `arm` and `motor`; `excite ROBOT` is `excite arm ROBOT`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Puts "arm" before a robot, where no command is named."""
+        if args and args[0] not in self.commands and "--help" not in args[:1]:
+            args = ["arm", *args]
+        return super().parse_args(ctx, args)
+
+
+excite = typer.Typer(cls=ArmByDefault)
+
+Picture = Annotated[Path | None, option("--plot", "FILE", "Draw it: .png, .svg or .pdf.")]
+Seed = Annotated[int, option("--seed", "N", "Of random numbers, 0 by default.")]
+
+
+@excite.callback()
+def _about() -> None:
+    """Design experiments for identification: `excite ROBOT` a motion of the whole arm, `excite motor` a command of one motor."""
+
+
+@excite.command()
+def arm(
+    robot: Robot,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", metavar="MOTION.csv", help="The motion to write: t, q, qd and qdd of all joints."
+        ),
+    ],
+    period: Annotated[float, option("--period", "S", "Period in s, 10 by default.")] = 10.0,
+    harmonics: Annotated[int, option("--harmonics", "N", "Of each joint's Fourier series, 5 by default.")] = 5,
+    starts: Annotated[int, option("--starts", "N", "Random starts of the optimisation, 4 by default.")] = 4,
+    criterion: Annotated[
+        str, option("--criterion", "WHAT", "condition (default) or logdet: of the base regressor.")
+    ] = "condition",
+    velocity: Annotated[str | None, option("--velocity", "V1,V2,…", "Largest speeds; by default the record's.")] = None,
+    acceleration: Annotated[
+        str | None, option("--acceleration", "A1,A2,…", "Largest accelerations; by default the record's.")
+    ] = None,
+    torque: Annotated[str | None, option("--torque", "T1,T2,…", "Largest torques; by default the record's.")] = None,
+    floor: Annotated[float | None, option("--floor", "Z", "Lowest height of the tip in base axes, in m.")] = None,
+    rate: Annotated[float, option("--rate", "HZ", "Rows in a second, 500 by default.")] = 500.0,
+    kinematics_only: Annotated[
+        bool, typer.Option("--kinematics-only", help="Links of a TOML file may lack mass properties.")
+    ] = False,
+    plot: Picture = None,
+    seed: Seed = 0,
+) -> None:
+    """Design a motion of the whole arm that identifies it: a Fourier series from rest to rest with a small condition number.
+
+    Limits of position, speed, acceleration, torque and voltage are the record's where no option says otherwise. Look at the
+    motion before it runs: self-collision is not checked.
+
+    \b
+    Examples:
+      armwright excite lwa4p -o motion.csv --plot motion.png
+      armwright excite arm.urdf -o motion.csv --velocity 1 --period 20 --floor 0.1
+    """
+    import armwright as aw
+    from armwright.cli.arguments import vector
+    from armwright.cli.progress import progress
+    from armwright.identification.experiments.plot import check_experiment_plot
+    from armwright.model.joint_signals import joint_units
+    from armwright.output import check_destination
+
+    check_destination(output, (".csv",))
+    if not 0.1 <= rate <= 1e6:
+        raise ScenarioError(place="--rate", value=rate, expected="0.1 … 1e6 Hz")
+    if plot is not None:
+        check_experiment_plot(plot)
+    model = aw.load(robot, kinematics_only=kinematics_only)
+    given = {"velocity": ("qd", velocity), "acceleration": ("qdd", acceleration), "torque": ("tau", torque)}
+    limits: dict[str, Any] = {
+        name: vector(f"--{name}", text, model.names, joint_units(model, unit))
+        for name, (unit, text) in given.items()
+        if text is not None
+    }
+    box = None if floor is None else [[-float("inf"), -float("inf"), floor], [float("inf")] * 3]
+    with progress(f"designing a motion of {model.name}") as tell:
+        found = aw.design_excitation(
+            model, period=period, harmonics=harmonics, starts=starts, criterion=criterion,  # type: ignore[arg-type]
+            box=box, seed=seed, progress=tell, **limits,
+        )  # fmt: skip
+    say(found)
+    found.save(output, rate)
+    say(f"wrote {output}")
+    if plot is not None:
+        aw.plot_experiment(found, plot)
+        say(f"wrote {plot}")
+
+
+@excite.command()
+def motor(
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", help="step, staircase, prbs, multisine or chirp.", show_default=False)
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="COMMAND.csv", help="The command to write.")],
+    robot: Annotated[str | None, option("--robot", "ROBOT", "Take the guess from this record.")] = None,
+    joint: Annotated[str | None, option("--joint", "NAME", "Of the robot; by default the first.")] = None,
+    gain: Annotated[float | None, option("--gain", "G", "Steady speed for a command, in rad/s per unit of it.")] = None,
+    time_constant: Annotated[float | None, option("--time-constant", "S", "In s.")] = None,
+    most: Annotated[float | None, option("--most", "U", "Largest command.")] = None,
+    dead_zone: Annotated[
+        float | None, option("--dead-zone", "U", "Command below which nothing moves; 0 by default.")
+    ] = None,
+    speed: Annotated[float | None, option("--speed", "W", "Largest speed in rad/s.")] = None,
+    travel: Annotated[float | None, option("--travel", "Q", "How far it may move to either side, in rad.")] = None,
+    sample: Annotated[float, option("--sample", "S", "Sample period of whoever plays it, 0.001 s by default.")] = 1e-3,
+    unit: Annotated[str | None, option("--unit", "UNIT", "Of the command, V by default.")] = None,
+    plot: Picture = None,
+    seed: Seed = 0,
+) -> None:
+    """Design the command of one motor, sized from a coarse first guess: of its record, or by options.
+
+    \b
+    Examples:
+      armwright excite motor prbs -o prbs.csv --gain 12 --time-constant 0.05 --most 12
+      armwright excite motor staircase -o static.csv --robot cmu-dd --joint joint1 --travel 1
+    """
+    import armwright as aw
+    from armwright.identification.experiments.plot import check_experiment_plot
+    from armwright.output import check_destination
+
+    check_destination(output, (".csv",))
+    if plot is not None:
+        check_experiment_plot(plot)
+    options = {
+        "gain": gain, "time_constant": time_constant, "most": most, "dead_zone": dead_zone, "speed": speed, "travel": travel,
+        "unit": unit,
+    }  # fmt: skip
+    given = {name: value for name, value in options.items() if value is not None}
+    found = aw.motor_experiment(kind, _guess(robot, joint, given), sample=sample, seed=seed)
+    say(found)
+    found.save(output)
+    say(f"wrote {output}")
+    if plot is not None:
+        aw.plot_experiment(found, plot)
+        say(f"wrote {plot}")
+
+
+def _guess(robot: str | None, joint: str | None, given: dict[str, Any]) -> MotorGuess:
+    """The guess of a record with the options' values in place of its own, or of options alone."""
+    from dataclasses import replace
+
+    import armwright as aw
+
+    try:
+        if robot is not None:
+            return replace(aw.MotorGuess.of(aw.load(robot), joint), **given)
+        needed = [name for name in ("gain", "time_constant", "most") if name not in given]
+        if needed:
+            options = ", ".join(f"--{name.replace('_', '-')}" for name in needed)
+            raise ScenarioError(
+                f"no {options}", place="motor", expected="them, or --robot with motor constants in its record"
+            )
+        if joint is not None:
+            given["joint"] = joint
+        return aw.MotorGuess(**given)
+    except ScenarioError as error:
+        raise error.renamed(lambda place: place.replace("MotorGuess.", "--").replace("_", "-")) from None

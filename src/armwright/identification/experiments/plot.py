@@ -1,0 +1,108 @@
+"""Pictures of experiments: a designed motion with its limits, a motor's command with its spectrum."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armwright.identification.experiments.excitation import Excitation
+from armwright.identification.experiments.motor import MotorExperiment
+from armwright.output import check_destination, whole_file
+from armwright.results.plot import GRID, TEXT, save_figure
+from armwright.results.plot_curves import COLOURS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+ENDINGS = (".png", ".svg", ".pdf")
+
+
+def check_experiment_plot(path: str | os.PathLike[str]) -> None:
+    """Refuses a path where `plot_experiment` could not write.
+
+    Raises:
+        OutputError: an unknown ending, a missing folder, no permission.
+    """
+    check_destination(path, ENDINGS)
+
+
+def plot_experiment(experiment: Excitation | MotorExperiment, path: str | os.PathLike[str]) -> None:
+    """Writes a picture: of a motion every quantity in parts of its limit; of a command its values and its spectrum.
+
+    Args:
+        experiment: of `design_excitation` or `motor_experiment`.   path: ending in .png, .svg or .pdf.
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    check_experiment_plot(path)
+    figure = draw_motion(experiment) if isinstance(experiment, Excitation) else draw_command(experiment)
+    with whole_file(path, ENDINGS) as temporary:
+        save_figure(figure, temporary, temporary.suffix[1:].lower())
+
+
+def draw_motion(excitation: Excitation) -> Figure:
+    """Positions, then speeds, accelerations, torques and voltages in parts of their limits where they have one."""
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    arm, limits = excitation.arm, excitation.limits
+    t, q, qd, qdd = excitation.states()
+    values = {"velocity": qd, "acceleration": qdd}
+    if limits.bounded("torque").any() or limits.bounded("voltage").any():
+        values["torque"] = limits.dyn.inverse_dynamics(q, qd, qdd)
+    if limits.bounded("voltage").any():
+        values["voltage"] = limits.dyn.motor_voltage(qd, values["torque"])
+    rows: dict[str, np.ndarray] = {"position": (q - limits.middle) / (0.5 * (limits.high - limits.low))}
+    rows |= {name: each / limits.most[name] for name, each in values.items() if limits.bounded(name).any()}
+    figure = Figure(figsize=(9.0, 1.9 * len(rows) + 1.2), dpi=110, layout="constrained", facecolor="white")
+    axes = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
+    for axis, (name, parts) in zip(axes, rows.items(), strict=True):
+        for k in range(arm.n):
+            if np.isfinite(parts[:, k]).all():
+                axis.plot(t, parts[:, k], color=COLOURS[k % len(COLOURS)], linewidth=1.0)
+        for edge in (-1.0, 1.0):
+            axis.axhline(edge, color=TEXT, linestyle="--", linewidth=0.8)
+        axis.set_ylabel(f"{name} / limit", color=TEXT)
+        axis.set_ylim(-1.12, 1.12)
+        _plain(axis)
+    axes[-1].set_xlabel("time [s]", color=TEXT)
+    lines = [Line2D([], [], color=COLOURS[k % len(COLOURS)]) for k in range(arm.n)]
+    figure.legend(lines, arm.names, loc="outside right upper", frameon=False, labelcolor=TEXT)
+    figure.suptitle(f"{arm.name}: condition number {excitation.condition:.3g}", x=0.012, ha="left", color=TEXT)
+    return figure
+
+
+def draw_command(experiment: MotorExperiment) -> Figure:
+    """The command over time, and its amplitude spectrum with the motor's corner frequency."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 5.0), dpi=110, layout="constrained", facecolor="white")
+    over_time, spectrum = figure.subplots(2, 1)
+    ends = np.append(experiment.times, experiment.duration)
+    over_time.stairs(experiment.values, ends, baseline=None, color=COLOURS[0], linewidth=1.0)
+    over_time.set_ylabel(f"command [{experiment.guess.unit}]", color=TEXT)
+    over_time.set_xlabel("time [s]", color=TEXT)
+    fine = np.repeat(
+        experiment.values, max(1, 4096 // len(experiment.values))
+    )  # steps have a spectrum beyond their own rate
+    period = experiment.duration / len(fine)
+    amplitudes = 2.0 * np.abs(np.fft.rfft(fine)) / len(fine)
+    frequencies = np.fft.rfftfreq(len(fine), period)
+    shown = (frequencies > 0) & (amplitudes > 1e-6 * amplitudes.max())
+    spectrum.loglog(frequencies[shown], amplitudes[shown], ".", color=COLOURS[0], markersize=3)
+    spectrum.axvline(experiment.guess.corner_hz, color=TEXT, linestyle="--", linewidth=0.8)
+    spectrum.text(experiment.guess.corner_hz, amplitudes[shown].min(), " corner", color=TEXT, va="bottom")
+    spectrum.set_ylabel(f"amplitude [{experiment.guess.unit}]", color=TEXT)
+    spectrum.set_xlabel("frequency [Hz]", color=TEXT)
+    for axis in (over_time, spectrum):
+        _plain(axis)
+    figure.suptitle(f"{experiment.kind}: crest {experiment.crest:.3g}", x=0.012, ha="left", color=TEXT)
+    return figure
+
+
+def _plain(axis: Axes | Any) -> None:
+    axis.grid(color=GRID, linewidth=0.6)
+    axis.spines[["top", "right"]].set_visible(False)

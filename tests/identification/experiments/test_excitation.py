@@ -1,0 +1,175 @@
+"""Designed motions: limits on dense grids, rest at the ends, better than chance, and better estimates from what they measure."""
+
+from __future__ import annotations
+
+import casadi
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import armwright as aw
+from armwright.errors import ScenarioError
+from armwright.identification.experiments.columns import DRIVES, BaseRegressor
+from armwright.identification.experiments.excitation import Problem
+from armwright.identification.experiments.information import condition_number, criterion_function
+from armwright.identification.experiments.limits import motion_limits
+from physics.arms import arm
+
+LIMITS = {"velocity": [2.0, 3.0], "torque": [60.0, 30.0], "position": 2.5}
+
+
+@pytest.fixture(scope="module")
+def designed():
+    return aw.design_excitation(arm("two-link"), period=5.0, harmonics=4, starts=3, **LIMITS)
+
+
+def test_it_starts_and_ends_at_rest(designed):
+    for t in (0.0, designed.trajectory.duration):
+        _, qd, qdd = designed.trajectory(t)
+        np.testing.assert_allclose([qd, qdd], 0.0, atol=1e-10)
+
+
+def test_limits_hold_between_the_instants_of_the_design(designed):
+    t = np.linspace(0.0, 5.0, 7001)
+    q, qd, qdd = designed.trajectory.at(t)
+    some = zip(q[::70], qd[::70], qdd[::70], strict=True)
+    tau = np.array([aw.inverse_dynamics(arm("two-link"), *state) for state in some])
+    for values, most in ((q, 2.5), (qd, LIMITS["velocity"]), (tau, LIMITS["torque"])):
+        assert (np.abs(values) <= np.asarray(most) * (1.0 + 1e-3)).all()
+    assert 0.98 < np.nanmax([part.max() for part in designed.used.values()]) <= 1.0 + 1e-9  # limits are made use of
+
+
+@settings(max_examples=6, deadline=None)
+@given(
+    st.floats(0.3, 5.0), st.floats(0.3, 5.0), st.floats(0.5, 20.0), st.integers(2, 4), st.sampled_from(["condition", "logdet"]),
+    st.integers(0, 1000),
+)  # fmt: skip
+def test_limits_of_motion_hold_whatever_they_are(first, second, acceleration, harmonics, criterion, seed):
+    most = np.array([first, second])
+    found = aw.design_excitation(
+        arm("two-link"), period=3.0, harmonics=harmonics, starts=1, criterion=criterion, seed=seed,
+        velocity=most, acceleration=acceleration, position=[[-1.0, 0.5], [-0.2, 2.0]],
+    )  # fmt: skip
+    q, qd, qdd = found.trajectory.at(np.linspace(0.0, 3.0, 3000))
+    assert (q >= [-1.001, -0.202]).all()
+    assert (q <= [0.501, 2.002]).all()
+    assert (np.abs(qd) <= most * 1.001).all()
+    assert (np.abs(qdd) <= acceleration * 1.001).all()
+
+
+def test_it_beats_a_random_search(designed):
+    limits = motion_limits(arm("two-link"), **LIMITS)
+    problem = Problem.of(limits, BaseRegressor.of(arm("two-link"), DRIVES, np.full(2, 0.01)), 5.0, 4)
+    draw = np.random.default_rng(1)
+    best = min(
+        condition_number(problem.information(problem.random(draw))) for _ in range(500)
+    )  # torques not even looked at
+    assert designed.condition < 0.7 * best
+
+
+def test_logdet_asks_for_more_information_than_condition(designed):
+    other = aw.design_excitation(arm("two-link"), period=5.0, harmonics=4, starts=3, criterion="logdet", **LIMITS)
+    assert other.logdet > designed.logdet
+    assert other.condition > designed.condition
+
+
+@pytest.mark.parametrize("scaling", ["columns", "none"])
+def test_the_smooth_criterion_bounds_the_condition_number(scaling):
+    draw = np.random.default_rng(0)
+    for size in (3, 12):
+        rows = draw.normal(size=(40, size)) * np.geomspace(0.1, 10.0, size)
+        information = rows.T @ rows
+        smooth = np.exp(float(criterion_function(size, "condition", scaling)(information)))
+        exact = np.linalg.cond(rows / np.linalg.norm(rows, axis=0) if scaling == "columns" else rows)
+        assert condition_number(information, scaling) == pytest.approx(exact, rel=1e-6)
+        assert exact <= smooth <= exact * size**0.25 * (1 + 1e-9)
+        value = float(criterion_function(size, "logdet", scaling)(information))
+        assert value == pytest.approx(-0.5 / size * np.linalg.slogdet(information)[1], rel=1e-8)
+
+
+@pytest.mark.parametrize("name", ["two-link", "cmu-dd", "panda"])
+def test_the_traced_regressor_is_the_compiled_one(name):
+    model = arm(name)
+    regressor = BaseRegressor.of(model, DRIVES, np.full(model.n, 1e-9))
+    q, qd, qdd = np.random.default_rng(0).normal(size=(3, 5, model.n))
+    traced = [np.array(regressor.graph()(*state)).T for state in zip(q, qd, qdd, strict=True)]
+    np.testing.assert_allclose(traced, regressor.rows(q, qd, qdd), atol=1e-6)
+    assert isinstance(regressor.graph(), casadi.Function)
+
+
+def test_kinematics_alone_are_enough_and_said_so(tmp_path):
+    path = tmp_path / "bare.urdf"
+    path.write_text(
+        '<robot name="bare"><link name="base"/><link name="a"/><link name="b"/>'
+        '<joint name="j1" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/></joint>'
+        '<joint name="j2" type="continuous"><parent link="a"/><child link="b"/><origin xyz="0.3 0 0"/><axis xyz="0 1 0"/></joint>'
+        "</robot>"
+    )
+    found = aw.design_excitation(aw.load(path), harmonics=3, starts=1, velocity=1.0)
+    assert np.isfinite(found.condition)
+    assert any(
+        "torque limits are not honoured: the record has links without masses" in reason for reason in found.reasons
+    )
+    with pytest.raises(ScenarioError, match="links without masses"):
+        aw.design_excitation(aw.load(path), velocity=1.0, torque=5.0)
+
+
+def test_the_tip_stays_in_its_box():
+    box = [[-np.inf, -np.inf, -0.2], [np.inf, np.inf, np.inf]]
+    model = arm("cmu-dd").with_locked(dict.fromkeys(arm("cmu-dd").names[3:], 0.3))
+    found = aw.design_excitation(model, period=4.0, harmonics=3, starts=1, velocity=2.0, voltage=np.inf, box=box)
+    tip = aw.compile(model).forward_kinematics(found.trajectory.at(np.linspace(0, 4.0, 2000))[0])[:, 2, 3]
+    assert tip.min() >= -0.2 - 1e-4
+
+
+def test_estimates_are_better_than_from_a_random_motion(designed):
+    model = arm("two-link")
+    regressor = BaseRegressor.of(model, DRIVES, np.full(2, 0.01))
+    problem = Problem.of(motion_limits(model, **LIMITS), regressor, 5.0, 4)
+    draw = np.random.default_rng(3)
+    t = np.linspace(0.0, 5.0, 500, endpoint=False)
+    truth = draw.normal(size=len(regressor))
+
+    def error(trajectory):
+        rows = regressor.rows(*trajectory.at(t)).reshape(-1, len(regressor))
+        scale = np.linalg.norm(regressor.rows(*designed.trajectory.at(t)).reshape(-1, len(regressor)), axis=0)
+        tau = (rows @ truth)[:, None] + draw.normal(size=(len(rows), 50))
+        return np.sqrt((((np.linalg.lstsq(rows, tau, rcond=None)[0] - truth[:, None]) * scale[:, None]) ** 2).mean())
+
+    others = [error(problem.trajectory(problem.random(draw))) for _ in range(10)]
+    assert error(designed.trajectory) < 0.7 * min(others)
+
+
+def test_a_motion_is_saved_with_units(designed, tmp_path):
+    path = tmp_path / "motion.csv"
+    designed.save(path, rate=100.0)
+    lines = path.read_text().splitlines()
+    assert lines[0].startswith("t [s],q_shoulder [rad],q_elbow [rad],qd_shoulder [rad/s]")
+    rows = np.loadtxt(path, delimiter=",", skiprows=1)
+    np.testing.assert_allclose(rows[:, 1:3], designed.trajectory.at(rows[:, 0])[0], rtol=1e-15)
+    assert rows[-1, 0] == 5.0
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({}, "nothing bounds the speed of 'shoulder', 'elbow'"),
+        ({"velocity": -1.0}, "velocity = -1.0: expected a number above 0"),
+        ({"velocity": [1.0]}, r"velocity = \[1.0\]: expected a number above 0 .*one for each of 2 joints"),
+        ({"velocity": 1.0, "harmonics": 1}, "harmonics = 1: expected a whole number, 2"),
+        ({"velocity": 1.0, "criterion": "det"}, "criterion = 'det'"),
+        ({"velocity": 1.0, "drives": ["rotr"]}, "did you mean rotor"),
+        ({"velocity": 1.0, "position": [[1.0, 0.0], [0.0, 1.0]]}, "lower and upper bounds"),
+        ({"velocity": 1.0, "box": [[0, 0, 0]]}, "lowest and highest x, y, z"),
+        ({"velocity": 1.0, "voltage": 5.0}, "no motor constants of shoulder, elbow"),
+        (
+            {"velocity": 1.0, "torque": 0.1, "starts": 1, "harmonics": 2, "position": [[0.5, 1.0], [0.5, 1.0]]},
+            "no motion within the limits was found from 1 starts",
+        ),
+        ({"velocity": 1.0, "period": 0.0}, "period = 0.0"),
+    ],
+)
+def test_what_cannot_be_designed_is_refused(options, said):
+    with pytest.raises(ScenarioError, match=said):
+        aw.design_excitation(arm("two-link"), **options)
