@@ -28,6 +28,10 @@ SAYS = {  # lines that must come out, and files that must be there
         ["qd shoulder: 57.3 times the derivative of the position: the speed is in degrees", "every 20th row is kept"],
         [],
     ),
+    "13": (
+        ["designed", "elbow rests: fv2 is not told by it; designed would do it", "prbs: "],
+        ["excite.png", "prbs.png"],
+    ),
     "09": (["the winding reached 107 °C"], ["hot_motor.png"]),
 }
 
