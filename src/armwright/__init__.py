@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from armwright.identification.logs.log import Log, read_log
     from armwright.identification.logs.plot import plot_log
     from armwright.identification.logs.preparation import Preparation, choose_preparation, prepare_log
+    from armwright.identification.motor.identify import MotorFit, identify_motor
     from armwright.identification.validation.limits import Limits
     from armwright.identification.validation.report import write_report
     from armwright.identification.validation.validate import Validation, validate
@@ -136,6 +137,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.identification.validation.report": ("write_report",),
     "armwright.identification.validation.validate": ("Validation", "validate"),
     "armwright.identification.validation.verdict": ("stored_verdict", "write_verdict"),
+    "armwright.identification.motor.identify": ("MotorFit", "identify_motor"),
     "armwright.kernels.compiled": ("CompiledArm", "compile"),
     "armwright.kinematics": ("forward_kinematics", "jacobian", "jacobian_dot_qd"),
     "armwright.model": ("Model",),
@@ -197,6 +199,7 @@ __all__ = [
     "Measurement",
     "Model",
     "MotorGuess",
+    "MotorFit",
     "Payload",
     "PoseSolutions",
     "Preparation",
@@ -247,6 +250,7 @@ __all__ = [
     "gravity_torques",
     "identify_arm",
     "identify_friction",
+    "identify_motor",
     "identify_payload",
     "inverse_dynamics",
     "inverse_dynamics_derivatives",

@@ -7,9 +7,11 @@ import typer
 from armwright.cli.identify_arm import arm
 from armwright.cli.identify_friction import friction
 from armwright.cli.identify_linear import linear
+from armwright.cli.identify_motor import motor
 from armwright.cli.identify_payload import payload
 
 identify = typer.Typer(help="Identify parameters from logs of measurements.", no_args_is_help=True)
+identify.command()(motor)
 identify.command()(arm)
 identify.command()(payload)
 identify.command()(friction)

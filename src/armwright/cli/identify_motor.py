@@ -1,0 +1,114 @@
+"""`armwright identify motor`: parameters of motors from logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from armwright.cli.arguments import option
+from armwright.terminal import say
+
+NOT_IDENTIFIED = 1  # exit code
+
+
+def motor(
+    file: Annotated[
+        Path, typer.Argument(metavar="LOG.log.toml", help="Voltage or current, and motion.", show_default=False)
+    ],
+    robot: Annotated[
+        str | None, option("--robot", "ROBOT", "The arm; by default the log's, or one motor on a bench.")
+    ] = None,
+    joint: Annotated[
+        str | None, option("--joint", "NAME", "Joint of a log of several, for a motor on a bench.")
+    ] = None,
+    free: Annotated[
+        list[str] | None,
+        option(
+            "--free",
+            "NAME,…",
+            "Fitted: R L Kt Ke J viscous coulomb coulomb_positive coulomb_negative stribeck friction_offset efficiency delay "
+            "offset, or keys of the joint; by default all that the record has, and the delay.",
+        ),
+    ] = None,
+    fix: Annotated[
+        list[str] | None, option("--fix", "NAME=VALUE,…", "Known, in the record's unit: R=1.3, limits.voltage_v=24.")
+    ] = None,
+    per_run: Annotated[list[str] | None, option("--per-run", "NAME,…", "Fitted for every run by itself.")] = None,
+    runs: Annotated[
+        list[str] | None, option("--run", "NAME,…", "Runs to fit; by default those that the log says.")
+    ] = None,
+    static: Annotated[
+        Path | None, option("--static", "LOG.log.toml", "Steady states, a row each, as additional data.")
+    ] = None,
+    pwm: Annotated[str | None, option("--pwm", "brake|coast", "What the bridge does while off.")] = None,
+    starts: Annotated[int, option("--starts", "N", "First guesses; 16 by default.")] = 16,
+    output: Annotated[
+        Path | None, option("--output -o", "ARM.toml", "Write the record with the fitted numbers and their deviations.")
+    ] = None,
+) -> None:
+    """Identify motors: resistance, torque constant, inertia, friction, delay, with standard deviations.
+
+    The free simulation of the record's own drives that comes nearest to the log. What the log cannot tell is named and stays as
+    the record has it. Exit code: 0 identified, 1 not identified, 2 bad input.
+
+    \b
+    Examples:
+      armwright identify motor bench.log.toml -o motor.toml
+      armwright identify motor bench.log.toml --fix R=1.3 --free Kt,J,coulomb,delay
+      armwright identify motor arm.log.toml --robot arm.toml -o arm_identified.toml
+    """
+    import armwright as aw
+    from armwright.cli.progress import progress
+    from armwright.output import check_destination
+
+    if output is not None:
+        check_destination(output, (".toml",))
+    with progress("fitting") as tell:
+        found = aw.identify_motor(
+            file,
+            robot,
+            joint=joint,
+            free=_names(free),
+            fixed=_values(fix),
+            per_run=_names(per_run) or (),
+            runs=_names(runs),
+            static=static,
+            pwm=_pwm(pwm),
+            starts=starts,
+            progress=tell,
+        )
+    say(str(found.estimate))
+    if output is not None:
+        found.write(output)
+        say(f"wrote {output}")
+    if found.estimate.verdict != "identified":
+        raise typer.Exit(NOT_IDENTIFIED)
+
+
+def _names(words: list[str] | None) -> list[str] | None:
+    """Names from words with commas, of an option that may be repeated."""
+    return None if words is None else [name for word in words for name in word.split(",") if name]
+
+
+def _values(words: list[str] | None) -> dict[str, float]:
+    """Names and numbers from words such as "R=1.3"."""
+    from armwright.errors import ModelError
+
+    found = {}
+    for word in _names(words) or []:
+        name, _, text = word.partition("=")
+        try:
+            found[name] = float(text)
+        except ValueError:
+            raise ModelError(place="--fix", value=word, expected="NAME=VALUE, such as R=1.3") from None
+    return found
+
+
+def _pwm(word: str | None) -> Literal["brake", "coast"] | None:
+    from armwright.errors import ModelError
+
+    if word in (None, "brake", "coast"):
+        return word  # type: ignore[return-value]
+    raise ModelError(place="--pwm", value=word, choices=("brake", "coast"))

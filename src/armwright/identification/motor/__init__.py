@@ -1,0 +1,1 @@
+"""White-box identification of drives: parameters of the record by simulation error."""

@@ -1,0 +1,156 @@
+"""Record of the drives that are fitted: short names of its numbers, a record of one motor where no robot is named."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from armwright.description.database import parse
+from armwright.description.friction import key_of
+from armwright.description.paths import quantities
+from armwright.description.robot import RobotDescription
+from armwright.description.writer import to_toml
+from armwright.errors import ModelError
+
+MOTOR_KEYS = {
+    "R": "resistance_ohm",
+    "L": "inductance_h",
+    "Kt": "torque_constant_n_m_per_a",
+    "Ke": "back_emf_constant_v_s_per_rad",
+    "J": "rotor_inertia_kg_m2",
+    "efficiency": "gear_efficiency",
+}
+FRICTION_STEMS = {
+    "viscous": (("viscous", "damping"),),
+    "coulomb": (("coulomb_positive", "torque"), ("coulomb_negative", "torque")),
+    "coulomb_positive": (("coulomb_positive", "torque"),),
+    "coulomb_negative": (("coulomb_negative", "torque"),),
+    "stribeck_torque": (("stribeck_torque", "torque"),),
+    "stribeck_speed": (("stribeck_speed", "speed"),),
+    "friction_offset": (("offset", "torque"),),
+}
+SHORT = (*MOTOR_KEYS, *FRICTION_STEMS, "stribeck", "delay", "offset")
+HOLD_FIRST = (
+    "L",
+    "R",
+    "viscous",
+    "Ke",
+    "stribeck_speed",
+    "stribeck_torque",
+    "friction_offset",
+    "efficiency",
+    "Kt",
+    "J",
+)
+BENCH = "bench"  # key of the source of a number that no robot's record has
+
+
+def paths_of(record: RobotDescription, joint: str, name: str) -> tuple[str, ...]:
+    """Paths of the numbers that a short name, or a key of the joint's tables, stands for.
+
+    Raises:
+        ModelError: no such name.
+    """
+    if name.startswith(f"{joint}."):
+        return (name,)
+    if name in MOTOR_KEYS:
+        return (f"{joint}.motor.{MOTOR_KEYS[name]}",)
+    each = _joint(record, joint)
+    friction = getattr(each, "friction", None)
+    linear = each.type == "prismatic" and getattr(friction, "side", "joint") != "motor"
+    if name in FRICTION_STEMS:
+        return tuple(f"{joint}.friction.{key_of(stem, kind, linear)}" for stem, kind in FRICTION_STEMS[name])  # type: ignore[arg-type]
+    if "." in name:
+        return (f"{joint}.{name}",)
+    raise ModelError("no parameter of a drive", place="free", value=name, choices=SHORT)
+
+
+def value_at(record: RobotDescription, path: str) -> float | None:
+    """Number at a path; None if the record has none."""
+    return next(
+        (
+            float(each.value)
+            for place, each, _ in quantities(record)
+            if place == path and not isinstance(each.value, tuple)
+        ),
+        None,
+    )
+
+
+def _joint(record: RobotDescription, name: str) -> Any:
+    return next(joint for joint in record.joints if joint.name == name)
+
+
+def bench_record(joint: str, gear_ratio: float, command: str) -> RobotDescription:
+    """A record of one motor on a bench, whose rotor has all of the inertia; its numbers are guessed later."""
+    zero = dict.fromkeys(("xx", "xy", "xz", "yy", "yz", "zz"), 0.0)
+    return parse(
+        {
+            "name": "bench",
+            "notes": "A motor by itself; inertia and friction hold what it turns.",
+            "source": BENCH,
+            "sources": {BENCH: {"kind": "estimate", "text": "assumed by armwright identify motor; the log does not tell it"}},
+            "gravity_m_s2": [0.0, 0.0, 0.0],
+            "command": command,
+            "joints": [
+                {
+                    "name": joint, "type": "revolute", "parent": "base", "child": "shaft", "axis": [0.0, 0.0, 1.0],
+                    "frame": {"xyz_m": [0.0, 0.0, 0.0], "rpy_rad": [0.0, 0.0, 0.0]},
+                    "motor": {
+                        "gear_ratio": gear_ratio, "rotor_inertia_kg_m2": 1.0,
+                        "torque_constant_n_m_per_a": 1.0, "resistance_ohm": 1.0,
+                    },
+                    "friction": {"viscous_n_m_s_per_rad": 0.0, "coulomb_positive_n_m": 0.0, "coulomb_negative_n_m": 0.0},
+                }
+            ],
+            "links": [{"name": "shaft", "mass_kg": 0.0, "com_m": [0.0, 0.0, 0.0], "inertia_kg_m2": zero}],
+        },
+        "the record of a motor",
+    )  # fmt: skip
+
+
+def with_numbers(record: RobotDescription, values: Mapping[str, Any], command: str | None = None) -> RobotDescription:
+    """The record with other numbers at some paths of joints, missing ones included; their source is `BENCH`.
+
+    Raises:
+        DescriptionError: numbers that no record may have.
+    """
+    document = tomllib.loads(to_toml(record))
+    for path, value in values.items():
+        first, *inner, last = path.split(".")
+        table = next((each for each in document["joints"] if each["name"] == first), None)
+        if table is None:
+            names = [each["name"] for each in document["joints"]]
+            raise ModelError("no joint", place="name", value=path, choices=names)
+        for part in inner:
+            table = table.setdefault(part, {})
+        if isinstance(value, str):
+            table[last] = value
+        else:
+            table[last] = {"value": value, "source": BENCH}
+    if command is not None:
+        document["command"] = command
+        for joint in document["joints"]:
+            joint.pop("command", None)
+    about = {"kind": "estimate", "text": "given to armwright identify motor, or its first guess"}
+    document.setdefault("sources", {}).setdefault(BENCH, about)
+    return parse(document, record.name)
+
+
+def complete(record: RobotDescription, joints: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Short names of all numbers that the joints' drives have, each with its paths: those that a fit leaves open by default."""
+    found: dict[str, tuple[str, ...]] = {}
+    for joint in joints:
+        for name in (*MOTOR_KEYS, *FRICTION_STEMS):
+            if name in ("coulomb_positive", "coulomb_negative"):
+                continue
+            paths = paths_of(record, joint, name)
+            values = [value_at(record, path) for path in paths]
+            if None in values or (name == "J" and values[0] == 0.0):
+                continue
+            if name == "coulomb" and values[0] != values[1]:
+                found[f"{joint}:coulomb_positive"], found[f"{joint}:coulomb_negative"] = paths[:1], paths[1:]
+                continue
+            found[f"{joint}:{name}"] = paths
+    return found

@@ -1,0 +1,158 @@
+"""The fit: starts, the least squares, and in turn what the log cannot tell, which is held at the record's value."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from armwright.description.robot import RobotDescription
+from armwright.errors import ModelError
+from armwright.identification.motor.drive_record import HOLD_FIRST
+from armwright.identification.motor.measured import Measured
+from armwright.identification.motor.output_error import ROWS_OF_STARTS, Problem, many_starts, refined, starts
+from armwright.identification.motor.problem import sizes
+from armwright.identification.motor.uncertainty import Direction, untold
+from armwright.identification.motor.unknowns import values_of
+
+ROUNDS = 3  # of fit and new standard deviations of the signals
+SAME = 0.02  # of a standard deviation: a smaller change is none
+NONE = 1e-6  # of a size, or of a sample: less is 0
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A fit of drives.
+
+    Attributes:
+        problem: with the standard deviations of the signals that it found.   labels: of every unknown, "joint:name".
+        z: (k,) coordinates.   held: numbers of the unknowns that were held.   reasons: what could not be told apart, and which of
+        it was held for that.   zero: numbers of those that came out as 0.   remarks: sentences about these.
+    """
+
+    problem: Problem
+    labels: list[str]
+    z: np.ndarray
+    held: list[int]
+    reasons: list[tuple[Direction, int]] = field(default_factory=list)
+    zero: list[int] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+
+
+def fitted(
+    record: RobotDescription,
+    data: Measured,
+    problem: Problem,
+    labels: list[str],
+    count: int,
+    seed: int,
+    free: Sequence[str] | None,
+    progress: Callable[[int, int], object] | None,
+) -> Fitted:
+    """The least squares from the best of `count` starts, with all held that the log cannot tell.
+
+    Raises:
+        ModelError: nothing could be simulated from any start.
+    """
+    first = np.array([each.to_coordinate(each.guess) for each in problem.unknowns])
+    done = Fitted(problem, labels, first.copy(), [])
+    _, jacobian = problem.evaluate(first[None])
+    if jacobian is not None and np.isfinite(jacobian).all():
+        _hold(done, jacobian[0] * sizes(record, data, problem, labels, first), first)
+    begin = starts(problem, [first], count, seed)
+    kept = [k for k in range(len(first)) if k not in done.held]
+    z, cost = many_starts(without(problem.part(ROWS_OF_STARTS), done.held, first), begin[:, kept])
+    if not np.isfinite(cost).any():
+        expected = "another first guess, by fixed=… or a robot's record"
+        raise ModelError("nothing could be simulated from any start", place="starts", value=count, expected=expected)
+    done.z[kept] = z[int(np.argmin(cost))]
+    for number in range(ROUNDS):
+        if progress is not None:
+            progress(number, ROUNDS)
+        kept = [k for k in range(len(first)) if k not in done.held]
+        done.z[kept] = refined(without(done.problem, done.held, done.z), done.z[kept])
+        residuals, _ = done.problem.evaluate(done.z[None], slopes=False)
+        scaled = _scaled(done.problem, residuals[0])
+        done = replace(done, problem=replace(done.problem, sigma=done.problem.sigma * scaled))
+        _, jacobian = done.problem.evaluate(done.z[None])
+        assert jacobian is not None
+        before = len(done.held)
+        _hold(done, jacobian[0] * sizes(record, data, done.problem, labels, done.z), first)
+        _hold_at_zero(done, free)
+        if len(done.held) == before and (len(scaled) == 1 or bool(np.all(np.abs(scaled - 1.0) < SAME))):
+            break
+    return done
+
+
+def _hold(done: Fitted, jacobian: np.ndarray, first: np.ndarray) -> None:
+    """Holds as many unknowns as the log cannot tell, in the order of `HOLD_FIRST`, at their first values.
+
+    Args:
+        jacobian: (m, k) by coordinates in the unknowns' sizes.   first: (k,) first coordinates.
+    """
+    while True:
+        kept = [k for k in range(len(first)) if k not in done.held]
+        candidates = [i for i, k in enumerate(kept) if not done.problem.unknowns[k].nuisance]
+        found = untold(jacobian[:, kept], candidates)
+        if not found:
+            return
+        members = tuple(kept[i] for i in found[0].unknowns)
+        names = [done.labels[k].split(":")[-1] for k in members]
+        ranks = [HOLD_FIRST.index(name) if name in HOLD_FIRST else len(HOLD_FIRST) for name in names]
+        chosen = members[int(np.argmin(ranks))]
+        done.reasons.append((replace(found[0], unknowns=members), chosen))
+        done.held.append(chosen)
+        done.z[chosen] = first[chosen]
+
+
+def _hold_at_zero(done: Fitted, free: Sequence[str] | None) -> None:
+    """Leaves out a delay, and frictions that nobody asked for, which the fit drives to 0, their bound."""
+    for k, each in enumerate(done.problem.unknowns):
+        name = done.labels[k].split(":")[-1]
+        is_friction = not each.nuisance and not each.logarithmic and each.low == 0.0 and name not in (free or ())
+        if k in done.held or done.z[k] > NONE or not (is_friction or each.name == "delay"):
+            continue
+        done.z[k] = 0.0
+        done.held.append(k)
+        done.zero.append(k)
+        done.remarks.append(
+            "no delay is found" if each.name == "delay" else f"{each.name} comes out as 0, and is left there"
+        )
+
+
+def _scaled(problem: Problem, residuals: np.ndarray) -> np.ndarray:
+    """RMS of the scaled residuals (signals · n,): by how much the signals' standard deviations change.
+
+    One for all runs: a run's own would let the worst described run count the less, and the better ones the more, without end.
+    """
+    columns = problem.targets[0].shape[1]
+    squares = (residuals * residuals).reshape(-1, columns).sum(axis=0)
+    counts = sum((stretch.weights > 0).sum(axis=0) for stretch in problem.stretches)
+    return np.where(squares > 0, np.sqrt(np.maximum(squares, 1e-12) / np.maximum(counts, 1.0)), 1.0)
+
+
+def without(problem: Problem, held: Sequence[int], z: np.ndarray | None = None) -> Problem:
+    """The problem with some unknowns held at coordinates z, by default at their guesses."""
+    if not held:
+        return problem
+    z = np.array([each.to_coordinate(each.guess) for each in problem.unknowns]) if z is None else z
+    values, _ = values_of(problem.unknowns, z)
+    kept = [k for k in range(len(problem.unknowns)) if k not in held]
+    number = {k: i for i, k in enumerate(kept)}
+    nominal = problem.nominal.copy()
+    places = []
+    for at in problem.places:
+        for column, k in enumerate(at.parameters):
+            if k in held:
+                nominal[column] = values[k]
+        renumbered = [
+            np.array([number.get(int(k), -1) for k in each], dtype=int)
+            for each in (at.parameters, at.offsets, at.start)
+        ]
+        places.append(
+            replace(
+                at, parameters=renumbered[0], offsets=renumbered[1], start=renumbered[2], delay=number.get(at.delay, -1)
+            )
+        )
+    return replace(problem, unknowns=tuple(problem.unknowns[k] for k in kept), places=tuple(places), nominal=nominal)

@@ -1,0 +1,186 @@
+"""Measurements of drives for a fit: stretches of a log's runs, what drives them and what is compared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from armwright.errors import LogError
+from armwright.identification.logs.log import Log
+from armwright.identification.logs.quantisation import quantisation_step
+from armwright.identification.motor.response import Inputs
+
+Command = Literal["voltage", "current", "torque"]
+COMMANDS: dict[str, Command] = {"voltage": "voltage", "current": "current", "tau": "torque"}  # by signal, in this order
+SHORTEST = 20  # rows of a stretch that is fitted
+SAME = 0.02  # of a speed's standard deviation: how far it may be from the difference of positions to be that
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A stretch of a run without gaps.
+
+    Attributes:
+        run: its name.   t: (rows,) [s].   inputs: what drives it.   values: signal → (rows, n) measured.
+        weights: (rows, signals · n) 1 where a value is compared, else 0.
+    """
+
+    run: str
+    t: np.ndarray
+    inputs: Inputs
+    values: dict[str, np.ndarray]
+    weights: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What a fit compares.
+
+    Attributes:
+        joints: names.   command: what drives the motors.   signals: names that `Response` knows, in its order.
+        steps: signal → (n,) quantisation step, 0 without.   stretches: of the runs.   remarks: what was found and left out.
+    """
+
+    joints: tuple[str, ...]
+    command: Command
+    signals: tuple[str, ...]
+    steps: dict[str, np.ndarray]
+    stretches: tuple[Stretch, ...]
+    remarks: tuple[str, ...]
+
+    @property
+    def period(self) -> float:
+        """Usual time from row to row [s]."""
+        return float(np.median(np.concatenate([each.inputs.period for each in self.stretches])))
+
+
+def measured(log: Log, runs: Sequence[str], joints: Sequence[str], speed: str, used: Sequence[str] | None) -> Measured:
+    """Stretches of some runs.
+
+    Args:
+        log: of the drives.   runs: names.   joints: names, in the order of the arm.
+        speed: "difference" of positions over a sample, "instant", or "auto": a difference where it is quantised.
+        used: signals to compare; None: all that are logged.
+    Raises:
+        LogError: no voltage, current or torque, nothing that moves, or no stretch that is long enough.
+    """
+    places = [log.joints.index(name) for name in joints]
+    datasets = {run: log.dataset(run) for run in runs}
+    first = next(iter(datasets.values()))
+    whole = {
+        name: all(np.isfinite(data[name].values[:, places]).any(axis=0).all() for data in datasets.values())
+        for name in first.data_vars
+    }
+    given = [str(name) for name in first.data_vars if whole[name]]
+    driver = next((name for name in COMMANDS if name in given), None)
+    if driver is None:
+        expected = "a voltage, a current or a torque of every joint that is fitted"
+        raise LogError("nothing says what drives the motors", place="signals", expected=expected, file=log.path)
+    moving = [name for name in ("q", "qd") if name in given]
+    if not moving:
+        raise LogError("nothing says how the joints move", place="signals", expected="position or speed", file=log.path)
+    sensed = [name for name in ("current", "tau") if name in given and name != driver and driver == "voltage"]
+    columns = {
+        name: np.concatenate([d[name].values[:, places] for d in datasets.values()]) for name in (*moving, *sensed)
+    }
+    steps = {name: _steps(values) for name, values in columns.items()}
+    names, remarks = [*moving, *sensed], []
+    for name in (driver, *moving):
+        if (
+            np.ptp(np.nan_to_num(np.concatenate([d[name].values[:, places] for d in datasets.values()])), axis=0).max()
+            == 0
+        ):
+            raise LogError(
+                "never changes", place=f"signal {name}", expected="a motor that is driven and moves", file=log.path
+            )
+    if moving == ["q", "qd"] and all(_is_difference(data, places) for data in datasets.values()):
+        names.remove("qd")
+        remarks.append("the speed is the difference of the positions, and says nothing more: positions are compared")
+    difference = speed == "difference" or (speed == "auto" and "qd" in names and bool(steps["qd"].all()))
+    if used is not None:
+        for name in used:
+            if name not in names:
+                raise LogError("not logged, or what drives", place="signals", value=name, choices=names, file=log.path)
+        names = [name for name in names if name in used]
+    if difference and "qd" in names:
+        remarks.append("the speed is quantised: it is predicted as the difference of positions over the sample")
+        names[names.index("qd")] = "qd_mean"
+    steps = {name: steps["qd" if name == "qd_mean" else name] for name in names}
+    stretches = [
+        stretch for run, data in datasets.items() for stretch in _stretches(log, run, data, driver, names, places)
+    ]
+    if not stretches:
+        raise LogError(f"no stretch of {SHORTEST} rows without gap", file=log.path, expected="a longer log")
+    return Measured(tuple(joints), COMMANDS[driver], tuple(names), steps, tuple(stretches), tuple(remarks))
+
+
+def _steps(values: np.ndarray) -> np.ndarray:
+    """(n,) quantisation steps of columns (rows, n); 0 without."""
+    return np.array([quantisation_step(column[np.isfinite(column)]) or 0.0 for column in values.T])
+
+
+def _is_difference(data, places: Sequence[int]) -> bool:
+    """True if the speeds are differences of the positions."""
+    period = np.diff(data.time.values)[:, None]
+    speed, own = np.diff(data.q.values[:, places], axis=0) / period, data.qd.values[1:, places]
+    return bool((np.nanstd(speed - own, axis=0) <= SAME * np.nanstd(own, axis=0)).all())
+
+
+def _stretches(log: Log, run: str, data, driver: str, names: Sequence[str], places: Sequence[int]):
+    time = data.time.values
+    for part in log.run(run).stretches:
+        rows = slice(part.begin, part.end)
+        t = time[rows]
+        if len(t) < SHORTEST:
+            continue
+        period = np.append(np.diff(t), t[-1] - t[-2])
+        command = data[driver].values[rows][:, places]
+        values = {name: data["qd" if name == "qd_mean" else name].values[rows][:, places] for name in names}
+        finite = np.isfinite(np.concatenate(list(values.values()), axis=1)).all(axis=1) & np.isfinite(command).all(
+            axis=1
+        )
+        command = np.nan_to_num(command)
+        values = {name: np.nan_to_num(each) for name, each in values.items()}
+        weights = finite.astype(float)[:, None] * np.ones(len(names) * len(places))
+        if "qd_mean" in names:
+            at = names.index("qd_mean") * len(places)
+            weights[0, at : at + len(places)] = 0.0  # its position before is not known
+        yield Stretch(run, t, Inputs(period, command), values, weights)
+
+
+LEVEL_TICKS = 100  # of a level that is held until the motor is steady: it may be 30 times as fast as elsewhere
+LEVEL_TIME = 8.0  # time constants that it is held
+
+
+def steady(log: Log, joints: Sequence[str], data: Measured, time: float) -> Stretch:
+    """A log of steady states as a stretch: every row's command is held until the motor no longer changes, and compared then.
+
+    Args:
+        log: a row for each steady state, in any time.   joints: names.   data: the other runs.   time: constant of the motor [s].
+    Raises:
+        LogError: it lacks what drives, or the speed.
+    """
+    places = [log.joints.index(name) for name in joints]
+    rows = log.dataset()
+    driver = next(name for name, command in COMMANDS.items() if command == data.command)
+    for name in (driver, "qd"):
+        if name not in rows:
+            raise LogError("is not logged", place=f"signal {name}", expected="what drives and the speed", file=log.path)
+    command, speed = rows[driver].values[:, places], rows["qd"].values[:, places]
+    finite = np.isfinite(np.concatenate([command, speed], axis=1)).all(axis=1)
+    command, speed = command[finite], speed[finite]
+    ticks = len(command) * LEVEL_TICKS
+    period = np.full(ticks, LEVEL_TIME * time / LEVEL_TICKS)
+    weights = np.zeros((ticks, len(data.signals) * len(places)))
+    values = {name: np.zeros((ticks, len(places))) for name in data.signals}
+    for k, name in enumerate(data.signals):
+        if name in ("qd", "qd_mean"):
+            weights[LEVEL_TICKS - 1 :: LEVEL_TICKS, k * len(places) : (k + 1) * len(places)] = 1.0
+            values[name][LEVEL_TICKS - 1 :: LEVEL_TICKS] = speed
+    if not weights.any():
+        raise LogError("the other log has no speed to compare", place="static", file=log.path)
+    t = np.cumsum(period) - period
+    return Stretch("static", t, Inputs(period, np.repeat(command, LEVEL_TICKS, axis=0)), values, weights)

@@ -1,0 +1,219 @@
+"""Output error: the least squares of free simulation less measurement, from many starts at once. [Ljung1999]
+
+    minimise over z:  Σ ((y_k(z) - y_k measured) / σ)²,   y(z) by `Response`, with its exact Jacobian.
+
+All starts are lanes of one compiled batch and take Levenberg and Marquardt's steps together, each with a damping of its own;
+the best goes on in `scipy.optimize.least_squares`. [Marquardt1963]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import qmc
+
+from armwright.identification.motor.measured import Stretch
+from armwright.identification.motor.response import Response
+from armwright.identification.motor.unknowns import Unknown, values_of
+
+ROWS_OF_STARTS = 8192  # of a log that starts are compared on
+SPREAD = 3.0  # factor by which starts are drawn about the guess, either way
+STEPS_OF_STARTS = 12  # that all starts take
+EVALUATIONS = 60  # of the last fit
+
+
+@dataclass(frozen=True)
+class Places:
+    """Unknowns of one stretch: for every direction of the response the number of its unknown, -1 where it is fixed."""
+
+    parameters: np.ndarray
+    offsets: np.ndarray
+    delay: int
+    start: np.ndarray
+    fixed_start: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Residuals of stretches as functions of coordinates z.
+
+    Attributes:
+        response: compiled.   unknowns: in the order of z.   stretches: measurements.   places: of the unknowns in each.
+        sigma: of the measurement error, (signals · n,).   nominal: (k,) of parameters that are fixed.   delay: fixed [samples].
+    """
+
+    response: Response
+    unknowns: tuple[Unknown, ...]
+    stretches: tuple[Stretch, ...]
+    places: tuple[Places, ...]
+    sigma: np.ndarray
+    nominal: np.ndarray
+    delay: float = 0.0
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """(k,) lower and upper bounds of z."""
+        low, high = zip(*(each.bounds for each in self.unknowns), strict=True)
+        return np.array(low), np.array(high)
+
+    @cached_property
+    def tables(self) -> list[np.ndarray]:
+        """The response's table of each stretch."""
+        return [self.response.table(each.inputs) for each in self.stretches]
+
+    @cached_property
+    def targets(self) -> list[np.ndarray]:
+        """(rows, signals · n) measured, of each stretch."""
+        return [np.concatenate([s.values[name] for name in self.response.signals], axis=1) for s in self.stretches]
+
+    def predictions(self, z: np.ndarray) -> list[np.ndarray]:
+        """(rows, signals · n) predicted for each stretch by coordinates (k,)."""
+        return [self._run(s, z[None], False)[0][0] for s in range(len(self.stretches))]
+
+    def evaluate(self, z: np.ndarray, slopes: bool = True) -> tuple[np.ndarray, np.ndarray | None]:
+        """Residuals (lanes, m) of coordinates (lanes, k), and their Jacobian (lanes, m, k)."""
+        residuals, jacobians = [], []
+        for s, stretch in enumerate(self.stretches):
+            y, dy = self._run(s, z, slopes)
+            weight = stretch.weights / self.sigma
+            residuals.append(((y - self.targets[s]) * weight).reshape(len(z), -1))
+            if dy is not None:
+                jacobians.append((dy * weight[..., None]).reshape(len(z), -1, len(self.unknowns)))
+        return np.concatenate(residuals, axis=1), np.concatenate(jacobians, axis=1) if slopes else None
+
+    def _run(self, s: int, z: np.ndarray, slopes: bool) -> tuple[np.ndarray, np.ndarray | None]:
+        """Signals of a stretch (lanes, rows, …) and their derivatives by z."""
+        at, values, rates = self.places[s], *values_of(self.unknowns, z)
+        lanes = len(z)
+
+        def filled(numbers: np.ndarray, fixed: np.ndarray) -> np.ndarray:
+            rows = np.tile(fixed, (lanes, 1))
+            rows[:, numbers >= 0] = values[:, numbers[numbers >= 0]]
+            return rows
+
+        p = np.concatenate([filled(at.parameters, self.nominal), filled(at.offsets, np.zeros(len(at.offsets)))], axis=1)
+        delay = np.full(lanes, self.delay) if at.delay < 0 else values[:, at.delay]
+        y, raw = self.response.run(self.tables[s], p, delay, filled(at.start, at.fixed_start), slopes)
+        if raw is None:
+            return y, None
+        numbers = np.concatenate([at.parameters, [at.delay], at.offsets, at.start])
+        dy = np.zeros((*raw.shape[:-1], len(self.unknowns)))
+        for direction in np.flatnonzero(numbers >= 0):
+            dy[..., numbers[direction]] += raw[..., direction]
+        return y, dy * rates[:, None, None, :]
+
+    def part(self, rows: int) -> Problem:
+        """The same for as many rows from the beginning."""
+        stretches, places = [], []
+        for stretch, at in zip(self.stretches, self.places, strict=True):
+            count = min(len(stretch.t), rows)
+            if count < 2:
+                break
+            rows -= count
+            stretches.append(_first_rows(stretch, count))
+            places.append(at)
+        return (
+            self
+            if len(stretches) == len(self.stretches) and rows >= 0
+            else replace(self, stretches=tuple(stretches), places=tuple(places))
+        )
+
+
+def _first_rows(stretch: Stretch, count: int) -> Stretch:
+    if count == len(stretch.t):
+        return stretch
+    inputs = replace(stretch.inputs, period=stretch.inputs.period[:count], command=stretch.inputs.command[:count])
+    values = {name: each[:count] for name, each in stretch.values.items()}
+    return replace(stretch, t=stretch.t[:count], inputs=inputs, values=values, weights=stretch.weights[:count])
+
+
+def starts(problem: Problem, guesses: Sequence[np.ndarray], count: int, seed: int) -> np.ndarray:
+    """(count, k) coordinates to begin with: the guesses, then a Latin hypercube about the first; offsets stay as guessed."""
+    low, high = problem.bounds
+    centre = guesses[0]
+    sample = (
+        2.0 * qmc.LatinHypercube(len(centre), rng=np.random.default_rng(seed)).random(max(count - len(guesses), 0))
+        - 1.0
+    )
+    reach = np.zeros(len(centre))
+    for k, each in enumerate(problem.unknowns):
+        if each.logarithmic:
+            reach[k] = np.log(SPREAD)
+        elif each.name == "delay":
+            reach[k] = 0.5 * (high[k] - low[k])
+        elif not each.nuisance:
+            reach[k] = 1.0
+    drawn = centre + sample * reach
+    for k, each in enumerate(problem.unknowns):
+        if each.name == "delay":  # anywhere
+            drawn[:, k] = low[k] + 0.5 * (sample[:, k] + 1.0) * (high[k] - low[k])
+    return np.clip(np.concatenate([np.array(guesses)[:count], drawn]), low, high)
+
+
+def many_starts(problem: Problem, z: np.ndarray, steps: int = STEPS_OF_STARTS) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates (lanes, k) after some Levenberg-Marquardt steps of every lane, and the costs (lanes,)."""
+    low, high = problem.bounds
+    residuals, jacobian = _finite(*problem.evaluate(z))
+    cost, damping = _costs(residuals), np.full(len(z), 1e-2)
+    for _ in range(steps):
+        slope = np.einsum("lmk,lm->lk", jacobian, residuals)
+        square = np.matmul(jacobian.transpose(0, 2, 1), jacobian)
+        size = np.maximum(np.einsum("lkk->lk", square), 1e-12)
+        matrix = square + (damping[:, None] * size)[:, :, None] * np.eye(z.shape[1])
+        step = np.linalg.solve(matrix, -slope[..., None])[..., 0]
+        new = np.clip(z + np.clip(step, -2.0, 2.0), low, high)
+        new_residuals, new_jacobian = _finite(*problem.evaluate(new))
+        new_cost = _costs(new_residuals)
+        better = new_cost < cost
+        damping = np.clip(np.where(better, damping / 5.0, damping * 4.0), 1e-10, 1e8)
+        gain = np.where(better, 1.0 - np.minimum(new_cost, cost) / np.maximum(cost, 1e-300), 0.0)
+        z = np.where(better[:, None], new, z)
+        residuals = np.where(better[:, None], new_residuals, residuals)
+        jacobian = np.where(better[:, None, None], new_jacobian, jacobian)
+        cost = np.where(better, new_cost, cost)
+        if better.any() and gain.max() < 1e-6:
+            break
+    return z, cost
+
+
+LARGEST = 1e9  # of a scaled residual; a lane beyond is lost
+
+
+def _finite(residuals: np.ndarray, jacobian: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """The same, with lanes that left the finite numbers, or all measure, at a large residual that nothing changes."""
+    assert jacobian is not None
+    lost = ~(np.abs(residuals) < LARGEST).all(axis=1) | ~(np.abs(jacobian) < LARGEST**1.5).all(axis=(1, 2))
+    residuals[lost], jacobian[lost] = LARGEST, 0.0
+    return residuals, jacobian
+
+
+def _costs(residuals: np.ndarray) -> np.ndarray:
+    """Half the sums of squares (lanes,); infinite where a lane left the finite numbers."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        cost = 0.5 * (residuals * residuals).sum(axis=1)
+    return np.where(np.isfinite(cost), cost, np.inf)
+
+
+def refined(problem: Problem, z: np.ndarray) -> np.ndarray:
+    """Coordinates (k,) of the least squares, from a start, within the bounds."""
+    low, high = problem.bounds
+    last: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+
+    def at(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if not last or not np.array_equal(last[0][0], x):
+            residuals, jacobian = _finite(*problem.evaluate(x[None]))
+            last[:] = [(x.copy(), residuals[0], jacobian[0])]
+        return last[0][1], last[0][2]
+
+    inside = low + 1e-10 * (high - low), high - 1e-10 * (high - low)
+    slope: Any = lambda x: at(x)[1]  # noqa: E731  (SciPy's own annotation says text alone)
+    solution = least_squares(
+        lambda x: at(x)[0], np.clip(z, *inside), slope, bounds=(low, high), x_scale="jac",
+        ftol=1e-7, xtol=1e-7, gtol=1e-10, max_nfev=EVALUATIONS,
+    )  # fmt: skip
+    return solution.x

@@ -1,0 +1,224 @@
+"""The least squares of a fit: unknowns with bounds and sizes, where each stretch has them, and the signals' weights."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from armwright.description.paths import reading_at
+from armwright.description.robot import RobotDescription
+from armwright.errors import ModelError
+from armwright.identification.motor.drive_record import paths_of, value_at
+from armwright.identification.motor.guess import Guess
+from armwright.identification.motor.measured import Measured, Stretch
+from armwright.identification.motor.output_error import Places, Problem
+from armwright.identification.motor.response import Response
+from armwright.identification.motor.unknowns import RANGE, Unknown, positive, values_of
+from armwright.model.model import build_model
+from armwright.model.vary import Varied
+
+SHARE_OF_TIME = (
+    0.05  # of the motor's time constant: the longest substep, 1e-3 of a count wrong in position at a reversal
+)
+MOST_SUBSTEPS = 16
+SIZE = 0.1  # of the torque of the largest command: friction of that size matters
+UNITS = {"voltage": "V", "current": "A", "torque": "N m"}  # of a command
+
+
+def problem_of(
+    record: RobotDescription, data: Measured, stretches: Sequence[Stretch], names: Mapping[str, tuple[str, ...]],
+    guesses: Sequence[Guess], per_run: Sequence[str], free: Sequence[str] | None, delay: float | None, most_delay: int,
+) -> tuple[Problem, list[str]]:  # fmt: skip
+    """The least-squares problem, and of every unknown its `joint:name`."""
+    arm, n = build_model(record), len(data.joints)
+    paths = [path for group in names.values() for path in group]
+    varied = Varied(arm, paths)
+    lags = 0 if delay == 0.0 else most_delay
+    time = min(each.time for each in guesses)
+    substeps = int(np.clip(np.ceil(data.period / (SHARE_OF_TIME * time)), 1, MOST_SUBSTEPS))
+    response = Response(varied, data.signals, lags, substeps)
+    unknowns: list[Unknown] = []
+    labels: list[str] = []
+    runs = list(dict.fromkeys(each.run for each in stretches))
+    at: dict[tuple[str, str], int] = {}
+
+    def add(unknown: Unknown, label: str, key: str, run: str = "") -> None:
+        at[key, run] = len(unknowns)
+        unknowns.append(unknown)
+        labels.append(label)
+
+    speed = float(max(np.abs(speeds_of(s)).max() for s in stretches))
+    largest = float(max(np.abs(s.inputs.command).max() for s in stretches))
+    for label, group in names.items():
+        joint, name = label.split(":", 1)
+        own = name in per_run
+        for run in runs if own else [""]:
+            add(_unknown(record, label, group, largest, speed, joint, run), label, label, run)
+    fits_delay = delay is None and lags > 0 and (free is None or "delay" in free)
+    if fits_delay:
+        begin = float(np.median([each.delay for each in guesses])) + 0.5
+        for run in runs if "delay" in per_run else [""]:
+            unknown = Unknown("delay", begin, 0.0, float(lags + 1), 1.0, run=run, nuisance=True, unit="samples")
+            add(unknown, "delay", "delay", run)
+    if free is not None and "offset" in free:
+        for k, joint in enumerate(data.joints):
+            for run in runs if "offset" in per_run else [""]:
+                unknown = Unknown(f"{joint}: offset", 0.0, -largest, largest, 0.01 * largest, run=run, nuisance=True,
+                                  unit={"voltage": "V", "current": "A", "torque": "N m"}[data.command])  # fmt: skip
+                add(unknown, "offset", f"offset{k}", run)
+    places = []
+    for number, stretch in enumerate(stretches):
+        start, fixed_start = _starts_of(stretch, number, response, unknowns, labels, speed, data)
+        own = [at.get((label, stretch.run), at.get((label, ""), -1)) for label, group in names.items() for _ in group]
+        offsets = [at.get((f"offset{k}", stretch.run), at.get((f"offset{k}", ""), -1)) for k in range(n)]
+        lag = at.get(("delay", stretch.run), at.get(("delay", ""), -1))
+        if stretch.run == "static":
+            lag = -1
+        places.append(Places(np.array(own, dtype=int), np.array(offsets, dtype=int), lag, start, fixed_start))
+    sigma = _first_sigma(data.stretches, data)
+    fixed_delay = 0.0 if delay is None else delay / data.period
+    if fixed_delay > lags + 1:
+        raise ModelError(
+            "longer than the longest delay",
+            place="delay",
+            value=delay,
+            expected=f"at most {(lags + 1) * data.period:g} s",
+        )
+    problem = Problem(response, tuple(unknowns), tuple(stretches), tuple(places), sigma, varied.nominal, fixed_delay)
+    return problem, labels
+
+
+def speeds_of(stretch: Stretch) -> np.ndarray:
+    """(rows, n) measured speeds, or differences of positions."""
+    for name in ("qd", "qd_mean"):
+        if name in stretch.values:
+            return stretch.values[name]
+    return np.diff(stretch.values["q"], axis=0) / stretch.inputs.period[:-1, None]
+
+
+def _unknown(
+    record: RobotDescription, label: str, paths: tuple[str, ...], largest: float, speed: float, joint: str, run: str
+) -> Unknown:
+    """A number of the record to fit: from its present value on, within what the record allows."""
+    name = label.split(":", 1)[1]
+    value = value_at(record, paths[0])
+    assert value is not None
+    low, high = reading_at(record, paths[0]).bounds
+    if (
+        low == 0.0
+        and value > 0.0
+        and (name in ("R", "L", "Kt", "Ke", "J", "stribeck_speed") or ".elasticity" in paths[0])
+        and not np.isfinite(high)
+    ):
+        return replace(positive(paths[0], value, paths, run), run=run)
+    torque = largest_torque(record, joint, largest)
+    scale = SIZE * (torque / max(speed, 1e-9) if name == "viscous" else torque)
+    if name == "efficiency":
+        low, high, scale = 0.05, 1.0, 0.1
+    scale = max(scale, 0.3 * abs(value))
+    low, high = max(low, value - RANGE * scale), min(high, value + RANGE * scale)
+    return Unknown(paths[0], value, low, high, scale, paths, run)
+
+
+def largest_torque(
+    record: RobotDescription, joint: str, command: float, values: Mapping[str, float] | None = None
+) -> float:
+    """Torque at the joint that the largest command makes at rest [N m | N]: by which friction is measured."""
+    known = values or {}
+    paths = paths_of(record, joint, "Kt") + paths_of(record, joint, "R")
+    constants = [known.get(path, value_at(record, path)) for path in paths]
+    ratio = abs(value_at(record, f"{joint}.motor.gear_ratio") or 1.0)
+    kind = next(each for each in record.joints if each.name == joint)
+    driven_by = getattr(kind, "command", None) or record.command
+    if driven_by == "torque" or constants[0] is None:
+        return command
+    return ratio * constants[0] * command / ((constants[1] or 1.0) if driven_by == "voltage" else 1.0)
+
+
+def sizes(
+    record: RobotDescription, data: Measured, problem: Problem, labels: Sequence[str], z: np.ndarray
+) -> np.ndarray:
+    """(k,) by how much larger the size of every unknown is, with all others as they are at z, than its scale."""
+    values, _ = values_of(problem.unknowns, z)
+    known = {path: float(v) for each, v in zip(problem.unknowns, values, strict=True) for path in each.paths}
+    command = float(max(np.abs(s.inputs.command).max() for s in problem.stretches))
+    speed = float(max(np.abs(speeds_of(s)).max() for s in problem.stretches))
+    sizes = np.ones(len(z))
+    for k, each in enumerate(problem.unknowns):
+        joint, _, name = labels[k].partition(":")
+        if each.nuisance or each.logarithmic or joint not in data.joints or name == "efficiency":
+            continue
+        torque = SIZE * largest_torque(record, joint, command, known)
+        size = torque / max(speed, 1e-9) if name == "viscous" else torque
+        sizes[k] = max(size, abs(float(values[k]))) / each.scale
+    return sizes
+
+
+def _starts_of(
+    stretch: Stretch,
+    number: int,
+    response: Response,
+    unknowns: list[Unknown],
+    labels: list[str],
+    speed: float,
+    data: Measured,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the unknowns of a stretch's initial state, -1 where it is fixed, and its values."""
+    n, start = response.n, np.full(response.size, -1)
+    values = np.zeros(response.size)
+    plant_start = response.initial()
+    values[:] = plant_start
+    if stretch.run == "static":
+        return start, values
+    speeds = speeds_of(stretch)
+    many = f" {number + 1}" if sum(each.run == stretch.run for each in data.stretches) > 1 else ""
+
+    def add(place: int, what: str, guess: float, size: float, unit: str) -> None:
+        start[place] = len(unknowns)
+        unknowns.append(
+            Unknown(
+                what,
+                guess,
+                guess - 100 * size,
+                guess + 100 * size,
+                size,
+                run=stretch.run + many,
+                nuisance=True,
+                unit=unit,
+            )
+        )
+        labels.append("start")
+
+    for k, joint in enumerate(data.joints):
+        if "q" in stretch.values:
+            values[k] = stretch.values["q"][0, k]
+            size = max(float(np.ptp(stretch.values["q"][:, k])) * 0.01, 1e-9)
+            add(k, f"{joint}: start position", values[k], size, "rad")
+        values[n + k] = float(speeds[: min(3, len(speeds)), k].mean())
+        add(n + k, f"{joint}: start speed", values[n + k], 0.1 * speed + 1e-9, "rad/s")
+    if "current" in response.layout:
+        place = response.layout.place("current")
+        for k, at in enumerate(range(place.start, place.stop)):
+            first = float(stretch.values["current"][0, k]) if "current" in stretch.values else 0.0
+            values[at] = first
+            if "current" in stretch.values:
+                size = max(float(np.ptp(stretch.values["current"][:, k])) * 0.1, 1e-9)
+                add(at, f"{data.joints[k]}: start current", first, size, "A")
+    return start, values
+
+
+def _first_sigma(stretches: Sequence[Stretch], data: Measured) -> np.ndarray:
+    """Standard deviations (signals · n,) to begin with: noise of the second differences, at least that of quantisation."""
+    rows = []
+    for name in data.signals:
+        for k in range(len(data.joints)):
+            used = [
+                s.values[name][s.weights[:, data.signals.index(name) * len(data.joints) + k] > 0, k] for s in stretches
+            ]
+            column = np.concatenate(used) if used else np.zeros(0)
+            size = float(np.std(column)) if len(column) else 1.0
+            noise = float(np.sqrt(np.mean(np.diff(column, 2) ** 2) / 6.0)) if len(column) > 3 else size
+            rows.append(max(noise, float(data.steps[name][k]) / np.sqrt(12.0), 1e-3 * size, 1e-12))
+    return np.array(rows)

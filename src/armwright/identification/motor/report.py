@@ -1,0 +1,252 @@
+"""The result of a fit of drives: estimate, measures, predictions, and in words what the log cannot tell."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armwright.description.robot import RobotDescription
+from armwright.identification.estimate import Estimate, write_into
+from armwright.identification.logs.log import Log
+from armwright.identification.motor.fitting import Fitted, without
+from armwright.identification.motor.measured import Measured
+from armwright.identification.motor.output_error import Problem
+from armwright.identification.motor.uncertainty import covariance
+from armwright.identification.motor.unknowns import values_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+AT_BOUND = 1e-6  # of a range: nearer to its end is at the bound
+WORDS = {
+    "R": "resistance",
+    "L": "inductance",
+    "Kt": "torque constant",
+    "Ke": "back-EMF constant",
+    "J": "rotor inertia",
+    "efficiency": "gear efficiency",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class MotorFit:
+    """A fit of drives: `estimate` with its uncertainty, the `robot` with first guesses and given numbers, `predictions` by run.
+
+    Attributes:
+        estimate: the numbers.   robot: the record before the estimate is written into it.   predictions: by run, datasets with
+            every compared signal as measured and as `<signal>_predicted`, time and joint as in `Log.dataset`.
+        source: what the robot's file was, for `write`.   cost: half the sum of squares of scaled residuals.
+    """
+
+    estimate: Estimate
+    robot: RobotDescription
+    predictions: Mapping[str, xr.Dataset]
+    source: Any
+    cost: float
+
+    def write(self, output: str | os.PathLike[str], key: str = "fit") -> Path:
+        """Writes the robot's file with the estimate in it, as `write_into`.
+
+        Args:
+            output: path of the file.   key: of source and fit in it.
+        Returns:
+            path: of the file.
+        Raises:
+            OutputError, DescriptionError: as `write_into`.
+        """
+        return write_into(self.robot if self.source is None else self.source, self.estimate, output, key)
+
+
+def result(log: Log, record: RobotDescription, data: Measured, done: Fitted, free: Sequence[str] | None) -> MotorFit:
+    """The estimate with measures, predictions and remarks.
+
+    Args:
+        log, data: what was fitted.   record: with the first guesses.   done: the fit.   free: the names that were asked for.
+    """
+    problem, held = done.problem, done.held
+    kept = [k for k in range(len(done.z)) if k not in held]
+    inner = without(problem, held, done.z)
+    residuals, jacobian = inner.evaluate(done.z[kept][None])
+    assert jacobian is not None
+    values, rates = values_of(problem.unknowns, done.z)
+    whole = np.full((len(values), len(values)), np.nan)
+    whole[np.ix_(kept, kept)] = covariance(inner, residuals[0], jacobian[0]) * np.outer(rates[kept], rates[kept])
+    low, high = problem.bounds
+    near = AT_BOUND * np.maximum(high - low, 1e-300)
+    is_told = np.array([k not in held or k in done.zero for k in range(len(values))])
+    at_bound = is_told & ((done.z - low < near) | (high - done.z < near))
+    columns, names, units, scale = _shown(done, data)
+    predictions, measures = _predictions(inner, done.z[kept], data)
+    remarks = [*data.remarks, *done.remarks, *_in_words(done, values, data)]
+    asked = [labels_name(done, k) for k in held if k not in done.zero and labels_name(done, k) in (free or ())]
+    wrong = [f"{name} was to be fitted, and this log does not tell it" for name in dict.fromkeys(asked)]
+    ends = [k for k in np.flatnonzero(at_bound) if k not in done.zero]
+    wrong += [
+        f"{problem.unknowns[k].name} stands at a bound of its search: the log, or the model, does not tell it"
+        for k in ends
+    ]
+    if any(each["fit_percent"] <= 0.0 for each in measures.values()):
+        wrong.append(
+            "a prediction is no better than the mean of the measurements: the model does not describe this log"
+        )
+    columns_of_unit = jacobian[0] / np.maximum(np.linalg.norm(jacobian[0], axis=0), 1e-300)
+    sizes = np.linalg.svd(columns_of_unit, compute_uv=False)
+    estimate = Estimate(
+        names=tuple(names),
+        values=values[columns] * scale,
+        covariance=whole[np.ix_(columns, columns)] * np.outer(scale, scale),
+        sha256=log.sha256,
+        method=f"output error of {', '.join(data.signals)} driven by {data.command}",
+        units=tuple(units),
+        at_bound=at_bound[columns],
+        identifiable=is_told[columns],
+        remarks=(*remarks, *wrong),
+        condition=float(sizes[0] / max(sizes[-1], 1e-300)),
+        fit=measures,
+        verdict="not identified" if wrong else "identified",
+        log=log.path.name,
+    )
+    cost = 0.5 * float((residuals[0] ** 2).sum())
+    return MotorFit(_with_drift(estimate, done, values), record, predictions, None, cost)
+
+
+def labels_name(done: Fitted, k: int) -> str:
+    """Short name of an unknown: "Kt" of "joint1:Kt"."""
+    return done.labels[k].split(":")[-1]
+
+
+def _shown(done: Fitted, data: Measured) -> tuple[list[int], list[str], list[str], np.ndarray]:
+    """Unknowns that the estimate has, one for each path: their numbers, names, units and factors to these."""
+    columns: list[int] = []
+    names: list[str] = []
+    units: list[str] = []
+    scale: list[float] = []
+    for k, each in enumerate(done.problem.unknowns):
+        is_delay = each.name == "delay"
+        if done.labels[k] == "start" or (is_delay and k in done.held):
+            continue
+        for path in each.paths or ("delay_s" if is_delay else each.name,):
+            columns.append(k)
+            names.append(f"{each.run}: {path}" if each.run else path)
+            units.append("s" if is_delay else each.shown_unit)
+            scale.append(data.period if is_delay else 1.0)
+    return columns, names, units, np.array(scale)
+
+
+def _with_drift(estimate: Estimate, done: Fitted, values: np.ndarray) -> Estimate:
+    """The estimate with the mean of what every run has its own of, its deviation that between runs, and a sentence about it."""
+    unknowns, labels = done.problem.unknowns, done.labels
+    rows: list[tuple[str, float, float, str]] = []
+    remarks: list[str] = []
+    for label in dict.fromkeys(labels):
+        own = [k for k, each in enumerate(unknowns) if labels[k] == label and each.run and each.paths]
+        if len(own) < 2 or any(k in done.held for k in own):
+            continue
+        each = values[own]
+        middle, between = float(each.mean()), float(each.std(ddof=1))
+        drift = (each.max() - each.min()) / abs(middle) if middle else 0.0
+        listed = ", ".join(f"{value:.4g} in {unknowns[k].run!r}" for k, value in zip(own, each, strict=True))
+        name = unknowns[own[0]].name
+        remarks.append(f"{name} drifts by {drift:.1%} between runs: {listed}; the record gets their mean")
+        rows += [(path, middle, between, unknowns[own[0]].shown_unit) for path in unknowns[own[0]].paths]
+    if not rows:
+        return estimate
+    names, middles, betweens, units = zip(*rows, strict=True)
+    count = len(estimate.names)
+    total = np.zeros((count + len(rows), count + len(rows)))
+    total[:count, :count] = estimate.covariance
+    total[count:, count:] = np.diag(np.square(betweens))
+    return replace(
+        estimate,
+        names=(*estimate.names, *names),
+        values=np.concatenate([estimate.values, middles]),
+        units=(*estimate.units, *units),
+        covariance=total,
+        at_bound=np.concatenate([np.asarray(estimate.at_bound), np.zeros(len(rows), dtype=bool)]),
+        identifiable=np.concatenate([np.asarray(estimate.identifiable), np.ones(len(rows), dtype=bool)]),
+        remarks=(*estimate.remarks, *remarks),
+    )
+
+
+def _predictions(problem: Problem, z: np.ndarray, data: Measured) -> tuple[dict[str, Any], dict[str, dict[str, float]]]:
+    """Datasets by run, and measures by run and signal."""
+    import xarray as xr
+
+    predicted = problem.predictions(z)
+    found: dict[str, list[Any]] = {}
+    measures: dict[str, dict[str, float]] = {}
+    n = len(data.joints)
+    columns: dict[tuple[str, str, str], list[tuple[np.ndarray, np.ndarray]]] = {}
+    for stretch, y, target in zip(problem.stretches, predicted, problem.targets, strict=True):
+        variables: dict[str, Any] = {}
+        for s, name in enumerate(data.signals):
+            plain = "qd" if name == "qd_mean" else name
+            part = slice(s * n, (s + 1) * n)
+            used = stretch.weights[:, part] > 0
+            variables[plain] = (("time", "joint"), np.where(used, target[:, part], np.nan))
+            variables[f"{plain}_predicted"] = (("time", "joint"), y[:, part])
+            for k, joint in enumerate(data.joints):
+                if used[:, k].any():
+                    pair = target[used[:, k], s * n + k], y[used[:, k], s * n + k]
+                    columns.setdefault((stretch.run, joint, plain), []).append(pair)
+        each = xr.Dataset(variables, {"time": ("time", stretch.t, {"units": "s"}), "joint": list(data.joints)})
+        found.setdefault(stretch.run, []).append(each)
+    for (run, joint, name), pairs in columns.items():
+        true, own = (np.concatenate(column) for column in zip(*pairs, strict=True))
+        error, spread = true - own, true - true.mean()
+        ratio = float(np.linalg.norm(error) / max(np.linalg.norm(spread), 1e-300))
+        key = f"{run}: {name}" if n == 1 else f"{run}: {joint}.{name}"
+        measures[key] = {
+            "fit_percent": 100.0 * (1.0 - ratio),
+            "r2": 1.0 - ratio * ratio,
+            "rms": float(np.sqrt((error * error).mean())),
+        }
+    return {run: xr.concat(parts, "time") for run, parts in found.items()}, measures
+
+
+def _in_words(done: Fitted, values: np.ndarray, data: Measured) -> list[str]:
+    """What the log cannot tell apart, which numbers were held for that, and what would tell."""
+    sentences = []
+
+    def called(k: int) -> str:
+        name = labels_name(done, k)
+        return WORDS.get(name, name.replace("_", " ") + (" friction" if name in ("viscous", "coulomb") else ""))
+
+    for direction, chosen in done.reasons:
+        names = [called(k) for k in direction.unknowns]
+        signs = dict(zip(names, direction.exponents, strict=True))
+        names = list(signs)
+        each = done.problem.unknowns[chosen]
+        unit = "" if each.shown_unit == "1" else f" {each.shown_unit}"
+        kept = f"the {called(chosen)} is held at {values[chosen]:.4g}{unit}"
+        if len(names) == 1:
+            sentences.append(f"this log does not tell the {names[0]}: {kept}")
+            continue
+        same = [n for n, x in signs.items() if x > 0]
+        other = [n for n, x in signs.items() if x < 0]
+        change = f"larger {' and '.join(same)}" + (f" with smaller {' and '.join(other)}" if other else "")
+        sentences.append(
+            f"{', '.join(names[:-1])} and {names[-1]} cannot be told apart with this log: {change} predicts the same; {kept}"
+        )
+    names_held = {labels_name(done, k) for d, _ in done.reasons for k in d.unknowns}
+    if (
+        done.reasons
+        and data.command == "voltage"
+        and "current" not in data.signals
+        and names_held & {"R", "Kt", "J", "L"}
+    ):
+        sentences.append(
+            "a log of the current beside the voltage would tell resistance, torque constant and inertia apart"
+        )
+    elif done.reasons and data.command != "voltage" and names_held & {"Kt", "J"}:
+        sentences.append(
+            "a known inertia, or a log of voltage and current, would tell torque constant and inertia apart"
+        )
+    elif done.reasons:
+        sentences.append("a motion with more steps, turns and speeds would tell more")
+    return sentences

@@ -1,0 +1,228 @@
+"""Response of a drive to a logged command: free simulation of the record's own plant, with its derivatives, compiled.
+
+Between two rows of a log the command is held. With a delay of  d = (m + φ) samples, 0 < φ ≤ 1, the plant sees command
+u(k - m - 1) for the first φ of sample k and u(k - m) for the rest; both parts are integrated in equal substeps whose length
+holds φ, so that the derivative by the delay is exact, and continuous where d passes a whole number.
+
+Dry friction without a smoothing speed sticks as in every simulation (`plant.sticking`). The state is a continuous function of
+parameters there, and its derivative that of the branch taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.kernels.loop import Lanes, Loop
+from armwright.kernels.stages import Call, Record, Table
+from armwright.kernels.target import select_target
+from armwright.model.vary import Varied
+from armwright.program.derivative import with_tangents
+from armwright.program.trace import call, trace
+from armwright.simulation.integrate.integrators import INTEGRATORS, Integrator
+from armwright.simulation.plant.inputs import PlantInputs
+from armwright.simulation.plant.plant import Plant
+
+RULE = "rk3"
+LEAST_PART = 1e-6  # of a sample: in no time at all nothing sticks
+EDGE = 1e-3  # of a substep: a rest nearer to its ends is taken as there
+SIGNALS = ("q", "qd", "qd_mean", "current", "tau")  # that a log may be compared with
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What drives a response: one stretch of a log.
+
+    Attributes:
+        period: (rows) [s] from each row to the next; the last is that before.   command: (rows, n) [V | A | N m | N].
+    """
+
+    period: np.ndarray
+    command: np.ndarray
+
+
+class _InlinePlant(Plant):
+    """A plant whose rules copy its derivative instead of calling it: tangents then fold with what is constant in them."""
+
+    def program(self, inputs: Any) -> Any:
+        """The plant itself, which `split`s as its program does."""
+        return self
+
+
+def _substep(plant: Plant, rule: Integrator, x: Any, command: Any, h: Any) -> Any:
+    """The state a substep of h later, in two steps: halves, or parted where the first of the joints that stick comes to rest.
+
+    A step in which a joint comes to rest is of order 1 only; one that ends there is not. When it does is known to second
+    order, from its accelerations now and then, and its speed is 0 there.
+    """
+    if plant.sticking is None:
+        half = plant.step(rule, x, command, 0.5 * h)
+        return plant.step(rule, half, command, 0.5 * h)
+    n, one = plant.model.n, 0.0 * h + 1.0
+    ways = scalar.array([scalar.sign(speed) for speed in plant.sticking.speeds(x)])
+    inputs = replace(PlantInputs(command), directions=ways)
+    now = plant.derivative(x, inputs)
+    parts = []
+    for k in range(n, 2 * n):
+        stops = scalar.less(x[k] * (x[k] + h * now[k]), 0.0)
+        part = scalar.where(stops, -x[k] / scalar.where(stops, h * now[k], 1.0), one)
+        then = plant.derivative(x + (h * part) * now, inputs)
+        mean = 0.5 * (now[k] + then[k])
+        stops = stops * scalar.less(x[k] * mean, 0.0)
+        part = scalar.where(stops, -x[k] / scalar.where(stops, h * mean, 1.0), one)
+        parts.append(scalar.where(scalar.less(part, 1.0), scalar.clip(part, EDGE, 1.0 - EDGE), one))
+    least = parts[0]
+    for part in parts[1:]:
+        least = scalar.minimum(least, part)
+    comes = scalar.less(least, 1.0)
+    first = scalar.where(comes, least, 0.5 * one)
+    middle = list(plant.step(rule, x, command, first * h))
+    for k, part in enumerate(parts, start=n):
+        middle[k] = scalar.where(comes * scalar.less_equal(part, least), 0.0, middle[k])
+    return plant.step(rule, scalar.array(middle), command, (1.0 - first) * h)
+
+
+class Response:
+    """A plant's compiled response, with derivatives by parameters, delay, input offsets and initial state.
+
+    Columns of a lane's parameters: those of `varied`, then φ of the delay, then an offset of each command. Directions of its
+    derivatives: the same, then the initial state.
+    """
+
+    def __init__(self, varied: Varied, signals: Sequence[str], most_delay: int, substeps: int):
+        """The response of an arm with some of its numbers open.
+
+        Args:
+            varied: the arm and what varies.   signals: of `SIGNALS`, that are returned, for each joint.
+            most_delay: longest delay in whole samples; 0: none, the command acts at once.   substeps: of each part of a sample.
+        """
+        self.varied, self.signals, self.most_delay = varied, tuple(signals), most_delay
+        n, own = varied.arm.n, len(varied.parameters)
+        self.n, self.columns = n, own + 1 + n
+        nominal = Plant.of(varied.arm)
+        self.layout, self.size = nominal.layout, nominal.size
+        self.directions = self.columns + self.size
+        rule = INTEGRATORS[RULE]
+
+        def substep(x, command, p, part):
+            """`part` holds the substep's length without and with the delay's fraction [s]."""
+            h = part[0] + part[1] * p[own]
+            plant, u = _InlinePlant.of(varied.model(p[:own])), command + p[own + 1 :]
+            return _substep(plant, rule, x, u, h)
+
+        x_p = {"x": (self.size,), "command": (n,), "p": (self.columns,)}
+        inner = trace("substep", substep, {**x_p, "part": (2,)}, ("x_next",))
+
+        def sample(carried_step):
+            def taken(x, row, lag, p):
+                before, now = self._acting(row, lag)
+                h, zero = row[0] / substeps, 0.0 * row[0]
+                parts = [(now, (h, zero))] if most_delay == 0 else [(before, (zero, h)), (now, (h, -h))]
+                for command, part in parts:
+                    for _ in range(substeps):
+                        x = call(carried_step, x, command, p, scalar.array(list(part)))
+                return scalar.array(list(x))
+
+            return taken
+
+        def measured(x, q_before, row, lag, p):
+            before, now = self._acting(row, lag)
+            command = (now if most_delay == 0 else before) + p[own + 1 :]
+            return self._outputs(Plant.of(varied.model(p[:own])), x, q_before, row, command), scalar.array(list(x[:n]))
+
+        lags = most_delay + 1
+        row = {"row": (2 + n * (lags + 1),), "lag": (lags,), "p": (self.columns,)}
+        outputs = trace("measured", measured, {"x": (self.size,), "q_before": (n,), **row}, ("y", "q_before_next"))
+        seeds = {"p": np.eye(self.columns, self.directions)}
+        count = len(self.signals) * n
+        self._loops = {}
+        for slopes in (False, True):
+            size = 1 + self.directions * slopes
+            step, measure = inner, outputs
+            if slopes:
+                step = with_tangents(inner, {"x"}, seeds, self.directions)
+                measure = with_tangents(outputs, {"x", "q_before"}, seeds, self.directions)
+            sampled = trace("sample", sample(step), {"x": (self.size * size,), **row}, ("x_next",))
+            self._loops[slopes] = (
+                Table("row", 2 + n * (lags + 1)),
+                Call(measure),
+                Record("run", ("y",), (count * size,)),
+                Call(sampled),
+            )
+        self._compiled: dict[bool, Loop] = {}
+
+    def initial(self) -> np.ndarray:
+        """(size,) state at rest at 0, with the numbers of the record."""
+        zero = np.zeros(self.n)
+        return np.asarray(Plant.of(self.varied.arm).initial(zero, zero), dtype=float)
+
+    def _acting(self, row, lag):
+        """Commands before and behind the delay's fraction of a sample, (n,) each, chosen by the lane's whole delay."""
+        n, lags = self.n, self.most_delay + 1
+        commands = row[2:].reshape(lags + 1, n)
+        now = sum(lag[j] * commands[j] for j in range(lags))
+        before = sum(lag[j] * commands[j + 1] for j in range(lags))
+        return before, now
+
+    def _outputs(self, plant, x, q_before, row, command):
+        n = self.n
+        values = {"q": x[:n], "qd": x[n : 2 * n], "qd_mean": (x[:n] - q_before) / row[1]}
+        if {"current", "tau"} & set(self.signals):
+            joints = plant.outputs(x, command)
+            values |= {"current": joints["current"], "tau": joints["tau"]}
+        return scalar.array([value for name in self.signals for value in values[name]])
+
+    def loop(self, slopes: bool) -> Loop:
+        """The compiled loop, with derivatives or without."""
+        if slopes not in self._compiled:
+            self._compiled[slopes] = Loop(self._loops[slopes], select_target())
+        return self._compiled[slopes]
+
+    def table(self, inputs: Inputs) -> np.ndarray:
+        """(rows, …) of the loop: the period, that before, then commands u(k), u(k - 1), … ; before the first row, the first."""
+        rows, lags = len(inputs.period), self.most_delay + 1
+        before = np.concatenate([inputs.period[:1], inputs.period[:-1]])
+        places = np.maximum(np.arange(rows)[:, None] - np.arange(lags + 1), 0)
+        commands = inputs.command[places].reshape(rows, -1)
+        return np.ascontiguousarray(np.column_stack([inputs.period, before, commands]))
+
+    def run(
+        self, table: np.ndarray, p: np.ndarray, delay: np.ndarray, start: np.ndarray, slopes: bool
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """Signals of some lanes over one stretch, and their derivatives.
+
+        Args:
+            table: of the stretch.   p: (lanes, k) parameters of `varied`, then (n) input offsets.   delay: (lanes,) [samples].
+            start: (lanes, size) initial states.   slopes: whether derivatives are asked for.
+        Returns:
+            y: (lanes, rows, signals · n).   dy: (lanes, rows, signals · n, directions), or None.
+        """
+        loop = self.loop(slopes)
+        lanes = Lanes(len(p), loop.target.width)
+        loop.extend(lanes)
+        whole = np.clip(np.ceil(delay).astype(int) - 1, 0, self.most_delay)
+        fraction = np.clip(delay - whole, LEAST_PART, 1.0 - LEAST_PART)
+        own = len(self.varied.parameters)
+        lanes.set("p", np.concatenate([p[:, :own], fraction[:, None], p[:, own:]], axis=1))
+        lanes.set("lag", np.eye(self.most_delay + 1)[whole])
+        d = self.directions
+        tangent = np.zeros((len(p), self.size, d))
+        tangent[:, np.arange(self.size), self.columns + np.arange(self.size)] = 1.0
+        n = self.n
+        if slopes:
+            lanes.set("x", np.concatenate([start, tangent.reshape(len(p), -1)], axis=1))
+            lanes.set("q_before", np.concatenate([start[:, :n], tangent[:, :n].reshape(len(p), -1)], axis=1))
+        else:
+            lanes.set("x", start)
+            lanes.set("q_before", start[:, :n])
+        count = len(self.signals) * n
+        record = np.empty((len(table), lanes.tiles * lanes.width, count * (1 + d * slopes)))
+        loop.run(lanes, 1.0, (0, len(table)), last=len(table), every=1, tables={"row": table}, records={"run": record})
+        rows = record[:, : len(p)].transpose(1, 0, 2)
+        if not slopes:
+            return rows, None
+        return rows[..., :count], rows[..., count:].reshape(*rows.shape[:2], count, d)

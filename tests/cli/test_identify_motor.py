@@ -1,0 +1,48 @@
+"""`armwright identify motor`: a table, a record, and exit codes 0, 1 and 2."""
+
+import armwright as aw
+from cli.test_commands import run
+from identification.motor_truth import PATHS, TRUE, write_log
+
+
+def test_a_motor_is_identified_and_its_record_written(tmp_path):
+    log, record = write_log(tmp_path, 0, ("current", "qd"), rows=1000), tmp_path / "motor.toml"
+    shown = run("identify", "motor", str(log), "--starts", "2", "-o", str(record)).stdout
+    for words in (PATHS["R"], "± std", "fit %", "identified", "wrote"):
+        assert words in shown
+    motor = aw.load(record).record.joints[0].motor
+    assert abs(motor.resistance_ohm.value / TRUE["R"] - 1) < 0.05
+
+
+def test_what_cannot_be_told_ends_with_1(tmp_path):
+    log = write_log(tmp_path, 0, ("qd",), rows=600)
+    shown = run(
+        "identify",
+        "motor",
+        str(log),
+        "--free",
+        "R,Kt,J",
+        "--fix",
+        "viscous=0.0004,coulomb=0.012",
+        "--starts",
+        "2",
+        code=1,
+    )
+    assert "not identified" in shown.stdout
+
+
+def test_mistakes_are_one_line_and_write_nothing(tmp_path):
+    log, record = write_log(tmp_path, 0, ("qd",), rows=200), tmp_path / "motor.toml"
+    for arguments in (
+        ["--fix", "R"],
+        ["--free", "mass"],
+        ["--pwm", "slow"],
+        ["--robot", "cmu-dd"],
+        ["--starts", "0"],
+        ["--static", "nowhere.log.toml"],
+        ["--joint", "elbow"],
+    ):
+        result = run("identify", "motor", str(log), *arguments, "-o", str(record), code=2)
+        assert result.stderr.startswith("armwright: error: ")
+        assert result.stderr.count("\n") == 1
+    assert not record.exists()

@@ -1,0 +1,90 @@
+"""The compiled response against the closed form of a motor with dry friction, and its derivatives against differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.identification.motor.response import Inputs, Response
+from armwright.model.vary import Varied
+from identification.motor_truth import DELAY, PATHS, PERIOD, TRUE, commands, exact, true_record
+
+ROWS = 600
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    return aw.load(true_record(tmp_path_factory.mktemp("motor")))
+
+
+@pytest.fixture(scope="module")
+def response(arm):
+    return Response(Varied(arm, list(PATHS.values())), ["q", "qd", "current"], 6, 3)
+
+
+def run(response, delay=DELAY, slopes=False, change=0.0, at=None, start=(0.3, 5.0)):
+    u = commands(np.random.default_rng(1), ROWS)[:, None]
+    p, x = np.append(response.varied.nominal, 0.0), np.array(start)
+    if at is not None and at < len(p):
+        p[at] += change
+    return response.run(response.table(Inputs(np.full(ROWS, PERIOD), u)), p[None], np.array([delay]), x[None], slopes)
+
+
+def test_the_response_is_the_closed_form(response):
+    y, _ = run(response, start=(0.3, 0.0))
+    truth = exact(TRUE, commands(np.random.default_rng(1), ROWS))
+    for k, (name, error) in enumerate({"q": 2e-5, "qd": 2e-3, "current": 2e-4}.items()):
+        np.testing.assert_allclose(y[0, :, k], truth[name], atol=error)
+    assert (truth["qd"] == 0.0).sum() > 50, "the motor sticks in some rows"
+    np.testing.assert_array_equal(y[0, :, 1] == 0.0, truth["qd"] == 0.0)
+
+
+def test_steps_that_end_at_rest_converge_fast(arm):
+    u = commands(np.random.default_rng(1), ROWS)
+    truth, errors = exact(TRUE, u)["q"], []
+    for substeps in (1, 2, 4):
+        response = Response(Varied(arm, [PATHS["R"]]), ["q"], 3, substeps)
+        table = response.table(Inputs(np.full(ROWS, PERIOD), u[:, None]))
+        y, _ = response.run(table, np.array([[TRUE["R"], 0.0]]), np.array([DELAY]), np.array([[0.3, 0.0]]), False)
+        errors.append(np.abs(y[0, :, 0] - truth).max())
+    assert errors[0] / errors[1] > 4.0
+    assert errors[2] < 5e-6
+
+
+@pytest.mark.parametrize("name", [*PATHS, "offset"])
+def test_derivatives_by_parameters(response, name):
+    at = [*PATHS, "offset"].index(name)
+    size = 1e-6 * (1.0 if name == "offset" else TRUE[name])
+    _, slopes = run(response, slopes=True)
+    ends = [run(response, change=sign * size, at=at)[0] for sign in (1, -1)]
+    direction = at if name != "offset" else len(PATHS) + 1
+    expected = (ends[0] - ends[1]) / (2 * size)
+    np.testing.assert_allclose(slopes[..., direction], expected, atol=2e-4 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("delay", [0.4, 2.3, 3.0])
+def test_the_derivative_by_the_delay_holds_in_position_across_whole_samples(response, delay):
+    _, slopes = run(response, delay, slopes=True)
+    ends = [run(response, delay + sign * 1e-6)[0] for sign in (1, -1)]
+    expected = (ends[0] - ends[1])[0, :, 0] / 2e-6
+    np.testing.assert_allclose(slopes[0, :, 0, len(PATHS)], expected, atol=1e-3 * np.abs(expected).max())
+
+
+def test_derivatives_by_the_initial_state(response):
+    _, slopes = run(response, slopes=True)
+    ends = [run(response, start=(0.3, 5.0 + sign * 1e-6))[0] for sign in (1, -1)]
+    expected = (ends[0] - ends[1]) / 2e-6
+    np.testing.assert_allclose(slopes[..., -1], expected, atol=1e-4 * np.abs(expected).max())
+    np.testing.assert_allclose(slopes[0, :, 0, -2], 1.0, atol=1e-12)
+
+
+def test_lanes_are_independent(response):
+    table = response.table(Inputs(np.full(ROWS, PERIOD), commands(np.random.default_rng(1), ROWS)[:, None]))
+    rng = np.random.default_rng(2)
+    p = np.append(response.varied.nominal, 0.0) * rng.uniform(0.5, 2.0, (11, len(PATHS) + 1))
+    delay, start = rng.uniform(0.0, 6.5, 11), rng.normal(size=(11, 2))
+    y, dy = response.run(table, p, delay, start, True)
+    one, slopes = response.run(table, p[7:8], delay[7:8], start[7:8], True)
+    np.testing.assert_array_equal(y[7], one[0])
+    np.testing.assert_array_equal(dy[7], slopes[0])
