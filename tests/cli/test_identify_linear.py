@@ -35,6 +35,15 @@ def test_an_output_that_does_not_answer(tmp_path):
     assert "not identified" in run("identify", "linear", file, "--order", "1", "--delay", "1", code=1).stdout
 
 
+def test_a_motor_may_be_a_black_box(log):
+    same = ["--model", "oe", "--order", "1", "--delay", "1"]
+    assert run("identify", "motor", log, *same).stdout == run("identify", "linear", log, *same).stdout
+    refused = run("identify", "motor", log, *same, "--fix", "R=1", code=2)
+    assert "--fix" in refused.stderr
+    assert refused.stderr.count("\n") == 1
+    assert "frequency" in run("identify", "motor", log, "--model", "best", code=2).stderr
+
+
 BAD = [
     "--model best",
     "--order two",

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from armwright.cli.arguments import option
+from armwright.cli.identify_linear import show_linear
 from armwright.terminal import say
 
 NOT_IDENTIFIED = 1  # exit code
@@ -17,6 +18,11 @@ def motor(
     file: Annotated[
         Path, typer.Argument(metavar="LOG.log.toml", help="Voltage or current, and motion.", show_default=False)
     ],
+    model: Annotated[
+        str, option("--model", "KIND", "dc, or a black box: arx, oe, armax, n4sid, frequency (see `identify linear`).")
+    ] = "dc",
+    order: Annotated[str, option("--order", "N", "Number of poles of a black box; auto: chosen.")] = "auto",
+    delay: Annotated[str, option("--delay", "K", "Samples of delay of a black box; auto: chosen.")] = "auto",
     robot: Annotated[
         str | None, option("--robot", "ROBOT", "The arm; by default the log's, or one motor on a bench.")
     ] = None,
@@ -56,9 +62,15 @@ def motor(
     \b
     Examples:
       armwright identify motor bench.log.toml -o motor.toml
+      armwright identify motor bench.log.toml --model oe --order 2
       armwright identify motor bench.log.toml --fix R=1.3 --free Kt,J,coulomb,delay
       armwright identify motor arm.log.toml --robot arm.toml -o arm_identified.toml
     """
+    if model != "dc":
+        _refuse_beside(
+            model, {"--robot": robot, "--free": free, "--fix": fix, "--per-run": per_run, "--output": output}
+        )
+        return show_linear(file, model, order=order, delay=delay, joint=joint)
     import armwright as aw
     from armwright.cli.progress import progress
     from armwright.output import check_destination
@@ -85,6 +97,19 @@ def motor(
         say(f"wrote {output}")
     if found.estimate.verdict != "identified":
         raise typer.Exit(NOT_IDENTIFIED)
+
+
+def _refuse_beside(model: str, options: dict[str, object]) -> None:
+    """Refuses options of a motor's record beside a black box, which has none.
+
+    Raises:
+        LogError: names the first.
+    """
+    from armwright.errors import LogError
+
+    for name, value in options.items():
+        if value:
+            raise LogError(f"belongs to --model dc, not to a black box: {model}", place=name, expected="one of the two")
 
 
 def _names(words: list[str] | None) -> list[str] | None:
