@@ -24,7 +24,7 @@ STATES = 20  # random states for each column
 
 @dataclass(frozen=True, eq=False)
 class BaseParameters:
-    """Base parameters β = π_b + K π_d of a model with columns `names`.
+    """Base parameters β = π_b + K π_d of a model, whose columns have names.
 
     Attributes:
         columns: of the model, all of them.   independent: (b,) numbers of the columns that stay.

@@ -51,7 +51,7 @@ class Feedback:
         feedforward: whether the torque of the reference by the parameters at hand is added.
         steps: of the integrator in one period.   begin: [s] when the log's loop stood on its reference; None: at its first row.
         speed: "exact", or "difference" of two positions, half a period old, as most drives have it.
-        cutoff: [Hz] of the low-pass that the rows went through, which the simulated ones pass too; None: none.   order: of it.
+        cutoff: of the low-pass, in Hz, that the rows went through, which the simulated ones pass too; None: none.   order: of it.
     """
 
     reference: Signals

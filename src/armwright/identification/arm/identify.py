@@ -144,7 +144,7 @@ def identify_arm(
         springs: names of joints whose spring and counterbalance stay if they lower the held-out error by 1 % or more.
         stribeck_speed: of the term "stribeck", at the joint [rad/s | m/s].
         lacks: terms that the measured torque is without, such as "gravity"; None: what the log's file says.
-        cutoff: of the low-pass [Hz].   decimate: every how many rows to keep; None: chosen.
+        cutoff: of the low-pass, in Hz.   decimate: every how many rows to keep; None: chosen.
         record: also find physically possible values for a record.   sensitivity: also fit at cut-offs 30 % lower and higher.
     Returns:
         result: `result.estimate` has the base parameters, `result.write(path)` writes the record.

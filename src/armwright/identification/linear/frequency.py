@@ -23,7 +23,7 @@ class FrequencyResponse:
     """H(f) = output / input, with its uncertainty.
 
     Attributes:
-        frequency: (k,) [Hz].   response: (k,) complex.   coherence: (k,) 0 to 1, how much of the output the input explains.
+        frequency: (k,), in Hz.   response: (k,) complex.   coherence: (k,) 0 to 1, how much of the output the input explains.
         std: (k,) standard deviation of |H|; that of the phase is std / |H| [rad].   period: [s] of the samples.
         averages: number of independent averages.   method: one line.   remarks: sentences.   units: of output and input.
         sha256: of the log.
@@ -94,7 +94,7 @@ def frequency_response(
     segment: int | None = None,
     repeats: int | None = None,
 ) -> FrequencyResponse:
-    """Frequency response from a log or from arrays: H1 = S_yu / S_uu by Welch's method, or averages over periods.
+    """Frequency response from a log or from arrays: H1 = S_yu / S_uu by Welch's method [Welch1967], or averages over periods.
 
     An input that repeats itself is averaged over its periods, all but the first, and evaluated at the lines it drives: this
     leaves no error of windows, and the spread from period to period is the standard deviation [PintelonSchoukens2012]. Any
@@ -203,7 +203,7 @@ def _welch(records: Records, segment: int | None) -> FrequencyResponse:
             "one segment alone has no coherence", place="segment", value=rows, expected=f"at most {longest // 2} rows"
         )
     half = float((window[rows // 2 :] @ window[: rows - rows // 2]) / (window @ window)) ** 2
-    averages = count / (1.0 + 2.0 * half * (count - 1) / count)  # [Welch1967]: overlapping segments are correlated
+    averages = count / (1.0 + 2.0 * half * (count - 1) / count)  # overlapping segments are correlated
     h = s_yu / np.maximum(s_uu, 1e-300)
     coherence = np.clip(np.abs(s_yu) ** 2 / np.maximum(s_uu * s_yy, 1e-300), 0.0, 1.0)
     std = np.abs(h) * np.sqrt((1.0 - coherence) / np.maximum(2.0 * coherence * averages, 1e-300))

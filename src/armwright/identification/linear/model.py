@@ -126,7 +126,7 @@ class LinearModel:
         return float(np.mean(percent(measured, measured - simulated)))
 
     def response(self, frequency: Any) -> np.ndarray:
-        """Frequency response: (k,) complex, or (k, outputs, inputs) of several, at frequencies (k,) [Hz]."""
+        """Frequency response: (k,) complex, or (k, outputs, inputs) of several, at frequencies (k,) in Hz."""
         f = np.atleast_1d(np.asarray(frequency, dtype=float))
         late = np.exp(-2j * np.pi * f * self.period * self.wait)
         found = self.core.response(f) * late[:, None, None]

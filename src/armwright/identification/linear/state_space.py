@@ -54,7 +54,7 @@ class StateSpace:
         return states(self.a, self.b, u, start) @ self.c.T + u @ self.d.T + self.offset
 
     def response(self, frequency: np.ndarray) -> np.ndarray:
-        """Frequency response (k, outputs, inputs) at frequencies (k,) [Hz]:  C (z - A)⁻¹ B + D,  z = exp(2πj f T)."""
+        """Frequency response (k, outputs, inputs) at frequencies (k,) in Hz:  C (z - A)⁻¹ B + D,  z = exp(2πj f T)."""
         z = np.exp(2j * np.pi * np.asarray(frequency) * self.period)
         inner = np.linalg.solve(
             z[:, None, None] * np.eye(len(self.a)) - self.a, np.broadcast_to(self.b, (len(z), *self.b.shape))
