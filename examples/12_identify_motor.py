@@ -8,32 +8,12 @@ import numpy as np
 import armwright as aw
 
 folder, period, rows = Path(tempfile.mkdtemp()), 0.005, 1200
-(folder / "truth.toml").write_text("""
-name = "truth"
-source = "definition"
-gravity_m_s2 = [0, 0, 0]
-command = "voltage"
-[[joints]]
-name = "motor"
-type = "revolute"
-parent = "base"
-child = "shaft"
-axis = [0, 0, 1]
-frame = { xyz_m = [0, 0, 0], rpy_rad = [0, 0, 0] }
-motor = { gear_ratio = 1, rotor_inertia_kg_m2 = 8.4e-5, torque_constant_n_m_per_a = 0.052, resistance_ohm = 1.3 }
-friction = { viscous_n_m_s_per_rad = 4e-4, coulomb_positive_n_m = 0.012, coulomb_negative_n_m = 0.012 }
-[[links]]
-name = "shaft"
-mass_kg = 0
-com_m = [0, 0, 0]
-inertia_kg_m2 = { xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0 }
-""")
 rng = np.random.default_rng(0)
 volts = np.repeat(rng.uniform(-10, 10, rows // 30), 30)  # a level of 0.15 s behind the other
 times = (np.arange(rows) + 2.3) * period  # every command acts 2.3 samples late
 run = aw.simulate(
     aw.Scenario(
-        aw.load(folder / "truth.toml"),
+        aw.load(Path(__file__).with_name("motor.toml")),
         period * (rows - 1),
         command=aw.Schedule(np.concatenate([[0.0], times]), np.concatenate([volts[:1], volts])[:, None], ("motor",)),
         recording=aw.Recording(period=period),
@@ -58,4 +38,3 @@ fit = aw.identify_motor(folder / "bench.log.toml", starts=4)
 print(fit.estimate)
 low, high = fit.estimate.interval("motor.motor.resistance_ohm")
 print(f"R between {low:.4f} and {high:.4f} Ω (true: 1.3), delay {fit.estimate['delay_s'] / period:.3f} samples")
-print(f"record written to {fit.write(folder / 'motor.toml').name}")

@@ -29,7 +29,7 @@ class LinearModel:
         inputs, outputs, input_units, output_units: names and units.
         core: the model without its delay.   wait: [samples] by which it is fed late: `delay`, less one where D is 0.
         polynomials: A, B, C; None of "n4sid".   singular: values of the projection of "n4sid".
-        names, values, covariance: of the coefficients; empty of "n4sid", whose form is not unique.
+        values, covariance: of the coefficients that have a name; empty of "n4sid", whose form is not unique.
         poles, zeros, pole_std, zero_std: in z; standard deviations of their magnitudes; zeros empty of "n4sid".
         gain, gain_std: (outputs, inputs) at rest.   quantities: time constants, frequencies, damping, gain.
         fit: measures of the free simulation by run and output: fit_percent, r2, rms, one_step_percent.
