@@ -22,19 +22,22 @@ TEMPORARY = re.compile(r"\.armwright-((?P<host>[0-9a-f]{8})-(?P<process>\d{1,10}
 STALE = 86400.0  # [s] after which a temporary file is nobody's, where its process cannot be asked
 
 
-def check_destination(path: str | os.PathLike[str], endings: Sequence[str] = ()) -> Path:
+def check_destination(
+    path: str | os.PathLike[str], endings: Sequence[str] = (), *, read: Sequence[str | os.PathLike[str] | None] = ()
+) -> Path:
     """The path, if a file can be written there; to be asked before long work.
 
     Args:
         path: where a result should go; a file that is there already will be replaced.
         endings: what the name may end in, such as (".png", ".svg"); none: anything.
+        read: files that the work reads, which the result must not replace.
     Raises:
-        OutputError: an unknown ending, a missing folder, a folder in the file's place, no permission.
+        OutputError: an unknown ending, a file that is read, a missing folder, a folder in the file's place, no permission.
     """
     path = Path(path)
     if endings and path.suffix.lower() not in endings:
         what = f"the ending {path.suffix!r} is not offered" if path.suffix else "has no ending"
-        raise OutputError(what, file=path, expected=f"{', '.join(endings[:-1])} or {endings[-1]}")
+        raise OutputError(what, file=path, expected=" or ".join(filter(None, (", ".join(endings[:-1]), endings[-1]))))
     what = expected = ""
     with _as_output_error(path):
         if "\0" in str(path):
@@ -47,6 +50,8 @@ def check_destination(path: str | os.PathLike[str], endings: Sequence[str] = ())
             what = "is no plain file, and would have to be replaced by one"
         elif not os.access(path.parent, os.W_OK | os.X_OK) or (path.exists() and not os.access(path, os.W_OK)):
             what = "no permission to write there"
+    if not what and any(os.path.realpath(path) == os.path.realpath(each) for each in read if each is not None):
+        what, expected = "is read, and would be replaced", "another file"
     if what:
         raise OutputError(what, file=path, expected=expected)
     return path

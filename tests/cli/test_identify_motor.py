@@ -41,8 +41,29 @@ def test_mistakes_are_one_line_and_write_nothing(tmp_path):
         ["--starts", "0"],
         ["--static", "nowhere.log.toml"],
         ["--joint", "elbow"],
+        ["--fix", "R=0"],
+        ["--fix", "R=-1"],
+        ["--fix", "R=nan"],
+        ["--fix", "Q=1"],
+        ["--free", ""],
     ):
         result = run("identify", "motor", str(log), *arguments, "-o", str(record), code=2)
         assert result.stderr.startswith("armwright: error: ")
         assert result.stderr.count("\n") == 1
     assert not record.exists()
+
+
+def test_the_log_is_not_replaced_by_the_record(tmp_path):
+    log = write_log(tmp_path, 0, ("qd",), rows=200)
+    before = log.read_text()
+    assert "would be replaced" in run("identify", "motor", str(log), "-o", str(log), code=2).stderr
+    assert log.read_text() == before
+
+
+def test_deviations_count_what_nobody_knows(tmp_path):
+    """Volts and speed tell three of Kt, J, viscous and Coulomb friction: with viscous friction held at 0 the others are off."""
+    log = write_log(tmp_path, 0, ("qd",), rows=1000)
+    found = aw.identify_motor(log, fixed={"R": TRUE["R"]}, starts=2).estimate
+    number = found.number(PATHS["Kt"])
+    assert not found.identifiable[found.number(PATHS["viscous"])]
+    assert abs(found.values[number] - TRUE["Kt"]) < 3.0 * found.std[number]

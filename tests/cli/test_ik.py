@@ -51,3 +51,8 @@ def test_bad_tables_and_options_are_one_line(tmp_path, columns, words, names):
     done = run("ik", "puma560", poses(tmp_path, columns), *words, code=2)
     assert names in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_the_poses_are_not_replaced(tmp_path):
+    path = poses(tmp_path, {"x": [0.4], "y": [0.1], "z": [0.3]})
+    assert "would be replaced" in run("ik", "puma560", path, "-o", path, code=2).stderr

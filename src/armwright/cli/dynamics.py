@@ -36,7 +36,7 @@ def inverse_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
     from armwright.model.joint_signals import joint_units
     from armwright.results.tables import joint_columns, write_table
 
-    arm = _arm(robot, output)
+    arm = _arm(robot, table, output)
     with progress("inverse dynamics"):
         q, qd, qdd = _sets(arm, table, ("q", "qd", "qdd"))
         tau = aw.compile(arm).inverse_dynamics(q, qd, qdd)
@@ -67,21 +67,21 @@ def forward_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
     from armwright.model.joint_signals import joint_units
     from armwright.results.tables import joint_columns, write_table
 
-    arm = _arm(robot, output)
+    arm = _arm(robot, table, output)
     with progress("forward dynamics"):
         q, qd, u = _sets(arm, table, ("q", "qd", "u"))
         qdd = aw.compile(arm).forward_arm(q, qd, u)
         write_table(output, joint_columns("qdd", arm.names, joint_units(arm, "qdd"), qdd), PrintableStream(sys.stdout))
 
 
-def _arm(robot: str, output: Path | None) -> Model:
+def _arm(robot: str, table: Path, output: Path | None) -> Model:
     """The arm, once its results can be written."""
     import armwright as aw
     from armwright.output import check_destination
 
     arm = aw.load(robot)
     if output is not None:
-        check_destination(output)
+        check_destination(output, read=(table, robot))
     return arm
 
 

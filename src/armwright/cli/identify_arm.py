@@ -62,7 +62,7 @@ def arm(
     from armwright.output import check_destination
 
     if output is not None:
-        check_destination(output, (".toml",))
+        check_destination(output, (".toml",), read=(file, robot))
     if report is not None:
         check_destination(report, (".html",))
     model = None if robot is None else aw.load(robot, kinematics_only=kinematics_only)

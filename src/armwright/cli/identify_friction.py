@@ -42,7 +42,7 @@ def friction(
     from armwright.output import check_destination
 
     if output is not None:
-        check_destination(output, (".toml",))
+        check_destination(output, (".toml",), read=(file, robot))
     arm, log = aw.load(robot), aw.read_log(file)
     preparation = None if cutoff is None else aw.choose_preparation(log, cutoff=cutoff)
     found = aw.identify_friction(log, arm, preparation=preparation)

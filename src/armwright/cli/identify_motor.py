@@ -76,7 +76,7 @@ def motor(
     from armwright.output import check_destination
 
     if output is not None:
-        check_destination(output, (".toml",))
+        check_destination(output, (".toml",), read=(file, robot, static))
     with progress("fitting") as tell:
         found = aw.identify_motor(
             file,

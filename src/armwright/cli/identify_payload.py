@@ -46,7 +46,7 @@ def payload(
     from armwright.output import check_destination
 
     if output is not None:
-        check_destination(output, (".toml",))
+        check_destination(output, (".toml",), read=(file, loaded, robot))
     arm = aw.load(robot)
     logs = [aw.read_log(each) for each in (file, loaded) if each is not None]
     preparation = None if cutoff is None else aw.choose_preparation(logs[0], cutoff=cutoff)

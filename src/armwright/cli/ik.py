@@ -34,7 +34,7 @@ def ik(
         str | None, option("--near", "Q1,Q2,…", "Joint positions to begin with, in rad (m for sliding joints).")
     ] = None,
     axis: Annotated[bool, typer.Option("--axis", help="Only position and z axis of the frame count.")] = False,
-    tolerance: Annotated[float, option("--tolerance", "T", "On distance [m] and angle [rad].")] = 1e-8,
+    tolerance: Annotated[float, option("--tolerance", "T", "On distance in m and angle in rad.")] = 1e-8,
 ) -> None:
     """Joint positions within the limits for a table of poses: inverse kinematics, one pose a row.
 
@@ -57,7 +57,7 @@ def ik(
 
     arm = aw.load(robot)
     if output is not None:
-        check_destination(output)
+        check_destination(output, read=(table, robot))
     targets, turned = _targets(table)
     aim: Any = "axis" if axis else "pose" if turned else "position"
     start = None if near is None else vector("--near", near, arm.names, joint_units(arm, "q"))

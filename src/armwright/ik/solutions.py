@@ -30,8 +30,9 @@ class PoseSolutions:
     def __str__(self) -> str:
         """Counts, largest errors, and the first targets that were not solved with how far off they stay."""
         solved, of = int(self.success.sum()), self.success.size
-        lines = [f"{solved} of {of} solved, {self.iterations.mean():.1f} iterations each"]
+        lines = [f"{solved} of {of} solved"]
         if solved:
+            lines[0] += f", {np.median(self.iterations[self.success]):.0f} iterations as a rule"
             far, turned = self.position_error[self.success].max(), self.angle_error[self.success].max()
             lines[0] += f", within {far:.1e} m and {turned:.1e} rad"
         for place in np.argwhere(~self.success)[:SHOWN]:

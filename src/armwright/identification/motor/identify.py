@@ -21,8 +21,10 @@ from armwright.identification.motor.measured import Measured, measured, steady
 from armwright.identification.motor.problem import problem_of
 from armwright.identification.motor.report import MotorFit, result
 from armwright.model.model import Model
+from armwright.scalar import real_number
 
 MOST_DELAY = 10  # samples that are searched
+POSITIVE = ("R", "L", "Kt", "Ke", "J")
 
 
 def identify_motor(
@@ -80,7 +82,7 @@ def identify_motor(
     names, record = _names(record, joints, free, set(fixed or {}), guesses, data)
     problem, labels = problem_of(record, data, stretches, names, guesses, per_run, free, delay, most_delay)
     done = fitted(record, data, problem, labels, starts, seed, free, progress)
-    fit = result(log, record, data, done, free)
+    fit = result(log, record, data, done, free, bench=base is None)
     return replace(fit, source=source if record == base else None)
 
 
@@ -91,6 +93,13 @@ def _check(free: Any, fixed: Any, per_run: Any, starts: int, most_delay: int) ->
     for place, value, least in (("starts", starts, 1), ("most_delay", most_delay, 0)):
         if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or not least <= value <= 1000:
             raise ModelError(place=place, value=value, expected=f"a whole number from {least} to 1000")
+    if free is not None and not [name for name in free if name]:
+        raise ModelError(place="free", value=list(free), expected="one name or more, or None: all that the record has")
+    for name, value in (fixed or {}).items():
+        number = real_number(value)
+        if number is None or not np.isfinite(number) or (name in POSITIVE and number <= 0.0):
+            expected = "a number above 0" if name in POSITIVE else "a finite number"
+            raise ModelError(place=f"fixed {name}", value=value, expected=f"{expected}, in the record's unit")
     twice = set(free or ()) & set(fixed or {})
     if twice:
         raise ModelError("free and fixed", place="fixed", value=sorted(twice)[0], expected="one of the two")
@@ -127,7 +136,11 @@ def _started(
     given: dict[str, Any] = {}
     for name, value in fixed.items():
         if name != "delay":
-            given |= {path: float(value) for joint in joints for path in paths_of(record, joint, name)}
+            try:
+                given |= {path: float(value) for joint in joints for path in paths_of(record, joint, name)}
+            except ModelError as error:
+                choices = error.problems[0].choices
+                raise ModelError("no parameter of a drive", place="fixed", value=name, choices=choices) from None
     if pwm is not None:
         given |= {f"{joint}.motor.pwm": pwm for joint in joints}
     if base is None:

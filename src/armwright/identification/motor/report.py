@@ -16,12 +16,15 @@ from armwright.identification.logs.log import Log
 from armwright.identification.motor.fitting import Fitted, without
 from armwright.identification.motor.measured import Measured
 from armwright.identification.motor.output_error import Problem
+from armwright.identification.motor.problem import sizes
 from armwright.identification.motor.uncertainty import covariance
 from armwright.identification.motor.unknowns import values_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
+EXPLAINED = 0.5  # R² of a signal below which the model does not describe the log
+CURRENT = 0.9  # R² of a current below which its rows may be others than is taken
 AT_BOUND = 1e-6  # of a range: nearer to its end is at the bound
 WORDS = {
     "R": "resistance",
@@ -62,11 +65,14 @@ class MotorFit:
         return write_into(self.robot if self.source is None else self.source, self.estimate, output, key)
 
 
-def result(log: Log, record: RobotDescription, data: Measured, done: Fitted, free: Sequence[str] | None) -> MotorFit:
+def result(
+    log: Log, record: RobotDescription, data: Measured, done: Fitted, free: Sequence[str] | None, *, bench: bool = False
+) -> MotorFit:
     """The estimate with measures, predictions and remarks.
 
     Args:
         log, data: what was fitted.   record: with the first guesses.   done: the fit.   free: the names that were asked for.
+        bench: no record says what numbers are that the log cannot tell.
     """
     problem, held = done.problem, done.held
     kept = [k for k in range(len(done.z)) if k not in held]
@@ -75,7 +81,10 @@ def result(log: Log, record: RobotDescription, data: Measured, done: Fitted, fre
     assert jacobian is not None
     values, rates = values_of(problem.unknowns, done.z)
     whole = np.full((len(values), len(values)), np.nan)
-    whole[np.ix_(kept, kept)] = covariance(inner, residuals[0], jacobian[0]) * np.outer(rates[kept], rates[kept])
+    spread = covariance(inner, residuals[0], jacobian[0])
+    if bench:
+        spread = spread + _of_held(done, record, data, kept, jacobian[0])
+    whole[np.ix_(kept, kept)] = spread * np.outer(rates[kept], rates[kept])
     low, high = problem.bounds
     near = AT_BOUND * np.maximum(high - low, 1e-300)
     is_told = np.array([k not in held or k in done.zero for k in range(len(values))])
@@ -90,10 +99,16 @@ def result(log: Log, record: RobotDescription, data: Measured, done: Fitted, fre
         f"{problem.unknowns[k].name} stands at a bound of its search: the log, or the model, does not tell it"
         for k in ends
     ]
-    if any(each["fit_percent"] <= 0.0 for each in measures.values()):
-        wrong.append(
-            "a prediction is no better than the mean of the measurements: the model does not describe this log"
-        )
+    for name, each in measures.items():
+        if each["r2"] < EXPLAINED:
+            what = f"R² of {name} is {each['r2']:.2g}: the model does not describe this log"
+            wrong.append(f"{what}; look for exchanged columns, signs and units with `armwright log`")
+        elif name.endswith("current") and each["r2"] < CURRENT:
+            remarks.append(
+                f"R² of {name} is only {each['r2']:.2g}: a current is compared with the one just before its row's command acts"
+            )
+    if log.hold_out:
+        remarks.append(f"not used here: {', '.join(log.hold_out)}, kept for `armwright validate`")
     columns_of_unit = jacobian[0] / np.maximum(np.linalg.norm(jacobian[0], axis=0), 1e-300)
     sizes = np.linalg.svd(columns_of_unit, compute_uv=False)
     estimate = Estimate(
@@ -113,6 +128,26 @@ def result(log: Log, record: RobotDescription, data: Measured, done: Fitted, fre
     )
     cost = 0.5 * float((residuals[0] ** 2).sum())
     return MotorFit(_with_drift(estimate, done, values), record, predictions, None, cost)
+
+
+def _of_held(
+    done: Fitted, record: RobotDescription, data: Measured, kept: Sequence[int], jacobian: np.ndarray
+) -> np.ndarray:
+    """Covariance of the fitted coordinates from numbers that were held and that nobody knows: each may be off by its size."""
+    total = np.zeros((len(kept), len(kept)))
+    every_unknown = done.problem.unknowns
+    unknown = [  # a held resistance is a scale that no log of this kind tells: the others are ratios to it
+        k for k in done.held if k not in done.zero and not (every_unknown[k].nuisance or every_unknown[k].logarithmic)
+    ]
+    if not unknown:
+        return total
+    _, every = done.problem.evaluate(done.z[None])
+    assert every is not None
+    size = sizes(record, data, done.problem, done.labels, done.z)
+    for k in unknown:
+        shift = np.linalg.lstsq(jacobian, -every[0][:, k] * size[k], rcond=1e-10)[0]
+        total += np.outer(shift, shift)
+    return total
 
 
 def labels_name(done: Fitted, k: int) -> str:
