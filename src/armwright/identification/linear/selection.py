@@ -182,10 +182,11 @@ def selected(
         orders = Orders(structure, n, n + 1 + low - begin, nc, begin, constant)
         if delay is None:
             fit = trimmed(orders, stretches, skip, initial, _grown(orders, last))
-            orders = replace(fit.orders, nb=n) if order is not None else fit.orders
+            sampled = _as_sampled(fit, stretches, skip, initial)
+            fit = sampled if order is not None else min(fit, sampled, key=_bic)
+            orders = fit.orders
         else:
-            fit, orders = None, replace(orders, nb=n)
-        if fit is None or fit.orders != orders:
+            orders = replace(orders, nb=n)
             fit = estimate(orders, stretches, skip, initial, None, _grown(orders, last))
         last = fit
         found = criteria(fit.cost, fit.equations, orders.count, variance)
@@ -209,12 +210,32 @@ def _grown(orders: Orders, last: Fit | None) -> list[np.ndarray]:
     return [orders.theta(replace(model, a=a, b=b, c=c))]
 
 
+def _as_sampled(fit: Fit, stretches: Sequence[Stretch], skip: int, initial: bool) -> Fit:
+    """The fit with as many coefficients of B as poles, as a sampled continuous system has, at the best delay near."""
+
+    def at(delay: int, last: Fit) -> Fit | None:
+        orders = replace(fit.orders, nb=fit.orders.na, delay=delay)
+        if delay < 0 or orders.past > skip:
+            return None
+        model = replace(last.orders.polynomials(last.theta), b=np.zeros(delay + orders.nb), delay=delay)
+        return estimate(orders, stretches, skip, initial, with_best_numerator(orders, stretches, skip, initial, model))
+
+    best = at(fit.orders.delay, fit) or fit
+    for step in (-1, 1):
+        while (near := at(best.orders.delay + step, best)) is not None and near.cost < best.cost:
+            best = near
+    return best
+
+
+def _bic(fit: Fit) -> float:
+    return criteria(fit.cost, fit.equations, fit.orders.count)["bic"]
+
+
 def _polished(orders: Orders, stretches: Sequence[Stretch], skip: int, initial: bool, fixed: bool) -> Orders:
     """The neighbour in delay and number of B's coefficients with the lowest BIC, as long as there is a lower one."""
 
     def bic(each: Orders) -> float:
-        fit = estimate(each, stretches, skip, initial)
-        return criteria(fit.cost, fit.equations, each.count)["bic"]
+        return _bic(estimate(each, stretches, skip, initial))
 
     seen = {orders: bic(orders)}
     while True:
