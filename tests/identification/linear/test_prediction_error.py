@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 import armwright as aw
 from armwright.identification.linear.prediction_error import Orders, minimise, starts
 from armwright.identification.linear.records import Stretch
-from identification.linear.random_systems import random_truth
+from identification.linear.random_systems import random_truth, sampled_truth
 
 A, B = np.array([1.0, -1.6, 0.63]), np.array([0.0, 0.0, 0.05, 0.04])
 POLES = [0.9, 0.7]
@@ -208,3 +208,38 @@ def test_beside_sippy():
     assert np.sort(n4sid.poles) == pytest.approx(
         np.sort(np.linalg.eigvals(state.A)), abs=4 * n4sid.pole_std.max() + 0.01
     )
+
+
+def test_delays_that_the_data_cannot_tell_apart():
+    pole = np.exp(-1.0 / np.array([10.0, 15.0, 20.0]))  # three lags in series: the first coefficient is 2 % of the sum
+    a = np.poly(pole)
+    b = np.concatenate([np.zeros(6), a.sum() * np.array([0.17, 0.66, 0.17])])
+    draw = np.random.default_rng(0)
+    u = np.repeat(draw.choice([-1.0, 1.0], 300), 5)
+    clean, white = lfilter(b, a, u), draw.standard_normal(1500)
+    noisy, exact = (aw.fit_oe(u, clean + noise * white, 1.0, order=3) for noise in (0.02, 1e-6))
+    assert noisy.delays[0] <= 6 <= noisy.delays[1]
+    assert noisy.delays[0] < noisy.delays[1]
+    assert any("cannot tell delays" in remark for remark in noisy.remarks)
+    assert (exact.delay, exact.delays) == (6, (6, 6))
+    assert not any("cannot tell delays" in remark for remark in exact.remarks)
+    assert aw.fit_oe(u, clean + white, 1.0, order=1, delay=3).delays == (3, 3)
+
+
+def test_the_interval_of_delays_allows_for_coloured_noise():
+    inside, widths = [], []
+    for seed in range(16):
+        u, y = bench(seed, rows=800, noise=0.1, colour=tuple(0.8 ** np.arange(20)))
+        low, high = aw.fit_oe(u, y, 1.0, order=2, select="bic").delays
+        inside.append(low <= 2 <= high)
+        widths.append(high - low + 1)
+    assert np.mean(inside) >= 0.8  # 95 % of 16: below 13 in 1 of 100 tries
+    assert np.mean(widths) < 4.0
+
+
+def test_sampled_systems_follow_from_their_continuous_ones():
+    truth = sampled_truth(3, noise=0.0)
+    assert np.sum(truth.b) / np.sum(truth.a) == pytest.approx(1.0)
+    assert truth.b[truth.delay] != 0.0
+    assert not truth.b[: truth.delay].any()
+    assert np.abs(np.roots(truth.a)).max() < 1.0

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from armwright.errors import LogError
+from armwright.identification.linear.delays import delay_interval
 from armwright.identification.linear.frequency import closed_loop
 from armwright.identification.linear.measures import gain_unit, simulation_measures
 from armwright.identification.linear.model import LinearModel, polynomial_core
@@ -144,7 +145,9 @@ def _fit(
             most_order=most_order, most_delay=most_delay, constant=offset, initial=initial, by=select,
         )  # fmt: skip
     fit = estimate(orders, scaled.fit, orders.past, initial)
-    return _result(records, scaled, fit, to_units, initial, select if tried else "", tried)
+    delays = (orders.delay, orders.delay) if known is not None else delay_interval(fit, scaled.fit, initial)
+    model = _result(records, scaled, fit, to_units, initial, select if tried else "", tried)
+    return replace(model, delays=delays, remarks=(*model.remarks, *_of_delays(delays)))
 
 
 def _result(
@@ -233,6 +236,16 @@ def _result(
         verdict="identified" if known else "not identified",
         sha256=records.sha256,
     )
+
+
+def _of_delays(delays: tuple[int, int] | None) -> list[str]:
+    """Sentence about delays that the data cannot tell apart."""
+    if delays is None or delays[0] == delays[1]:
+        return []
+    return [
+        f"the data cannot tell delays of {delays[0]} to {delays[1]} samples apart (95 %): "
+        "the first response is lost in the noise"
+    ]
 
 
 def _row(candidate: Any) -> Mapping[str, float]:
