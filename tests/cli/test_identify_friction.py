@@ -11,7 +11,9 @@ def test_friction_is_found_and_written(tmp_path):
     arm = aw.load("two-link")
     moved(tmp_path, "arm", arm, torque_noise=0.01, position_noise=1e-5)
     log, output = str(tmp_path / "arm.log.toml"), str(tmp_path / "rubbed.toml")
-    shown = run("identify", "friction", log, "--robot", "two-link", "--table", "-o", output).stdout
+    page = str(tmp_path / "friction.html")
+    shown = run("identify", "friction", log, "--robot", "two-link", "--table", "-o", output, "--report", page).stdout
+    assert "viscous" in (tmp_path / "friction.html").read_text(encoding="utf-8")
     assert "Friction over speed" in shown
     assert "friction.viscous_n_m_s_per_rad" in shown
     assert aw.load(output).record.fits["friction"].verdict == "identified"

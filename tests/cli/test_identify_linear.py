@@ -29,6 +29,17 @@ def test_models_are_shown_and_drawn(log, tmp_path):
     )
 
 
+def test_a_page_is_written(log, tmp_path):
+    page = tmp_path / "oe.html"
+    words = ["--order", "1", "--delay", "1", "--report", str(page)]
+    assert "wrote" in run("identify", "linear", log, *words).stdout
+    text = page.read_text(encoding="utf-8")
+    assert all(word in text for word in ("Identified", "time_constant1", "Coefficients", "b1"))
+    refused = run("identify", "linear", log, "--model", "frequency", "--report", str(tmp_path / "f.html"), code=2)
+    assert "--report" in refused.stderr
+    assert not (tmp_path / "f.html").exists()
+
+
 def test_an_output_that_does_not_answer(tmp_path):
     t, u, _ = data(0)
     file = str(log_file(tmp_path, {"a": ("fit", (t, u, np.random.default_rng(3).standard_normal(len(u))))}))
@@ -53,6 +64,7 @@ BAD = [
     "--joint knee",
     "--input qd",
     "--plot no/x.png",
+    "--report x.pdf",
 ]
 
 

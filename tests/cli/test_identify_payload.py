@@ -13,7 +13,11 @@ def test_a_payload_is_found_and_written(tmp_path):
     moved(tmp_path, "loaded", arm.with_payload(1.5, (0.0, 0.02, 0.05), (0.01, 0.01, 0.01)), **noise)
     moved(tmp_path, "empty", arm, **noise)
     loaded, empty, output = (str(tmp_path / name) for name in ("loaded.log.toml", "empty.log.toml", "carrying.toml"))
-    shown = run("identify", "payload", loaded, "--robot", "lwa4p", "--cutoff", "20", "-o", output).stdout
+    page = str(tmp_path / "payload.html")
+    shown = run(
+        "identify", "payload", loaded, "--robot", "lwa4p", "--cutoff", "20", "-o", output, "--report", page
+    ).stdout
+    assert "payload.mass_kg" in (tmp_path / "payload.html").read_text(encoding="utf-8")
     assert "payload.mass_kg" in shown
     assert "wrote" in shown
     mass = aw.load(output).record.link("payload").mass_kg

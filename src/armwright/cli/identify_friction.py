@@ -24,6 +24,9 @@ def friction(
     output: Annotated[
         Path | None, option("--output -o", "ARM.toml", "Write the arm with this friction, its numbers with deviations.")
     ] = None,
+    report: Annotated[
+        Path | None, option("--report", "FILE.html", "Write a page: verdict, remarks, parameters, fits.")
+    ] = None,
 ) -> None:
     """Identify friction of an arm's joints: viscous and Coulomb, and what else a held-out part of the log asks for.
 
@@ -43,6 +46,8 @@ def friction(
 
     if output is not None:
         check_destination(output, (".toml",), read=(file, robot))
+    if report is not None:
+        check_destination(report, (".html",))
     arm, log = aw.load(robot), aw.read_log(file)
     preparation = None if cutoff is None else aw.choose_preparation(log, cutoff=cutoff)
     found = aw.identify_friction(log, arm, preparation=preparation)
@@ -57,3 +62,6 @@ def friction(
     if output is not None:
         aw.write_into(with_identified_friction(arm, found), found, output, key="friction")
         say(f"wrote {output}")
+    if report is not None:
+        aw.write_report(report, f"{log.title}: friction", found)
+        say(f"wrote {report}")

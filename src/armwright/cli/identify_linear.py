@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from armwright.cli.arguments import option
 from armwright.terminal import say
+
+if TYPE_CHECKING:
+    from armwright.identification.linear.model import LinearModel
 
 NOT_IDENTIFIED = 1  # exit code
 
@@ -28,6 +31,9 @@ def linear(
         Path | None,
         option("--plot", "FILE", "Draw runs and frequency response, measured and of the model: .png, .svg or .pdf."),
     ] = None,
+    report: Annotated[
+        Path | None, option("--report", "FILE.html", "Write a page: verdict, remarks, gain, time constants, fits.")
+    ] = None,
 ) -> None:
     """Fit a black-box model: how an output follows from an input.
 
@@ -41,8 +47,9 @@ def linear(
       armwright identify linear arm.log.toml --joint elbow --input tau --output qd --model frequency
     """
     show_linear(
-        file, model, order=order, delay=delay, select=select, input=input, output=output, joint=joint, picture=picture
-    )
+        file, model, order=order, delay=delay, select=select, input=input, output=output, joint=joint, picture=picture,
+        report=report,
+    )  # fmt: skip
 
 
 def show_linear(
@@ -56,13 +63,27 @@ def show_linear(
     output: str | None = None,
     joint: str | None = None,
     picture: Path | None = None,
+    report: Path | None = None,
 ) -> None:
-    """Fits and shows a black-box model; for every command that offers one."""
+    """Fits and shows a black-box model; for every command that offers one.
+
+    Raises:
+        LogError: no such model, or a report of a frequency response, which has no parameters.
+    """
     import armwright as aw
+    from armwright.errors import LogError
     from armwright.identification.linear.choice import check_model, fit_linear
     from armwright.identification.linear.plot import check_linear_plot, plot_linear
+    from armwright.identification.validation.report import definitions
+    from armwright.output import check_destination
 
     check_model(model)
+    if report is not None:
+        if model == "frequency":
+            raise LogError(
+                "a frequency response has no parameters", place="--report", expected="another --model, or --plot"
+            )
+        check_destination(report, (".html",))
     if picture is not None:
         check_linear_plot(picture)
     log = aw.read_log(file)
@@ -71,5 +92,15 @@ def show_linear(
     if picture is not None:
         plot_linear(log, found, picture, joint)
         say(f"wrote {picture}")
+    if report is not None and isinstance(found, aw.LinearModel):
+        coefficients = definitions("Coefficients", _coefficients(found))
+        aw.write_report(report, f"{log.title}: {model}", found.estimate(), sections=coefficients)
+        say(f"wrote {report}")
     if isinstance(found, aw.LinearModel) and found.verdict != "identified":
         raise typer.Exit(NOT_IDENTIFIED)
+
+
+def _coefficients(model: LinearModel) -> list[tuple[str, str]]:
+    """Names of a model's coefficients, and their values with standard deviations."""
+    std = model.covariance.diagonal() ** 0.5
+    return [(name, f"{v:.6g} ± {s:.2g}") for name, v, s in zip(model.names, model.values, std, strict=True)]

@@ -30,6 +30,9 @@ def payload(
         Path | None,
         option("--output -o", "ARM.toml", "Write the arm with the payload, its numbers with their deviations."),
     ] = None,
+    report: Annotated[
+        Path | None, option("--report", "FILE.html", "Write a page: verdict, remarks, parameters, fits.")
+    ] = None,
 ) -> None:
     """Identify a payload: mass, centre of mass and inertia, with standard deviations.
 
@@ -47,6 +50,8 @@ def payload(
 
     if output is not None:
         check_destination(output, (".toml",), read=(file, loaded, robot))
+    if report is not None:
+        check_destination(report, (".html",))
     arm = aw.load(robot)
     logs = [aw.read_log(each) for each in (file, loaded) if each is not None]
     preparation = None if cutoff is None else aw.choose_preparation(logs[0], cutoff=cutoff)
@@ -54,6 +59,9 @@ def payload(
         logs[0], arm, loaded_log=logs[1] if len(logs) > 1 else None, frame=frame, preparation=preparation
     )
     say(str(found))
+    if report is not None:
+        aw.write_report(report, f"{logs[0].title}: payload", found)
+        say(f"wrote {report}")
     if found.verdict != "identified":
         raise typer.Exit(NOT_IDENTIFIED)
     if output is not None:
