@@ -72,9 +72,7 @@ def fitted(
             progress(number, ROUNDS)
         kept = [k for k in range(len(first)) if k not in done.held]
         done.z[kept] = refined(without(done.problem, done.held, done.z), done.z[kept])
-        residuals, _ = done.problem.evaluate(done.z[None], slopes=False)
-        scaled = _scaled(done.problem, residuals[0])
-        done = replace(done, problem=replace(done.problem, sigma=done.problem.sigma * scaled))
+        done, scaled = _reweighted(done)
         _, jacobian = done.problem.evaluate(done.z[None])
         assert jacobian is not None
         before = len(done.held)
@@ -121,6 +119,13 @@ def _hold_at_zero(done: Fitted, free: Sequence[str] | None) -> None:
         )
 
 
+def _reweighted(done: Fitted) -> tuple[Fitted, np.ndarray]:
+    """The fit with standard deviations of the signals from its residuals, and by how much they changed (signals · n,)."""
+    residuals, _ = done.problem.evaluate(done.z[None], slopes=False)
+    scaled = _scaled(done.problem, residuals[0])
+    return replace(done, problem=replace(done.problem, sigma=done.problem.sigma * scaled)), scaled
+
+
 def _scaled(problem: Problem, residuals: np.ndarray) -> np.ndarray:
     """RMS of the scaled residuals (signals · n,): by how much the signals' standard deviations change.
 
@@ -128,7 +133,7 @@ def _scaled(problem: Problem, residuals: np.ndarray) -> np.ndarray:
     """
     columns = problem.targets[0].shape[1]
     squares = (residuals * residuals).reshape(-1, columns).sum(axis=0)
-    counts = sum((stretch.weights > 0).sum(axis=0) for stretch in problem.stretches)
+    counts = sum((stretch.weights**2).sum(axis=0) for stretch in problem.stretches)
     return np.where(squares > 0, np.sqrt(np.maximum(squares, 1e-12) / np.maximum(counts, 1.0)), 1.0)
 
 

@@ -25,7 +25,7 @@ class Stretch:
 
     Attributes:
         run: its name.   t: (rows,) [s].   inputs: what drives it.   values: signal → (rows, n) measured.
-        weights: (rows, signals · n) 1 where a value is compared, else 0.
+        weights: (rows, signals · n) 1 where a value is compared, else 0; 1/√m in m rows that hold the same count.
     """
 
     run: str
@@ -148,7 +148,16 @@ def _stretches(log: Log, run: str, data, driver: str, names: Sequence[str], plac
         if "qd_mean" in names:
             at = names.index("qd_mean") * len(places)
             weights[0, at : at + len(places)] = 0.0  # its position before is not known
+        if "q" in names:
+            at = names.index("q") * len(places)
+            weights[:, at : at + len(places)] /= np.sqrt(np.column_stack([rows_of_count(q) for q in values["q"].T]))
         yield Stretch(run, t, Inputs(period, command), values, weights)
+
+
+def rows_of_count(counts: np.ndarray) -> np.ndarray:
+    """(rows,) how many rows in a sequence hold the count of each: they have one rounding error, and say as much as one row."""
+    group = np.cumsum(np.diff(counts, prepend=counts[:1]) != 0.0)
+    return np.bincount(group)[group]
 
 
 LEVEL_TICKS = 100  # of a level that is held until the motor is steady: it may be 30 times as fast as elsewhere

@@ -12,7 +12,7 @@ from armwright.description.robot import RobotDescription
 from armwright.errors import ModelError
 from armwright.identification.motor.drive_record import paths_of, value_at
 from armwright.identification.motor.guess import Guess
-from armwright.identification.motor.measured import Measured, Stretch
+from armwright.identification.motor.measured import Measured, Stretch, rows_of_count
 from armwright.identification.motor.output_error import Places, Problem
 from armwright.identification.motor.response import Response
 from armwright.identification.motor.unknowns import RANGE, Unknown, positive, values_of
@@ -198,6 +198,11 @@ def _starts_of(
             add(k, f"{joint}: start position", values[k], size, "rad")
         values[n + k] = float(speeds[: min(3, len(speeds)), k].mean())
         add(n + k, f"{joint}: start speed", values[n + k], 0.1 * speed + 1e-9, "rad/s")
+        most = _speed_at_rest(stretch.values["q"][:, k], data.period) if "q" in stretch.values else None
+        if most is not None:
+            most = max(most, 1e-9 * speed)
+            unknowns[-1] = replace(unknowns[-1], guess=0.0, low=-most, high=most, scale=most)
+            values[n + k] = 0.0
     if "current" in response.layout:
         place = response.layout.place("current")
         for k, at in enumerate(range(place.start, place.stop)):
@@ -207,6 +212,15 @@ def _starts_of(
                 size = max(float(np.ptp(stretch.values["current"][:, k])) * 0.1, 1e-9)
                 add(at, f"{data.joints[k]}: start current", first, size, "A")
     return start, values
+
+
+def _speed_at_rest(position: np.ndarray, period: float) -> float | None:
+    """Largest speed at the start of a log in which the count stays the same at first: a count in that time; None if it moves.
+
+    Dry friction lets the position depend on the square of such a speed alone, and a search without bound goes astray there.
+    """
+    rows, steps = rows_of_count(position)[0], np.abs(np.diff(position))
+    return float(steps[steps > 0.0].min() / ((rows - 1) * period)) if rows > 2 and steps.any() else None
 
 
 def _first_sigma(stretches: Sequence[Stretch], data: Measured) -> np.ndarray:

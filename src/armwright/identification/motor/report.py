@@ -94,7 +94,7 @@ def result(
     remarks = [*data.remarks, *done.remarks, *_in_words(done, values, data)]
     asked = [labels_name(done, k) for k in held if k not in done.zero and labels_name(done, k) in (free or ())]
     wrong = [f"{name} was to be fitted, and this log does not tell it" for name in dict.fromkeys(asked)]
-    ends = [k for k in np.flatnonzero(at_bound) if k not in done.zero]
+    ends = [k for k in np.flatnonzero(at_bound) if k not in done.zero and done.labels[k] != "start"]
     wrong += [
         f"{problem.unknowns[k].name} stands at a bound of its search: the log, or the model, does not tell it"
         for k in ends
