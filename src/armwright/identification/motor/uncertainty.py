@@ -16,8 +16,8 @@ PART = 0.25  # of the largest entry of a direction: numbers with more take part 
 def covariance(problem: Problem, residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     """(k, k) of coordinates, for correlated residuals.  H⁻¹ G H⁻¹, H = JᵀJ, G = Σ_l w_l Σ_k s_k sᵀ_{k+l}.  [NeweyWest1987]
 
-    The score s_k is the sum over the signals of row k; weights w_l fall linearly to 0 at twice the lag where the residuals'
-    autocorrelation first passes 0.
+    The score s_k is the sum over the signals of row k; weights w_l fall linearly to 0 at twice the last lag over which the
+    residuals are correlated, positively or, as differences of rounded positions are, negatively; without any, G = Σ s sᵀ.
 
     Args:
         residuals: (m,).   jacobian: (m, k), as `Problem.evaluate` gives them.
@@ -42,15 +42,15 @@ def covariance(problem: Problem, residuals: np.ndarray, jacobian: np.ndarray) ->
 
 
 def _memory(residuals: np.ndarray) -> int:
-    """Rows over which scores are summed: twice the lag where the autocorrelation first falls to 0 within its own error."""
+    """1 more than twice the last lag before the autocorrelation first is 0 within its own error; 1 where it is so at once."""
     rows, own = len(residuals), residuals - residuals.mean()
     power = float(own @ own)
     if power == 0.0:
         return 1
     spectrum = np.fft.rfft(own, 2 * rows)
     correlation = np.fft.irfft(spectrum * spectrum.conj())[: max(rows // 4, 1)] / power
-    below = np.flatnonzero(correlation < 2.0 / np.sqrt(rows))
-    return max(1, min(2 * int(below[0]) if len(below) else rows // 4, rows // 4))
+    below = np.flatnonzero(np.abs(correlation) < 2.0 / np.sqrt(rows))
+    return max(1, min(2 * int(below[0]) - 1 if len(below) else rows // 4, rows // 4))
 
 
 @dataclass(frozen=True)
