@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import armwright as aw
 from identification.real_logs import DATA, DC_MOTOR, log_of
 
 FOLDER = DATA / "dc_motor"
+FOLDS = 4  # of the PRBS log
 STATIC = """
 joints = ["motor"]
 time.rate_hz = 1
@@ -54,31 +56,43 @@ def test_one_set_of_constants_for_all_logs(log, tmp_path):
     assert "drifts by" in str(found)
 
 
-def test_held_out_stretches_are_predicted_better_than_by_a_linear_model(log, tmp_path):
-    """Both fitted to the first half; offset and initial state of each are free in the second."""
-    rows = (FOLDER / "DCmotor_prbs_open_exp.csv").read_text().splitlines()
-    half = len(rows) // 2
-    for name, part in (("first", rows[1:half]), ("second", rows[half:])):
-        (tmp_path / f"{name}.csv").write_text("\n".join([rows[0], *part]) + "\n")
-        text = DC_MOTOR[: DC_MOTOR.index("[[runs]]")] + DC_MOTOR[DC_MOTOR.index("[[signals]]") :]
-        (tmp_path / f"{name}.log.toml").write_text(text.replace("[files.log]", f'[files.log]\npath = "{name}.csv"'))
-    record = aw.identify_motor(tmp_path / "first.log.toml").write(tmp_path / "fitted.toml")
-    own = aw.identify_motor(tmp_path / "second.log.toml", record, free=["offset"], delay=0.0, starts=1)
+@pytest.mark.parametrize("fold", range(FOLDS))
+def test_held_out_stretches_are_predicted_better_than_by_a_linear_model(log, tmp_path, fold):
+    """Both fitted to the rows before and behind the fold; offset and initial state of each are free in it."""
+    prbs = np.loadtxt(FOLDER / "DCmotor_prbs_open_exp.csv", delimiter=",", skiprows=1)
+    ends = np.linspace(0, len(prbs), FOLDS + 1).astype(int)
+    before, held, behind = np.split(prbs, ends[fold : fold + 2])
+    others = [part for part in (before, behind) if len(part)]
+    fit = aw.identify_motor(log_of_parts(tmp_path, "fitted", others), starts=4)
+    record = fit.write(tmp_path / "motor.toml")
+    delay = fit.estimate["delay_s"] if "delay_s" in fit.estimate.names else 0.0
+    own = aw.identify_motor(log_of_parts(tmp_path, "held", [held]), record, free=["offset"], delay=delay, starts=1)
     (measures,) = own.estimate.fit.values()
-    assert measures["fit_percent"] > linear(tmp_path / "first.csv", tmp_path / "second.csv") - 0.05
+    assert measures["fit_percent"] > linear(others, held)
 
 
-def linear(first: Path, second: Path) -> float:
-    """Fit % on the second file of a first-order model with offset and initial state, fitted to the first."""
+def log_of_parts(folder: Path, name: str, parts: Sequence[np.ndarray]) -> Path:
+    """Path of a log whose runs are some parts of a table of time, volts and speed."""
+    text = DC_MOTOR[: DC_MOTOR.index("[[runs]]")]
+    for k, part in enumerate(parts):
+        np.savetxt(folder / f"{name}{k}.csv", part, delimiter=",", header="t,u,y", comments="")
+        text += f'[[runs]]\nname = "part{k}"\nfiles.log = "{name}{k}.csv"\n'
+    path = folder / f"{name}.log.toml"
+    path.write_text(text + DC_MOTOR[DC_MOTOR.index("[[signals]]") :])
+    return path
 
-    def predicted(gain, pole, offset, start, u):
-        steady = gain * np.concatenate([u[:1], u[:-1]]) + offset
-        return lfilter([1 - pole], [1, -pole], steady) + start * pole ** np.arange(len(u))
 
-    u, y = np.loadtxt(first, delimiter=",", skiprows=1, usecols=(1, 2)).T
-    gain, pole, *_ = least_squares(
-        lambda z: predicted(*z, u) - y, [1700.0, 0.95, -500.0, 0.0], x_scale=[1e3, 1e-2, 1e2, 1e2]
-    ).x
-    u, y = np.loadtxt(second, delimiter=",", skiprows=1, usecols=(1, 2)).T
-    rest = least_squares(lambda z: predicted(gain, pole, *z, u) - y, [-500.0, 0.0]).fun
-    return 100.0 * (1.0 - np.linalg.norm(rest) / np.linalg.norm(y - y.mean()))
+def linear(parts: Sequence[np.ndarray], held: np.ndarray) -> float:
+    """Fit % on held-out rows of a first-order model with offset and initial states, fitted to other parts of the log."""
+
+    def error(gain, pole, offset, start, part):
+        steady = gain * np.concatenate([part[:1, 1], part[:-1, 1]]) + offset
+        return lfilter([1 - pole], [1, -pole], steady) + start * pole ** np.arange(len(part)) - part[:, 2]
+
+    def errors(z):
+        return np.concatenate([error(*z[:3], start, part) for start, part in zip(z[3:], parts, strict=True)])
+
+    begin = [1700.0, 0.95, -500.0] + [0.0] * len(parts)
+    gain, pole, *_ = least_squares(errors, begin, x_scale=[1e3, 1e-2] + [1e2] * (1 + len(parts))).x
+    rest = least_squares(lambda z: error(gain, pole, *z, held), [-500.0, 0.0]).fun
+    return 100.0 * (1.0 - float(np.linalg.norm(rest) / np.linalg.norm(held[:, 2] - held[:, 2].mean())))
