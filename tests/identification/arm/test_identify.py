@@ -92,12 +92,20 @@ def test_logs_that_do_not_fit_the_arm_are_refused(tmp_path):
     log = aw.read_log(write_log(tmp_path, arm, seconds=5))
     with pytest.raises(IdentificationError, match="robot"):
         aw.identify_arm(log)
-    with pytest.raises(IdentificationError, match="not in the log"):
+    with pytest.raises(LogError, match="the same joints by name"):
         aw.identify_arm(log, aw.load("panda"))
     with pytest.raises(IdentificationError, match="method"):
         aw.identify_arm(log, arm, method="magic")
     with pytest.raises(LogError, match="cutoff"):
         aw.identify_arm(log, arm, cutoff=1e6)
+
+
+def test_joints_with_other_names_are_not_taken_by_order(tmp_path):
+    arm = aw.load("lwa4p")
+    path = write_log(tmp_path, arm, seconds=5)
+    path.write_text(path.read_text().replace("'joint", "'j"))
+    with pytest.raises(LogError, match=r"the log has 6 \('j1', .*the arm has 6 \('joint1', "):
+        aw.identify_arm(aw.read_log(path), arm)
 
 
 @pytest.fixture(scope="module")

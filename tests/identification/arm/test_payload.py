@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.errors import IdentificationError
+from armwright.errors import LogError
 from armwright.identification.arm.payload import NAMES, identify_payload, payload_model, with_identified_payload
 from identification.arm.moved_arm import moved
 
@@ -71,5 +71,5 @@ def test_a_flat_arm_does_not_tell_all(tmp_path):
     assert found["payload.mass_kg"] == pytest.approx(MASS, rel=1e-3)
     assert sum(told[name] for name in NAMES[1:4]) == 2
     assert not any(told[name] for name in NAMES[4:])
-    with pytest.raises(IdentificationError, match="joint"):
+    with pytest.raises(LogError, match="joint"):
         identify_payload(moved(tmp_path, "other", aw.load("lwa4p"), seconds=2.0), flat)

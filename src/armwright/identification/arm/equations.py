@@ -14,7 +14,7 @@ import numpy as np
 from scipy.signal import sosfiltfilt
 
 from armwright.actuators.coupling import shares_of, to_joints
-from armwright.errors import IdentificationError
+from armwright.errors import IdentificationError, LogError
 from armwright.identification.arm.torque_model import TorqueModel
 from armwright.identification.arm.triangular import triangle
 from armwright.identification.logs.log import Log
@@ -248,9 +248,10 @@ def samples_of(
     Torques are the log's, or follow from its currents by Kt of the record, or from its voltages by eq. (12).
 
     Args:
-        log: a checked log.   model: of the arm; its joints are the log's, by name, or in order where no name is the same.
+        log: a checked log.   model: of the arm; its joints are in the log, by name.
         runs: names; None: those to fit.   preparation: of all runs, or of each by its name; None: chosen for each run.
     Raises:
+        LogError: joints of the arm that are not in the log.
         IdentificationError: joints of the arm without positions, or neither torque, current nor voltage.
         ModelError: currents or voltages of motors without constants.
     """
@@ -321,18 +322,16 @@ class _Behind:
 
 
 def joints_of(log: Log, names: Sequence[str]) -> list[int]:
-    """Numbers of the log's joints in the order of an arm's.
+    """Numbers of the log's joints in the order of an arm's, by name.
 
     Raises:
-        IdentificationError: the log has no positions, or its joints are not the arm's.
+        LogError: the log has not all joints of the arm.   IdentificationError: it has no positions of one.
     """
-    order = [log.joints.index(name) if name in log.joints else -1 for name in names]
-    if all(k < 0 for k in order) and len(log.joints) == len(names):
-        order = list(range(len(names)))
-    missing = [name for name, k in zip(names, order, strict=True) if k < 0]
-    if missing:
-        what = f"the arm's joint {missing[0]!r} is not in the log"
-        raise IdentificationError(what, place="joints", expected=f"{', '.join(names)}", file=log.path)
+    if not set(names) <= set(log.joints):
+        theirs, ours = (", ".join(map(repr, each)) for each in (log.joints, names))
+        what = f"the log has {len(log.joints)} ({theirs}), the arm has {len(names)} ({ours})"
+        raise LogError(what, place="joints", expected="the same joints by name, in the log's joints", file=log.path)
+    order = [log.joints.index(name) for name in names]
     measured = () if "q" not in log.layout else log.layout["q"].joints or ()
     for name, k in zip(names, order, strict=True):
         if k not in measured:

@@ -149,8 +149,8 @@ def identify_arm(
     Returns:
         result: `result.estimate` has the base parameters, `result.write(path)` writes the record.
     Raises:
-        IdentificationError: no robot, joints that do not match, no torques, too few rows, an unknown term.
-        LogError: a filter that the log's rate does not allow.
+        IdentificationError: no robot, no torques, too few rows, an unknown term.
+        LogError: joints of the robot that are not in the log, a filter that the log's rate does not allow.
     """
     if method not in METHODS:
         raise IdentificationError(place="method", value=method, choices=METHODS)
