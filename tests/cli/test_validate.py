@@ -32,6 +32,15 @@ def test_a_record_that_passes(made):
     assert record.with_name("report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
 
 
+def test_limits_without_a_limit_are_refused(made):
+    record, log = made
+    limits = record.with_name("empty.toml")
+    limits.write_text("[torque]\n")
+    code, text = run(record, log, "--limits", limits)
+    assert code == 2
+    assert "the file has no limit" in text
+
+
 def test_a_record_that_fails_its_limits(made):
     record, log = made
     limits = record.with_name("limits.toml")

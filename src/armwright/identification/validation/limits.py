@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 from pydantic import Field
 
@@ -114,7 +114,7 @@ def read_limits(limits: Any) -> Limits:
     Args:
         limits: path of a TOML file, a mapping, or `Limits`.
     Raises:
-        LogError: no such file, an unknown key, a limit that no value keeps; one line.
+        LogError: no such file, no limit in it, an unknown key, a limit that no value keeps; one line.
     """
     if isinstance(limits, Limits):
         return limits
@@ -126,7 +126,10 @@ def read_limits(limits: Any) -> Limits:
         document = read_document(Path(limits))
     except DescriptionError as error:
         raise LogError.of(*error.problems) from None
-    return validated(Limits, document, file=limits, error=LogError)
+    found = validated(Limits, document, file=limits, error=LogError)
+    if not any(found.limited(quantity) for quantity in get_args(Quantity)):
+        raise LogError("the file has no limit", expected="one at least, such as torque.r2_at_least", file=limits)
+    return found
 
 
 def check_limits(limits: Limits, arm: Model, file: Any = "") -> None:
