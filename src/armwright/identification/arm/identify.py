@@ -16,6 +16,7 @@ from armwright.identification.arm.arm_record import SPRINGS, Paths, RecordParame
 from armwright.identification.arm.base import BaseParameters, base_parameters, regrouped
 from armwright.identification.arm.equations import Equations, Samples, equations_of, samples_of, stacked
 from armwright.identification.arm.fit import (
+    AT_REST,
     ArmFit,
     HeldOut,
     cross_validated,
@@ -40,6 +41,8 @@ GAIN = 0.01  # of the held-out error, that a spring must bring
 SMALLER, LARGER = 0.7, 1.3  # cut-offs that the fit is compared at
 MOST_NAMED = 6  # parameters in one remark
 POOR = 0.8  # R² of a joint below which a remark says so
+LEAST_HELD_OUT = 0.5  # R² of a joint that moves, on rows that were not fitted, for "identified"
+FACTOR = 5.0  # between the record's links and the identified ones, from which the torque's unit is in doubt
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,15 +177,16 @@ def identify_arm(
     fit = _fitted(source, equations, base, method, seconds)
     held_out = tuple(cross_validated(fit)) if len(equations.parts) > 1 else ()
     kept_back = [run for run in log.hold_out if run not in runs]
-    hold_out = _predicted(log, model, kept_back, cutoff, decimate, fit) if kept_back else None
+    hold_out, moved = _predicted(log, model, kept_back, cutoff, decimate, fit) if kept_back else (None, None)
     sensitive = _sensitive(log, model, prepared, fit) if sensitivity else ()
     values = record_parameters(fit) if record else None
     remarks = _remarks(fit, structural, sentences(fit, source()), sensitive, held_out, values, prepared[runs[0]])
+    doubts = [*_unpredicted(fit, held_out, hold_out, moved), *_unlike_the_record(fit)]
     about = f"{_METHOD[method]} of {equations.rows.max()} rows, {model.arm.n} joints, cut-off {prepared[runs[0]].cutoff:.4g} Hz"
     estimate = Estimate(
         names=tuple(base.names), values=fit.values, covariance=fit.covariance, sha256=log.sha256, method=about,
-        units=tuple(base.units), remarks=tuple(remarks), condition=fit.condition, fit=_measures(fit, held_out, hold_out),
-        verdict=_verdict(fit, structural), log=log.path.name,
+        units=tuple(base.units), remarks=(*remarks, *doubts), condition=fit.condition, fit=_measures(fit, held_out, hold_out),
+        verdict="not identified" if doubts else _verdict(fit, structural), log=log.path.name,
     )  # fmt: skip
     return ArmEstimate(
         estimate, fit, tuple(base.formulas), len(structural), held_out, hold_out, sensitive, values, gears
@@ -277,11 +281,64 @@ def _fitted(source: _Rows, equations: Equations, base: BaseParameters, method: s
 
 def _predicted(
     log: Log, model: TorqueModel, runs: Sequence[str], cutoff: float | None, decimate: int | None, fit: ArmFit
-) -> np.ndarray:
-    """R² (n,) of a fit on runs that it has not seen."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """R² (n,) of a fit on runs that it has not seen, and which joints (n,) move there."""
     prepared = {run: choose_preparation(log, run, cutoff=cutoff, decimate=decimate) for run in runs}
     equations = equations_of(samples_of(log, model, runs, prepared), model, part_seconds=np.inf)
-    return measures_of(equations.factors, fit.parameters)[2]
+    return measures_of(equations.factors, fit.parameters)[2], _moving(equations)
+
+
+def _moving(equations: Equations) -> np.ndarray:
+    """Which joints (n,) are faster than a hundredth of the fastest, in root mean square."""
+    motion = np.sum([part.motion for part in equations.parts], axis=0)
+    return motion > AT_REST**2 * motion.max()
+
+
+def _unpredicted(
+    fit: ArmFit, held_out: Sequence[HeldOut], hold_out: np.ndarray | None, moved: np.ndarray | None
+) -> list[str]:
+    """Sentences about joints that move and whose torque is not predicted where it was not fitted.
+
+    That is on the runs that the log holds out, or where there are none on its parts, each by a fit to the others.
+    """
+    where, moving, r2s = "on the runs held out", _moving(fit.equations), hold_out
+    if r2s is None or moved is None:
+        parts = [each.relative**2 for each in held_out if not each.at_rest]
+        if not parts:
+            return []
+        with np.errstate(divide="ignore", invalid="ignore"):
+            spread = fit.rms**2 / (1.0 - fit.r2)  # of the measured torque
+            r2s = 1.0 - np.mean(parts, axis=0) * fit.torque_rms**2 / spread
+        where = "on parts held out"
+    else:
+        moving &= moved
+    return [
+        f"{joint}: R² {r2:.2f} {where}, below {LEAST_HELD_OUT:g}: its torque is not told by this model"
+        for joint, r2, moves in zip(fit.equations.model.arm.names, r2s, moving, strict=True)
+        if moves and r2 < LEAST_HELD_OUT
+    ]
+
+
+def _unlike_the_record(fit: ArmFit) -> list[str]:
+    """A sentence where links as identified take 5 times the torque of the record's own or more, or a fifth or less.
+
+    Both are compared by their base parameters, over the rows of the log and weighted as the fit; those that a rotor has part in
+    of which the record does not speak are left out.
+    """
+    base, prior = fit.base, fit.equations.model.prior
+    unknown = (base.matrix[:, np.isnan(prior)] != 0).any(axis=1)
+    of_links = [b for b, k in enumerate(base.independent) if base.columns[k].kind == "inertial" and not unknown[b]]
+    own = base.of(np.nan_to_num(prior))[of_links]
+    size = np.linalg.norm(fit.information[:, of_links] @ own)
+    if size == 0:
+        return []
+    times = float(np.linalg.norm(fit.information[:, of_links] @ fit.values[of_links]) / size)
+    if 1 / FACTOR <= times <= FACTOR:
+        return []
+    return [
+        f"the links' masses and inertias take {times:.2g} times the torque of the record's own: is the unit or the side of "
+        "the torque right?"
+    ]
 
 
 def _sensitive(log: Log, model: TorqueModel, prepared: Mapping[str, Preparation], fit: ArmFit) -> tuple[str, ...]:
