@@ -158,6 +158,25 @@ def test_feedback_is_noticed_and_armax_stands_it():
     assert false <= 1
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_speed_loop_with_steps_of_its_reference_is_noticed(seed):
+    """A PI controller on a motor's measured speed, its reference stepping: the steps hide how it answers to noise."""
+    draw = np.random.default_rng(seed)
+    rows, pole = 4000, np.exp(-1e-3 / 0.05)
+    u, y, speed, integral = np.zeros(rows), np.zeros(rows), 0.0, 0.0
+    reference = np.repeat(draw.uniform(-10, 10, rows // 200), 200)
+    for k in range(rows):
+        y[k] = speed + 0.05 * draw.standard_normal()
+        integral += 20.0 * 1e-3 * (reference[k] - y[k])
+        u[k] = 0.5 * (reference[k] - y[k]) + integral
+        speed = pole * speed + (1 - pole) * 5.0 * u[k]
+    remarks = aw.fit_oe(u, y, 1e-3, order=1, delay=1).remarks
+    assert any("closed loop" in remark for remark in remarks)
+    open_loop = lfilter([0.0, 5.0 * (1 - pole)], [1.0, -pole], reference) + 0.05 * draw.standard_normal(rows)
+    remarks = aw.fit_oe(reference, open_loop, 1e-3, order=1, delay=1).remarks
+    assert not any("closed loop" in remark for remark in remarks)
+
+
 def test_order_and_delay_of_random_systems():
     truth = [random_truth(seed, rows=1200) for seed in range(4)]
     found = [aw.fit_oe(t.u, t.y, 1.0, select="bic" if k else "cv", most_order=4) for k, t in enumerate(truth)]

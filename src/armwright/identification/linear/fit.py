@@ -296,4 +296,4 @@ def _remarks(scaled: Records, fit: Fit, model: Polynomials, poles: np.ndarray, p
             found.append(
                 f"a pole at {abs(pole):.5f} ± {1.96 * std:.2g} may be an integrator: gain and time constant mean little"
             )
-    return found
+    return list(dict.fromkeys(found))  # a pair of poles is said once

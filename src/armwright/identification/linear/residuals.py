@@ -21,6 +21,8 @@ from armwright.identification.linear.records import Stretch
 LAGS = 20  # samples
 LONG = 12  # coefficients of the model whose errors are white
 PREDICTABLE = 1e-8  # of its variance: an input that its own past tells so well is made by a formula, not by feedback
+STEP = 3.0  # deviations of the whitened input, beyond which it is a step of a reference
+NORMAL_MEDIAN = 0.6745  # median of a normal variable's magnitude by its deviation
 CERTAIN = 1e-3  # probability below which chance is no explanation
 
 
@@ -96,7 +98,37 @@ def feedback(stretches: Sequence[Stretch], delay: int) -> Test:
     errors = [prediction_errors(model, each, orders.past, False) for each in usable]
     if sum(float(e @ e) for e in errors) <= 1e-18 * sum(float(each.y[:, 0] @ each.y[:, 0]) for each in usable):
         return Test(0.0, LAGS, 1.0)  # without noise there is nothing to feed back
-    return cross_correlation(errors, [each.u[orders.past :, 0] for each in usable], 0 if delay >= 1 else 1)
+    inputs = [each.u[orders.past :, 0] for each in usable]
+    first = 0 if delay >= 1 else 1
+    tests = cross_correlation(errors, inputs, first), _between_steps(errors, inputs, first)
+    return min(tests, key=lambda each: each.probability)
+
+
+def _between_steps(errors: Sequence[np.ndarray], inputs: Sequence[np.ndarray], first: int, lags: int = LAGS) -> Test:
+    """As `cross_correlation`, of inputs from which the steps of a reference are cut.
+
+    A step is so large in the whitened input that what the controller answers to disturbances is nothing beside it. Clipping
+    colours the input again, so that the statistic is that of a regression of the errors on it:  cᵀ (WᵀW)⁻¹ c / σ².
+    """
+    e_model, _ = autoregression(np.concatenate(errors))
+    mean = np.mean(np.concatenate(inputs))
+    u_model, left = autoregression(np.concatenate([u - mean for u in inputs]))
+    if left <= PREDICTABLE * np.var(np.concatenate(inputs)):
+        return Test(0.0, lags, 1.0)
+    pairs = [(_whitened(e, e_model), _whitened(u, u_model)) for e, u in zip(errors, inputs, strict=True)]
+    clip = STEP * float(np.median(np.abs(np.concatenate([w for _, w in pairs])))) / NORMAL_MEDIAN
+    blocks = []
+    for e, w in pairs:
+        if len(e) > first + lags:
+            later = np.lib.stride_tricks.sliding_window_view(np.clip(w, -clip, clip)[first:], lags)
+            blocks.append((e[: len(later)], later))
+    if not blocks or clip == 0.0:
+        return Test(0.0, lags, 1.0)
+    e, later = (np.concatenate(each) for each in zip(*blocks, strict=True))
+    later = later - later.mean(axis=0)
+    solution, _, rank, _ = np.linalg.lstsq(later, e, rcond=1e-6)
+    explained = later @ solution
+    return _test(len(e) * float(explained @ explained) / max(float(e @ e), 1e-300), int(max(rank, 1)))
 
 
 def _test(statistic: float, lags: int) -> Test:
