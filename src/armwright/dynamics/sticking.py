@@ -29,7 +29,9 @@ HELD, HELD_TOGETHER = (
     1e20,
     1e8,
 )  # of the inertia: added where one speed sticks, or a sum of speeds, whose digits it costs
-MOST = 24  # solves: of 7·10⁵ adversarial states five end after 12, by 14, and six stand at the limit, one of them marked
+MOST = (
+    24  # solves: of 7·10⁵ adversarial states five end after 12, by 14, and six stand at the limit, one of them marked
+)
 NEVER = 1e30  # [rad/s | m/s] of a jump that is not reached
 MULTIPLIERS = 3
 REST = 1e-14  # of the speeds in a sum of speeds: rounding of one that sticks
