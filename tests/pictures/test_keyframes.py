@@ -1,7 +1,7 @@
 """Keyframes: few, at times that single precision holds, and nowhere further from the motion than they may be."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from armwright.pictures.keyframes import LARGEST_TURN, keyframes
@@ -16,6 +16,7 @@ def polylines(draw):
 
 
 @settings(max_examples=200)
+@example((np.array([0.0, 1.375, 3.375, 4.375, 5.375]), np.array([13.5, -2.0, -24.0, 0.0, 0.0])), 0.5, True)
 @given(polylines(), st.sampled_from([1e-6, 1e-3, 0.5]), st.booleans())
 def test_nowhere_off_by_more_than_the_tolerance(line, tolerance, turn):
     t, q = line

@@ -7,6 +7,7 @@ from math import pi
 import numpy as np
 
 LARGEST_TURN = pi / 2  # [rad] from one keyframe to the next: well below π, where the shorter way would be the other one
+ROUNDS = 60  # of shorter pieces: halves of a second are then nothing
 
 
 def keyframes(t: np.ndarray, q: np.ndarray, tolerance: float, turn: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -33,8 +34,11 @@ def keyframes(t: np.ndarray, q: np.ndarray, tolerance: float, turn: bool) -> tup
         segment = np.minimum(segment, len(worst) - 1)
         kept |= (off == worst[segment]) & (off > tolerance)
     times = t[kept]
-    if turn and len(times) > 1:
-        times = _refined(times, q[kept])
+    for _ in range(ROUNDS if turn and len(times) > 1 else 0):
+        positions = np.interp(times, t, q)  # the polyline's own, which may be steeper than the line between keyframes
+        if (np.abs(np.diff(positions)) <= LARGEST_TURN).all():
+            break
+        times = _refined(times, positions)
     times = np.unique(times.astype(np.float32))
     return times, np.interp(times.astype(float), t, q)
 
