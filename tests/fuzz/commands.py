@@ -18,7 +18,14 @@ from fuzz.attempt import ACCEPTED, LIMIT, OTHER, WAIT, Guard, Outcome, refusal
 from fuzz.case import Case
 from fuzz.mutation import FORMULAS, NUMBERS, WORDS
 
-DIFFERENT = ("check", "diff", "reproduce")  # whose exit code 1 means: there is something to say
+DIFFERENT = (
+    "check",
+    "diff",
+    "reproduce",
+    "identify",
+    "validate",
+    "ik",
+)  # whose exit code 1 means: there is something to say
 SHORT = ("--torque", "0", "--duration", "0.01")
 LINES: tuple[tuple[str, ...], ...] = (
     ("robots",),
@@ -57,14 +64,34 @@ LINES: tuple[tuple[str, ...], ...] = (
     ("convert", "arm.toml", "new.xml"),
     ("forward-dynamics", "arm.toml", "sets.csv", "-o", "out.csv"),
     ("animate", "one.nc", "-o", "run.html"),
+    ("identify", "motor", "bench.log.toml"),
+    ("identify", "arm", "bench.log.toml", "--robot", "two-link", "-o", "new.toml"),
+    ("identify", "payload", "bench.log.toml", "--robot", "two-link"),
+    ("identify", "friction", "bench.log.toml", "--robot", "two-link"),
+    ("identify", "linear", "bench.log.toml", "--joint", "elbow", "--model", "arx"),
+    ("validate", "two-link", "bench.log.toml"),
+    ("excite", "motor", "prbs", "-o", "new.csv", "--gain", "12", "--time-constant", "0.05", "--most", "12"),
+    ("excite", "arm", "two-link", "-o", "new.csv", "--velocity", "2,2", "--starts", "1", "--harmonics", "2"),
+    ("ik", "two-link", "poses.csv", "-o", "new.csv"),
 )
 MAKERS = {  # what makes each of the files that a line may name
     "arm.toml": files.make_robot, "arm.urdf": files.make_urdf, "arm.xml": files.make_mjcf, "arm.parts.toml": files.make_parts,
     "toy.assembly.toml": files.make_assembly, "toy.modules.toml": files.make_assembly, "one.scenario.toml": files.make_scenario,
-    "torques.csv": files.make_csv, "sets.csv": files.make_csv, "one.nc": files.make_run, "day.sim": files.make_session,
+    "torques.csv": files.make_csv, "sets.csv": files.make_csv, "poses.csv": files.make_poses,
+    "one.nc": files.make_run, "day.sim": files.make_session,
     "bench.log.toml": files.make_log,
 }  # fmt: skip
-LENGTHS = ("--duration", "--max-joints", "--limit", "--steps", "--size", "--show", "--record-every")  # of work
+LENGTHS = (
+    "--duration",
+    "--max-joints",
+    "--limit",
+    "--steps",
+    "--size",
+    "--show",
+    "--record-every",
+    "--starts",
+    "--harmonics",
+)  # of work
 
 
 def make_command(rng: Random) -> Case:

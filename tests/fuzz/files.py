@@ -132,6 +132,10 @@ def make_csv(rng: Random) -> Case:
     return Case("csv", {name: mutated(seed(name), "csv", rng)}, name)
 
 
+def make_poses(rng: Random) -> Case:
+    return Case("csv", {"poses.csv": mutated(seed("poses.csv"), "csv", rng)}, "poses.csv")  # of a command line only
+
+
 def run_csv(case: Case) -> None:
     from armwright.results.tables import read_table
 
