@@ -96,7 +96,17 @@ if TYPE_CHECKING:
     from armwright.simulation.sensitivity import sensitivities
     from armwright.simulation.simulation import Simulation, simulate
     from armwright.simulation.step_study import step_study
-    from armwright.trajectory import Fourier, Quintic, Ramp, Sine, Step
+    from armwright.trajectory import (
+        Fourier,
+        Motion,
+        MotionLimits,
+        PiecewisePolynomial,
+        Quintic,
+        Ramp,
+        Sine,
+        Step,
+        limits_report,
+    )
 
 __version__ = "0.1.0"
 
@@ -168,7 +178,19 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.simulation.simulation": ("Simulation", "simulate"),
     "armwright.results.statistics": ("statistics",),
     "armwright.simulation.loop.timing": ("Timing",),
-    "armwright.trajectory": ("Fourier", "Quintic", "Ramp", "Sine", "Step"),
+    "armwright.trajectory": (
+        *(
+            "Fourier",
+            "Motion",
+            "MotionLimits",
+            "PiecewisePolynomial",
+            "Quintic",
+            "Ramp",
+            "Sine",
+            "Step",
+            "limits_report",
+        ),
+    ),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 _CALLED = {"compile": "compile_arm"}  # inside, nothing is called like Python's own
@@ -198,9 +220,12 @@ __all__ = [
     "LoopState",
     "Measurement",
     "Model",
+    "Motion",
+    "MotionLimits",
     "MotorFit",
     "MotorGuess",
     "Payload",
+    "PiecewisePolynomial",
     "PoseSolutions",
     "Preparation",
     "Quintic",
@@ -259,6 +284,7 @@ __all__ = [
     "jacobian_dot_qd",
     "joint_stops",
     "kinetic_energy",
+    "limits_report",
     "load",
     "load_run",
     "mass_matrix",

@@ -81,7 +81,7 @@ def test_bad_references_are_refused(make, said):
 
 
 def test_another_number_of_joints_is_refused():
-    with pytest.raises(ScenarioError, match="the function gave shape"):
+    with pytest.raises(ScenarioError, match="gave shapes"):
         reference_rows(arm("cmu-dd"), Step(START, GOAL), np.zeros(1))
 
 

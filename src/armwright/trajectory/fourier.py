@@ -11,11 +11,12 @@ from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.parameters import Draw, numbers_by_lane
 from armwright.scalar import Array, Scalar
-from armwright.trajectory.poses import LARGEST, check_number, check_poses
+from armwright.trajectory.motion import Motion
+from armwright.trajectory.poses import LARGEST, check_number, check_poses, joint_count
 
 
 @dataclass(frozen=True, eq=False)
-class Fourier:
+class Fourier(Motion):
     """q(t) = centre + Σ_k (sine_k sin kωs + cosine_k cos kωs),  ω = 2π / period, s = t - time.  [SweversEtAl1997]
 
     Before `time` the arm stands at q(time), and after `periods` periods too; speed and acceleration are then 0. A motion that
@@ -67,6 +68,11 @@ class Fourier:
         rows = rest_rows(coefficients[0].shape[1])
         sine, cosine = (a - np.outer(a @ row, row) / (row @ row) for a, row in zip(coefficients, rows, strict=True))
         return cls(centre, sine, cosine, period, time, periods)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return joint_count(self.centre)
 
     @property
     def duration(self) -> float:

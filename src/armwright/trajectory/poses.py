@@ -51,3 +51,8 @@ def check_number(reference: str, name: str, value: Any, *, above: float = -np.in
         if number is None or not least < number < LARGEST:
             expected = "a finite number" if above == -np.inf else f"a number above {above:g}"
             raise ScenarioError(place=f"{reference}.{name}", value=each, expected=expected)
+
+
+def joint_count(pose: Any) -> int:
+    """Number of joints of a pose (n,), or of a `Batch` of poses."""
+    return numbers_by_lane(pose).shape[-1]

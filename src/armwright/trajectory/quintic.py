@@ -7,11 +7,12 @@ from typing import Any
 
 from armwright import scalar
 from armwright.scalar import Array, Scalar
-from armwright.trajectory.poses import check_number, check_poses
+from armwright.trajectory.motion import Motion
+from armwright.trajectory.poses import check_number, check_poses, joint_count
 
 
 @dataclass(frozen=True, eq=False)
-class Quintic:
+class Quintic(Motion):
     """q(t) = start + (10 s³ - 15 s⁴ + 6 s⁵)(goal - start),  s = (t - time) / duration within 0 and 1.
 
     Speed and acceleration are 0 at both ends.
@@ -33,6 +34,11 @@ class Quintic:
         check_poses("Quintic", start=self.start, goal=self.goal)
         check_number("Quintic", "duration", self.duration, above=0.0)
         check_number("Quintic", "time", self.time)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return joint_count(self.start)
 
     def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:
         """q (n,) [rad | m], q̇ and q̈ at t [s]."""

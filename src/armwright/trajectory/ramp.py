@@ -9,11 +9,12 @@ import numpy as np
 
 from armwright import scalar
 from armwright.scalar import Array, Scalar
-from armwright.trajectory.poses import check_number, check_poses
+from armwright.trajectory.motion import Motion
+from armwright.trajectory.poses import check_number, check_poses, joint_count
 
 
 @dataclass(frozen=True, eq=False)
-class Ramp:
+class Ramp(Motion):
     """q(t) = start + s (goal - start) with s from 0 at `time` to 1 a `duration` later, in proportion to time.
 
     Each field may be a `Batch`.
@@ -33,6 +34,11 @@ class Ramp:
         check_poses("Ramp", start=self.start, goal=self.goal)
         check_number("Ramp", "duration", self.duration, above=0.0)
         check_number("Ramp", "time", self.time)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return joint_count(self.start)
 
     def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:
         """q (n,) [rad | m], q̇ and q̈ at t [s]."""

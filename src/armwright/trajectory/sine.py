@@ -9,11 +9,12 @@ import numpy as np
 
 from armwright import scalar
 from armwright.scalar import Array, Scalar
-from armwright.trajectory.poses import check_number, check_poses
+from armwright.trajectory.motion import Motion
+from armwright.trajectory.poses import check_number, check_poses, joint_count
 
 
 @dataclass(frozen=True, eq=False)
-class Sine:
+class Sine(Motion):
     """q(t) = centre + amplitude sin(2π f t + phase).
 
     Each field may be a `Batch`.
@@ -28,11 +29,22 @@ class Sine:
     amplitude: Any
     frequency_hz: float
     phase: float = 0.0
+    time = 0.0
 
     def __post_init__(self) -> None:
         check_poses("Sine", centre=self.centre, amplitude=self.amplitude)
         check_number("Sine", "frequency_hz", self.frequency_hz, above=0.0)
         check_number("Sine", "phase", self.phase)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return joint_count(self.centre)
+
+    @property
+    def duration(self) -> float:
+        """Infinite [s]: it goes on for good, and does so before `time` too."""
+        return np.inf
 
     def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:
         """q (n,) [rad | m], q̇ and q̈ at t [s]."""

@@ -9,13 +9,14 @@ import numpy as np
 
 from armwright import scalar
 from armwright.scalar import Array, Scalar
-from armwright.trajectory.poses import check_number, check_poses
+from armwright.trajectory.motion import Motion
+from armwright.trajectory.poses import check_number, check_poses, joint_count
 
 ROUNDING = 1e-12  # of a time: a tick this near the jump is on it
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class Step(Motion):
     """q(t) = start before `time`, goal from then on; speed and acceleration 0.
 
     Each field may be a `Batch`.
@@ -33,6 +34,16 @@ class Step:
     def __post_init__(self) -> None:
         check_poses("Step", start=self.start, goal=self.goal)
         check_number("Step", "time", self.time)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return joint_count(self.start)
+
+    @property
+    def duration(self) -> float:
+        """0 [s]: the arm stands again at once."""
+        return 0.0
 
     def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:
         """q (n,) [rad | m], q̇ and q̈ at t [s]."""

@@ -135,7 +135,7 @@ def reference_rows(arm: Model, reference: Any, t: np.ndarray, notes: list[str] |
     Args:
         arm: the model.
         reference: a pose (n,); rows (k, n) or (k, 3n), one for each time; a Schedule of poses, held from row to row; or a
-            trajectory, a function of time.
+            trajectory, a function of time. One that has `at` as a `Motion` does is asked for all times at once.
         t: times of the ticks [s].   notes: takes notes for the user on how it was read.
     Raises:
         ScenarioError: names its shape or value, and what was expected.
@@ -145,6 +145,8 @@ def reference_rows(arm: Model, reference: Any, t: np.ndarray, notes: list[str] |
     if isinstance(reference, Schedule):
         row = np.searchsorted(reference.times, t * (1.0 + 1e-12), side="right") - 1
         rows[:, :n] = in_order("reference", reference, arm.names).commands[np.maximum(row, 0)]
+    elif callable(reference) and hasattr(reference, "at") and "qdd" in layout:
+        rows = _of_motion(arm, reference, t)
     elif callable(reference):
         rows = _of_function(arm, layout, reference, t, [] if notes is None else notes)
     else:
@@ -166,6 +168,15 @@ def reference_rows(arm: Model, reference: Any, t: np.ndarray, notes: list[str] |
         place = f"reference of {where} at t = {t[k]:g} s"
         raise ScenarioError(place=place, value=float(rows[k, column]), expected="finite numbers")
     return rows
+
+
+def _of_motion(arm: Model, motion: Any, t: np.ndarray) -> np.ndarray:
+    """Rows of a motion that gives all times at once, so that one of thousands of pieces costs no more than a short one."""
+    parts = motion.at(t)
+    if len(parts) != 3 or any(np.shape(part) != (len(t), arm.n) for part in parts):
+        what, expected = f"`at` gave shapes {[np.shape(part) for part in parts]}", f"q, qd, qdd, each (times, {arm.n})"
+        raise ScenarioError(what, place=f"reference {called(motion)!r}", expected=expected)
+    return np.concatenate([np.asarray(part, dtype=float) for part in parts], axis=1)
 
 
 def _of_function(

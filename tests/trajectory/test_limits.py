@@ -1,0 +1,101 @@
+"""Limits of motions: the record's, those in their place, and the report of what a motion uses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import ScenarioError
+from physics.arms import arm
+
+
+def test_the_record_gives_what_it_has():
+    model = arm("lwa4p")
+    limits = aw.MotionLimits.of(model)
+    np.testing.assert_array_equal(limits.velocity, [float(body.limits.velocity) for body in model.coordinates])
+    np.testing.assert_array_equal(limits.position, [body.limits.position for body in model.coordinates])
+    assert np.isinf(limits.jerk).all()
+    for k, body in enumerate(model.coordinates):  # a current is a torque
+        if np.isfinite(float(body.limits.current)):
+            drive = body.drive
+            torque = abs(float(drive.gear_ratio) * float(drive.torque_constant)) * float(body.limits.current)
+            assert limits.torque[k] == min(torque, float(body.limits.torque))
+
+
+def test_overrides_take_the_place_of_the_records():
+    limits = aw.MotionLimits.of(arm("lwa4p"), acceleration=3.0, velocity={"joint2": 0.5}, position=1.0)
+    np.testing.assert_array_equal(limits.acceleration, 3.0)
+    assert limits.velocity[1] == 0.5
+    assert limits.velocity[0] == 1.2566
+    np.testing.assert_array_equal(limits.position, [[-1.0, 1.0]] * 6)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "said"),
+    [
+        ({"speed": 1.0}, "no quantity that has a limit"),
+        ({"velocity": 0.0}, r"velocity = 0.0: expected a number above 0"),
+        ({"velocity": [1.0, 2.0]}, "one for each of 6 joints"),
+        ({"velocity": np.nan}, "velocity = nan"),
+        ({"acceleration": {"elbow": 1.0}}, "no joint of the arm"),
+        ({"acceleration": {"joint1": -1.0}}, r"acceleration\['joint1'\] = -1.0"),
+        ({"position": [[1.0, -1.0]] * 6}, "a lower and an upper bound"),
+    ],
+)
+def test_limits_that_are_none_are_refused(overrides, said):
+    with pytest.raises(ScenarioError, match=said):
+        aw.MotionLimits.of(arm("lwa4p"), **overrides)
+
+
+def test_a_missing_limit_is_named_with_its_joints():
+    limits = aw.MotionLimits.of(arm("lwa4p"), acceleration={"joint1": 1.0})
+    with pytest.raises(ScenarioError, match="no acceleration limit of joint2, joint3, joint4"):
+        limits.required("velocity", "acceleration")
+
+
+def test_a_pose_outside_names_joint_and_distance():
+    limits = aw.MotionLimits.of(arm("lwa4p"))
+    pose = np.zeros(6)
+    pose[2] = limits.position[2, 1] + 0.25
+    with pytest.raises(ScenarioError, match=r"goal of joint3 = .*: 0.25 rad outside its limits"):
+        limits.check_position("goal", pose)
+
+
+def test_a_report_has_closed_extrema_and_the_kernels_torques():
+    model = arm("cmu-dd")
+    start, goal, duration = np.zeros(6), np.full(6, 0.6), 0.7
+    motion = aw.Quintic(start, goal, duration, time=0.1)
+    limits = aw.MotionLimits.of(model, velocity=2.0, acceleration=10.0, jerk=300.0)
+    report = aw.limits_report(model, motion, limits)
+    np.testing.assert_allclose(report.highest["velocity"], 15 / 8 * 0.6 / duration, rtol=1e-6)
+    np.testing.assert_allclose(report.share["velocity"], 15 / 16 * 0.6 / duration, rtol=1e-6)
+    np.testing.assert_allclose(report.times["velocity"], 0.1 + duration / 2, atol=1e-3)
+    np.testing.assert_allclose(report.highest["acceleration"], 10 / np.sqrt(3) * 0.6 / duration**2, rtol=1e-6)
+    np.testing.assert_allclose(report.highest["jerk"], 60 * 0.6 / duration**3, rtol=2e-2)
+    t = np.linspace(0.1, 0.1 + duration, 20001)
+    dyn = aw.compile(model)
+    q, qd, qdd = motion.at(t)
+    tau = dyn.inverse_dynamics(q, qd, qdd)
+    np.testing.assert_allclose(report.highest["torque"], tau.max(axis=0), rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(report.lowest["voltage"], dyn.motor_voltage(qd, tau).min(axis=0), rtol=1e-4, atol=1e-6)
+    assert "velocity" in str(report)
+    assert not aw.limits_report(model, motion, limits.replace(velocity=1.0)).kept
+    assert "160" in aw.limits_report(model, motion, limits.replace(velocity=1.0)).excesses()[0]
+
+
+def test_a_payload_is_carried():
+    model = arm("lwa4p")
+    motion = aw.Quintic(np.zeros(6), [0.0, 0.5, 0.5, 0.0, 0.0, 0.0], 2.0)
+    loaded = model.with_payload(2.0, [0.0, 0.0, 0.05], [1e-3] * 3)
+    t = np.linspace(0.0, 2.0, 5001)
+    tau = aw.compile(loaded).inverse_dynamics(*motion.at(t))
+    report = aw.limits_report(model, motion, payload=aw.Payload(0.0, 2.0, [0.0, 0.0, 0.05], [1e-3] * 3))
+    np.testing.assert_allclose(report.highest["torque"], tau.max(axis=0), rtol=1e-4, atol=1e-3)
+
+
+def test_a_motion_without_end_or_of_other_joints_is_refused():
+    with pytest.raises(ScenarioError, match="does not end"):
+        aw.limits_report(arm("two-link"), aw.Sine([0.0, 0.0], [1.0, 1.0], 1.0))
+    with pytest.raises(ScenarioError, match="a motion of 2 joints"):
+        aw.limits_report(arm("lwa4p"), aw.Quintic([0.0, 0.0], [1.0, 1.0], 1.0))
