@@ -107,6 +107,8 @@ if TYPE_CHECKING:
         Step,
         limits_report,
     )
+    from armwright.trajectory import Fourier, Quintic, Ramp, Sine, Step
+    from armwright.trajectory.path import JointPath
 
 __version__ = "0.1.0"
 
@@ -191,6 +193,8 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
             "limits_report",
         ),
     ),
+    "armwright.trajectory": ("Fourier", "Quintic", "Ramp", "Sine", "Step"),
+    "armwright.trajectory.path": ("JointPath",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 _CALLED = {"compile": "compile_arm"}  # inside, nothing is called like Python's own
@@ -211,6 +215,7 @@ __all__ = [
     "FrequencyResponse",
     "Inputs",
     "JointPID",
+    "JointPath",
     "JointReference",
     "Layout",
     "Limits",
