@@ -107,7 +107,6 @@ if TYPE_CHECKING:
         Step,
         limits_report,
     )
-    from armwright.trajectory import Fourier, Quintic, Ramp, Sine, Step
     from armwright.trajectory.path import JointPath
 
 __version__ = "0.1.0"
@@ -181,19 +180,16 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.results.statistics": ("statistics",),
     "armwright.simulation.loop.timing": ("Timing",),
     "armwright.trajectory": (
-        *(
-            "Fourier",
-            "Motion",
-            "MotionLimits",
-            "PiecewisePolynomial",
-            "Quintic",
-            "Ramp",
-            "Sine",
-            "Step",
-            "limits_report",
-        ),
+        "Fourier",
+        "Motion",
+        "MotionLimits",
+        "PiecewisePolynomial",
+        "Quintic",
+        "Ramp",
+        "Sine",
+        "Step",
+        "limits_report",
     ),
-    "armwright.trajectory": ("Fourier", "Quintic", "Ramp", "Sine", "Step"),
     "armwright.trajectory.path": ("JointPath",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
