@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from armwright.actuators import motor_current, motor_torque, motor_voltage
+    from armwright.collision import BoxObstacle, PlaneObstacle, SphereObstacle, clearance
     from armwright.control import Cascade, ComputedTorque, JointPID
     from armwright.description import RobotDescription, builtin_names
     from armwright.description.writer import to_toml, write_toml
@@ -113,6 +114,7 @@ __version__ = "0.1.0"
 
 _HOMES = {  # where each public name lives; imported when first used, so that `import armwright` costs nothing
     "armwright.actuators": ("motor_current", "motor_torque", "motor_voltage"),
+    "armwright.collision": ("BoxObstacle", "PlaneObstacle", "SphereObstacle", "clearance"),
     "armwright.control": ("Cascade", "ComputedTorque", "JointPID"),
     "armwright.description": ("RobotDescription", "builtin_names"),
     "armwright.modules.assemble": ("assemble",),
@@ -199,6 +201,7 @@ __all__ = [
     "ArmEstimate",
     "ArmwrightError",
     "Batch",
+    "BoxObstacle",
     "Cascade",
     "CommandFilter",
     "CompiledArm",
@@ -227,6 +230,7 @@ __all__ = [
     "MotorGuess",
     "Payload",
     "PiecewisePolynomial",
+    "PlaneObstacle",
     "PoseSolutions",
     "Preparation",
     "Quintic",
@@ -241,6 +245,7 @@ __all__ = [
     "Simulation",
     "Sine",
     "Solver",
+    "SphereObstacle",
     "Start",
     "Step",
     "Timing",
@@ -254,6 +259,7 @@ __all__ = [
     "centre_of_mass",
     "check",
     "choose_preparation",
+    "clearance",
     "compare_experiments",
     "compile",
     "composite_body",

@@ -38,7 +38,8 @@ ORDER = (
     ("kernels",),
     ("results",),
     ("simulation",),
-    ("trajectory", "ik", "identification", "control"),
+    ("collision",),  # capsules around links
+    ("trajectory", "ik", "workspace", "identification", "control"),
     ("scenarios",),  # scenario files: they name controllers and trajectories
     ("modules",),  # which arms modules make, and what they can do
     ("export",),

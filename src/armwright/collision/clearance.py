@@ -1,0 +1,163 @@
+"""Clearance of an arm: how far its links are from each other and from what stands around, for thousands of poses at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.collision.capsules import Capsule, link_capsules
+from armwright.collision.distance import segment_to_segment
+from armwright.collision.obstacles import Obstacle
+from armwright.errors import ModelError, ScenarioError
+from armwright.kinematics import body_placements
+from armwright.model import BASE, Model
+
+SAMPLES = 2000  # of poses within the joint limits, to find links that always meet
+
+
+@dataclass(frozen=True, eq=False)
+class Nearest:
+    """Least distance over poses: what comes how near to what, and in which pose.
+
+    Attributes:
+        distance: [m]; negative: they overlap.   pair: names of the two.   index: of the pose, in the batch as one row.
+    """
+
+    distance: float
+    pair: tuple[str, str]
+    index: int
+
+    def __str__(self) -> str:
+        return f"{self.pair[0]} and {self.pair[1]}: {1e3 * self.distance:.4g} mm"
+
+
+class Clearance:
+    """Distances between an arm's links, and from them to obstacles, by capsules around the links. Made by `aw.clearance`.
+
+    Attributes:
+        arm: the arm.   capsules: around its links.   obstacles: what stands around it, in base axes.
+        pairs: names (link, link) or (link, obstacle), one for each distance.   ignored: pairs of links that are not looked at.
+    """
+
+    def __init__(
+        self, arm: Model, capsules: Sequence[Capsule], obstacles: Sequence[Obstacle], ignored: set[frozenset[str]]
+    ):
+        self.arm, self.capsules, self.obstacles, self.ignored = arm, tuple(capsules), tuple(obstacles), ignored
+        meeting: dict[tuple[str, str], list[tuple[Any, Any]]] = {}
+        for one, two in combinations(self.capsules, 2):
+            if one.body != two.body and frozenset((one.link, two.link)) not in ignored:
+                meeting.setdefault((one.link, two.link), []).append((one, two))
+        for capsule in self.capsules:
+            for obstacle in self.obstacles if capsule.body != BASE else ():
+                meeting.setdefault((capsule.link, obstacle.name), []).append((capsule, obstacle))
+        self._meeting = meeting
+        self.pairs = tuple(meeting)
+
+    def __repr__(self) -> str:
+        return f"Clearance({self.arm.name!r}, {len(self.capsules)} capsules, {len(self.pairs)} pairs)"
+
+    def distances_at(self, q: Any) -> np.ndarray:
+        """(pairs,) distances [m] at q (n,) [rad | m], numbers or symbols: what `distances` computes for many poses."""
+        placed = body_placements(self.arm, q)
+        ends = {id(c): tuple(placed[c.body].point(end) for end in (c.a, c.b)) for c in self.capsules}
+
+        def distance(one: Capsule, two: Any) -> Any:
+            if isinstance(two, Capsule):
+                return segment_to_segment(*ends[id(one)], *ends[id(two)]) - one.radius - two.radius
+            return two.distance(*ends[id(one)]) - one.radius
+
+        least = []
+        for couples in self._meeting.values():
+            values = [distance(one, two) for one, two in couples]
+            smallest = values[0]
+            for value in values[1:]:
+                smallest = scalar.minimum(smallest, value)
+            least.append(smallest)
+        return scalar.array(least)
+
+    @cached_property
+    def _kernel(self) -> Any:
+        from armwright.kernels.batch import Kernel
+        from armwright.kernels.target import select_target
+        from armwright.program import trace
+
+        program = trace("clearance", self.distances_at, {"q": (self.arm.n,)}, by_content=True)
+        return Kernel(program, select_target(None))
+
+    def distances(self, q: Any) -> np.ndarray:
+        """Distances [m] of every pair (…, pairs) at positions q (…, n) [rad | m], in one compiled kernel.
+
+        Negative where capsules overlap; by how much is right as long as their axes do not meet. Of a box it is the distance of
+        the capsule's axis from it less the radius, so never less than -radius.
+
+        Raises:
+            ShapeError: arrays of another shape.
+        """
+        if not self.pairs:
+            return np.full((*np.shape(q)[:-1], 0), np.inf)
+        return self._kernel(q)
+
+    def nearest(self, q: Any) -> Nearest:
+        """The least distance over positions q (…, n) [rad | m].
+
+        Raises:
+            ScenarioError: nothing can meet, or there is no pose.
+        """
+        found = self.distances(q)
+        distances = found.reshape(int(np.prod(found.shape[:-1])), len(self.pairs))
+        if not distances.size:
+            raise ScenarioError("there is no pair whose distance could be told", place=repr(self))
+        row, pair = np.unravel_index(np.argmin(distances), distances.shape)
+        return Nearest(float(distances[row, pair]), self.pairs[pair], int(row))
+
+
+def clearance(
+    arm: Model,
+    obstacles: Iterable[Any] = (),
+    *,
+    radius: float | Mapping[str, float] | None = None,
+    ignore: Iterable[tuple[str, str]] = (),
+    most: int = 3,
+) -> Clearance:
+    """What tells how far an arm's links are from each other and from obstacles.
+
+    Links are held in capsules (`link_capsules`), so that a distance is never larger than the true one between the record's
+    shapes. Not looked at are links that are joined to each other, and pairs that overlap in each of 2000 poses drawn within
+    the joint limits, since their shapes reach into each other by construction; `Clearance.ignored` lists both.
+
+    Args:
+        arm: the arm.   obstacles: `PlaneObstacle`, `BoxObstacle`, `SphereObstacle`, in base axes; the base itself may touch them.
+        radius: [m] of links without shapes, one number or link → number.   ignore: further pairs of links.
+        most: capsules of a link.
+    Returns:
+        clearance: `distances(q)` and `nearest(q)` for positions q (…, n) [rad | m].
+    Raises:
+        ScenarioError: what is no obstacle.
+        ModelError: a link without shapes and without radius, or a name that is no link.   RunError: a mesh that cannot be read.
+    """
+    obstacles = tuple(obstacles)
+    for obstacle in obstacles:
+        if not isinstance(obstacle, Obstacle):
+            expected = "a PlaneObstacle, BoxObstacle or SphereObstacle"
+            raise ScenarioError(place="obstacles", value=obstacle, expected=expected)
+    capsules = link_capsules(arm, radius, most)
+    label = {BASE: "base"} | {i: body.link for i, body in enumerate(arm.bodies)}
+    ignored = {frozenset((label[body.parent], body.link)) for body in arm.bodies}
+    for pair in ignore:
+        for name in pair:
+            if name not in label.values():
+                raise ModelError(place="ignore", value=name, expected="a link", choices=tuple(label.values()))
+        ignored.add(frozenset(pair))
+    alone = Clearance(arm, capsules, (), ignored)
+    if alone.pairs:
+        low, high = np.array([np.clip(body.limits.position, -np.pi, np.pi) for body in arm.coordinates]).T
+        poses = np.random.default_rng(0).uniform(low, high, (SAMPLES, arm.n))
+        always = (alone.distances(poses) < 0.0).all(axis=0)
+        ignored |= {frozenset(pair) for pair, meets in zip(alone.pairs, always, strict=True) if meets}
+    return Clearance(arm, capsules, obstacles, ignored)

@@ -1,0 +1,108 @@
+"""What stands around an arm: planes, boxes and spheres in base axes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.collision.distance import point_to_segment, segment_to_box, segment_to_plane
+from armwright.errors import ScenarioError
+from armwright.scalar import Array, Scalar
+from armwright.spatial import rotation_rpy
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneObstacle:
+    """A half-space, as a floor or a wall: all that lies behind a plane is solid.
+
+    Args:
+        point: (3,) [m] any point of the plane.   normal: (3,) out of the solid side, of any length but 0.   name: for reports.
+    Raises:
+        ScenarioError: names the field, its value and what was expected.
+    """
+
+    point: Any
+    normal: Any
+    name: str = "plane"
+
+    def __post_init__(self) -> None:
+        _numbers(self, "point")
+        if not np.linalg.norm(_numbers(self, "normal")) > 0.0:
+            raise ScenarioError(place=f"{self.name}.normal", value=self.normal, expected="a vector that is not 0")
+
+    def distance(self, a: Array, b: Array) -> Scalar:
+        """Distance [m] of the segment a to b, each (3,) [m] in base axes; negative behind the plane."""
+        normal = np.asarray(self.normal, dtype=float)
+        return segment_to_plane(a, b, np.asarray(self.point, dtype=float), normal / np.linalg.norm(normal))
+
+
+@dataclass(frozen=True, eq=False)
+class BoxObstacle:
+    """A rectangular block.
+
+    Args:
+        size: (3,) [m] along its x, y, z.   position: (3,) [m] of its middle.
+        rpy: (3,) [rad] its angles about fixed x, then y, then z.   name: for reports.
+    Raises:
+        ScenarioError: names the field, its value and what was expected.
+    """
+
+    size: Any
+    position: Any
+    rpy: Any = (0.0, 0.0, 0.0)
+    name: str = "box"
+
+    def __post_init__(self) -> None:
+        _numbers(self, "position")
+        _numbers(self, "rpy")
+        if not (_numbers(self, "size") > 0.0).all():
+            raise ScenarioError(place=f"{self.name}.size", value=self.size, expected="3 numbers above 0 [m]")
+
+    def distance(self, a: Array, b: Array) -> Scalar:
+        """Distance [m] of the segment a to b, each (3,) [m] in base axes; 0 where they meet."""
+        turn = rotation_rpy(*np.asarray(self.rpy, dtype=float)).astype(float).T
+        middle = np.asarray(self.position, dtype=float)
+        return segment_to_box(turn @ (a - middle), turn @ (b - middle), 0.5 * np.asarray(self.size, dtype=float))
+
+
+@dataclass(frozen=True, eq=False)
+class SphereObstacle:
+    """A ball.
+
+    Args:
+        radius: [m].   position: (3,) [m] of its middle.   name: for reports.
+    Raises:
+        ScenarioError: names the field, its value and what was expected.
+    """
+
+    radius: float
+    position: Any
+    name: str = "sphere"
+
+    def __post_init__(self) -> None:
+        _numbers(self, "position")
+        number = scalar.real_number(self.radius)
+        if number is None or not 0.0 < number < np.inf:
+            raise ScenarioError(place=f"{self.name}.radius", value=self.radius, expected="a number above 0 [m]")
+
+    def distance(self, a: Array, b: Array) -> Scalar:
+        """Distance [m] of the segment a to b, each (3,) [m] in base axes; negative where it meets the ball."""
+        middle = np.asarray(self.position, dtype=float)
+        return scalar.sqrt(point_to_segment(middle, a, b)) - self.radius
+
+
+Obstacle = PlaneObstacle | BoxObstacle | SphereObstacle
+
+
+def _numbers(obstacle: Any, field: str) -> np.ndarray:
+    value = getattr(obstacle, field)
+    try:
+        numbers = scalar.real_numbers(value)
+    except ValueError:
+        numbers = np.zeros(0)
+    if numbers.shape != (3,) or not np.isfinite(numbers).all():
+        raise ScenarioError(place=f"{obstacle.name}.{field}", value=value, expected="3 finite numbers")
+    return numbers
