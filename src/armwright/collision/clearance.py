@@ -158,6 +158,6 @@ def clearance(
     if alone.pairs:
         low, high = np.array([np.clip(body.limits.position, -np.pi, np.pi) for body in arm.coordinates]).T
         poses = np.random.default_rng(0).uniform(low, high, (SAMPLES, arm.n))
-        always = (alone.distances(poses) < 0.0).all(axis=0)
-        ignored |= {frozenset(pair) for pair, meets in zip(alone.pairs, always, strict=True) if meets}
+        always = np.max(alone.distances(poses), axis=0) < 0.0
+        ignored |= {frozenset(pair) for pair, meets in zip(alone.pairs, always.tolist(), strict=True) if meets}
     return Clearance(arm, capsules, obstacles, ignored)
