@@ -58,7 +58,8 @@ def test_outliers_count_less(model, base):
     for weight, gain in (("huber", 5), ("tukey", 20)):
         robust = fit_robust(lambda: [data], equations, base, weight)
         assert np.median(np.abs(robust.values - truth)) < np.median(plain) / gain
-        assert 0.03 < robust.dropped < 0.1
+        assert robust.outliers is not None
+        assert 0.03 < robust.outliers.dropped < 0.1
 
 
 def test_deviations_count_correlated_noise(model, base):

@@ -11,7 +11,7 @@ PATH = Path(__file__).resolve().parents[3] / "tools" / "arm_seeds.py"
 
 
 def test_errors_have_the_stated_covariance():
-    """6 seeds of LWA 4P: few enough to be quick, enough to find a covariance that is wrong by a third."""
+    """6 seeds of LWA 4P, short, with slow noise: few enough to be quick, enough to find a covariance that is wrong by a third."""
     spec = importlib.util.spec_from_file_location("arm_seeds", PATH)
     assert spec is not None
     assert spec.loader is not None
@@ -21,7 +21,7 @@ def test_errors_have_the_stated_covariance():
     sys.modules["arm_seeds"] = arm_seeds
     try:
         spec.loader.exec_module(arm_seeds)
-        count, results = arm_seeds.study("lwa4p", range(6), 150.0)
+        count, results = arm_seeds.study("lwa4p", range(6), 60.0, 0.8)
     finally:
         del sys.modules["arm_seeds"]
     assert count == 36

@@ -23,6 +23,7 @@ from scipy.signal import sosfiltfilt
 
 from armwright.errors import IdentificationError
 from armwright.identification.arm.base import BaseParameters
+from armwright.identification.arm.correlation import correlated
 from armwright.identification.arm.equations import Samples
 from armwright.identification.arm.torque_model import TorqueModel
 from armwright.identification.logs.preparation import low_pass
@@ -177,7 +178,8 @@ def fit_closed_loop(
         new = _solved(Z, Y, tau, weights)
         rest = tau - Y @ new
         weights = 1.0 / np.maximum(np.mean(rest**2, axis=0), np.finfo(float).tiny)
-        covariance = _robust(Z, Y, rest, weights)
+        bread = np.linalg.inv(np.einsum("tjb,j,tjc->bc", Z, weights, Y))
+        covariance = correlated(lambda Z=Z, rest=rest: [(Z, rest)], weights, bread).covariance
         change = np.abs(new - values) / np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
         values = new
         settled = bool(change.max() < SETTLED)
@@ -216,20 +218,3 @@ def _solved(Z: np.ndarray, Y: np.ndarray, tau: np.ndarray, weights: np.ndarray) 
     if np.linalg.cond(matrix) > 1e12:
         raise IdentificationError("parameters that this motion cannot tell apart", place="reference")
     return np.linalg.solve(matrix, Q.T @ (root[:, 0] * tau).ravel()) / size
-
-
-def _robust(Z: np.ndarray, Y: np.ndarray, rest: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(ZᵀWY)⁻¹ Γ (YᵀWZ)⁻¹, Γ of Newey and West over lags by the residuals' own correlation. [NeweyWest1987] [Andrews1991]"""
-    rows, b = len(rest), Z.shape[2]
-    products, squares = (rest[1:] * rest[:-1]).sum(axis=0), np.maximum((rest**2).sum(axis=0), np.finfo(float).tiny)
-    share = np.clip(products / squares, -0.97, 0.97)
-    strength = float(np.median(4 * share**2 / (1 - share**2) ** 2))
-    lags = int(np.clip(ceil(1.1447 * (strength * rows) ** (1 / 3)), 1, max(rows // 10, 1)))
-    scores = np.einsum("tjb,tj->tb", Z, rest * weights)
-    meat = scores.T @ scores
-    for k in range(1, lags + 1):
-        product = scores[:-k].T @ scores[k:]
-        meat += (1 - k / (lags + 1)) * (product + product.T)
-    meat *= rows / max(rows - b / Z.shape[1], 1)
-    inverse = np.linalg.inv(np.einsum("tjb,tj,tjc->bc", Z, np.broadcast_to(weights, rest.shape), Y))
-    return inverse @ meat @ inverse.T

@@ -2,21 +2,22 @@
 
     β = argmin Σ_j w_j |Y_j β - τ_j|²,   w_j = 1 / σ_j²,   σ_j² = |Y_j β - τ_j|² / (rows_j - b_j)
 
-Standard deviations come from the residuals' own covariance with their correlation in time: filtered and decimated noise is
-not white, and errors of the model are less so. [NeweyWest1987]
+Standard deviations come from the residuals' own covariance with their correlation in time (`correlation`): filtered and decimated
+noise is not white, and errors of the model are less so.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from math import ceil
+from math import inf
 
 import numpy as np
 import scipy.linalg
 
 from armwright.errors import IdentificationError
 from armwright.identification.arm.base import BaseParameters
+from armwright.identification.arm.correlation import correlated
 from armwright.identification.arm.equations import Equations, Factor, Part, Samples, equations_of, stacked
 from armwright.identification.arm.triangular import triangle
 
@@ -43,8 +44,8 @@ class ArmFit:
         values: β (b,).   covariance: (b, b).   weights: w_j (n,).   rms: (n,) of the residuals [N m | N].
         torque_rms: (n,) of the measured torques.   r2: (n,) 1 - residual variance over torque variance; NaN without torque.
         condition: of the weighted regressor, its columns scaled to length 1.   information: R (b, b), weighted.
-        dropped: share of torques that robust weights count less than half.   weighted: the problem with these weights.
-        lags: rows over which residuals were correlated.
+        outliers: weights of single torques; None: 1.   weighted: the problem with these weights.
+        freedom: degrees of freedom of the covariance: βᵀ C⁻¹ β of errors β is Hotelling's T², nearly; infinite: not counted.
     """
 
     equations: Equations
@@ -58,9 +59,9 @@ class ArmFit:
     r2: np.ndarray
     condition: float
     information: np.ndarray
-    dropped: float = 0.0
+    outliers: OutlierWeights | None = None
     weighted: Equations | None = None
-    lags: int = 0
+    freedom: float = inf
 
     @property
     def std(self) -> np.ndarray:
@@ -201,12 +202,12 @@ def fit_robust(
                 break
     rms, torque_rms, r2 = measures_of(equations.factors, fit.parameters)
     measured = {"rms": rms, "torque_rms": torque_rms, "r2": r2}
-    return replace(fit, equations=equations, weighted=fit.equations, dropped=law.dropped, **measured)
+    return replace(fit, equations=equations, weighted=fit.equations, outliers=law, **measured)
 
 
 @dataclass
 class OutlierWeights:
-    """Weights of single torques by their residuals, "huber" or "tukey"; counts those below one half.
+    """Weights w(u) of single torques by their residuals, "huber" or "tukey"; counts those below one half.
 
     Attributes:
         law: name.   scale: (n,) deviations of the residuals [N m | N].
@@ -216,22 +217,32 @@ class OutlierWeights:
     scale: np.ndarray
     counted: int = 0
     small: int = 0
+    total: float = 0.0
+    slopes: float = 0.0
 
     def __call__(self, residuals: np.ndarray) -> np.ndarray:
         """Weights (rows, n) of residuals (rows, n)."""
         u = np.abs(residuals) / self.scale
         if self.law == "huber":
-            weights = HUBER / np.maximum(u, HUBER)
+            weights, slopes = HUBER / np.maximum(u, HUBER), u < HUBER
         else:
-            weights = np.clip(1 - (u / TUKEY) ** 2, 0, None) ** 2
+            inside = np.clip(1 - (u / TUKEY) ** 2, 0, None)
+            weights, slopes = inside**2, inside * (5 * inside - 4)
         self.counted += int(np.isfinite(u).sum())
         self.small += int((weights < 0.5).sum())
+        self.total += float(np.nansum(weights))
+        self.slopes += float(np.nansum(slopes))
         return weights
 
     @property
     def dropped(self) -> float:
         """Share of torques with a weight below one half."""
         return self.small / max(self.counted, 1)
+
+    @property
+    def slope(self) -> float:
+        """Mean slope ψ' of ψ(u) = u w(u), by the mean weight."""
+        return self.slopes / self.total if self.total > 0 else 1.0
 
 
 def residual_scale(samples: Iterable[Samples], fit: ArmFit) -> np.ndarray:
@@ -258,54 +269,23 @@ def residuals_of(samples: Iterable[Samples], fit: ArmFit, rows: int = 4096):
             yield piece, values, piece.tau - model.known_torques(piece.q) - values @ fit.values
 
 
-def with_correlation(source: SampleSource, fit: ArmFit, lags: int | None = None) -> ArmFit:
-    """The fit with a covariance that counts the residuals' correlation in time and between joints. [NeweyWest1987]
+def with_correlation(source: SampleSource, fit: ArmFit) -> ArmFit:
+    """The fit with a covariance that counts the residuals' correlation in time and between joints (`correlated`).
 
-        C = H⁻¹ [ Σ_t S_t S_tᵀ / (L + 1) ] H⁻¹,  S_t = s_t + … + s_{t+L},  s_t = Y_tᵀ W e_t,  H = YᵀWY,
-
-    which weights the correlation over k rows by 1 - k/(L+1).
+    Residuals of a robust fit count as its weights let them, and H by the weights' slope: ψ(u) = u w(u), H ∝ mean ψ' / mean w.
 
     Args:
         source: gives the samples, anew at each call.   fit: of these samples.
-        lags: L; None: by the scores' own correlation from row to row. [Andrews1991]
     """
-    if lags is None:
-        lags = _lags(source(), fit)
-    b, rows, sums = len(fit.base), 0, None
-    for _, values, residuals in residuals_of(source(), fit):
-        scores = _scores(fit, values, residuals)
-        steps = np.concatenate([np.zeros((1, b)), np.cumsum(scores, axis=0)])
-        ends = np.arange(1, len(scores) + lags + 1)  # of all windows, those that reach beyond either end included
-        windows = steps[np.minimum(ends, len(scores))] - steps[np.maximum(ends - lags - 1, 0)]
-        sums = triangle(windows, sums)
-        rows += len(scores)
-    if sums is None:
-        return fit
-    inverse = scipy.linalg.solve_triangular(fit.information, np.eye(b))
-    root = sums @ inverse @ inverse.T
-    free = max(1.0 - b * (lags + 1) / max(rows, 1), 0.5)  # share of the residuals' slow part that the fit leaves
-    return replace(fit, covariance=root.T @ root / (free * (lags + 1)), lags=lags)
-
-
-def _lags(samples: Iterable[Samples], fit: ArmFit) -> int:
-    """Rows over which scores count as correlated: 1.1447 (4 ρ² N / (1 - ρ²)²)^(1/3), ρ from row to row. [Andrews1991]"""
-    b, rows = len(fit.base), 0
-    products, squares = np.zeros(b), np.zeros(b)
-    for _, values, residuals in residuals_of(samples, fit):
-        scores = _scores(fit, values, residuals)
-        products += (scores[1:] * scores[:-1]).sum(axis=0)
-        squares += (scores**2).sum(axis=0)
-        rows += len(scores)
-    share = np.clip(products[squares > 0] / squares[squares > 0], -0.97, 0.97)
-    if not len(share):
-        return 0
-    strength = np.median(4 * share**2 / (1 - share**2) ** 2)
-    return int(np.clip(ceil(1.1447 * (strength * rows) ** (1 / 3)), 1, max(rows // 10, 1)))
-
-
-def _scores(fit: ArmFit, values: np.ndarray, residuals: np.ndarray) -> np.ndarray:
-    """s_t = Y_tᵀ W e_t (rows, b) of a chunk; torques that are missing count as 0."""
-    return np.einsum("tjb,tj->tb", values, np.nan_to_num(residuals) * fit.weights)
+    weigh = fit.outliers or (lambda residuals: 1.0)
+    inverse = scipy.linalg.solve_triangular(fit.information, np.eye(len(fit.base)))
+    slope = 1.0 if fit.outliers is None else fit.outliers.slope
+    found = correlated(
+        lambda: ((values, rest * weigh(rest)) for _, values, rest in residuals_of(source(), fit)),
+        fit.weights,
+        inverse @ inverse.T / slope,
+    )
+    return replace(fit, covariance=found.covariance, freedom=found.freedom)
 
 
 @dataclass(frozen=True)

@@ -437,8 +437,8 @@ def _remarks(
         f"{'1 % or more' if joint in kept else 'less than 1 %'}"
         for joint in candidates
     ]
-    if fit.dropped > 0:
-        remarks.append(f"{fit.dropped:.1%} of the torques count less than half as outliers")
+    if fit.outliers is not None and fit.outliers.dropped > 0:
+        remarks.append(f"{fit.outliers.dropped:.1%} of the torques count less than half as outliers")
     if any(body.drive.efficiency is not None for body in model.arm.coordinates):
         remarks.append("gear losses of the record are not part of this model: friction and inertia contain them")
     if values is not None:

@@ -1,0 +1,145 @@
+"""Covariance of least-squares estimates whose residuals are correlated in time and between joints.
+
+    C = H⁻¹ Γ H⁻¹,   Γ = cov(Σ_t X_tᵀ W e_t),   H = XᵀWX
+
+An estimate of Γ from the scores X_tᵀ W e_t alone needs windows as long as the noise is slow, and a log has few of them. So each
+joint's residuals are whitened first, which changes nothing of the sum [AndrewsMonahan1992]: with an autoregression A of order p,
+
+    ε_t = e_t − Σ a_k e_{t+k},   z_t = x_t + Σ a_k z_{t−k},   Σ_t z_t ε_t = Σ_t x_t e_t.
+
+The correlation that the scores z_t ε_t still have is counted by Parzen's window, whose width follows from it [Andrews1991]. A fit
+takes from the noise what its columns can follow, X δ with δ ~ C: the autocovariance of X δ is added to that of the residuals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
+
+from armwright.identification.arm.triangular import triangle
+
+ORDER = 12  # of the autoregressions, at most
+TAKEN = (
+    1e-3  # share of the residuals' variance that a fit takes: below, its autocovariance is not worth two more passes
+)
+LARGEST = 0.97  # correlation from row to row that a width is made for
+
+Source = Callable[[], Iterable[tuple[np.ndarray, np.ndarray]]]  # blocks of X (rows, n, b) and residuals e (rows, n)
+
+
+@dataclass(frozen=True, eq=False)
+class LongRun:
+    """Covariance of an estimate.
+
+    Attributes:
+        root: (b, b), rootᵀ root = C.   orders: (n,) of the joints' autoregressions.   width: rows that Parzen's window spans.
+        freedom: independent rows behind Γ, so that δᵀ C⁻¹ δ is Hotelling's T² with as many degrees of freedom, nearly.
+    """
+
+    root: np.ndarray
+    orders: np.ndarray
+    width: int
+    freedom: float
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """C (b, b)."""
+        return self.root.T @ self.root
+
+
+def correlated(source: Source, weights: np.ndarray, bread: np.ndarray) -> LongRun:
+    """Covariance of an estimate from its residuals.
+
+    Args:
+        source: gives blocks of X and e anew at each call; missing residuals are NaN.   weights: (n,) W of the joints.
+        bread: (b, b) H⁻¹; of instruments Z, which take the place of X, (ZᵀWX)⁻¹.
+    """
+    own, rows = _autocovariances(source(), None)
+    found = _with_noise(source, weights, bread, own, rows)
+    if _variance_taken(found.root, bread) > TAKEN * float(weights @ (own[0] * rows)):
+        fitted, _ = _autocovariances(source(), found.root)
+        found = _with_noise(source, weights, bread, own + fitted, rows)
+    return found
+
+
+def _variance_taken(root: np.ndarray, bread: np.ndarray) -> float:
+    """tr(C H): what the columns' part of the noise, X δ, adds to the weighted sum of squares."""
+    size = np.sqrt(np.abs(np.diag(bread)))
+    return float(np.sum((root / size) @ np.linalg.inv(bread / np.outer(size, size)) * (root / size)))
+
+
+def _with_noise(source: Source, weights: np.ndarray, bread: np.ndarray, noise: np.ndarray, rows: np.ndarray) -> LongRun:
+    """The covariance for noise with these autocovariances (lags, n), each over rows (n,)."""
+    filters = [autoregression(noise[:, j], rows[j]) for j in range(len(rows))]
+    half = _half_width(_scores(source(), weights, filters))
+    window = 1.0 - np.abs(np.arange(1 - half, half)) / half
+    window /= np.linalg.norm(window)
+    sums, count = None, 0
+    for scores in _scores(source(), weights, filters):
+        count += len(scores)
+        beyond = np.zeros((len(window) - 1, scores.shape[1]))
+        sums = triangle(np.asarray(lfilter(window, [1.0], np.concatenate([scores, beyond]), axis=0)), sums)
+    assert sums is not None
+    kernel = np.correlate(window, window, "full")
+    orders = np.array([len(each) - 1 for each in filters])
+    return LongRun(sums @ bread.T, orders, len(kernel), count / float(kernel @ kernel))
+
+
+def autoregression(autocovariances: np.ndarray, rows: float) -> np.ndarray:
+    """Polynomial [1, −a_1, …, −a_p] of an autoregression by Yule and Walker, its order by the criterion of Schwarz.
+
+    Args:
+        autocovariances: (lags,).   rows: how many are behind them.
+    """
+    r = autocovariances
+    best, least = np.ones(1), np.inf
+    for p in range(min(len(r), max(int(rows) // 10, 1)) if r[0] > 0 else 0):
+        a = solve_toeplitz(r[:p], r[1 : p + 1]) if p else np.zeros(0)
+        left = max(float(r[0] - a @ r[1 : p + 1]), 1e-12 * r[0])
+        criterion = rows * np.log(left) + p * np.log(rows)
+        if criterion < least:
+            best, least = np.concatenate([[1.0], -a]), criterion
+    return best
+
+
+def _autocovariances(
+    blocks: Iterable[tuple[np.ndarray, np.ndarray]], root: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Autocovariances (lags, n) of the residuals, or with a root of C those of X δ, δ ~ C; and the rows (n,) behind them."""
+    sums, rows = np.zeros(()), np.zeros(())
+    for X, e in blocks:
+        known = np.isfinite(e)
+        each = np.where(known, e, 0.0)[:, :, None] if root is None else (X @ root.T) * known[:, :, None]
+        sums = sums + [np.einsum("tjk,tjk->j", each[: len(each) - k], each[k:]) for k in range(ORDER + 1)]
+        rows = rows + known.sum(axis=0)
+    return np.asarray(sums) / np.maximum(rows, 1), np.asarray(rows, dtype=float)
+
+
+def _scores(
+    blocks: Iterable[tuple[np.ndarray, np.ndarray]], weights: np.ndarray, filters: list[np.ndarray]
+) -> Iterator[np.ndarray]:
+    """Scores Σ_j w_j z_tj ε_tj (rows, b) of whitened residuals, block by block."""
+    for X, e in blocks:
+        e = np.nan_to_num(e)
+        scores = np.zeros((len(X), X.shape[2]))
+        for j, a in enumerate(filters):
+            white = np.asarray(lfilter(a, [1.0], e[::-1, j]))[::-1]
+            scores += weights[j] * white[:, None] * np.asarray(lfilter([1.0], a, X[:, j], axis=0))
+        yield scores
+
+
+def _half_width(blocks: Iterable[np.ndarray]) -> int:
+    """Half of the width of Parzen's window: 2.6614 (4 ρ² N / (1 − ρ)⁴)^(1/5), ρ of the median column. [Andrews1991]"""
+    rows, sums = 0, np.zeros(())
+    for scores in blocks:
+        pairs = [(scores[k:] * scores[: len(scores) - k]).sum(axis=0) for k in (0, 1)]
+        sums, rows = sums + pairs, rows + len(scores)
+    size, product = np.asarray(sums)
+    share = np.clip(product[size > 0] / size[size > 0], -LARGEST, LARGEST)
+    strength = float(np.median(4 * share**2 / (1 - share) ** 4)) if len(share) else 0.0
+    return int(np.clip(ceil(0.5 * 2.6614 * (strength * rows) ** 0.2), 1, max(rows // 20, 1)))
