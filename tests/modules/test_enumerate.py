@@ -21,6 +21,7 @@ from armwright.modules.cycle_time import rest_to_rest, shortest_round
 from armwright.modules.enumerate import arm_of
 from armwright.modules.inverse_kinematics import inverse_kinematics
 from armwright.modules.library import ModuleLibrary
+from armwright.modules.rank import STARTS
 from armwright.modules.statics import holding, ranges, static_torques
 from armwright.modules.task import Task
 from armwright.validation import validated
@@ -181,7 +182,7 @@ def test_poses_that_can_be_reached_are_reached(seed: int) -> None:
     arm = build_model(aw.assemble("lwa4p"))
     low, high = ranges(arm)
     poses = np.stack([forward_kinematics(arm, q) for q in np.random.default_rng(seed).uniform(low, high, (4, 6))])
-    q, off, angle = inverse_kinematics(arm, poses, np.array([True, True, False, True]), 24)
+    q, off, angle = inverse_kinematics(arm, poses, np.array([True, True, False, True]), STARTS)
     assert (q >= low).all()
     assert (q <= high).all()
     best = np.argmin(off + angle * np.array([1, 1, 0, 1])[:, None], axis=1)

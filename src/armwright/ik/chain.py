@@ -30,12 +30,14 @@ class Chain:
     Attributes:
         model: the arm.   frame: name of the frame; None: the tip.   weight: [m/rad], of angles in errors.
         aim: what of a pose counts: all of it, its position, or its position and the direction of its z axis.
+        bounds: lowest and highest positions (n,) where they are not the model's: numbers or symbols.
     """
 
     model: Model
     frame: str | None
-    weight: float
+    weight: Scalar
     aim: Aim = "pose"
+    bounds: tuple[Array, Array] | None = None
 
     task_size = 13
 
@@ -44,25 +46,33 @@ class Chain:
         """Number of joints."""
         return self.model.n
 
+    def of(self, task: Array) -> Chain:
+        """The chain that a task is for: this one."""
+        return self
+
     @cached_property
-    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+    def limits(self) -> tuple[Array, Array]:
         """Lowest and highest positions (n,) [rad | m], ±inf where there are none."""
+        if self.bounds is not None:
+            return self.bounds
         low, high = np.array([body.limits.position for body in self.model.bodies]).T
         return low, high
 
     @cached_property
     def turns_around(self) -> np.ndarray:
         """(n,) True for revolute joints that reach every angle: descents need no limits there."""
+        if self.bounds is not None:
+            return np.zeros(self.n, dtype=bool)
         low, high = self.limits
         return np.array([body.kind == "revolute" for body in self.model.bodies]) & (high - low >= TURN)
 
     @cached_property
-    def low(self) -> np.ndarray:
+    def low(self) -> Array:
         """Limits that descents keep."""
         return np.where(self.turns_around, -np.inf, self.limits[0])
 
     @cached_property
-    def high(self) -> np.ndarray:
+    def high(self) -> Array:
         """Limits that descents keep."""
         return np.where(self.turns_around, np.inf, self.limits[1])
 
@@ -70,9 +80,13 @@ class Chain:
     def base(self) -> tuple[np.ndarray, np.ndarray] | None:
         """Axes and origin of the first joint where it is revolute and the chain begins with it; else None.
 
+        Also None for an arm of symbols, whose starts are not turned.
+
         Raises:
             ModelError: a frame that no joint moves.
         """
+        if self.bounds is not None:
+            return None
         path = self.model.path(self.model.frame(self.frame).body)
         if not path:
             raise ModelError(
@@ -111,7 +125,7 @@ class Chain:
     def within(self, q: Array) -> np.ndarray:
         """Positions moved into the limits."""
         ends = zip(q, self.low, self.high, strict=True)
-        return scalar.array([x if np.isinf(a) and np.isinf(b) else scalar.clip(x, a, b) for x, a, b in ends])
+        return scalar.array([x if unlimited(a) and unlimited(b) else scalar.clip(x, a, b) for x, a, b in ends])
 
     def wrapped(self, q: Array) -> np.ndarray:
         """Positions with whole turns taken off joints that reach every angle, until they are within their limits."""
@@ -156,6 +170,17 @@ class Chain:
         angle = attempt[0] + (task[12] - attempt[self.n])
         angle = angle - TURN * scalar.floor(angle / TURN + 0.5)
         return self.within(scalar.array([angle, *attempt[1 : self.n]]))
+
+
+def angles_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Angles (k,) [rad] of the rotations from (k, 3, 3) to (k, 3, 3), to all digits where they are small."""
+    half = np.linalg.norm(a - b, axis=(1, 2)) / np.sqrt(8.0)  # sin(angle / 2)
+    return 2.0 * np.arcsin(np.minimum(half, 1.0))
+
+
+def unlimited(bound: Scalar) -> bool:
+    """True for a number that is no limit; a symbol is one."""
+    return not scalar.is_symbolic(bound) and bool(np.isinf(bound))
 
 
 def _cross(a: Array, b: Array) -> np.ndarray:

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from armwright import scalar
-from armwright.ik.chain import Chain
+from armwright.ik.chain import Chain, unlimited
+from armwright.ik.family import Family
 from armwright.program import Program, trace
 from armwright.scalar import Array, Scalar
 
@@ -55,20 +56,22 @@ class Layout:
         return sum(self.sizes.values())
 
 
-def descent(chain: Chain, tolerance: float, near: bool) -> Program:
+def descent(arms: Chain | Family, tolerance: float, near: bool) -> Program:
     """Program  task, attempt, fresh, state → state_next, over, fresh_next, result  of one iteration.
 
     task: what `Chain.task` makes of a pose, and the joint positions to begin with where `near`. attempt: a start's row, as
     `Chain.starts` has it. result: joint positions, squared error [m²], iterations.
 
     Args:
-        chain: the arm's.   tolerance: on the error where a descent ends [m | rad].   near: the first attempt begins there.
+        arms: the arm, or all arms of a structure.   tolerance: on the error where a descent ends [m | rad].
+        near: the first attempt begins there.
     """
-    layout, n = Layout(chain.n), chain.n
-    solved, close = (tolerance * min(1.0, chain.weight)) ** 2, (CLOSE * chain.weight) ** 2
+    layout, n = Layout(arms.n), arms.n
+    weight = float(arms.weight)
+    solved, close = (tolerance * min(1.0, weight)) ** 2, (CLOSE * weight) ** 2
 
     def step(task: Array, attempt: Array, fresh: Array, state: Array) -> tuple[np.ndarray, ...]:
-        old = layout.split(state)
+        chain, old = arms.of(task), layout.split(state)
         new, first = scalar.less(0.0, fresh[0]), scalar.less(1.0, fresh[0])
         start = chain.start(task, attempt)
         if near:
@@ -105,7 +108,7 @@ def descent(chain: Chain, tolerance: float, near: bool) -> Program:
         result = scalar.array([*chain.wrapped(best), least, spent])
         return state_next, scalar.array([over]), scalar.zeros(1), result
 
-    shapes = {"task": (chain.task_size + n * near,), "attempt": (n + 1,), "fresh": (1,), "state": (layout.size,)}
+    shapes = {"task": (arms.task_size + n * near,), "attempt": (n + 1,), "fresh": (1,), "state": (layout.size,)}
     return trace("descent", step, shapes, ("state_next", "over", "fresh_next", "result"))
 
 
@@ -116,10 +119,10 @@ def _step(chain: Chain, q: Array, normal: Array, gradient: Array, damping: Scala
     for i in range(n):
         low, high = chain.low[i], chain.high[i]
         at_low = (
-            0.0 if np.isinf(low) else scalar.where(scalar.less_equal(q[i], low), scalar.less(gradient[i], 0.0), 0.0)
+            0.0 if unlimited(low) else scalar.where(scalar.less_equal(q[i], low), scalar.less(gradient[i], 0.0), 0.0)
         )
         at_high = (
-            0.0 if np.isinf(high) else scalar.where(scalar.less_equal(high, q[i]), scalar.less(0.0, gradient[i]), 0.0)
+            0.0 if unlimited(high) else scalar.where(scalar.less_equal(high, q[i]), scalar.less(0.0, gradient[i]), 0.0)
         )
         free.append(1.0 - at_low - at_high)
     matrix, k = scalar.zeros(n, n), 0

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ModelError, ShapeError
-from armwright.ik.chain import TURN, Aim, Chain
+from armwright.ik.chain import TURN, Aim, Chain, angles_between
 from armwright.ik.descent import descent
 from armwright.ik.solutions import PoseSolutions
 from armwright.ik.starts import RANKED, Starts
@@ -63,10 +63,10 @@ class Solver:
         distance = np.linalg.norm(reached[:, :3, 3] - poses[:, :3, 3], axis=1)
         if aim == "position":
             return distance, np.zeros(len(q))
-        columns = slice(2, 3) if aim == "axis" else slice(0, 3)
-        off = np.linalg.norm(reached[:, :3, columns] - poses[:, :3, columns], axis=(1, 2))
-        half = off / 2.0 if aim == "axis" else off / np.sqrt(8.0)  # sin(angle / 2)
-        return distance, 2.0 * np.arcsin(np.minimum(half, 1.0))
+        if aim == "axis":
+            half = np.linalg.norm(reached[:, :3, 2] - poses[:, :3, 2], axis=1) / 2.0
+            return distance, 2.0 * np.arcsin(np.minimum(half, 1.0))
+        return distance, angles_between(reached[:, :3, :3], poses[:, :3, :3])
 
     def _solve(self, poses: np.ndarray, near: np.ndarray | None, results: np.ndarray) -> None:
         tasks = self.chain.tasks(poses)

@@ -13,7 +13,7 @@ from armwright.actuators.springs import spring_torque
 from armwright.dynamics import gravity_torques
 from armwright.kinematics import forward_kinematics, jacobian
 from armwright.model import Model
-from armwright.modules.parametric_model import (
+from armwright.model.parametric_model import (
     Structure,
     parameter_shapes,
     parameters_of,
