@@ -34,10 +34,15 @@ from armwright.simulation.loop.sensors import Sensors
 from armwright.simulation.loop.timing import Timing
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Inputs, Loop, Recording, Solver, Start
+from armwright.trajectory.limits import QUANTITIES, MotionLimits
+from armwright.trajectory.motion import Motion
 from armwright.validation import validated
 
 HOMES = {"controller": "armwright.control", "reference": "armwright.trajectory"}
-CONFIGURED = {"controller": ("arm", "model", "signs", "period"), "reference": ("arm", "model")}  # what no file tells
+CONFIGURED = {
+    "controller": ("arm", "model", "signs", "period"),
+    "reference": ("arm", "model", "limits"),
+}  # what no file tells
 OTHERS = {"limit": np.inf, "rate": np.inf, "speed_limit": np.inf, "effort_limit": np.inf, "voltage_limit": np.inf}
 FAULTS = (
     "no table of its own; [loop.timing] has delays, jitter, losses and drift, [loop.sensors] noise and counts, [inputs] what "
@@ -248,13 +253,20 @@ def _kinds(home: str) -> dict[str, type]:
     module = importlib.import_module(HOMES[home])
     found = {name: getattr(module, name) for name in module.__all__}
     classes = {name: kind for name, kind in found.items() if isinstance(kind, type) and dataclasses.is_dataclass(kind)}
-    return {re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower(): kind for name, kind in classes.items()}
+    if home == "reference":
+        classes = {name: kind for name, kind in classes.items() if issubclass(kind, Motion)}
+        classes.pop("PiecewisePolynomial")  # of a file of rows
+    return {
+        re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", n).lower(): kind for n, kind in classes.items()
+    }
 
 
 def _fields(place: str, table: Kind, arm: Model) -> dict[str, Any]:
     """Fields of a controller or trajectory, tables by joint as arrays."""
     fields = table.fields()
     for name, value in fields.items():
+        if place.endswith("reference") and name in QUANTITIES:
+            continue  # limits by joint, whose others are the record's
         if isinstance(value, Mapping):
             fields[name] = _joints(f"{place}.{name}", value, arm)
         elif not isinstance(value, (str, bool)):
@@ -279,11 +291,15 @@ def _built(home: str, kind: str, values: Mapping[str, Any], arm: Model, place: s
         raise ScenarioError("unknown", place=f"{place}.kind", value=kind, choices=[*kinds, *extra])
     names = [each.name for each in dataclasses.fields(kinds[kind]) if each.init]
     keys = [name for name in names if name not in CONFIGURED[home]]
+    limited = QUANTITIES if home == "reference" and "limits" in names else ()
     for name in values:
-        if name not in keys:
-            raise ScenarioError(f"no key of a {kind}", place=place, value=name, choices=keys)
+        if name not in keys and name not in limited:
+            raise ScenarioError(f"no key of a {kind}", place=place, value=name, choices=[*keys, *limited])
     values = {**({"arm": arm} if "arm" in names else {}), **({"model": arm} if "model" in names else {}), **values}
+    overrides = {name: values.pop(name) for name in limited if name in values}
     try:
+        if limited and (overrides or values.get("duration") is None):
+            values["limits"] = MotionLimits.of(arm, **overrides)
         return kinds[kind](**values)
     except TypeError as error:
         needed = [each.name for each in dataclasses.fields(kinds[kind]) if each.init and _is_needed(each)]
@@ -291,9 +307,9 @@ def _built(home: str, kind: str, values: Mapping[str, Any], arm: Model, place: s
         what = f"{kind} needs {', '.join(missing)}" if missing else str(error)
         raise ScenarioError(what, place=place) from None
     except ScenarioError as error:  # which names the class: Step.time
-        own = f"{kinds[kind].__name__}."
+        own = (f"{kinds[kind].__name__}.", "limits.")
         raise error.renamed(
-            lambda each: f"{place}.{each.removeprefix(own)}" if each.startswith(own) else each
+            lambda each: f"{place}.{each.partition('.')[2]}" if each.startswith(own) else each
         ) from None
 
 

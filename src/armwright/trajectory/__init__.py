@@ -1,22 +1,30 @@
 """Motions: where the arm should be, as functions of time, and the limits that they keep."""
 
+from armwright.trajectory.cubic import Cubic
 from armwright.trajectory.fourier import Fourier
 from armwright.trajectory.limits import MotionLimits, limits_report
+from armwright.trajectory.minimum_jerk import MinimumJerk
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.piecewise import PiecewisePolynomial
 from armwright.trajectory.quintic import Quintic
 from armwright.trajectory.ramp import Ramp
+from armwright.trajectory.s_curve import SCurve
 from armwright.trajectory.sine import Sine
 from armwright.trajectory.step import Step
+from armwright.trajectory.trapezoid import Trapezoid
 
 __all__ = [
+    "Cubic",
     "Fourier",
+    "MinimumJerk",
     "Motion",
     "MotionLimits",
     "PiecewisePolynomial",
     "Quintic",
     "Ramp",
+    "SCurve",
     "Sine",
     "Step",
+    "Trapezoid",
     "limits_report",
 ]

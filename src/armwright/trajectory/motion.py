@@ -41,6 +41,9 @@ class Motion(ABC):
     def at(self, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q, q̇ and q̈, each (…, n) [rad | m, …/s, …/s²], at times t (…) [s]; of a motion without batches."""
         times = np.asarray(t, dtype=float)
+        if not times.size:
+            empty = np.zeros((*times.shape, self.n))
+            return empty, empty, empty
         program = trace("motion", lambda x: np.concatenate(self(x[0])), {"t": (1,)}, ("motion",))
         rows = np.asarray(interpret(program, times.reshape(-1, 1))).reshape(*times.shape, 3, self.n)
         return rows[..., 0, :], rows[..., 1, :], rows[..., 2, :]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ from armwright.scalar import Array, Scalar
 from armwright.trajectory.motion import Motion
 
 HALVINGS = 40  # of an interval that holds a root: an extremum's value is then right to rounding
+SAME = 1e-13  # of a duration: knots of two joints this near to each other are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +66,85 @@ class PiecewisePolynomial(Motion):
         """(k + 1,) [s] times between pieces, and both ends."""
         return self.knots
 
+    @classmethod
+    def hermite(cls, times: Any, q: Any, qd: Any, qdd: Any) -> PiecewisePolynomial:
+        """Quintic Hermite interpolation: in each piece the polynomial of fifth degree with the states of its ends.
+
+        Args:
+            times: (k + 1,) [s], increasing.   q, qd, qdd: (k + 1, n) [rad | m, …/s, …/s²].
+        Raises:
+            ScenarioError: as the class.
+        """
+        times = _numbers("knots", times, 1)
+        q, qd, qdd = (_numbers(name, value, 2) for name, value in (("q", q), ("qd", qd), ("qdd", qdd)))
+        h = np.diff(times)[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):  # of equal times, which the class refuses
+            # what is left at the end of the piece by the polynomial of second degree that leaves its beginning
+            dq = (q[1:] - q[:-1] - h * qd[:-1] - 0.5 * h**2 * qdd[:-1]) / h**3
+            dqd = (qd[1:] - qd[:-1] - h * qdd[:-1]) / h**2
+            dqdd = (qdd[1:] - qdd[:-1]) / h
+            high = [
+                10.0 * dq - 4.0 * dqd + 0.5 * dqdd,
+                (-15.0 * dq + 7.0 * dqd - dqdd) / h,
+                (6.0 * dq - 3.0 * dqd + 0.5 * dqdd) / h**2,
+            ]
+        rows = np.stack([q[:-1], qd[:-1], 0.5 * qdd[:-1], *high], axis=-1)
+        return cls(times, np.where(h[..., None] > 0.0, rows, 0.0))
+
+    @classmethod
+    def of_segments(cls, time: float, durations: Any, derivative: Any, start: Any) -> PiecewisePolynomial:
+        """Motion from rest of one joint whose acceleration or jerk is constant in each segment; empty ones are left away.
+
+        Args:
+            time: [s].   durations: (k,) [s].
+            derivative: (k, order): the last column is what is constant, of order 2 or 3; the others are 0.
+            start: [rad | m].
+        """
+        state, rows, lengths = np.zeros(derivative.shape[1]), [], []
+        state[0] = start
+        factorials = np.cumprod([1.0, *range(1, derivative.shape[1] + 1)])
+        for length, values in zip(durations, derivative, strict=True):
+            if length <= 0.0:
+                continue
+            taylor = np.append(state, values[-1]) / factorials
+            rows.append(taylor)
+            lengths.append(length)
+            for d in range(len(state)):
+                state[d] = factorials[d] * sum(
+                    taylor[e] * factorials[e] / (factorials[d] * factorials[e - d]) * length ** (e - d)
+                    for e in range(d, len(taylor))
+                )
+        return cls(time + np.concatenate([[0.0], np.cumsum(lengths)]), np.array(rows)[:, None, :])
+
+    @classmethod
+    def side_by_side(cls, parts: Sequence[PiecewisePolynomial]) -> PiecewisePolynomial:
+        """Motion of all joints of several motions that begin and end together, on the knots of all of them.
+
+        Args:
+            parts: motions; knots nearer to each other than rounding are one.
+        """
+        begin, end = parts[0].knots[0], max(part.knots[-1] for part in parts)
+        inner = np.unique(np.concatenate([part.knots[1:-1] for part in parts]))
+        inner = inner[(inner > begin + SAME * (end - begin)) & (inner < end - SAME * (end - begin))]
+        inner = inner[np.diff(inner, prepend=begin) > SAME * (end - begin)]
+        knots = np.concatenate([[begin], inner, [end]])
+        degree = max(part.coefficients.shape[2] for part in parts)
+        rows = []
+        for part in parts:
+            piece = np.searchsorted(part.knots[1:-1], 0.5 * (knots[:-1] + knots[1:]), side="right")
+            moved = shifted(part.coefficients[piece], (knots[:-1] - part.knots[piece])[:, None])
+            rows.append(np.pad(moved, ((0, 0), (0, 0), (0, degree - moved.shape[2]))))
+        return cls(knots, np.concatenate(rows, axis=1))
+
+    def scaled(self, factor: float) -> PiecewisePolynomial:
+        """The same path, `factor` times as long: speeds are divided by it, accelerations by its square."""
+        powers = float(factor) ** -np.arange(self.coefficients.shape[2])
+        return PiecewisePolynomial(self.time + factor * (self.knots - self.time), self.coefficients * powers)
+
+    def delayed(self, time: float) -> PiecewisePolynomial:
+        """The same motion that begins at `time` [s]."""
+        return PiecewisePolynomial(self.knots - self.knots[0] + time, self.coefficients)
+
     def derivative(self) -> PiecewisePolynomial:
         """Motion whose positions are the speeds of this one."""
         order = self.coefficients.shape[2]
@@ -114,6 +195,47 @@ class PiecewisePolynomial(Motion):
         """(n,) largest magnitude of a derivative of every joint."""
         low, high = self.extrema(derivative)
         return np.maximum(np.abs(low), np.abs(high)).max(axis=0)
+
+
+class PiecewiseMotion(Motion):
+    """Motion that its dataclass computes to a piecewise polynomial when it is made.
+
+    Attributes:
+        polynomial: the motion.
+    """
+
+    polynomial: PiecewisePolynomial
+
+    def set_polynomial(self, polynomial: PiecewisePolynomial) -> None:
+        """Keeps the result; the dataclass's own fields stay what the user wrote."""
+        object.__setattr__(self, "polynomial", polynomial)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self.polynomial.n
+
+    @property
+    def breaks(self) -> np.ndarray:
+        """(k + 1,) [s] times between pieces, and both ends."""
+        return self.polynomial.knots
+
+    def at(self, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q, q̇ and q̈, each (…, n) [rad | m, …/s, …/s²], at times t (…) [s]."""
+        return self.polynomial.at(t)
+
+    def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:
+        """q (n,) [rad | m], q̇ and q̈ at t [s]."""
+        return self.polynomial(t)
+
+
+def shifted(coefficients: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """Coefficients (…, degree + 1) of p(x + offset), the constant term first; offset (…)."""
+    c = coefficients.copy()
+    for begin in range(c.shape[-1] - 1):
+        for d in range(c.shape[-1] - 2, begin - 1, -1):
+            c[..., d] += offset * c[..., d + 1]
+    return c
 
 
 def _numbers(name: str, value: Any, dimensions: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Poses and times of a reference, checked."""
+"""Poses and durations of motions, checked."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.parameters import Batch, Draw, numbers_by_lane
+from armwright.trajectory.limits import MotionLimits
 
 LARGEST = 1e100  # of numbers, and of their reciprocals: squares stay within the range of floats
 
@@ -56,3 +57,93 @@ def check_number(reference: str, name: str, value: Any, *, above: float = -np.in
 def joint_count(pose: Any) -> int:
     """Number of joints of a pose (n,), or of a `Batch` of poses."""
     return numbers_by_lane(pose).shape[-1]
+
+
+def plain_pose(kind: str, name: str, value: Any, n: int | None = None) -> np.ndarray:
+    """(n,) a pose without batches; None: of zeros where n is known.
+
+    Raises:
+        ScenarioError: names the field, its value and what was expected.
+    """
+    if value is None and n is not None:
+        return np.zeros(n)
+    if isinstance(value, (Batch, Draw)):
+        raise ScenarioError("a Batch", place=f"{kind}.{name}", expected="one pose: this kind is planned, not traced")
+    check_poses(kind, **{name: value})
+    pose = scalar.real_numbers(value).astype(float)
+    if n is not None and len(pose) != n:
+        raise ScenarioError(f"{len(pose)} numbers", place=f"{kind}.{name}", expected=f"{n}, one for each joint")
+    return pose
+
+
+def chosen_duration(kind: str, duration: float | None, least: np.ndarray, limits: MotionLimits) -> float:
+    """Duration [s] of a move of synchronised joints: that of the slowest, or the given one.
+
+    Args:
+        kind: who asks, for errors.   duration: [s]; None: the least.   least: (n,) [s] that each joint needs.
+    Raises:
+        ScenarioError: nothing moves and no duration is given, a joint that no limit bounds, or a duration too short; names
+            the joint and what it needs.
+    """
+    slowest = int(np.argmax(least))
+    if not np.isfinite(least).all():
+        free = [limits.names[k] for k in np.flatnonzero(~np.isfinite(least))]
+        raise ScenarioError(f"nothing limits {', '.join(free)}", place=kind, expected="limits, or a duration")
+    if duration is None:
+        if least[slowest] <= 0.0:
+            expected = "another pose than start, or a duration to stand"
+            raise ScenarioError("the move has no length", place=f"{kind}.goal", expected=expected)
+        return float(least[slowest])
+    check_number(kind, "duration", duration, above=0.0)
+    if duration < least[slowest] * (1.0 - 1e-12):
+        expected = f"{least[slowest]:.6g} s or more, which {limits.names[slowest]} needs within its limits"
+        raise ScenarioError(place=f"{kind}.duration", value=duration, expected=expected)
+    return float(duration)
+
+
+def move_within(kind: str, start: Any, goal: Any, limits: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Start and goal (n,) of a move, both within the limits of position.
+
+    Raises:
+        ScenarioError: what is no pose or no limits, a pose outside; names the joint and how far.
+    """
+    check_limits(kind, limits)
+    poses = plain_pose(kind, "start", start, limits.n), plain_pose(kind, "goal", goal, limits.n)
+    for name, pose in zip(("start", "goal"), poses, strict=True):
+        limits.check_position(f"{kind}.{name}", pose)
+    return poses
+
+
+def check_limits(kind: str, limits: Any) -> None:
+    """Refuses what is no `MotionLimits`.
+
+    Raises:
+        ScenarioError: shows it.
+    """
+    if not isinstance(limits, MotionLimits):
+        raise ScenarioError(place=f"{kind}.limits", value=limits, expected="aw.MotionLimits.of(arm, …)")
+
+
+def duration_within(motion: Any, peaks: tuple[float, float, float]) -> Any:
+    """Duration [s] of a motion from rest to rest along one polynomial: the given one, or the shortest within its limits.
+
+    Args:
+        motion: with `start`, `goal`, `duration` and `limits`.
+        peaks: largest speed, acceleration and jerk of a way of 1 in a time of 1.
+    Raises:
+        ScenarioError: no duration and no limits, a pose outside its limits, a duration too short.
+    """
+    kind = type(motion).__name__
+    if motion.limits is None or isinstance(motion.duration, (Batch, Draw)):
+        if motion.duration is None:
+            raise ScenarioError("missing", place=f"{kind}.duration", expected="a duration [s], or limits")
+        check_number(kind, "duration", motion.duration, above=0.0)
+        return motion.duration
+    start, goal = move_within(kind, motion.start, motion.goal, motion.limits)
+    way, limits = np.abs(goal - start), motion.limits
+    bounds = np.stack([limits.velocity, limits.acceleration, limits.jerk])
+    needed = (np.array(peaks)[:, None] * way / bounds) ** (1.0 / np.array([[1.0], [2.0], [3.0]]))
+    least = needed.max(axis=0)
+    if motion.duration is None:
+        least = np.where((way > 0.0) & np.isinf(bounds).all(axis=0), np.inf, least)
+    return chosen_duration(kind, motion.duration, least, limits)
