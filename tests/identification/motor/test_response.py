@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.identification.motor.response import Inputs, Response
+from armwright.identification.motor.response import Inputs, Response, response_of
 from armwright.model.vary import Varied
 from identification.motor_truth import DELAY, PATHS, PERIOD, TRUE, commands, exact, true_record
 
@@ -88,3 +88,14 @@ def test_lanes_are_independent(response):
     one, slopes = response.run(table, p[7:8], delay[7:8], start[7:8], True)
     np.testing.assert_array_equal(y[7], one[0])
     np.testing.assert_array_equal(dy[7], slopes[0])
+
+
+def test_a_structure_is_traced_once(tmp_path):
+    """Arms that differ in numbers that vary have one response; one that differs in another number has its own."""
+    names = [PATHS["R"], PATHS["Kt"]]
+    found = [
+        response_of(Varied(aw.load(true_record(tmp_path, **changes)), names), ["qd"], 2, 1)
+        for changes in ({}, {"R": 2.0, "Kt": 0.1}, {"J": 1e-4})
+    ]
+    assert found[0] is found[1]
+    assert found[0] is not found[2]

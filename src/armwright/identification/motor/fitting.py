@@ -72,11 +72,13 @@ def fitted(
             progress(number, ROUNDS)
         kept = [k for k in range(len(first)) if k not in done.held]
         done.z[kept] = refined(without(done.problem, done.held, done.z), done.z[kept])
-        done, scaled = _reweighted(done)
-        _, jacobian = done.problem.evaluate(done.z[None])
+        residuals, jacobian = done.problem.evaluate(done.z[None])
         assert jacobian is not None
+        scaled = _scaled(done.problem, residuals[0])
+        done = replace(done, problem=replace(done.problem, sigma=done.problem.sigma * scaled))
+        rows = jacobian[0].reshape(-1, len(scaled), len(first)) / scaled[:, None]
         before = len(done.held)
-        _hold(done, jacobian[0] * sizes(record, data, done.problem, labels, done.z), first)
+        _hold(done, rows.reshape(-1, len(first)) * sizes(record, data, done.problem, labels, done.z), first)
         _hold_at_zero(done, free)
         if len(done.held) == before and (len(scaled) == 1 or bool(np.all(np.abs(scaled - 1.0) < SAME))):
             break
@@ -117,13 +119,6 @@ def _hold_at_zero(done: Fitted, free: Sequence[str] | None) -> None:
         done.remarks.append(
             "no delay is found" if each.name == "delay" else f"{each.name} comes out as 0, and is left there"
         )
-
-
-def _reweighted(done: Fitted) -> tuple[Fitted, np.ndarray]:
-    """The fit with standard deviations of the signals from its residuals, and by how much they changed (signals · n,)."""
-    residuals, _ = done.problem.evaluate(done.z[None], slopes=False)
-    scaled = _scaled(done.problem, residuals[0])
-    return replace(done, problem=replace(done.problem, sigma=done.problem.sigma * scaled)), scaled
 
 
 def _scaled(problem: Problem, residuals: np.ndarray) -> np.ndarray:

@@ -23,7 +23,8 @@ from armwright.identification.motor.unknowns import Unknown, values_of
 
 ROWS_OF_STARTS = 8192  # of a log that starts are compared on
 SPREAD = 3.0  # factor by which starts are drawn about the guess, either way
-STEPS_OF_STARTS = 12  # that all starts take
+STEPS_OF_STARTS = 12  # that the better starts take
+STEPS_OF_ALL, FEWEST_STARTS = 4, 4  # after which the worse half of the starts is given up, and how many go on at least
 EVALUATIONS = 60  # of the last fit
 
 
@@ -73,7 +74,8 @@ class Problem:
 
     def predictions(self, z: np.ndarray) -> list[np.ndarray]:
         """(rows, signals · n) predicted for each stretch by coordinates (k,)."""
-        return [self._run(s, z[None], False)[0][0] for s in range(len(self.stretches))]
+        # with derivatives, of which the loop is there already: tracing and linking another takes longer than they do
+        return [self._run(s, z[None], True)[0][0] for s in range(len(self.stretches))]
 
     def evaluate(self, z: np.ndarray, slopes: bool = True) -> tuple[np.ndarray, np.ndarray | None]:
         """Residuals (lanes, m) of coordinates (lanes, k), and their Jacobian (lanes, m, k)."""
@@ -156,11 +158,14 @@ def starts(problem: Problem, guesses: Sequence[np.ndarray], count: int, seed: in
 
 
 def many_starts(problem: Problem, z: np.ndarray, steps: int = STEPS_OF_STARTS) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates (lanes, k) after some Levenberg-Marquardt steps of every lane, and the costs (lanes,)."""
+    """Coordinates (lanes, k) after some Levenberg-Marquardt steps, and the costs (lanes,), of those that went on to the end."""
     low, high = problem.bounds
     residuals, jacobian = _finite(*problem.evaluate(z))
     cost, damping = _costs(residuals), np.full(len(z), 1e-2)
-    for _ in range(steps):
+    for number in range(steps):
+        if number == STEPS_OF_ALL:
+            kept = np.argsort(cost)[: max(len(cost) // 2, FEWEST_STARTS)]
+            z, residuals, jacobian, cost, damping = (each[kept] for each in (z, residuals, jacobian, cost, damping))
         slope = np.einsum("lmk,lm->lk", jacobian, residuals)
         square = np.matmul(jacobian.transpose(0, 2, 1), jacobian)
         size = np.maximum(np.einsum("lkk->lk", square), 1e-12)

@@ -14,9 +14,9 @@ from armwright.identification.motor.drive_record import paths_of, value_at
 from armwright.identification.motor.guess import Guess
 from armwright.identification.motor.measured import Measured, Stretch, rows_of_count
 from armwright.identification.motor.output_error import Places, Problem
-from armwright.identification.motor.response import Response
+from armwright.identification.motor.response import Response, response_of
 from armwright.identification.motor.unknowns import RANGE, Unknown, positive, values_of
-from armwright.model.model import build_model
+from armwright.model.model import Model, build_model
 from armwright.model.vary import Varied
 
 SHARE_OF_TIME = (
@@ -38,7 +38,7 @@ def problem_of(
     lags = 0 if delay == 0.0 else most_delay
     time = min(each.time for each in guesses)
     substeps = int(np.clip(np.ceil(data.period / (SHARE_OF_TIME * time)), 1, MOST_SUBSTEPS))
-    response = Response(varied, data.signals, lags, substeps)
+    response = response_of(varied, data.signals, lags, substeps)
     unknowns: list[Unknown] = []
     labels: list[str] = []
     runs = list(dict.fromkeys(each.run for each in stretches))
@@ -70,7 +70,7 @@ def problem_of(
                 add(unknown, "offset", f"offset{k}", run)
     places = []
     for number, stretch in enumerate(stretches):
-        start, fixed_start = _starts_of(stretch, number, response, unknowns, labels, speed, data)
+        start, fixed_start = _starts_of(stretch, number, response, arm, unknowns, labels, speed, data)
         own = [at.get((label, stretch.run), at.get((label, ""), -1)) for label, group in names.items() for _ in group]
         offsets = [at.get((f"offset{k}", stretch.run), at.get((f"offset{k}", ""), -1)) for k in range(n)]
         lag = at.get(("delay", stretch.run), at.get(("delay", ""), -1))
@@ -160,6 +160,7 @@ def _starts_of(
     stretch: Stretch,
     number: int,
     response: Response,
+    arm: Model,
     unknowns: list[Unknown],
     labels: list[str],
     speed: float,
@@ -167,9 +168,7 @@ def _starts_of(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Numbers of the unknowns of a stretch's initial state, -1 where it is fixed, and its values."""
     n, start = response.n, np.full(response.size, -1)
-    values = np.zeros(response.size)
-    plant_start = response.initial()
-    values[:] = plant_start
+    values = response.initial(arm)
     if stretch.run == "static":
         return start, values
     speeds = speeds_of(stretch)

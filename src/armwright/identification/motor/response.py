@@ -17,9 +17,11 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
+from armwright.description.paths import with_values
 from armwright.kernels.loop import Lanes, Loop
-from armwright.kernels.stages import Call, Record, Table
+from armwright.kernels.stages import Call, Record, Stage, Table
 from armwright.kernels.target import select_target
+from armwright.model.model import Model
 from armwright.model.vary import Varied
 from armwright.program.derivative import with_tangents
 from armwright.program.trace import call, trace
@@ -115,7 +117,14 @@ class Response:
             return _substep(plant, rule, x, u, h)
 
         x_p = {"x": (self.size,), "command": (n,), "p": (self.columns,)}
-        inner = trace("substep", substep, {**x_p, "part": (2,)}, ("x_next",))
+        self._inner = trace("substep", substep, {**x_p, "part": (2,)}, ("x_next",))
+        self._substeps = substeps
+        self._compiled: dict[bool, Loop] = {}
+
+    def _stages(self, slopes: bool) -> tuple[Stage, ...]:
+        """Stages of the loop over the rows, with derivatives or without."""
+        n, varied, most_delay, substeps = self.n, self.varied, self.most_delay, self._substeps
+        own = len(varied.parameters)
 
         def sample(carried_step):
             def taken(x, row, lag, p):
@@ -136,29 +145,19 @@ class Response:
 
         lags = most_delay + 1
         row = {"row": (2 + n * (lags + 1),), "lag": (lags,), "p": (self.columns,)}
-        outputs = trace("measured", measured, {"x": (self.size,), "q_before": (n,), **row}, ("y", "q_before_next"))
-        seeds = {"p": np.eye(self.columns, self.directions)}
-        count = len(self.signals) * n
-        self._loops = {}
-        for slopes in (False, True):
-            size = 1 + self.directions * slopes
-            step, measure = inner, outputs
-            if slopes:
-                step = with_tangents(inner, {"x"}, seeds, self.directions)
-                measure = with_tangents(outputs, {"x", "q_before"}, seeds, self.directions)
-            sampled = trace("sample", sample(step), {"x": (self.size * size,), **row}, ("x_next",))
-            self._loops[slopes] = (
-                Table("row", 2 + n * (lags + 1)),
-                Call(measure),
-                Record("run", ("y",), (count * size,)),
-                Call(sampled),
-            )
-        self._compiled: dict[bool, Loop] = {}
+        step, count, size = self._inner, len(self.signals) * n, 1 + self.directions * slopes
+        measure = trace("measured", measured, {"x": (self.size,), "q_before": (n,), **row}, ("y", "q_before_next"))
+        if slopes:
+            seeds = {"p": np.eye(self.columns, self.directions)}
+            step = with_tangents(step, {"x"}, seeds, self.directions)
+            measure = with_tangents(measure, {"x", "q_before"}, seeds, self.directions)
+        sampled = trace("sample", sample(step), {"x": (self.size * size,), **row}, ("x_next",))
+        return Table("row", 2 + n * (lags + 1)), Call(measure), Record("run", ("y",), (count * size,)), Call(sampled)
 
-    def initial(self) -> np.ndarray:
-        """(size,) state at rest at 0, with the numbers of the record."""
+    def initial(self, arm: Model) -> np.ndarray:
+        """(size,) state at rest at 0 of an arm of this structure."""
         zero = np.zeros(self.n)
-        return np.asarray(Plant.of(self.varied.arm).initial(zero, zero), dtype=float)
+        return np.asarray(Plant.of(arm).initial(zero, zero), dtype=float)
 
     def _acting(self, row, lag):
         """Commands before and behind the delay's fraction of a sample, (n,) each, chosen by the lane's whole delay."""
@@ -179,7 +178,7 @@ class Response:
     def loop(self, slopes: bool) -> Loop:
         """The compiled loop, with derivatives or without."""
         if slopes not in self._compiled:
-            self._compiled[slopes] = Loop(self._loops[slopes], select_target())
+            self._compiled[slopes] = Loop(self._stages(slopes), select_target())
         return self._compiled[slopes]
 
     def table(self, inputs: Inputs) -> np.ndarray:
@@ -226,3 +225,22 @@ class Response:
         if not slopes:
             return rows, None
         return rows[..., :count], rows[..., count:].reshape(*rows.shape[:2], count, d)
+
+
+KEPT = 8  # responses of a process: tracing one takes as long as a tenth of a fit
+_kept: dict[tuple[object, ...], Response] = {}
+
+
+def response_of(varied: Varied, signals: Sequence[str], most_delay: int, substeps: int) -> Response:
+    """The `Response` of an arm, or one made before of an arm that differs in numbers that vary alone.
+
+    Args:
+        varied, signals, most_delay, substeps: as of `Response`.
+    """
+    record = with_values(varied.arm.description, {each.path: 1.0 for each in varied.parameters if each.entry is None})
+    key = repr(record), varied.names, tuple(signals), most_delay, substeps
+    if key not in _kept:
+        while len(_kept) >= KEPT:
+            del _kept[next(iter(_kept))]  # the oldest
+        _kept[key] = Response(varied, signals, most_delay, substeps)
+    return _kept[key]
