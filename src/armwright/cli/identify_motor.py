@@ -27,8 +27,19 @@ def motor(
         str | None, option("--robot", "ROBOT", "The arm; by default the log's, or one motor on a bench.")
     ] = None,
     joint: Annotated[
-        str | None, option("--joint", "NAME", "Joint of a log of several, for a motor on a bench.")
+        str | None, option("--joint", "NAME", "One motor by itself; of a robot's joint beside --load or --locked.")
     ] = None,
+    load: Annotated[
+        list[str] | None,
+        option(
+            "--load",
+            "INERTIA | JOINT=INERTIA,…",
+            "Motors of the robot moved by themselves, each turning this inertia behind its gear, in kg m²; 0: none.",
+        ),
+    ] = None,
+    locked: Annotated[
+        bool, typer.Option("--locked", help="The rotor was held: the current tells R and L.", show_default=False)
+    ] = False,
     free: Annotated[
         list[str] | None,
         option(
@@ -65,6 +76,7 @@ def motor(
       armwright identify motor bench.log.toml --model oe --order 2
       armwright identify motor bench.log.toml --fix R=1.3 --free Kt,J,coulomb,delay
       armwright identify motor arm.log.toml --robot arm.toml -o arm_identified.toml
+      armwright identify motor elbow.log.toml --robot arm.toml --joint elbow --load 0 -o arm_identified.toml
     """
     if model != "dc":
         _refuse_beside(
@@ -82,6 +94,8 @@ def motor(
             file,
             robot,
             joint=joint,
+            load=_load(load),
+            locked=locked,
             free=_names(free),
             fixed=_values(fix),
             per_run=_names(per_run) or (),
@@ -117,7 +131,7 @@ def _names(words: list[str] | None) -> list[str] | None:
     return None if words is None else [name for word in words for name in word.split(",") if name]
 
 
-def _values(words: list[str] | None) -> dict[str, float]:
+def _values(words: list[str] | None, place: str = "--fix", example: str = "R=1.3") -> dict[str, float]:
     """Names and numbers from words such as "R=1.3"."""
     from armwright.errors import ModelError
 
@@ -127,8 +141,20 @@ def _values(words: list[str] | None) -> dict[str, float]:
         try:
             found[name] = float(text)
         except ValueError:
-            raise ModelError(place="--fix", value=word, expected="NAME=VALUE, such as R=1.3") from None
+            raise ModelError(place=place, value=word, expected=f"NAME=VALUE, such as {example}") from None
     return found
+
+
+def _load(words: list[str] | None) -> float | dict[str, float] | None:
+    """One inertia, or inertias by joint."""
+    from armwright.errors import ModelError
+
+    if words is None or any("=" in word for word in words):
+        return None if words is None else _values(words, "--load", "elbow=0.02")
+    try:
+        return float(words[-1])
+    except ValueError:
+        raise ModelError(place="--load", value=words[-1], expected="an inertia, or JOINT=INERTIA,…") from None
 
 
 def _pwm(word: str | None) -> Literal["brake", "coast"] | None:

@@ -203,10 +203,11 @@ def _stays(counted: SignalCensus, k: int, place: str, unit: str) -> Found:
 
 def _motion(log: Log, run: LogRun, census: Census) -> Found:
     motion = [census.signals[name] for name in ("q", "qd") if name in census.signals]
+    found = _note if {"voltage", "current"} <= set(log.layout.names) else _error  # of locked rotors, they tell R and L
     if not motion:
-        yield _error("neither positions nor speeds are logged", "signals", "one of them")
+        yield found("neither positions nor speeds are logged", "signals", "one of them")
     elif not any((each.low < each.high).any() for each in motion):
-        yield _error("nothing moves: positions and speeds are constant", "signals", "a run with motion")
+        yield found("nothing moves: positions and speeds are constant", "signals", "a run with motion")
     if not any(name in log.layout for name in ("tau", "tau_link", "current", "voltage")):
         yield _note("no torque, current or voltage is logged: nothing can be said about forces", "signals")
     longest = max((stretch.rows for stretch in census.stretches), default=0)

@@ -1,4 +1,4 @@
-"""Record of the drives that are fitted: short names of its numbers, a record of one motor where no robot is named."""
+"""Numbers of the drives that are fitted: their short names, their paths in the record, and the record with others."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from armwright.description.paths import quantities
 from armwright.description.robot import RobotDescription
 from armwright.description.writer import to_toml
 from armwright.errors import ModelError
+from armwright.identification.motor.bench import BENCH
 
 MOTOR_KEYS = {
     "R": "resistance_ohm",
@@ -43,7 +44,6 @@ HOLD_FIRST = (
     "Kt",
     "J",
 )
-BENCH = "bench"  # key of the source of a number that no robot's record has
 
 
 def paths_of(record: RobotDescription, joint: str, name: str) -> tuple[str, ...]:
@@ -80,34 +80,6 @@ def value_at(record: RobotDescription, path: str) -> float | None:
 
 def _joint(record: RobotDescription, name: str) -> Any:
     return next(joint for joint in record.joints if joint.name == name)
-
-
-def bench_record(joint: str, gear_ratio: float, command: str) -> RobotDescription:
-    """A record of one motor on a bench, whose rotor has all of the inertia; its numbers are guessed later."""
-    zero = dict.fromkeys(("xx", "xy", "xz", "yy", "yz", "zz"), 0.0)
-    return parse(
-        {
-            "name": "bench",
-            "notes": "A motor by itself; inertia and friction hold what it turns.",
-            "source": BENCH,
-            "sources": {BENCH: {"kind": "estimate", "text": "assumed by armwright identify motor; the log does not tell it"}},
-            "gravity_m_s2": [0.0, 0.0, 0.0],
-            "command": command,
-            "joints": [
-                {
-                    "name": joint, "type": "revolute", "parent": "base", "child": "shaft", "axis": [0.0, 0.0, 1.0],
-                    "frame": {"xyz_m": [0.0, 0.0, 0.0], "rpy_rad": [0.0, 0.0, 0.0]},
-                    "motor": {
-                        "gear_ratio": gear_ratio, "rotor_inertia_kg_m2": 1.0,
-                        "torque_constant_n_m_per_a": 1.0, "resistance_ohm": 1.0,
-                    },
-                    "friction": {"viscous_n_m_s_per_rad": 0.0, "coulomb_positive_n_m": 0.0, "coulomb_negative_n_m": 0.0},
-                }
-            ],
-            "links": [{"name": "shaft", "mass_kg": 0.0, "com_m": [0.0, 0.0, 0.0], "inertia_kg_m2": zero}],
-        },
-        "the record of a motor",
-    )  # fmt: skip
 
 
 def with_numbers(record: RobotDescription, values: Mapping[str, Any], command: str | None = None) -> RobotDescription:

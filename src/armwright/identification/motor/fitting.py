@@ -61,6 +61,10 @@ def fitted(
     if jacobian is not None and np.isfinite(jacobian).all():
         _hold(done, jacobian[0] * sizes(record, data, problem, labels, first), first)
     begin = starts(problem, [first], count, seed)
+    if all(k in done.held or each.nuisance for k, each in enumerate(problem.unknowns)):
+        names = [labels[k].split(":")[-1] for k in done.held]
+        expected = "another log, or more that is known, by fixed=…"
+        raise ModelError("the log tells none of what is to be fitted", place="free", value=names, expected=expected)
     kept = [k for k in range(len(first)) if k not in done.held]
     z, cost = many_starts(without(problem.part(ROWS_OF_STARTS), done.held, first), begin[:, kept])
     if not np.isfinite(cost).any():

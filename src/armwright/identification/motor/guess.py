@@ -31,6 +31,8 @@ class Guess:
 
 def guess(data: Measured, joint: int, most_delay: int) -> Guess:
     """The best of a grid of delays and time constants; gain, band and rest by least squares."""
+    if not {"q", "qd", "qd_mean"} & set(data.signals):
+        return _of_locked(data, joint)
     stretches = [
         (_speed(s.values, s.inputs.period, joint), s.inputs.command[:, joint], s.inputs.period, s)
         for s in data.stretches
@@ -67,6 +69,14 @@ def guess(data: Measured, joint: int, most_delay: int) -> Guess:
         target.append(held)
     (resistance, emf), *_ = np.linalg.lstsq(np.concatenate(matrix), np.concatenate(target), rcond=None)
     return Guess(gain, time, band, delay, max(float(resistance), 1e-6), max(float(emf), 1e-9))
+
+
+def _of_locked(data: Measured, joint: int) -> Guess:
+    """R of a motor that stands:  u = R i."""
+    u = np.concatenate([s.inputs.command[:, joint] for s in data.stretches])
+    i = np.concatenate([s.values["current"][:, joint] for s in data.stretches])
+    resistance = float(u @ i) / max(float(i @ i), 1e-300)
+    return Guess(1.0, 20 * data.period, 0.0, 0, max(resistance, 1e-6), 1.0)
 
 
 def _speed(values: dict[str, np.ndarray], period: np.ndarray, joint: int) -> np.ndarray:

@@ -57,13 +57,21 @@ class Measured:
         return float(np.median(np.concatenate([each.inputs.period for each in self.stretches])))
 
 
-def measured(log: Log, runs: Sequence[str], joints: Sequence[str], speed: str, used: Sequence[str] | None) -> Measured:
+def measured(
+    log: Log,
+    runs: Sequence[str],
+    joints: Sequence[str],
+    speed: str,
+    used: Sequence[str] | None,
+    *,
+    locked: bool = False,
+) -> Measured:
     """Stretches of some runs.
 
     Args:
         log: of the drives.   runs: names.   joints: names, in the order of the arm.
         speed: "difference" of positions over a sample, "instant", or "auto": a difference where it is quantised.
-        used: signals to compare; None: all that are logged.
+        used: signals to compare; None: all that are logged.   locked: the rotors were held, and nothing but currents is compared.
     Raises:
         LogError: no voltage, current or torque, nothing that moves, or no stretch that is long enough.
     """
@@ -79,16 +87,20 @@ def measured(log: Log, runs: Sequence[str], joints: Sequence[str], speed: str, u
     if driver is None:
         expected = "a voltage, a current or a torque of every joint that is fitted"
         raise LogError("nothing says what drives the motors", place="signals", expected=expected, file=log.path)
-    moving = [name for name in ("q", "qd") if name in given]
-    if not moving:
+    moving = [] if locked else [name for name in ("q", "qd") if name in given]
+    if locked and not (driver == "voltage" and "current" in given):
+        expected = "voltage and current: nothing else changes while the rotor is held"
+        raise LogError("a locked rotor", place="signals", expected=expected, file=log.path)
+    if not moving and not locked:
         raise LogError("nothing says how the joints move", place="signals", expected="position or speed", file=log.path)
     sensed = [name for name in ("current", "tau") if name in given and name != driver and driver == "voltage"]
+    sensed = [name for name in sensed if not (locked and name == "tau")]
     columns = {
         name: np.concatenate([d[name].values[:, places] for d in datasets.values()]) for name in (*moving, *sensed)
     }
     steps = {name: _steps(values) for name, values in columns.items()}
     names, remarks = [*moving, *sensed], []
-    for name in (driver, *moving):
+    for name in (driver, *(["current"] if locked else moving)):
         if (
             np.ptp(np.nan_to_num(np.concatenate([d[name].values[:, places] for d in datasets.values()])), axis=0).max()
             == 0

@@ -95,6 +95,8 @@ def speeds_of(stretch: Stretch) -> np.ndarray:
     for name in ("qd", "qd_mean"):
         if name in stretch.values:
             return stretch.values[name]
+    if "q" not in stretch.values:  # of a locked rotor
+        return np.zeros_like(stretch.inputs.command)
     return np.diff(stretch.values["q"], axis=0) / stretch.inputs.period[:-1, None]
 
 
@@ -195,6 +197,8 @@ def _starts_of(
             values[k] = stretch.values["q"][0, k]
             size = max(float(np.ptp(stretch.values["q"][:, k])) * 0.01, 1e-9)
             add(k, f"{joint}: start position", values[k], size, "rad")
+        if not speeds.any():
+            continue
         values[n + k] = float(speeds[: min(3, len(speeds)), k].mean())
         add(n + k, f"{joint}: start speed", values[n + k], 0.1 * speed + 1e-9, "rad/s")
         most = _speed_at_rest(stretch.values["q"][:, k], data.period) if "q" in stretch.values else None

@@ -10,6 +10,7 @@ import numpy as np
 from armwright.identification.motor.output_error import Problem
 
 WEAK = 0.5  # standard deviation of the logarithm of a product of numbers beyond which the log does not tell it
+NOTHING = 1e-6  # standard deviations of all residuals together that a nuisance of its size makes: less is none
 PART = 0.25  # of the largest entry of a direction: numbers with more take part in it
 
 
@@ -69,10 +70,12 @@ def untold(jacobian: np.ndarray, candidates: Sequence[int]) -> list[Direction]:
         jacobian: (m, k) of residuals in standard deviations, by coordinates in their sizes.   candidates: numbers of unknowns.
     """
     others = [k for k in range(jacobian.shape[1]) if k not in candidates]
-    own = jacobian[:, list(candidates)]
+    own, nuisance = jacobian[:, list(candidates)], np.zeros((len(jacobian), 0))
     if others:
         nuisance = jacobian[:, others]
-        nuisance = nuisance / np.maximum(np.linalg.norm(nuisance, axis=0), 1e-300)
+        lengths = np.linalg.norm(nuisance, axis=0)  # a column of rounding alone, made longer, looks like any other
+        nuisance = nuisance[:, lengths > NOTHING] / lengths[lengths > NOTHING]
+    if nuisance.shape[1]:
         basis, sizes, _ = np.linalg.svd(nuisance, full_matrices=False)
         basis = basis[:, sizes > 1e-8]
         own = own - basis @ (basis.T @ own)

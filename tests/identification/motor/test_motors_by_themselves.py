@@ -1,0 +1,159 @@
+"""Motors of an arm logged by themselves, with a known load, or locked; the fit goes into the arm's record."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import ModelError
+from identification.motor_truth import DELAY, PERIOD, TRUE, commands, exact, rounded
+
+RATIO, LOAD, STARTS = -20.0, 0.03, 4
+NAMES = {
+    "resistance_ohm": "R", "torque_constant_n_m_per_a": "Kt", "rotor_inertia_kg_m2": "J",
+}  # fmt: skip
+JOINT = """
+[[joints]]
+name = "{name}"
+type = "revolute"
+parent = "{parent}"
+child = "{name}_link"
+axis = [0, 1, 0]
+frame = {{ xyz_m = [0, 0, 0.3], rpy_rad = [0, 0, 0] }}
+friction = {{ side = "motor", viscous_n_m_s_per_rad = 1e-4, coulomb_positive_n_m = 0.02, coulomb_negative_n_m = 0.02 }}
+[joints.motor]                               # from a datasheet
+gear_ratio = {ratio}
+rotor_inertia_kg_m2 = 5e-5
+torque_constant_n_m_per_a = 0.07
+resistance_ohm = 2
+[[links]]
+name = "{name}_link"
+mass_kg = 2
+com_m = [0, 0, 0.15]
+inertia_kg_m2 = {{ xx = 0.02, xy = 0, xz = 0, yy = 0.02, yz = 0, zz = 0.002 }}
+"""
+LOG = """
+joints = {joints}
+files.log.path = "log.csv"
+time = {{ column = "t", unit = "s" }}
+gears.ratios = {ratios}
+"""
+SIGNAL = """
+[[signals]]
+quantity = "{quantity}"
+columns = {columns}
+unit = "{unit}"
+{side}
+"""
+QUANTITIES = {"u": ("voltage", "V"), "current": ("current", "A"), "qd": ("speed", "rad/s"), "q": ("position", "rad")}
+
+
+def arm_of(folder: Path, joints: tuple[str, ...] = ("shoulder", "elbow")) -> Path:
+    """Path of the record of an arm whose motors nobody has measured."""
+    parents = ["base", *(f"{name}_link" for name in joints)]
+    tables = [JOINT.format(name=n, parent=p, ratio=RATIO) for n, p in zip(joints, parents, strict=False)]
+    path = folder / "arm.toml"
+    path.write_text(
+        'name = "arm"\nsource = "datasheet"\ngravity_m_s2 = [0, 0, -9.81]\ncommand = "torque"\n' + "".join(tables)
+    )
+    return path
+
+
+def log_of(folder: Path, motors: dict[str, dict[str, np.ndarray]]) -> Path:
+    """Path of a log of motors by joint, each signal on the motor's side."""
+    first = next(iter(motors.values()))
+    columns = {"t": np.arange(len(first["u"])) * PERIOD}
+    text = LOG.format(joints=[*motors], ratios=[RATIO] * len(motors))
+    for name in first:
+        heads = [f"{name}_{joint}" for joint in motors]
+        columns |= {head: motors[joint][name] for head, joint in zip(heads, motors, strict=True)}
+        quantity, unit = QUANTITIES[name]
+        side = 'side = "motor"' if name in ("q", "qd") else ""
+        text += SIGNAL.format(quantity=quantity, columns=heads, unit=unit, side=side)
+    np.savetxt(
+        folder / "log.csv", np.column_stack([*columns.values()]), delimiter=",", header=",".join(columns), comments=""
+    )
+    path = folder / "motor.log.toml"
+    path.write_text(text)
+    return path
+
+
+def logged(seed: int, rows: int = 1500, **values: float) -> dict[str, np.ndarray]:
+    """Signals of a motor with 1 % noise."""
+    rng = np.random.default_rng(seed)
+    u = commands(rng, rows)
+    found = {"u": u}
+    for name, column in exact({**TRUE, **values}, u).items():
+        if name != "q":
+            most = float(np.abs(column).max())
+            found[name] = rounded(column + 0.01 * most * rng.standard_normal(rows), 1.2 * most)
+    return found
+
+
+def check(estimate: aw.Estimate, joint: str, **values: float) -> None:
+    truth = {**TRUE, **values}
+    for key, name in NAMES.items():
+        assert estimate[f"{joint}.motor.{key}"] == pytest.approx(truth[name], rel=0.02), name
+    assert estimate[f"{joint}.friction.coulomb_positive_n_m"] == pytest.approx(truth["coulomb"], rel=0.04)
+
+
+def test_one_motor_off_its_arm_goes_into_its_joint(tmp_path):
+    fit = aw.identify_motor(
+        log_of(tmp_path, {"elbow": logged(1)}), arm_of(tmp_path), joint="elbow", load=0, starts=STARTS
+    )
+    check(fit.estimate, "elbow")
+    assert fit.estimate["delay_s"] / PERIOD == pytest.approx(DELAY, abs=0.1)
+    text = fit.write(tmp_path / "identified.toml").read_text()
+    record = aw.load(tmp_path / "identified.toml").record
+    assert record.joints[0].motor.resistance_ohm.value == 2.0, "the other joint stays"
+    assert record.joints[1].motor.resistance_ohm.value == pytest.approx(TRUE["R"], rel=0.02)
+    assert record.links[1].mass_kg.value == 2.0
+    assert record.command == "torque"
+    assert "# from a datasheet" in text
+
+
+def test_all_motors_of_an_arm_each_with_its_own_load(tmp_path):
+    loads = {"shoulder": 0.0, "elbow": LOAD}
+    with_load = TRUE["J"] + LOAD / RATIO**2
+    motors = {"shoulder": logged(2, R=2.4, Kt=0.06), "elbow": logged(3, J=with_load)}
+    estimate = aw.identify_motor(log_of(tmp_path, motors), arm_of(tmp_path), load=loads, starts=STARTS).estimate
+    check(estimate, "shoulder", R=2.4, Kt=0.06)
+    check(estimate, "elbow")
+
+
+def test_a_locked_rotor_tells_resistance_and_inductance(tmp_path):
+    rng, inductance = np.random.default_rng(4), 0.012
+    u = commands(rng, 800)
+    late = np.concatenate([u[:1], u[:-1]])
+    decay, current = np.exp(-PERIOD * TRUE["R"] / inductance), [u[0] / TRUE["R"]]
+    for volts in late[1:]:
+        current.append(volts / TRUE["R"] + (current[-1] - volts / TRUE["R"]) * decay)
+    noisy = np.array(current) + 0.05 * rng.standard_normal(len(u))
+    log = log_of(tmp_path, {"elbow": {"u": u, "current": noisy}})
+    fits = [
+        aw.identify_motor(log, arm_of(tmp_path), joint="elbow", locked=True, free=["R", "L"], delay=0.0, starts=STARTS),
+        aw.identify_motor(log, locked=True, starts=STARTS),
+    ]
+    for estimate in (fit.estimate for fit in fits):
+        assert estimate.verdict == "identified"
+        assert estimate["elbow.motor.resistance_ohm"] == pytest.approx(TRUE["R"], rel=0.01)
+        assert estimate["elbow.motor.inductance_h"] == pytest.approx(inductance, rel=0.05)
+        assert not any("torque_constant" in name or "inertia" in name for name in estimate.names)
+
+
+def test_bad_input_is_refused(tmp_path):
+    log, arm = log_of(tmp_path, {"elbow": logged(1, rows=200)}), arm_of(tmp_path)
+    for options, words in (
+        ({"joint": "elbow"}, "which move as one"),
+        ({"joint": "wrist", "load": 0}, "no joint of the robot"),
+        ({"joint": "elbow", "load": -1}, "0 or more"),
+        ({"joint": "elbow", "load": {"shoulder": 0}}, "no joint that is fitted"),
+        ({"joint": "elbow", "load": 0, "locked": True}, "turns nothing"),
+    ):
+        with pytest.raises(ModelError, match=words):
+            aw.identify_motor(log, arm, **options)
+    with pytest.raises(ModelError, match="goes with a robot"):
+        aw.identify_motor(log, load=0)
