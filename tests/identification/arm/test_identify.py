@@ -7,6 +7,7 @@ import armwright as aw
 from armwright.errors import IdentificationError, LogError
 from armwright.identification.arm.equations import equations_of, samples_of
 from armwright.identification.arm.fit import cross_validated, fit_arm
+from armwright.identification.validation.torque import predict_torque
 from identification.arm.simulated_log import write_log
 from identification.arm.tx40 import tx40_urdf
 from identification.real_logs import DATA, LWA_4P, TX40, log_of
@@ -27,6 +28,10 @@ def test_record_with_fitted_numbers_moves_as_the_truth(tmp_path):
     expected = aw.compile(arm).inverse_dynamics(q, qd, qdd)
     error = aw.compile(again).inverse_dynamics(q, qd, qdd) - expected
     assert (error.std(axis=0) < 0.03 * expected.std(axis=0)).all()
+    prepared = aw.choose_preparation(log)
+    prediction = predict_torque(again, log, preparation=prepared)  # dry friction leaves the low-pass as in the fit
+    rms = np.sqrt(np.nanmean((prediction.measured - prediction.predicted) ** 2, axis=0))
+    assert (rms < 1.02 * found.fit.rms).all()
     number = next(n for n in again.parameters if n.name == "joint3.friction.viscous_n_m_s_per_rad")
     assert again.provenance(number.name).kind == "fit"
     assert number.std is not None

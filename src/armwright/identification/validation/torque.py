@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Literal
 
 import numpy as np
+from scipy.signal import sosfiltfilt
 
 from armwright.actuators import drive_torque
 from armwright.actuators.coupling import shares_of, to_motors
 from armwright.description.drive import Command
 from armwright.errors import LogError
 from armwright.identification.logs.log import Log
-from armwright.identification.logs.preparation import Preparation, prepare_log
+from armwright.identification.logs.preparation import EDGE, Preparation, prepare_log, settling
 from armwright.identification.validation.prediction import (
     Prediction,
     check_match,
@@ -74,6 +76,7 @@ def predict_torque(
     dyn = dyn or compile_arm(arm)
     order = columns_of(arm, log)
     q, qd, qdd = positions_of(arm, dyn, log, data), data["qd"].values[:, order], data["qdd"].values[:, order]
+    predicted = dyn.inverse_dynamics(q, qd, qdd) + _rounding(arm, dyn, log, chosen.name, preparation)
     measured = _measured(arm, source, data[source].values[:, order], qd)
     how = {"tau": "", "current": " from currents", "voltage": " from voltages"}[source]
     return Prediction(
@@ -88,12 +91,32 @@ def predict_torque(
         data["time"].values,
         data["stretch"].values,
         measured,
-        dyn.inverse_dynamics(q, qd, qdd) @ motor_shares(arm),
+        predicted @ motor_shares(arm),
         qd,
         qdd,
         qdd,
         "acceleration",
     )
+
+
+def _rounding(arm: Model, dyn: CompiledArm, log: Log, run: str, preparation: Preparation) -> np.ndarray:
+    """Loss of dry friction in the low-pass, (rows, n) or 0 [N m | N]: measured torques went through it, signs of speeds did not.
+
+    Dry friction jumps where a joint turns back, and leaves the filter as a smooth step.
+    """
+    if not any(body.friction is not None and body.friction.is_dry for body in arm.coordinates):
+        return np.zeros(arm.n)
+    smooth = compile_arm(_without_friction(arm, ("coulomb",)))
+    data, order = prepare_log(log, run, replace(preparation, decimate=1)), columns_of(arm, log)
+    q, qd, qdd = positions_of(arm, dyn, log, data), data["qd"].values[:, order], data["qdd"].values[:, order]
+    sharp = dyn.inverse_dynamics(q, qd, qdd) - smooth.inverse_dynamics(q, qd, qdd)
+    parts = []
+    for stretch in np.unique(data["stretch"].values):
+        dry = sharp[data["stretch"].values == stretch]
+        pad = min(3 * settling(preparation.sections, EDGE), len(dry) - 1)
+        rounded = np.asarray(sosfiltfilt(preparation.sections, dry, axis=0, padlen=pad))
+        parts.append((rounded - dry)[:: preparation.decimate])
+    return np.concatenate(parts)
 
 
 def check_constants(arm: Model, source: str, log: Log) -> None:
@@ -135,7 +158,12 @@ def as_logged(arm: Model, log: Log, source: str) -> Model:
     lacks = {term for signal in log.table.signals for term in signal.lacks} if source == "tau" else set()
     whole = {"springs": None, "rotors": None, "gravity": np.zeros(3)}
     arm = arm.replace(**{term: value for term, value in whole.items() if term in lacks})
-    taken = {key: value for term in lacks for key, value in FRICTION.get(term, {}).items()}
+    return _without_friction(arm, lacks)
+
+
+def _without_friction(arm: Model, terms: Collection[str]) -> Model:
+    """The arm without some terms of its friction, keys of `FRICTION`; it knows no others."""
+    taken = {key: value for term in terms for key, value in FRICTION.get(term, {}).items()}
     if not taken:
         return arm
     bodies = (
