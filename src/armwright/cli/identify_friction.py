@@ -20,6 +20,14 @@ def friction(
     ],
     robot: Annotated[str, option("--robot", "ROBOT", "The arm, known or identified; its own friction does not count.")],
     cutoff: Annotated[float | None, option("--cutoff", "HZ", "Cut-off of the low-pass; by default chosen.")] = None,
+    warming: Annotated[
+        str,
+        option(
+            "--warming",
+            "RUN=K,…",
+            "Gears above the reference temperature, in kelvin, by run: slopes over it are tried.",
+        ),
+    ] = "",
     table: Annotated[bool, typer.Option("--table", help="Show friction over speed as well.")] = False,
     output: Annotated[
         Path | None, option("--output -o", "ARM.toml", "Write the arm with this friction, its numbers with deviations.")
@@ -30,8 +38,9 @@ def friction(
 ) -> None:
     """Identify friction of an arm's joints: viscous and Coulomb, and what else a held-out part of the log asks for.
 
-    Candidates are Stribeck's fall, load-proportional friction, the sigmoid law, a spring and a counterbalance; each stays only
-    if it lowers the held-out error by 1 %. Exit code: 0 identified, 2 bad input.
+    Candidates are Stribeck's fall, load-proportional friction, the sigmoid law, a spring and a counterbalance, and slopes over
+    temperature where runs have a warming; each stays only if it lowers the held-out error by 1 %.
+    Exit code: 0 identified, 2 bad input.
 
     \b
     Examples:
@@ -50,11 +59,12 @@ def friction(
         check_destination(report, (".html",))
     arm, log = aw.load(robot), aw.read_log(file)
     preparation = None if cutoff is None else aw.choose_preparation(log, cutoff=cutoff)
-    found = aw.identify_friction(log, arm, preparation=preparation)
+    warm = _warming(warming, [run.name for run in log.runs])
+    found = aw.identify_friction(log, arm, preparation=preparation, warming=warm)
     if table:
         rows = [
             [body.joint, *map(number, line)]
-            for body, moved in zip(arm.coordinates, friction_rows(log, arm, preparation), strict=True)
+            for body, moved in zip(arm.coordinates, friction_rows(log, arm, preparation, warm), strict=True)
             for line in friction_over_speed(moved).tolist()
         ]
         console_for_tables().print(shown_table("Friction over speed", HEADS, rows, HEADS[:1]))
@@ -65,3 +75,19 @@ def friction(
     if report is not None:
         aw.write_report(report, f"{log.title}: friction", found)
         say(f"wrote {report}")
+
+
+def _warming(text: str, runs: list[str]) -> dict[str, float] | None:
+    """Kelvin by run of "cold=0,warm=25"; None of an empty text."""
+    from armwright.errors import IdentificationError
+
+    found = {}
+    for each in filter(None, (part.strip() for part in text.split(","))):
+        run, _, kelvin = each.partition("=")
+        if run not in runs:
+            raise IdentificationError("no such run", place="--warming", value=run, choices=runs)
+        try:
+            found[run] = float(kelvin)
+        except ValueError:
+            raise IdentificationError(place="--warming", value=each, expected="RUN=K with K a number [K]") from None
+    return found or None

@@ -16,6 +16,7 @@ from armwright.identification.arm.friction import (
     identify_friction,
     with_identified_friction,
 )
+from armwright.model import build_model
 from identification.arm.moved_arm import moved
 
 USUAL = {"viscous": 1.5, "coulomb_positive": 2.0, "coulomb_negative": 2.6}
@@ -81,6 +82,23 @@ def test_friction_of_a_whole_arm(tmp_path):
     assert float(again.coordinates[0].friction.viscous) == pytest.approx(found["joint1.friction.viscous_n_m_s_per_rad"])
     path = aw.write_into(again, found, tmp_path / "rubbed.toml", key="friction")
     assert aw.load(path).record.joints[0].friction.viscous_n_m_s_per_rad.std > 0
+
+
+def test_springs_reach_the_record(tmp_path):
+    """The record that is written has the torque of a spring that stays."""
+    arm = aw.load("lwa4p")
+    joints = list(arm.record.joints)
+    spring = {"stiffness_n_m_per_rad": 30.0, "rest_rad": 0.2}
+    joints[1] = joints[1].replace(spring=spring)
+    sprung = build_model(arm.record.replace(joints=tuple(joints)))
+    log = moved(tmp_path, "sprung", sprung, seconds=20.0, torque_noise=0.3)
+    found = identify_friction(log, arm, candidates=("spring",))
+    again = with_identified_friction(arm, found).bodies
+    assert [k for k, body in enumerate(again) if body.spring is not None] == [1]
+    assert float(again[1].spring.stiffness) == pytest.approx(30.0, rel=0.03)
+    friction = again[1].friction  # what the spring holds at 0 is the difference of Coulomb's levels
+    constant = friction.offset + 0.5 * (friction.coulomb_positive - friction.coulomb_negative)
+    assert float(constant) == pytest.approx(-30 * 0.2, abs=0.6)
 
 
 def test_bad_input_is_refused(tmp_path):

@@ -4,13 +4,19 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.actuators.springs import spring_torque
+from armwright.description.robot import Source
 from armwright.errors import IdentificationError, LogError
 from armwright.identification.arm.equations import equations_of, samples_of
 from armwright.identification.arm.fit import cross_validated, fit_arm
+from armwright.identification.arm.spring_record import spring_keys
 from armwright.identification.validation.torque import predict_torque
+from armwright.model import build_model
 from identification.arm.simulated_log import write_log
 from identification.arm.tx40 import tx40_urdf
 from identification.real_logs import DATA, LWA_4P, TX40, log_of
+
+FIT = {"fit": Source(kind="fit", text="a test")}
 
 
 def test_record_with_fitted_numbers_moves_as_the_truth(tmp_path):
@@ -85,11 +91,42 @@ def test_springs_stay_where_they_lower_the_held_out_error(tmp_path):
     aw.write_toml(arm.record.replace(joints=tuple(joints)), tmp_path / "sprung.toml")
     sprung = aw.load(tmp_path / "sprung.toml")
     log = aw.read_log(write_log(tmp_path, sprung))
-    found = aw.identify_arm(log, arm, springs=("joint2", "joint3"), sensitivity=False, record=False)
+    found = aw.identify_arm(log, arm, springs=("joint2", "joint3"), sensitivity=False)
     names = found.estimate.names
     assert "k2" in names
     assert "k3" not in names
     assert abs(found.estimate["k2"] - 30.0) < 4 * found.estimate.std[names.index("k2")]
+    again = aw.load(found.write(tmp_path / "found.toml"))
+    assert again.bodies[1].spring is not None
+    assert again.bodies[2].spring is None
+    q, qd, qdd = np.random.default_rng(9).uniform(-1, 1, (3, 50, 6))
+    expected = aw.compile(sprung).inverse_dynamics(q, qd, qdd)
+    error = aw.compile(again).inverse_dynamics(q, qd, qdd) - expected
+    assert (error.std(axis=0) < 0.03 * expected.std(axis=0)).all()
+
+
+def test_springs_of_a_fit_add_to_those_of_the_record():
+    """Motor torques of the record that is written are those of the old spring and of the fitted columns together."""
+    arm, q = aw.load("lwa4p"), np.linspace(-2.5, 2.5, 41)
+    linear = {"stiffness_n_m_per_rad": 10.0, "rest_rad": 0.3, "preload_n_m": 2.0}
+    table = {"positions_rad": [-1.0, 0.0, 2.0], "torques_n_m": [3.0, 0.5, -4.0], "outside": "linear"}
+    for old in (None, linear, table):
+        for values in ({"spring": 7.0}, {"spring": 7.0, "sine": 3.0, "cosine": -2.0}):
+            joint = arm.record.joints[1].replace(spring=old)
+            joints = [joint if each.name == joint.name else each for each in arm.record.joints]
+            body = build_model(arm.record.replace(joints=tuple(joints))).bodies[1]
+            keys, path = spring_keys(body, values, "fit")
+            after = [joint.replace(**keys) if each.name == joint.name else each for each in arm.record.joints]
+            new = (
+                build_model(arm.record.replace(joints=tuple(after), sources={**arm.record.sources, **FIT}))
+                .bodies[1]
+                .spring
+            )
+            before = 0.0 if body.spring is None else np.array([spring_torque(body.spring, x) for x in q])
+            fitted = 7.0 * q + values.get("sine", 0.0) * np.sin(q) + values.get("cosine", 0.0) * np.cos(q)
+            got = np.array([spring_torque(new, x) for x in q])
+            np.testing.assert_allclose(got, before - fitted, atol=1e-9 if "sine" not in values else 4e-3)
+            assert (path is None) == (old is not None or "sine" in values)
 
 
 def test_logs_that_do_not_fit_the_arm_are_refused(tmp_path):

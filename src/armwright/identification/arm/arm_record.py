@@ -22,11 +22,11 @@ from armwright.identification.arm.physical import (
     physical_by_sdp,
     pseudo_inertias,
 )
+from armwright.identification.arm.spring_record import SPRINGS, spring_keys
 from armwright.identification.arm.torque_model import Column, TorqueModel
 
 MASSLESS = "massless"  # in a remark of an arm that was read without masses, and which are known now
-SPRINGS = ("spring", "sine", "cosine")
-NOT_NEGATIVE = ("rotor", "viscous", "coulomb", "coulomb+", "coulomb-")
+NOT_NEGATIVE = ("spring", "rotor", "viscous", "coulomb", "coulomb+", "coulomb-")
 Paths = dict[int, list[tuple[str, float]]]  # column → path of a number and the factor from the column's value to it
 NEAR = 0.01  # weight of a link's prior values beside the log's torques
 
@@ -58,7 +58,7 @@ def record_parameters(fit: ArmFit) -> RecordParameters:
     """
     equations = fit.weighted or fit.equations
     model = equations.model
-    kept = _columns_of_record(equations, fit.weights)
+    kept = _columns_of_record(equations, fit.weights, fit.base.independent)
     matrix, _ = stacked(equations.factors, len(model), fit.weights)
     links = np.arange(PER_LINK * len(model.arm.bodies)).reshape(-1, PER_LINK)
     columns = [model.columns[k] for k in kept]
@@ -91,12 +91,14 @@ def _physical(R: np.ndarray, z: np.ndarray, bounds: PhysicalBounds, options: dic
     return physical_by_sdp(R, z, bounds, **options)
 
 
-def _columns_of_record(equations: Equations, weights: np.ndarray) -> list[int]:
-    """Numbers of the columns that a record has numbers for: of a coupled motor its rotor, and the friction of it or of its
-    joint, whichever explains more.
+def _columns_of_record(equations: Equations, weights: np.ndarray, independent: np.ndarray) -> list[int]:
+    """Numbers of the columns that a record has numbers for.
+
+    Of a coupled motor its rotor, and the friction of it or of its joint, whichever explains more; of springs and counterbalances
+    those that are base parameters: the fit has left out the others, or they are links' gravity.
     """
     model = equations.model
-    kept = [k for k, column in enumerate(model.columns) if column.kind not in SPRINGS]
+    kept = [k for k, column in enumerate(model.columns) if column.kind not in SPRINGS or k in independent]
     for joint in _coupled(model):
         of_joint = [k for k in kept if model.columns[k].joint == joint and _is_drive(model.columns[k])]
         several = [k for k in of_joint if len(model.columns[k].turned) > 1]
@@ -233,7 +235,13 @@ def _with_drive(
             gear = {"value": ratio, "source": "definition"}
             changes["motor"] = {"gear_ratio": gear, "rotor_inertia_kg_m2": inertia, "coupling": coupling}
     friction = _friction(joint, columns, found, ratio, key, paths, places, model)
-    return joint.replace(**changes, **friction)
+    own = {c.kind: k for k in found.kept if (c := model.columns[k]).joint == joint.name and c.kind in SPRINGS}
+    spring, path = spring_keys(
+        model.arm.coordinates[index], {kind: float(found.values[k]) for kind, k in own.items()}, key
+    )
+    if path is not None:
+        paths[own["spring"]] = [(f"{joint.name}.spring.{path}", 1.0)]
+    return joint.replace(**changes, **friction, **spring)
 
 
 def _friction(

@@ -22,6 +22,7 @@ from scipy.optimize import least_squares
 from armwright.description.friction import key_of
 from armwright.errors import IdentificationError
 from armwright.identification.arm.equations import samples_of
+from armwright.identification.arm.spring_record import spring_keys
 from armwright.identification.arm.torque_model import torque_model
 from armwright.identification.estimate import Estimate
 from armwright.identification.logs.log import Log
@@ -105,7 +106,9 @@ TERMS: dict[str, tuple[Term, ...]] = {
         Term("sigmoid_shift", "speed", lambda _: 0.0, -np.inf),
         Term("offset", "torque", lambda rows: float(rows.torque.mean()), -np.inf),
     ),
-    "spring": (Term("stiffness", "spring", _level, -np.inf), Term("rest", "spring", _level, -np.inf)),
+    "spring": (
+        Term("stiffness", "spring", _level),
+    ),  # its torque at 0 is in the levels of Coulomb, or the sigmoid's offset
     "counterbalance": (
         Term("sine", "spring", _level, -np.inf),
         Term("cosine", "spring", _level, -np.inf),
@@ -148,7 +151,7 @@ class FrictionLaw:
                 level = level + (v["stribeck_torque"] - level) * np.exp(-((speed / v["stribeck_speed"]) ** 2))
             level = level * (1 + v.get("coulomb_temperature_coefficient_per_k", 0.0) * warming)
             torque = torque + s * (level + v.get("load_coefficient", 0.0) * np.abs(rows.load))
-        torque = torque + v.get("stiffness", 0.0) * rows.q + v.get("rest", 0.0)
+        torque = torque + v.get("stiffness", 0.0) * rows.q
         return torque + v.get("sine", 0.0) * np.sin(rows.q) + v.get("cosine", 0.0) * np.cos(rows.q)
 
 
@@ -304,8 +307,8 @@ def identify_friction(
         candidates: of "stribeck", "load", "coulomb by temperature", "viscous by temperature", "sigmoid", "spring" and
             "counterbalance", which stay only if they lower the held-out error by `worth`, a share.   worth: 0.01.
     Returns:
-        estimate: numbers under the record's own keys, such as `joint1.friction.viscous_n_m_s_per_rad`; what the record has no key
-            for, springs, under names of their own. Remarks say what each candidate brought.
+        estimate: numbers under the record's own keys, such as `joint1.friction.viscous_n_m_s_per_rad`; those of springs, of which
+            the record may make a table, under names of their own. Remarks say what each candidate brought.
     Raises:
         IdentificationError: an arm without masses, an unknown candidate, a log that does not fit.
     """
@@ -390,9 +393,18 @@ def _spread(law: FrictionLaw, covariance: np.ndarray) -> np.ndarray:
     return change @ covariance @ change.T
 
 
+SPRING = " of a spring or counterbalance"
+OF_SPRING = {
+    "stiffness": "spring",
+    "rest": "constant",
+    "sine": "sine",
+    "cosine": "cosine",
+}  # stem → value of `spring_keys`
+
+
 def _name(joint: str, term: Term, linear: bool) -> str:
     if term.dimension == "spring":
-        return f"{joint}: {term.stem} of a spring or counterbalance"
+        return f"{joint}: {term.stem}{SPRING}"
     return f"{joint}.friction.{term.stem if term.dimension is None else key_of(term.stem, term.dimension, linear)}"
 
 
@@ -433,7 +445,7 @@ def _covariance(rows: FrictionRows, law: FrictionLaw) -> np.ndarray:
 
 
 def with_identified_friction(robot: Model, estimate: Estimate) -> Model:
-    """The arm with the friction of an estimate in its record, in place of what it had there.
+    """The arm with the friction of an estimate in place of its own, and with the estimate's springs added to its own.
 
     Raises:
         DescriptionError: the record cannot have these numbers.
@@ -444,12 +456,16 @@ def with_identified_friction(robot: Model, estimate: Estimate) -> Model:
     from armwright.model.variants.edits import checked, replaced
 
     numbers: dict[str, dict[str, Any]] = {}
+    springs: dict[str, dict[str, float]] = {}
     for name, value, std in zip(estimate.names, estimate.values, estimate.std, strict=True):
         joint, _, key = name.partition(".friction.")
+        if name.endswith(SPRING):
+            joint, _, stem = name.removesuffix(SPRING).rpartition(": ")
+            springs.setdefault(joint, {})[OF_SPRING[stem]] = float(value)
         if key:
             spread = {"std": float(std)} if np.isfinite(std) else {}
             numbers.setdefault(joint, {})[key] = {"value": float(value), "source": "fit", **spread}
-    joints = []
+    joints, bodies = [], {body.joint: body for body in robot.coordinates}
     for joint in robot.record.joints:
         keys = numbers.get(joint.name)
         if keys is not None and joint.type != "fixed":
@@ -460,6 +476,8 @@ def with_identified_friction(robot: Model, estimate: Estimate) -> Model:
             kept = {smoothing: old} if old is not None and law == "coulomb" else {}
             friction = checked(kind, f"{joint.name}.friction", law=law, **kept, **keys)
             joint = joint.replace(friction=friction)
+        if joint.name in springs:
+            joint = joint.replace(**spring_keys(bodies[joint.name], springs[joint.name], "fit")[0])
         joints.append(joint)
     record = replaced(robot.record, "with_identified_friction", joints=tuple(joints))
     from armwright.model import build_model

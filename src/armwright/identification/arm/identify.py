@@ -12,7 +12,7 @@ import numpy as np
 
 from armwright.description.robot import Source
 from armwright.errors import IdentificationError
-from armwright.identification.arm.arm_record import SPRINGS, Paths, RecordParameters, described, record_parameters
+from armwright.identification.arm.arm_record import Paths, RecordParameters, described, record_parameters
 from armwright.identification.arm.base import BaseParameters, base_parameters, regrouped
 from armwright.identification.arm.equations import Equations, Samples, equations_of, samples_of, stacked
 from armwright.identification.arm.fit import (
@@ -26,6 +26,7 @@ from armwright.identification.arm.fit import (
     with_correlation,
 )
 from armwright.identification.arm.separating import sentences
+from armwright.identification.arm.spring_record import SPRINGS
 from armwright.identification.arm.torque_model import USUAL_FRICTION, TorqueModel, torque_model
 from armwright.identification.estimate import HALF_95, Estimate, write_into
 from armwright.identification.identifiability import MEANINGLESS
