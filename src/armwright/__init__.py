@@ -61,8 +61,10 @@ if TYPE_CHECKING:
     from armwright.identification.validation.report import write_report
     from armwright.identification.validation.validate import Validation, validate
     from armwright.identification.validation.verdict import stored_verdict, write_verdict
+    from armwright.ik.measures import Manipulability, manipulability
     from armwright.ik.solutions import PoseSolutions
     from armwright.ik.solve import inverse_kinematics
+    from armwright.ik.workspace import workspace
     from armwright.interfaces import Controller, JointReference, Measurement, Sensor, Trajectory
     from armwright.kernels.compiled import CompiledArm
     from armwright.kernels.compiled import compile_arm as compile
@@ -78,6 +80,7 @@ if TYPE_CHECKING:
     from armwright.parts.write import write_parts
     from armwright.pictures.animate import animate
     from armwright.pictures.show import show
+    from armwright.pictures.workspace_maps import draw_workspace
     from armwright.results.plot import plot
     from armwright.results.recording import save
     from armwright.results.run_file import load_run
@@ -148,6 +151,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.identification.logs.log": ("Log", "read_log"),
     "armwright.identification.logs.plot": ("plot_log",),
     "armwright.identification.logs.preparation": ("Preparation", "choose_preparation", "prepare_log"),
+    "armwright.ik.measures": ("Manipulability", "manipulability"),
     "armwright.ik.solutions": ("PoseSolutions",),
     "armwright.ik.solve": ("inverse_kinematics",),
     "armwright.identification.validation.limits": ("Limits",),
@@ -199,6 +203,9 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
         "limits_report",
     ),
     "armwright.trajectory.path": ("JointPath",),
+    "armwright.pictures.workspace_maps": ("draw_workspace",),
+    "armwright.ik.workspace": ("workspace",),
+    "armwright.trajectory": ("Fourier", "Quintic", "Ramp", "Sine", "Step"),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 _CALLED = {"compile": "compile_arm"}  # inside, nothing is called like Python's own
@@ -229,6 +236,7 @@ __all__ = [
     "Log",
     "Loop",
     "LoopState",
+    "Manipulability",
     "Measurement",
     "MinimumJerk",
     "Model",
@@ -277,6 +285,7 @@ __all__ = [
     "coriolis_matrix",
     "design_excitation",
     "diff",
+    "draw_workspace",
     "energy",
     "enumerate_assemblies",
     "fit_armax",
@@ -304,6 +313,7 @@ __all__ = [
     "limits_report",
     "load",
     "load_run",
+    "manipulability",
     "mass_matrix",
     "motor_current",
     "motor_experiment",
@@ -334,6 +344,7 @@ __all__ = [
     "stored_verdict",
     "to_toml",
     "validate",
+    "workspace",
     "write_into",
     "write_parts",
     "write_report",

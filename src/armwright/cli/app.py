@@ -35,6 +35,7 @@ from armwright.cli.sim import sim
 from armwright.cli.simulate import simulate
 from armwright.cli.step_study import step_study
 from armwright.cli.validate import validate
+from armwright.cli.workspace import workspace
 from armwright.errors import ArmwrightError
 from armwright.terminal import say
 
@@ -145,6 +146,7 @@ for command in (
     inverse_dynamics,
     forward_dynamics,
     ik,
+    workspace,
     simulate,
     plot,
     animate,

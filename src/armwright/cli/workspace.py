@@ -1,0 +1,60 @@
+"""`armwright workspace`: where an arm's tip comes, and how well it moves there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from armwright.cli.arguments import Robot, option
+from armwright.terminal import say
+
+SHOWN = (1.0, 50.0, 99.0, 100.0)  # percentiles of the summary
+
+
+def workspace(
+    robot: Robot,
+    output: Annotated[
+        Path | None,
+        option(
+            "--output -o", "FILE", "The picture: .png, .svg, .pdf, .html (a cloud to turn), or .nc for the numbers."
+        ),
+    ] = None,
+    samples: Annotated[int, option("--samples", "N", "Joint positions to draw; default 1000000.")] = 1_000_000,
+    frame: Annotated[str | None, option("--frame", "NAME", "The frame that moves; by default the tip.")] = None,
+    aim: Annotated[
+        str, option("--aim", "WORD", "What manipulability counts: pose, position, rotation, or axis; default pose.")
+    ] = "pose",
+    length: Annotated[float, option("--length", "L", "Metres that a turn by 1 rad counts as; default 1.")] = 1.0,
+    seed: Annotated[int, option("--seed", "N", "Of the samples; default 0.")] = 0,
+) -> None:
+    """Draw the workspace of an arm: maps of manipulability and histograms of reach from random joint positions within the limits.
+
+    \b
+    Examples:
+      armwright workspace puma560 -o puma.png
+      armwright workspace panda --aim position -o panda.html
+      armwright workspace my-arm.urdf --samples 100000
+    """
+    import armwright as aw
+    from armwright.cli.progress import progress
+    from armwright.output import check_destination, whole_file
+    from armwright.pictures.workspace_maps import ENDINGS, draw_workspace
+
+    if output is not None:
+        check_destination(output, (*ENDINGS, ".nc"), read=(robot,))
+    arm, chosen = aw.load(robot, kinematics_only=True), aim
+    task: Any = chosen
+    with progress(f"workspace of {arm.name}"):
+        found = aw.workspace(arm, samples, frame=frame, aim=task, length=length, seed=seed)
+        if output is not None and output.suffix.lower() == ".nc":
+            with whole_file(output, (".nc",)) as temporary:
+                found.to_netcdf(temporary, engine="h5netcdf")
+        elif output is not None:
+            draw_workspace(found, output)
+    for name in ("reach", "manipulability", "smallest_singular_value", "condition"):
+        values = found[f"{name}_percentiles"].sel(percentile=list(SHOWN)).values
+        unit = found[name].attrs["units"]
+        parts = zip(("1 %", "median", "99 %", "most"), values, strict=True)
+        say(f"{name.replace('_', ' ')} [{unit}]: " + ", ".join(f"{word} {value:.4g}" for word, value in parts))
+    if output is not None:
+        say(f"wrote {output}")
