@@ -1,0 +1,100 @@
+"""A continuous system seen at sample times: a zero-order hold with any delay, exactly.  [AstromWittenmark1997]
+
+A command u_k is held for a period T and acts d = (m + φ) T late, m whole and 0 ≤ φ < 1. With  Φ(t) = e^{A t}  and
+Γ(t) = ∫₀ᵗ e^{A s} ds B, the state at the next sample is
+
+    x_{k+1} = Φ(T) x_k + Γ((1 - φ) T) u_{k-m} + Φ((1 - φ) T) Γ(φ T) u_{k-m-1}
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm
+
+from armwright.errors import ScenarioError
+from armwright.simulation.checks import check_time
+from armwright.simulation.loop.timing import WHOLE
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """x_{k+1} = a x_k + new u_{k-ticks} + old u_{k-ticks-1}, for any batch of systems.
+
+    Attributes:
+        a: (…, N, N).   new, old: (…, N, m).   ticks: whole periods of the delay.
+    """
+
+    a: np.ndarray
+    new: np.ndarray
+    old: np.ndarray
+    ticks: int
+
+
+def zero_order_hold(a: Any, b: Any, period: float, delay: float = 0.0) -> Held:
+    """The sampled system of  dx/dt = A x + B u(t - delay)  with u held over each period.
+
+    Args:
+        a: (…, N, N) [1/s].   b: (…, N, m).   period: [s].   delay: [s], any number of 0 or more.
+    Raises:
+        ScenarioError: a period or delay that is none, or matrices that do not fit together.
+    """
+    check_time("period", period)
+    if not 0.0 <= delay < np.inf:
+        raise ScenarioError(place="delay", value=delay, expected="a time of 0 s or more")
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    if a.ndim < 2 or b.ndim < 2 or a.shape[-1] != a.shape[-2] or a.shape[-1] != b.shape[-2]:
+        raise ScenarioError(f"shapes {a.shape} and {b.shape}", place="a, b", expected="(…, N, N) and (…, N, m)")
+    ticks, part = split_delay(delay / period)
+    now, gain = _transition(a, b, (1.0 - part) * period)
+    if part == 0.0:
+        return Held(now, gain, np.zeros_like(gain), ticks)
+    before, late = _transition(a, b, part * period)
+    return Held(now @ before, gain, now @ late, ticks)
+
+
+def split_delay(periods: float) -> tuple[int, float]:
+    """Whole periods of a delay, and the fraction that is left, 0 ≤ φ < 1; within rounding of a whole number it is that."""
+    whole = int(np.floor(periods + WHOLE))
+    return whole, max(periods - whole, 0.0) if abs(periods - whole) > WHOLE else 0.0
+
+
+def _transition(a: np.ndarray, b: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
+    """Φ(t) and Γ(t), from one matrix exponential of [[A, B], [0, 0]] t.  [VanLoan1978]"""
+    size, inputs = b.shape[-2:]
+    lead = np.broadcast_shapes(a.shape[:-2], b.shape[:-2])
+    block = np.zeros((*lead, size + inputs, size + inputs))
+    block[..., :size, :size], block[..., :size, size:] = a, b
+    power = expm(t * block)
+    return power[..., :size, :size], power[..., :size, size:]
+
+
+def sampled_system(a: Any, b: Any, c: Any, period: float, delay: float = 0.0) -> Any:
+    """The sampled system with its delay as a `control.StateSpace`, commands that wait being states.
+
+    Args:
+        a, b, period, delay: as `zero_order_hold`, of one system.   c: (p, N) what is measured, y_k = C x_k.
+    Raises:
+        ScenarioError: as `zero_order_hold`.
+    """
+    import control
+
+    held = zero_order_hold(a, b, period, delay)
+    size, inputs = held.new.shape
+    waiting = held.ticks + bool(held.old.any())
+    z = size + inputs * waiting
+    whole, entry = np.zeros((z, z)), np.zeros((z, inputs))
+    whole[:size, :size] = held.a
+    for gain, age in ((held.new, held.ticks), (held.old, held.ticks + 1)):
+        if age == 0:
+            entry[:size] = gain
+        elif age <= waiting:
+            whole[:size, size + (age - 1) * inputs : size + age * inputs] += gain
+    if waiting:
+        entry[size : size + inputs] = np.eye(inputs)
+        whole[size + inputs :, size : z - inputs] = np.eye(z - size - inputs)
+    c = np.asarray(c, dtype=float)
+    output = np.hstack([c, np.zeros((len(c), z - size))])
+    return control.ss(whole, entry, output, np.zeros((len(c), inputs)), period)

@@ -1,0 +1,250 @@
+"""A sampled loop about poses at rest as one linear map from tick to tick: is it stable, and with which margins?
+
+Between ticks the plant goes on exactly (`hold`), with all delays of the loop as one delay of the commands: measuring d earlier
+is the same as moving d later, for a plant that does not depend on time. A loop of several rates repeats itself after a *cycle*
+of ticks; the product of its maps over one cycle says whether it is stable: all its eigenvalues lie within the unit circle.
+
+Margins are those of a factor κ in a joint's command, with the other loops closed as they are: how much larger or smaller than 1
+it may be, and which angle it may have as e^{-jφ}, before an eigenvalue meets the unit circle. For a single rate and a single
+joint these are the classical gain and phase margins; for several rates they are those of the lifted system.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armwright.control.analysis.hold import Held, split_delay, zero_order_hold
+from armwright.control.analysis.small_signal import LEFT_OUT, Slopes, SmallPlant, SmallSignal
+from armwright.errors import ScenarioError
+from armwright.simulation.loop.timing import Delays
+from armwright.simulation.scenario import Scenario
+
+GAINS = np.geomspace(1.0, 1e3, 31)  # factors among which the first unstable one is looked for
+ANGLES = np.linspace(0.0, np.pi, 31)
+HALVINGS = 24  # of the interval where a margin ends
+
+
+@dataclass(frozen=True, eq=False)
+class Margins:
+    """Margins of each joint's loop at poses (…), the others closed; of a loop that is not stable all are NaN.
+
+    Attributes:
+        gain_up, gain_down: (…, n) factors of the command, above and below 1, at which stability ends; inf and 0 if never.
+        phase: (…, n) [rad] lag of the command at which it ends; π if never.
+        radius: (…,) largest magnitude of an eigenvalue over a cycle, as one for each tick; below 1 the loop is stable.
+    """
+
+    gain_up: np.ndarray
+    gain_down: np.ndarray
+    phase: np.ndarray
+    radius: np.ndarray
+
+
+class LinearLoop:
+    """The loop of a scenario about poses at rest.
+
+    Attributes:
+        names: of the joints.   period: [s].   delay: [s] of measurements and commands together.
+        cycle: ticks after which the loop repeats itself.   left_out: what small motions do not see, in words.
+    """
+
+    left_out = LEFT_OUT
+
+    def __init__(self, scenario: Scenario, period: float | None = None, plant: SmallPlant | None = None):
+        """The loop of a scenario.
+
+        Args:
+            scenario: with a controller in its loop.   period: [s] in place of the loop's own; gains and delays in seconds stay.
+            plant: of the same arm, where there is one already.
+        Raises:
+            ScenarioError: a scenario without a controller, or one that cannot be traced.
+        """
+        loop = scenario.loop
+        if loop is None or loop.controller is None:
+            raise ScenarioError("has no controller", place="loop", expected="a scenario with a loop and its controller")
+        self.scenario = scenario
+        self.period = scenario.tick if period is None else float(period)
+        self.plant = SmallPlant(scenario.arm) if plant is None else plant
+        self._small = SmallSignal(self.plant, loop.controller, loop.sensor_list, self.period)
+        timing = Delays.of(loop.timing, self.period)
+        parts = (timing.measured, timing.earlier, timing.commanded, timing.later)
+        self._periods = float(sum(part[0] for part in parts))
+        self.delay = self._periods * self.period
+        self.names, self.cycle = scenario.arm.names, self._small.cycle
+
+    def __repr__(self) -> str:
+        return f"LinearLoop({self.scenario.arm.name!r}, {self.period:g} s, delay {1e3 * self.delay:.4g} ms)"
+
+    def slopes(self, q: Any, gains: Any = None, joint: int | None = None) -> Slopes:
+        """Matrices of plant, sensors and controller at poses q (…, n) [rad | m], with what decides nothing left out.
+
+        Args:
+            q: poses.   gains: in place of the controller's batches.   joint: its loop alone, all other joints held still.
+        """
+        slopes = self._small.slopes(q, gains)
+        if joint is not None:
+            slopes = slopes.alone(joint, self._states_of(joint))
+        size, n = slopes.b.shape[-2:]
+        maps = self.maps(slopes, self.held(slopes))
+        memory = slopes.ticks[0].shape[-2] - n
+        moving = moving_states(maps, size)
+        kept = moving[(moving >= size) & (moving < size + memory)] - size
+        rows, columns = np.r_[0:n, n + kept], np.r_[0:size, size + kept, size + memory : size + memory + n]
+        return Slopes(slopes.e, slopes.a, slopes.b, tuple(tick[..., rows[:, None], columns] for tick in slopes.ticks))
+
+    def _states_of(self, joint: int) -> np.ndarray:
+        """Places in the plant's state that belong to a joint."""
+        layout, states = self.plant.plant.layout, []
+        for name in layout.names:
+            place = layout.place(name)
+            joints = layout[name].joints or tuple(range(len(self.names)))
+            states += [place.start + k for k, each in enumerate(joints) if each == joint]
+        return np.array(states)
+
+    def held(self, slopes: Slopes, extra: float = 0.0) -> Held:
+        """The plant from tick to tick with all delays of the loop and `extra` [s] more."""
+        ticks, part = split_delay(self._periods + extra / self.period)
+        a, b = np.linalg.solve(slopes.e, slopes.a), np.linalg.solve(slopes.e, slopes.b)
+        return zero_order_hold(a, b, self.period, (ticks + part) * self.period)
+
+    def maps(self, slopes: Slopes, held: Held, factors: np.ndarray | None = None) -> list[np.ndarray]:
+        """Maps of one cycle's ticks, (…, Z, Z) each, of the plant's states, the memories, and commands under way.
+
+        Args:
+            slopes, held: at poses (…).   factors: (…, commands) of the commands at the plant; None: 1.
+        """
+        size, n = slopes.b.shape[-2:]
+        known = size + slopes.ticks[0].shape[-2] - n
+        factor = np.ones(n) if factors is None else np.asarray(factors)
+        new, old = held.new * factor[..., None, :], held.old * factor[..., None, :]
+        total = known + n * (held.ticks + 1)
+        looked_at = np.r_[0:known, total - n : total]  # the plant, the memories, and the command in force
+        scale = np.concatenate([np.ones((*factor.shape[:-1], known)), factor], axis=-1)
+        lead = np.broadcast_shapes(new.shape[:-2], factor.shape[:-1])
+        maps = []
+        for tick in slopes.ticks:
+            command, following = np.split(tick * scale[..., None, :], [n], axis=-2)
+            whole = np.zeros((*lead, total, total), dtype=np.result_type(new, command))
+            whole[..., :size, :size] = held.a
+            whole[..., :size, total - n :] += old
+            if held.ticks == 0:
+                whole[..., :size, looked_at] += new @ command
+            else:
+                whole[..., :size, total - 2 * n : total - n] += new
+            whole[..., size:known, looked_at] = following
+            whole[..., known : known + n, looked_at] = command
+            whole[..., known + n :, known : total - n] += np.eye(n * held.ticks)
+            maps.append(whole)
+        return maps
+
+    def radius(self, q: Any, *, gains: Any = None, joint: int | None = None) -> np.ndarray:
+        """Spectral radius (…,) a tick at poses q (…, n): the loop is stable where it is below 1.
+
+        Args:
+            q: (…, n) [rad | m].   gains: in place of the controller's batches.   joint: alone, the others held.
+        """
+        slopes = self.slopes(q, gains, joint)
+        return self._radius(slopes, self.held(slopes))
+
+    def _radius(self, slopes: Slopes, held: Held, factors: np.ndarray | None = None) -> np.ndarray:
+        maps = self.maps(slopes, held, factors)
+        product = maps[0]
+        for each in maps[1:]:
+            product = each @ product
+        return np.abs(np.linalg.eigvals(product)).max(axis=-1) ** (1.0 / self.cycle)
+
+    def margins(self, q: Any, *, gains: Any = None, held: bool = False) -> Margins:
+        """Margins of every joint's loop at poses q (…, n) [rad | m].
+
+        Args:
+            q: poses.   gains: in place of the controller's batches.
+            held: with the other joints held still, as a servo drive tuned by itself would see it; else with their loops closed.
+        """
+        n, rows = len(self.names), []
+        coupled = self.slopes(q, gains)
+        radius = self._radius(coupled, self.held(coupled))
+        for joint in range(n):
+            slopes = self.slopes(q, gains, joint) if held else coupled
+            rows.append(self._margins(slopes, 0 if held else joint))
+        up, down, phase = np.moveaxis(np.array(rows), 0, -1)
+        return Margins(up, down, phase, radius)
+
+    def _margins(self, slopes: Slopes, command: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Gain margins above and below, and the phase margin [rad], of one command; NaN where the loop is not stable."""
+        plant, one = self.held(slopes), np.arange(slopes.b.shape[-1]) == command
+
+        def unstable(factor: np.ndarray) -> np.ndarray:
+            return self._radius(slopes, plant, np.where(one, factor[..., None], 1.0)) >= 1.0
+
+        shape = plant.a.shape[:-2]
+        stable = ~unstable(np.ones(shape))
+        up = _first(unstable, GAINS, shape, np.inf)
+        down = 1.0 / _first(lambda g: unstable(1.0 / g), GAINS, shape, np.inf)
+        phase = _first(lambda p: unstable(np.exp(-1j * p)), ANGLES, shape, np.pi)
+        up, down, phase = (np.where(stable, each, np.nan) for each in (up, down, phase))
+        return up, down, phase
+
+    def sensitivity(self, q: Any, *, gains: Any = None, points: int = 400) -> tuple[np.ndarray, np.ndarray]:
+        """Largest magnitude of each joint's sensitivity at its command, the others closed; the modulus margin is its inverse.
+
+        S(z) is how a disturbance added to a command comes back in that command. Only for a loop of one rate.
+
+        Args:
+            q: (…, n) poses [rad | m].   gains: in place of the controller's batches.   points: frequencies, evenly in log.
+        Returns:
+            peak: (…, n).   frequency: (…, n) [rad/s] where.
+        Raises:
+            ScenarioError: a loop of several rates.
+        """
+        if self.cycle != 1:
+            raise ScenarioError("has several rates", place="loop", expected="a loop of one rate, or its margins")
+        slopes = self.slopes(q, gains)
+        n = len(self.names)
+        held = self.held(slopes)
+        base = self.maps(slopes, held)[0]
+        w = np.geomspace(1e-4, 1.0, points) * np.pi / self.period
+        z = np.exp(1j * w * self.period)
+        peak = np.empty((*base.shape[:-2], n))
+        where = np.empty_like(peak)
+        for joint in range(n):
+            opened = self.maps(slopes, held, factors=np.where(np.arange(n) == joint, 0.0, 1.0))[0]
+            # S = 1 / (1 + L) = det(zI - opened) / det(zI - closed), as the factor is one of a single column
+            far = [z - np.linalg.eigvals(each)[..., :, None] for each in (opened, base)]
+            size = np.abs(np.prod(far[0] / far[1], axis=-2))
+            best = size.argmax(axis=-1)
+            peak[..., joint], where[..., joint] = size.max(axis=-1), w[best]
+        return peak, where
+
+
+def _first(
+    unstable: Callable[[np.ndarray], np.ndarray], grid: np.ndarray, shape: tuple[int, ...], never: float
+) -> np.ndarray:
+    """First value on the way along a grid at which a loop becomes unstable, refined by halving; `never` where none does."""
+    lost = unstable(np.broadcast_to(grid[1:].reshape(-1, *[1] * len(shape)), (len(grid) - 1, *shape)))
+    first = lost.argmax(axis=0)
+    low, high = grid[first], grid[first + 1]
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        beyond = unstable(middle)
+        high, low = np.where(beyond, middle, high), np.where(beyond, low, middle)
+    return np.where(lost.any(axis=0), 0.5 * (low + high), never)
+
+
+def moving_states(maps: list[np.ndarray], size: int) -> np.ndarray:
+    """Indices of the states that the plant's, the first `size`, depend on and that depend on them; others decide nothing."""
+    links = np.zeros(maps[0].shape[-2:], dtype=bool)
+    for each in maps:
+        links |= (each != 0).reshape(-1, *links.shape).any(axis=0)
+
+    def closed(links: np.ndarray) -> np.ndarray:
+        """States that the plant's lead to."""
+        reached = np.arange(len(links)) < size
+        for _ in range(len(links)):
+            reached = reached | links[:, reached].any(axis=1)
+        return reached
+
+    return np.flatnonzero(closed(links) & closed(links.T))

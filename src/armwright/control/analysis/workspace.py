@@ -1,0 +1,88 @@
+"""Inertia, gravity and coupling of each joint over an arm's workspace, from many sampled poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armwright import scalar
+from armwright.dynamics import holding_torques, mass_matrix
+from armwright.errors import ScenarioError
+from armwright.kernels.batch import Kernel
+from armwright.kernels.target import select_target
+from armwright.model import Model
+from armwright.program import trace
+from armwright.scalar import Array
+
+
+@dataclass(frozen=True, eq=False)
+class JointInertias:
+    """What each joint's motor has to move, at sampled poses.
+
+    Attributes:
+        q: (poses, n) [rad | m].   held: (poses, n) H_jj, the others held still [kg m² | kg], rotors included.
+        free: (poses, n) 1/(H⁻¹)_jj, the others without torque [kg m² | kg].
+        slope: (poses, n) ∂g_j/∂q_j of weight and springs [N m/rad | N/m].
+    """
+
+    q: np.ndarray
+    held: np.ndarray
+    free: np.ndarray
+    slope: np.ndarray
+
+    @property
+    def coupling(self) -> np.ndarray:
+        """(poses, n) 1 - free / held: 0 where a joint moves by itself, near 1 where the others decide."""
+        return 1.0 - self.free / self.held
+
+    def extremes(self) -> np.ndarray:
+        """Indices of the poses where any joint's inertia, slope or coupling is least or greatest."""
+        columns = np.hstack([self.held, self.free, self.slope, self.coupling])
+        return np.unique(np.concatenate([columns.argmin(axis=0), columns.argmax(axis=0)]))
+
+
+def sampled_poses(arm: Model, count: int, seed: int = 0) -> np.ndarray:
+    """(count, n) poses drawn evenly within the position limits; a revolute joint without limits within ±π.
+
+    Raises:
+        ScenarioError: a count below 1, or a sliding joint without limits.
+    """
+    if count < 1:
+        raise ScenarioError(place="poses", value=count, expected="1 or more")
+    ranges = []
+    for body in arm.coordinates:
+        ends = np.array(body.limits.position, dtype=float)
+        if body.kind == "prismatic" and not np.isfinite(ends).all():
+            raise ScenarioError(f"sliding joint {body.joint!r} has no position limits", place="poses", file=arm.name)
+        ranges.append(ends if body.kind == "prismatic" else np.clip(ends, -np.pi, np.pi))
+    low, high = np.array(ranges).T
+    return low + (high - low) * np.random.default_rng(seed).uniform(size=(count, arm.n))
+
+
+def joint_inertias(arm: Model, poses: int | np.ndarray = 100_000, seed: int = 0) -> JointInertias:
+    """Inertia, gravity's slope and coupling of every joint over the workspace, by one compiled kernel.
+
+    Args:
+        arm: the model, with or without a payload.   poses: how many are drawn (`sampled_poses`), or (k, n) [rad | m].
+        seed: of the poses.
+    Returns:
+        inertias: at each pose.
+    Raises:
+        ScenarioError: as `sampled_poses`.
+    """
+    q = sampled_poses(arm, poses, seed) if isinstance(poses, int) else np.asarray(poses, dtype=float)
+
+    def of_joints(q: Array) -> tuple[Array, Array, Array]:
+        mass = mass_matrix(arm, q)
+        inverse = scalar.inverse_factored(scalar.factor_symmetric(mass))
+        slope = scalar.jacobian(lambda q: holding_torques(arm, q), q)
+        joints = range(arm.n)
+        return (
+            scalar.array([mass[i, i] for i in joints]),
+            scalar.array([1.0 / inverse[i, i] for i in joints]),
+            scalar.array([slope[i, i] for i in joints]),
+        )
+
+    program = trace("joint_inertias", of_joints, {"q": (arm.n,)}, ("held", "free", "slope"), by_content=True)
+    return JointInertias(q, *Kernel(program, select_target(None))(q))
