@@ -10,8 +10,10 @@ from armwright.trajectory.quintic import Quintic
 from armwright.trajectory.ramp import Ramp
 from armwright.trajectory.s_curve import SCurve
 from armwright.trajectory.sine import Sine
+from armwright.trajectory.state_to_state import Ruckig
 from armwright.trajectory.step import Step
 from armwright.trajectory.trapezoid import Trapezoid
+from armwright.trajectory.waypoints import Waypoints
 
 __all__ = [
     "Cubic",
@@ -22,9 +24,11 @@ __all__ = [
     "PiecewisePolynomial",
     "Quintic",
     "Ramp",
+    "Ruckig",
     "SCurve",
     "Sine",
     "Step",
     "Trapezoid",
+    "Waypoints",
     "limits_report",
 ]

@@ -1,0 +1,252 @@
+"""Motions through or near waypoints: splines with optimised knot times, or straight lines with parabolic blends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.errors import ScenarioError
+from armwright.trajectory.limits import MotionLimits
+from armwright.trajectory.piecewise import PiecewiseMotion, PiecewisePolynomial
+from armwright.trajectory.poses import check_limits, check_number
+from armwright.trajectory.splines import CURVES, optimised_spline, spline
+
+COINCIDENT = 1e-12  # [rad | m] between waypoints that are one, by their size
+KEPT = 1.0 + 1e-9  # share of a limit that rounding may use
+ROUNDS = 200  # of slowing segments whose blends overlap
+
+
+@dataclass(frozen=True, eq=False)
+class Waypoints(PiecewiseMotion):
+    """Motion from the first waypoint to the last along a curve, by default as fast as the limits allow.
+
+    | `curve`           | between waypoints             | continuous | at both ends                                     |
+    |-------------------|-------------------------------|------------|--------------------------------------------------|
+    | "cubic"           | third degree                  | q, q̇, q̈    | rest; q̈ jumps there                              |
+    | "natural_cubic"   | third degree                  | q, q̇, q̈    | q̈ = 0; it begins and ends moving                 |
+    | "quintic"         | fifth degree                  | up to q⁽⁴⁾ | rest, q̈ = 0                                      |
+    | "natural_quintic" | fifth degree                  | up to q⁽⁴⁾ | q⁽³⁾ = q⁽⁴⁾ = 0; it begins and ends moving       |
+    | "parabolic"       | straight lines, rounded off   | q, q̇       | rest; it passes inner waypoints at a distance    |
+
+    Splines pass through all waypoints and may swing out between them; what leaves the limits of position is refused, with
+    the joint and how far. Parabolic blends never leave the polygon's corners outwards, see `parabolic_blends`.
+
+    Args:
+        points: (k, n) [rad | m], two or more.
+        limits: velocity, acceleration, jerk (not of parabolic blends), position; infinite ones do not count.
+            None: `times` are needed, and no limit is kept.
+        curve: as above.   times: (k,) [s] of the waypoints, from the first on; None: by the limits.
+        duration: [s]; None: the shortest that was found.   time: [s] of the beginning; with `times` it is theirs.
+    Raises:
+        ScenarioError: what are no waypoints, coincident ones, times that do not increase, limits that are exceeded or that
+            bound nothing; names the waypoint, the joint and the numbers.
+    """
+
+    points: Any
+    limits: MotionLimits | None = None
+    curve: str = "cubic"
+    times: Any = None
+    duration: Any = None
+    time: float = 0.0
+
+    def __post_init__(self) -> None:
+        points = _checked_points(self.points)
+        if self.curve not in (*CURVES, "parabolic"):
+            choices = (*CURVES, "parabolic")
+            raise ScenarioError("unknown", place="Waypoints.curve", value=self.curve, choices=choices)
+        if self.curve == "natural_quintic" and len(points) < 3:
+            what, expected = "a natural quintic through two", "three or more, or another curve"
+            raise ScenarioError(what, place="Waypoints.points", expected=expected)
+        check_number("Waypoints", "time", self.time)
+        if self.limits is not None:
+            check_limits("Waypoints", self.limits)
+            if points.shape[1] != self.limits.n:
+                what = f"waypoints of {points.shape[1]} joints"
+                raise ScenarioError(what, place="Waypoints.points", expected=f"{self.limits.n}, as limits has")
+            self.limits.check_position("Waypoints.points", points)
+        polynomial = self._by_limits(points) if self.times is None else self._by_times(points)
+        object.__setattr__(self, "time", polynomial.time)
+        object.__setattr__(self, "duration", polynomial.duration)
+        self.set_polynomial(polynomial)
+        if self.limits is not None:
+            _check_swing(polynomial, self.limits)
+
+    def _by_limits(self, points: np.ndarray) -> PiecewisePolynomial:
+        """The fastest motion that was found, or one slowed to the given duration."""
+        limits = self.limits
+        if limits is None:
+            raise ScenarioError("missing", place="Waypoints.limits", expected="limits, or times of the waypoints")
+        bounds = [limits.velocity, limits.acceleration] + [limits.jerk] * (self.curve != "parabolic")
+        if self.curve == "parabolic":
+            limits.required("acceleration", moving=np.ptp(points, axis=0) > 0.0)
+        free = np.isinf(bounds).all(axis=0) & (np.ptp(points, axis=0) > 0.0)
+        if free.any():
+            names = ", ".join(limits.names[k] for k in np.flatnonzero(free))
+            raise ScenarioError(f"nothing limits {names}", place="Waypoints.limits", expected="limits, or times")
+        found = (
+            parabolic_motion(points, limits)
+            if self.curve == "parabolic"
+            else optimised_spline(self.curve, points, limits)
+        )
+        if self.duration is not None:
+            check_number("Waypoints", "duration", self.duration, above=0.0)
+            if self.duration < found.duration * (1.0 - 1e-12):
+                expected = f"{found.duration:.6g} s or more, the shortest that was found within the limits"
+                raise ScenarioError(place="Waypoints.duration", value=self.duration, expected=expected)
+            found = found.scaled(self.duration / found.duration)
+        return found.delayed(float(self.time))
+
+    def _by_times(self, points: np.ndarray) -> PiecewisePolynomial:
+        """The curve with the user's times, which must keep the limits."""
+        times = _checked_times(self.times, len(points))
+        if self.duration is not None:
+            raise ScenarioError("with times", place="Waypoints.duration", expected="either")
+        if self.curve == "parabolic":
+            if self.limits is None:
+                raise ScenarioError(
+                    "missing", place="Waypoints.limits", expected="an acceleration limit for the blends"
+                )
+            self.limits.required("acceleration", moving=np.ptp(points, axis=0) > 0.0)
+            blends = blend_durations(points, np.diff(times), self.limits.acceleration)
+            room = _room(np.diff(times))
+            if (blends > room * KEPT).any():
+                k = int(np.argmax(blends / room))
+                what = f"turning there takes {blends[k]:.4g} s within the acceleration limits"
+                raise ScenarioError(what, place=f"Waypoints.times[{k}]", expected=f"{room[k]:.4g} s at most: more time")
+            polynomial = parabolic_blends(points, np.diff(times), blends).delayed(times[0] - 0.5 * blends[0])
+        else:
+            polynomial = spline(self.curve, times, points)
+        if self.limits is not None:
+            _check_use(polynomial, self.limits, jerk=self.curve != "parabolic")
+        return polynomial
+
+
+def _checked_points(value: Any) -> np.ndarray:
+    """(k, n) waypoints, finite, each another than the one before."""
+    try:
+        points = scalar.real_numbers(value).astype(float)
+    except ValueError:
+        points = np.zeros(0)
+    if points.ndim != 2 or len(points) < 2 or not points.size:
+        raise ScenarioError(place="Waypoints.points", value=value, expected="(k, n) numbers, two waypoints or more")
+    wrong = np.argwhere(~np.isfinite(points))
+    if len(wrong):
+        k, joint = (int(at) for at in wrong[0])
+        raise ScenarioError(
+            place=f"Waypoints.points[{k}][{joint}]", value=float(points[k, joint]), expected="finite numbers"
+        )
+    same = np.abs(np.diff(points, axis=0)).max(axis=1) <= COINCIDENT * (1.0 + np.abs(points[1:]).max(axis=1))
+    if same.any():
+        k = int(np.argmax(same)) + 1
+        raise ScenarioError(
+            f"is where waypoint {k - 1} is", place=f"Waypoints.points[{k}]", expected="another, or none"
+        )
+    return points
+
+
+def _checked_times(value: Any, count: int) -> np.ndarray:
+    """(k,) times, one a waypoint, finite and increasing."""
+    try:
+        times = scalar.real_numbers(value).astype(float)
+    except ValueError:
+        times = np.full(count, np.nan)
+    if times.shape != (count,) or not np.isfinite(times).all():
+        raise ScenarioError(
+            place="Waypoints.times", value=value, expected=f"{count} finite numbers [s], one a waypoint"
+        )
+    late = np.flatnonzero(np.diff(times) <= 0.0)
+    if len(late):
+        k = int(late[0]) + 1
+        what = f"not after {times[k - 1]:.10g} before it"
+        raise ScenarioError(what, place=f"Waypoints.times[{k}]", value=float(times[k]), expected="times that increase")
+    return times
+
+
+def _check_use(polynomial: PiecewisePolynomial, limits: MotionLimits, *, jerk: bool) -> None:
+    """Refuses a motion whose times are too short for its limits."""
+    for order, quantity in enumerate(("velocity", "acceleration", "jerk")[: 2 + jerk], 1):
+        used = polynomial.largest(order) / getattr(limits, quantity)
+        joint = int(np.argmax(used))
+        if used[joint] > KEPT:
+            what = f"{limits.names[joint]} uses {used[joint]:.1%} of its {quantity} limit"
+            raise ScenarioError(what, place="Waypoints.times", expected="more time")
+
+
+def _check_swing(polynomial: PiecewisePolynomial, limits: MotionLimits) -> None:
+    """Refuses a spline that leaves the limits of position between its waypoints."""
+    low, high = polynomial.extrema(0)
+    beyond = np.maximum(limits.position[:, 0] - low, high - limits.position[:, 1])
+    piece, joint = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
+    if beyond[piece, joint] > 1e-9 * (1.0 + np.abs(limits.position[joint]).max()):
+        where = f"between {polynomial.knots[piece]:.4g} s and {polynomial.knots[piece + 1]:.4g} s"
+        unit = limits.unit("position", int(joint))
+        what = f"the curve swings {beyond[piece, joint]:.4g} {unit} out of the limits of {limits.names[joint]} {where}"
+        raise ScenarioError(what, place="Waypoints.points", expected="waypoints further inside, or curve = 'parabolic'")
+
+
+def parabolic_motion(points: np.ndarray, limits: MotionLimits) -> PiecewisePolynomial:
+    """Parabolic blends with segments as short as limits of speed and acceleration allow, from time 0. [KunzStilman2011]
+
+    Segments are gone at the largest speed; where two blends would overlap, their segment is slowed, again and again.
+
+    Args:
+        points: (k, n) [rad | m].   limits: acceleration, and perhaps velocity.
+    """
+    way = np.abs(np.diff(points, axis=0))
+    lengths = np.maximum((way / limits.velocity).max(axis=1), np.sqrt((way / limits.acceleration).max(axis=1)))
+    for _ in range(ROUNDS):
+        slowed = np.sqrt(np.maximum(blend_durations(points, lengths, limits.acceleration) / _room(lengths), 1.0))
+        if (slowed <= 1.0 + 1e-9).all():
+            break
+        lengths = lengths * np.maximum(slowed[:-1], slowed[1:])
+    # blends shrink by the factor by which segments grow: what is still too long fits then, exactly
+    excess = (blend_durations(points, lengths, limits.acceleration) / _room(lengths)).max()
+    lengths = lengths * np.sqrt(max(excess, 1.0)) * (1.0 + 1e-14)
+    return parabolic_blends(points, lengths, blend_durations(points, lengths, limits.acceleration))
+
+
+def _room(lengths: np.ndarray) -> np.ndarray:
+    """(k,) [s] longest blend of each waypoint, half of it on either side: the shorter of both segments (k - 1,)."""
+    return np.minimum(np.append(lengths, np.inf), np.append(np.inf, lengths))
+
+
+def blend_durations(points: np.ndarray, lengths: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+    """(k,) [s] time in which the speed turns at each waypoint: Δv / a of the joint that needs longest.
+
+    Args:
+        points: (k, n) [rad | m].   lengths: (k - 1,) [s] of the segments.   acceleration: (n,) [rad/s² | m/s²].
+    """
+    speeds = np.diff(points, axis=0) / lengths[:, None]
+    still = np.zeros((1, points.shape[1]))
+    return (np.abs(np.diff(speeds, axis=0, prepend=still, append=still)) / acceleration).max(axis=1)
+
+
+def parabolic_blends(points: np.ndarray, lengths: np.ndarray, blends: np.ndarray) -> PiecewisePolynomial:
+    """Straight lines between waypoints with constant acceleration around each of them, from time 0. [KunzStilman2011]
+
+    Waypoint i is where two lines would meet, half a blend after the blend's beginning: the motion passes it at the distance
+    |Δv| blend / 8, and begins and ends in the first and the last one.
+
+    Args:
+        points: (k, n) [rad | m].   lengths: (k - 1,) [s] from waypoint to waypoint.   blends: (k,) [s].
+    """
+    speeds = np.diff(points, axis=0) / lengths[:, None]
+    blends = np.where(
+        blends > COINCIDENT * lengths.sum(), blends, 0.0
+    )  # of a line that goes on straight, but for rounding
+    still = np.zeros((1, points.shape[1]))
+    before, after = np.concatenate([still, speeds]), np.concatenate([speeds, still])
+    middle = 0.5 * blends[0] + np.append(0.0, np.cumsum(lengths))
+    knots, rows = [], []
+    for k, (point, blend) in enumerate(zip(points, blends, strict=True)):
+        if blend > 0.0:
+            knots.append(middle[k] - 0.5 * blend)
+            rows.append([point - 0.5 * blend * before[k], before[k], 0.5 * (after[k] - before[k]) / blend])
+        if k < len(lengths) and lengths[k] - 0.5 * (blend + blends[k + 1]) > COINCIDENT * lengths[k]:
+            knots.append(middle[k] + 0.5 * blend)
+            rows.append([point + 0.5 * blend * after[k], after[k], 0.0 * point])
+    knots.append(middle[-1] + 0.5 * blends[-1])
+    return PiecewisePolynomial(np.array(knots), np.array(rows).transpose(0, 2, 1))
