@@ -103,6 +103,7 @@ if TYPE_CHECKING:
     from armwright.trajectory import (
         Cubic,
         Fourier,
+        Joined,
         MinimumJerk,
         Motion,
         MotionLimits,
@@ -117,6 +118,7 @@ if TYPE_CHECKING:
         Waypoints,
         limits_report,
     )
+    from armwright.trajectory.motion_rows import load_motion
     from armwright.trajectory.path import JointPath
 
 __version__ = "0.1.0"
@@ -192,10 +194,11 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.results.statistics": ("statistics",),
     "armwright.simulation.loop.timing": ("Timing",),
     "armwright.trajectory": (
-        *("Cubic", "Fourier", "MinimumJerk", "Motion", "MotionLimits", "PiecewisePolynomial"),
-        *("Quintic", "Ramp", "Ruckig", "SCurve", "Sine", "Step"),
-        *("Trapezoid", "Waypoints", "limits_report"),
+        *("Cubic", "Fourier", "Joined", "MinimumJerk", "Motion", "MotionLimits"),
+        *("PiecewisePolynomial", "Quintic", "Ramp", "Ruckig", "SCurve", "Sine"),
+        *("Step", "Trapezoid", "Waypoints", "limits_report"),
     ),
+    "armwright.trajectory.motion_rows": ("load_motion",),
     "armwright.trajectory.path": ("JointPath",),
     "armwright.pictures.workspace_maps": ("draw_workspace",),
     "armwright.ik.workspace": ("workspace",),
@@ -221,6 +224,7 @@ __all__ = [
     "Fourier",
     "FrequencyResponse",
     "Inputs",
+    "Joined",
     "JointPID",
     "JointPath",
     "JointReference",
@@ -308,6 +312,7 @@ __all__ = [
     "kinetic_energy",
     "limits_report",
     "load",
+    "load_motion",
     "load_run",
     "manipulability",
     "mass_matrix",

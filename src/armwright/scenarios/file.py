@@ -255,7 +255,8 @@ def _kinds(home: str) -> dict[str, type]:
     classes = {name: kind for name, kind in found.items() if isinstance(kind, type) and dataclasses.is_dataclass(kind)}
     if home == "reference":
         classes = {name: kind for name, kind in classes.items() if issubclass(kind, Motion)}
-        classes.pop("PiecewisePolynomial")  # of a file of rows
+        for name in ("PiecewisePolynomial", "Joined"):  # of files of motions
+            classes.pop(name)
     return {
         re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", n).lower(): kind for n, kind in classes.items()
     }

@@ -2,6 +2,7 @@
 
 from armwright.trajectory.cubic import Cubic
 from armwright.trajectory.fourier import Fourier
+from armwright.trajectory.joined import Joined
 from armwright.trajectory.limits import MotionLimits, limits_report
 from armwright.trajectory.minimum_jerk import MinimumJerk
 from armwright.trajectory.motion import Motion
@@ -18,6 +19,7 @@ from armwright.trajectory.waypoints import Waypoints
 __all__ = [
     "Cubic",
     "Fourier",
+    "Joined",
     "MinimumJerk",
     "Motion",
     "MotionLimits",

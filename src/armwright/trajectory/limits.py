@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -87,10 +87,12 @@ class MotionLimits:
             limits = record.copy()
             for name, each in value.items():
                 if name not in self.names:
-                    raise ScenarioError("no joint of the arm", place=quantity, value=name, choices=self.names)
-                limits[self.names.index(name)] = _checked(f"{quantity}[{name!r}]", each, quantity, 1)[0]
+                    raise ScenarioError(
+                        "no joint of the arm", place=f"limits.{quantity}", value=name, choices=self.names
+                    )
+                limits[self.names.index(name)] = _checked(f"limits.{quantity}[{name!r}]", each, quantity, 1)[0]
             return limits
-        return _checked(quantity, value, quantity, self.n)
+        return _checked(f"limits.{quantity}", value, quantity, self.n)
 
     def unit(self, quantity: str, joint: int) -> str:
         """Unit of a joint's limit."""
@@ -223,7 +225,7 @@ def limits_report(
     motion: Motion,
     limits: MotionLimits | None = None,
     *,
-    payload: Payload | None = None,
+    payload: Payload | Sequence[Payload] | None = None,
     wrench: Any = None,
     samples: int = IN_A_PIECE,
 ) -> LimitsReport:
@@ -233,7 +235,7 @@ def limits_report(
 
     Args:
         arm: the model.   motion: of its joints, with an end.   limits: None: the record's.
-        payload: a body in the hand for the whole motion.   wrench: (6,) [N, N m] on the tip, in base axes.
+        payload: bodies in the hand, each from its time on.   wrench: (6,) [N, N m] on the tip, in base axes.
         samples: grid points between two breaks, at least.
     Returns:
         report: lowest and highest values, shares of limits and their times, by quantity and joint.
@@ -244,12 +246,10 @@ def limits_report(
     if motion.n != arm.n or limits.n != arm.n:
         what = f"a motion of {motion.n} joints with limits of {limits.n}"
         raise ScenarioError(what, place=arm.name, expected=f"{arm.n} of both")
-    if payload is not None:
-        arm = arm.with_payload(payload.mass, payload.com, payload.inertia, payload.frame)
     t = dense_times(motion, samples)
     q, qd, qdd = motion.at(t)
     values = {"position": q, "velocity": qd, "acceleration": qdd, "jerk": _jerk(t, qdd)}
-    values |= _efforts(arm, q, qd, qdd, wrench)
+    values |= efforts(arm, t, q, qd, qdd, payload, wrench)
     found: list[dict[str, np.ndarray]] = [{}, {}, {}, {}]
     for quantity, rows in values.items():
         used = _shares(limits, quantity, rows)
@@ -290,16 +290,43 @@ def _jerk(t: np.ndarray, qdd: np.ndarray) -> np.ndarray:
     return np.concatenate([rate, rate[-1:]])
 
 
-def _efforts(arm: Model, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, wrench: Any) -> dict[str, Any]:
-    """Torques and voltages of the motors by quantity, where the record can tell them."""
+def efforts(
+    arm: Model,
+    t: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    qdd: np.ndarray,
+    payload: Payload | Sequence[Payload] | None = None,
+    wrench: Any = None,
+) -> dict[str, np.ndarray]:
+    """Torques and voltages of the motors by quantity, (k, n) [N m | N] and [V], where the record can tell them.
+
+    Args:
+        arm: the model.   t: (k,) [s].   q, qd, qdd: (k, n) [rad | m, …/s, …/s²].
+        payload: bodies in the hand, each from its time on.   wrench: (6,) [N, N m] on the tip, in base axes.
+    """
     if arm.without_masses or not np.asarray(arm.inertial_parameters, dtype=float).any():
         return {}
-    dyn = compile_arm(arm)
-    tau = dyn.inverse_dynamics(q, qd, qdd) if wrench is None else dyn.inverse_dynamics(q, qd, qdd, np.asarray(wrench))
-    drives = [body.drive for body in arm.coordinates]
-    if any(drive.resistance is None or drive.torque_constant is None for drive in drives):
-        return {"torque": tau}
-    return {"torque": tau, "voltage": dyn.motor_voltage(qd, tau)}
+    bodies = [payload] if isinstance(payload, Payload) else sorted(payload or (), key=lambda each: each.time)
+    tau, known = (
+        np.zeros_like(q),
+        all(body.drive.resistance is not None and body.drive.torque_constant is not None for body in arm.coordinates),
+    )
+    voltage = np.zeros_like(q)
+    begins = [-np.inf, *(float(each.time) for each in bodies), np.inf]
+    for begin, end, body in zip(begins[:-1], begins[1:], [None, *bodies], strict=True):
+        rows = (t >= begin) & (t < end)
+        if not rows.any():
+            continue
+        loaded = arm
+        if body is not None and float(body.mass) > 0.0:
+            loaded = arm.with_payload(body.mass, body.com, body.inertia, body.frame)
+        dyn = compile_arm(loaded)
+        force = () if wrench is None else (np.asarray(wrench, dtype=float),)
+        tau[rows] = dyn.inverse_dynamics(q[rows], qd[rows], qdd[rows], *force)
+        if known:
+            voltage[rows] = dyn.motor_voltage(qd[rows], tau[rows])
+    return {"torque": tau, "voltage": voltage} if known else {"torque": tau}
 
 
 def _shares(limits: MotionLimits, quantity: str, rows: np.ndarray) -> np.ndarray:

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import os
 from abc import ABC, abstractmethod
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armwright.program import interpret, trace
 from armwright.scalar import Array, Scalar
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+    from armwright.model import Model
 
 
 class Motion(ABC):
@@ -47,3 +54,41 @@ class Motion(ABC):
         program = trace("motion", lambda x: np.concatenate(self(x[0])), {"t": (1,)}, ("motion",))
         rows = np.asarray(interpret(program, times.reshape(-1, 1))).reshape(*times.shape, 3, self.n)
         return rows[..., 0, :], rows[..., 1, :], rows[..., 2, :]
+
+    def dataset(self, arm: Model, rate: float = 500.0, payload: Any = None) -> xr.Dataset:
+        """Rows of the motion like those of a run: q, qd, qdd and, where the record can tell them, torques and voltages.
+
+        Args:
+            arm: whose joints move.   rate: rows in a second [1/s]; the breaks of the motion are rows too.
+            payload: bodies in the hand, each from its time on.
+        Raises:
+            ScenarioError: a motion of other joints, or one that does not end.
+        """
+        from armwright.trajectory.motion_rows import motion_dataset  # xarray takes a while to import
+
+        return motion_dataset(arm, self, rate, payload)
+
+    def save(self, path: str | os.PathLike[str], arm: Model, rate: float = 500.0) -> None:
+        """Writes the motion as .csv (t, q, qd, qdd of every joint) or .nc, for `load_motion`.
+
+        Args:
+            path: the file, replaced as a whole.   arm: whose joints move.   rate: rows in a second [1/s].
+        Raises:
+            ScenarioError: a motion of other joints, or one that does not end.   OutputError: it cannot be written.
+        """
+        from armwright.trajectory.motion_rows import save_motion
+
+        save_motion(arm, self, path, rate)
+
+    def plot(self, arm: Model, path: str | os.PathLike[str] | None = None, payload: Any = None) -> Figure | None:
+        """Figure of positions, speeds, accelerations, torques and voltages; with a path it is written there.
+
+        Args:
+            arm: whose joints move.   path: .png, .svg, .pdf, or .html to zoom into; None: the figure is returned.
+            payload: bodies in the hand, each from its time on.
+        Raises:
+            ScenarioError: a motion of other joints, or one that does not end.   OutputError: it cannot be written.
+        """
+        from armwright.trajectory.motion_rows import plot_motion
+
+        return plot_motion(arm, self, path, payload)

@@ -1,0 +1,94 @@
+"""Motions one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.errors import ScenarioError
+from armwright.scalar import Array, Scalar
+from armwright.trajectory.motion import Motion
+
+LATE = 1e-9  # of a time: a gap between motions that is rounding
+APART = 1e-6  # [rad | m] between the end of a motion and the beginning of the next
+
+
+@dataclass(frozen=True, eq=False)
+class Joined(Motion):
+    """Motions one after the other: each holds from its own time until that of the next.
+
+    Args:
+        motions: in order; each begins when and where the one before ends.
+    Raises:
+        ScenarioError: none, motions of different joints, one that begins elsewhere or at another time; names it.
+    """
+
+    motions: Sequence[Motion]
+
+    def __post_init__(self) -> None:
+        if not self.motions or not all(isinstance(each, Motion) for each in self.motions):
+            raise ScenarioError(place="Joined.motions", value=self.motions, expected="motions, one at least")
+        object.__setattr__(self, "motions", tuple(self.motions))
+        for k, (before, after) in enumerate(zip(self.motions[:-1], self.motions[1:], strict=True), 1):
+            end, place = before.time + before.duration, f"Joined.motions[{k}]"
+            if before.n != after.n:
+                raise ScenarioError(f"{after.n} joints", place=place, expected=f"{before.n}, as the others have")
+            if not abs(after.time - end) <= LATE * (1.0 + abs(end)):
+                raise ScenarioError(
+                    place=f"{place}.time", value=after.time, expected=f"{end:.10g} s, where the last ends"
+                )
+            apart = np.abs(after.at(after.time)[0] - before.at(end)[0])
+            if not (apart <= APART).all():
+                joint = int(np.argmax(apart))
+                what = f"joint {joint + 1} begins {apart[joint]:.4g} from where the motion before ends"
+                raise ScenarioError(what, place=place, expected="the same pose")
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self.motions[0].n
+
+    @property
+    def time(self) -> float:
+        """Time of the beginning [s]."""
+        return float(self.motions[0].time)
+
+    @property
+    def duration(self) -> float:
+        """Duration of all [s]."""
+        return float(self.motions[-1].time + self.motions[-1].duration - self.time)
+
+    @property
+    def breaks(self) -> np.ndarray:
+        """(k,) [s] times at which a higher derivative may jump: those of all motions."""
+        found = np.unique(np.concatenate([np.asarray(each.breaks, dtype=float) for each in self.motions]))
+        apart = np.diff(found, prepend=-np.inf) > LATE * (1.0 + np.abs(found))  # ends and beginnings but for rounding
+        return found[apart]
+
+    def at(self, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q, q̇ and q̈, each (…, n) [rad | m, …/s, …/s²], at times t (…) [s]."""
+        times = np.asarray(t, dtype=float)
+        begins = [float(each.time) for each in self.motions[1:]]
+        which = np.searchsorted(begins, times, side="right")
+        q, qd, qdd = (np.zeros((*times.shape, self.n)) for _ in range(3))
+        for k, motion in enumerate(self.motions):
+            chosen = which == k
+            if chosen.any():
+                q[chosen], qd[chosen], qdd[chosen] = motion.at(times[chosen])
+        return q, qd, qdd
+
+    def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:
+        """q (n,) [rad | m], q̇ and q̈ at t [s]; a trace holds all motions."""
+        if not scalar.is_symbolic(t):
+            return self.at(t)
+        found = np.concatenate(self.motions[0](t))
+        for motion in self.motions[1:]:
+            begun = scalar.less_equal(motion.time, t)
+            later = np.concatenate(motion(t))
+            found = scalar.array([scalar.where(begun, b, a) for a, b in zip(found, later, strict=True)])
+        q, qd, qdd = np.split(found, 3)
+        return q, qd, qdd

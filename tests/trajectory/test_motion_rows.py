@@ -1,0 +1,138 @@
+"""Motions saved and read again, joined, drawn, and what a motion file of rows may not be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import ArmwrightError, ScenarioError
+from physics.arms import arm
+from trajectory.motions import limits_of
+
+
+def a_motion():
+    limits = limits_of([1.0, 1.5], 4.0, 60.0)
+    return aw.Waypoints([[0.1, 0.2], [0.5, -0.3], [0.9, 0.4]], limits, time=0.25)
+
+
+def test_netcdf_keeps_the_pieces_to_the_bit(tmp_path):
+    motion, model = a_motion(), arm("two-link")
+    motion.save(tmp_path / "m.nc", model)
+    found = aw.load_motion(tmp_path / "m.nc", model)
+    np.testing.assert_array_equal(found.knots, motion.polynomial.knots)
+    np.testing.assert_array_equal(found.coefficients, motion.polynomial.coefficients)
+    run = aw.load_run(tmp_path / "m.nc")
+    np.testing.assert_allclose(run.q.values, motion.at(run.time.values)[0], atol=1e-15)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_csv_gives_the_motion_between_its_rows_too(tmp_path, named):
+    motion, model = a_motion(), arm("two-link")
+    motion.save(tmp_path / "m.csv", model, rate=100.0)
+    found = aw.load_motion(tmp_path / "m.csv", model if named else None)
+    assert (found.time, found.duration) == (motion.time, pytest.approx(motion.duration, rel=1e-14))
+    t = np.linspace(0.0, motion.time + motion.duration + 0.5, 1777)
+    for ours, theirs, atol in zip(found.at(t), motion.at(t), (1e-12, 1e-10, 1e-7), strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=atol)  # cubic pieces, whose knots are rows
+
+
+def test_csv_of_a_motion_that_is_no_polynomial(tmp_path):
+    motion, model = aw.Fourier.at_rest([0.1, 0.2], [[0.3, 0.1]] * 2, [[0.1, 0.2]] * 2, 2.0, periods=1), arm("two-link")
+    motion.save(tmp_path / "m.csv", model, rate=200.0)
+    t = np.linspace(0.0, 2.0, 3001)
+    np.testing.assert_allclose(aw.load_motion(tmp_path / "m.csv").at(t)[0], motion.at(t)[0], atol=1e-12)
+
+
+def test_columns_may_stand_in_any_order(tmp_path):
+    rows = "t,q_elbow,q_shoulder,qd_elbow,qd_shoulder,qdd_elbow,qdd_shoulder\n0,2,1,0,0,0,0\n1,4,3,0,0,0,0\n"
+    (tmp_path / "m.csv").write_text(rows)
+    np.testing.assert_array_equal(aw.load_motion(tmp_path / "m.csv", arm("two-link")).at(1.0)[0], [3.0, 4.0])
+    np.testing.assert_array_equal(aw.load_motion(tmp_path / "m.csv").at(1.0)[0], [4.0, 3.0])
+
+
+def test_a_designed_excitation_is_a_motion(tmp_path):
+    """Its table has the same columns."""
+    motion, model = a_motion(), arm("two-link")
+    motion.save(tmp_path / "m.csv", model)
+    header = (tmp_path / "m.csv").read_text().splitlines()[0]
+    assert header == (
+        "t [s],q_shoulder [rad],q_elbow [rad],qd_shoulder [rad/s],qd_elbow [rad/s],"
+        "qdd_shoulder [rad/s²],qdd_elbow [rad/s²]"
+    )
+
+
+@pytest.mark.parametrize("ending", [".png", ".svg", ".html"])
+def test_a_motion_is_drawn(tmp_path, ending):
+    path = tmp_path / f"m{ending}"
+    assert a_motion().plot(arm("two-link"), path) is None
+    assert path.stat().st_size > 5000
+    assert len(a_motion().plot(arm("two-link")).axes) >= 4
+
+
+ROWS = "t,q_a,qd_a,qdd_a\n0,0,0,0\n1,1,0,0\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (ROWS + "0.5,2,0,0\n", r"m.csv:4: column 't' = 0.5: not after 1 before it; expected times that increase"),
+        (ROWS + "1,2,0,0\n", r"m.csv:4: column 't' = 1.0: not after 1"),
+        ("t,q_a,qd_a,qdd_a\n0,0,0,0\n", "one row; expected two"),
+        ("t,q_a,qd_a\n0,0,0\n1,0,0\n", "column 'qdd_a'"),
+        (ROWS + "2,nan,0,0\n", r"m.csv:4: column 'q_a' = 'nan': expected a finite number"),
+        ("0,0,0,0\n1,0,0,0\n", "no column q_JOINT"),
+        ("", "no column q_JOINT"),
+        ("t,q_a [deg],qd_a,qdd_a\n0,0,0,0\n1,1,0,0\n", "unit|deg"),
+    ],
+)
+def test_other_tables_are_refused(tmp_path, text, said):
+    (tmp_path / "m.csv").write_text(text)
+    model = arm("two-link") if "deg" in said else None
+    if model is not None:
+        text = text.replace("_a", "_shoulder").replace("\n0,0,0,0\n1,1,0,0", "")
+        (tmp_path / "m.csv").write_text(
+            "t,q_shoulder [deg],q_elbow,qd_shoulder,qd_elbow,qdd_shoulder,qdd_elbow\n0" + 6 * ",0"
+        )
+    with pytest.raises(ArmwrightError, match=said):
+        aw.load_motion(tmp_path / "m.csv", model)
+
+
+def test_other_files_are_refused(tmp_path):
+    with pytest.raises(ArmwrightError, match="no such file"):
+        aw.load_motion(tmp_path / "none.csv")
+    with pytest.raises(ArmwrightError, match="no such file"):
+        aw.load_motion(tmp_path / "none.nc")
+    with pytest.raises(ArmwrightError, match="path of a motion"):
+        aw.load_motion(3)
+    with pytest.raises(ArmwrightError, match="ending"):
+        a_motion().save(tmp_path / "m.txt", arm("two-link"))
+    with pytest.raises(ScenarioError, match="a motion of 2 joints"):
+        a_motion().save(tmp_path / "m.csv", arm("lwa4p"))
+    with pytest.raises(ScenarioError, match="does not end"):
+        aw.Sine([0.0, 0.0], [1.0, 1.0], 1.0).save(tmp_path / "m.csv", arm("two-link"))
+    with pytest.raises(ScenarioError, match="rate = 0"):
+        a_motion().save(tmp_path / "m.csv", arm("two-link"), rate=0)
+    assert not list(tmp_path.iterdir())
+    a_motion().save(tmp_path / "m.nc", arm("two-link"))
+    with pytest.raises(ScenarioError, match="expected those of lwa4p"):
+        aw.load_motion(tmp_path / "m.nc", arm("lwa4p"))
+
+
+def test_motions_are_joined():
+    limits = limits_of([1.0, 1.5], 4.0, 60.0)
+    first = aw.SCurve([0.0, 0.0], [0.5, 0.2], limits, time=0.5)
+    second = aw.Quintic([0.5, 0.2], [0.0, 0.3], 1.0, time=0.5 + first.duration)
+    both = aw.Joined([first, second])
+    assert both.duration == pytest.approx(first.duration + 1.0)
+    t = np.linspace(0.0, both.time + both.duration + 0.2, 777)
+    for ours, a, b in zip(both.at(t), first.at(t), second.at(t), strict=True):
+        np.testing.assert_array_equal(ours, np.where((t < second.time)[:, None], a, b))
+    from armwright.program import interpret, trace
+
+    program = trace("motion", lambda x: np.concatenate(both(x[0])), {"t": (1,)}, ("motion",))
+    np.testing.assert_allclose(interpret(program, t[:, None]), np.concatenate(both.at(t), axis=1), atol=1e-10)
+    with pytest.raises(ScenarioError, match=r"motions\[1\]: joint 1 begins 0.5 from where"):
+        aw.Joined([first, aw.Quintic([0.0, 0.2], [0.0, 0.3], 1.0, time=second.time)])
+    with pytest.raises(ScenarioError, match=r"motions\[1\].time = 0.0: expected"):
+        aw.Joined([first, aw.Quintic([0.5, 0.2], [0.0, 0.3], 1.0)])
