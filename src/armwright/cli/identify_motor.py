@@ -60,6 +60,12 @@ def motor(
         Path | None, option("--static", "LOG.log.toml", "Steady states, a row each, as additional data.")
     ] = None,
     pwm: Annotated[str | None, option("--pwm", "brake|coast", "What the bridge does while off.")] = None,
+    priors: Annotated[
+        bool,
+        typer.Option(
+            "--priors", help="The record's own standard deviations count as measurements.", show_default=False
+        ),
+    ] = False,
     starts: Annotated[int, option("--starts", "N", "First guesses; 16 by default.")] = 16,
     output: Annotated[
         Path | None, option("--output -o", "ARM.toml", "Write the record with the fitted numbers and their deviations.")
@@ -102,6 +108,7 @@ def motor(
             runs=_names(runs),
             static=static,
             pwm=_pwm(pwm),
+            priors=priors,
             starts=starts,
             progress=tell,
         )

@@ -18,6 +18,7 @@ from armwright.identification.motor.unknowns import values_of
 
 ROUNDS = 3  # of fit and new standard deviations of the signals
 SAME = 0.02  # of a standard deviation: a smaller change is none
+AT_BOUND = 1e-3  # of the range of a logarithm: nearer to its end is at the bound
 NONE = 1e-6  # of a size, or of a sample: less is 0
 
 
@@ -28,7 +29,8 @@ class Fitted:
     Attributes:
         problem: with the standard deviations of the signals that it found.   labels: of every unknown, "joint:name".
         z: (k,) coordinates.   held: numbers of the unknowns that were held.   reasons: what could not be told apart, and which of
-        it was held for that.   zero: numbers of those that came out as 0.   remarks: sentences about these.
+        it was held for that.   zero: numbers of those that came out as 0.   ends: of those that ran into a bound of their search.
+        remarks: sentences about these.
     """
 
     problem: Problem
@@ -37,6 +39,7 @@ class Fitted:
     held: list[int]
     reasons: list[tuple[Direction, int]] = field(default_factory=list)
     zero: list[int] = field(default_factory=list)
+    ends: list[int] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
 
@@ -76,13 +79,14 @@ def fitted(
             progress(number, ROUNDS)
         kept = [k for k in range(len(first)) if k not in done.held]
         done.z[kept] = refined(without(done.problem, done.held, done.z), done.z[kept])
+        _note_ends(done, kept)
         residuals, jacobian = done.problem.evaluate(done.z[None])
         assert jacobian is not None
         scaled = _scaled(done.problem, residuals[0])
         done = replace(done, problem=replace(done.problem, sigma=done.problem.sigma * scaled))
-        rows = jacobian[0].reshape(-1, len(scaled), len(first)) / scaled[:, None]
+        jacobian[0, : done.problem.rows] /= np.tile(scaled, done.problem.rows // len(scaled))[:, None]
         before = len(done.held)
-        _hold(done, rows.reshape(-1, len(first)) * sizes(record, data, done.problem, labels, done.z), first)
+        _hold(done, jacobian[0] * sizes(record, data, done.problem, labels, done.z), first)
         _hold_at_zero(done, free)
         if len(done.held) == before and (len(scaled) == 1 or bool(np.all(np.abs(scaled - 1.0) < SAME))):
             break
@@ -110,6 +114,21 @@ def _hold(done: Fitted, jacobian: np.ndarray, first: np.ndarray) -> None:
         done.z[chosen] = first[chosen]
 
 
+def _note_ends(done: Fitted, kept: Sequence[int]) -> None:
+    """Notes numbers above 0 that ran into a bound of their search, before they are held for telling nothing there."""
+    low, high = done.problem.bounds
+    for k in kept:
+        near = AT_BOUND * (high[k] - low[k])
+        is_end = min(done.z[k] - low[k], high[k] - done.z[k]) < near
+        if (
+            is_end
+            and done.problem.unknowns[k].logarithmic
+            and not done.problem.unknowns[k].nuisance
+            and k not in done.ends
+        ):
+            done.ends.append(k)
+
+
 def _hold_at_zero(done: Fitted, free: Sequence[str] | None) -> None:
     """Leaves out a delay, and frictions that nobody asked for, which the fit drives to 0, their bound."""
     for k, each in enumerate(done.problem.unknowns):
@@ -131,7 +150,7 @@ def _scaled(problem: Problem, residuals: np.ndarray) -> np.ndarray:
     One for all runs: a run's own would let the worst described run count the less, and the better ones the more, without end.
     """
     columns = problem.targets[0].shape[1]
-    squares = (residuals * residuals).reshape(-1, columns).sum(axis=0)
+    squares = (residuals[: problem.rows] ** 2).reshape(-1, columns).sum(axis=0)
     counts = sum((stretch.weights**2).sum(axis=0) for stretch in problem.stretches)
     return np.where(squares > 0, np.sqrt(np.maximum(squares, 1e-12) / np.maximum(counts, 1.0)), 1.0)
 
@@ -159,4 +178,6 @@ def without(problem: Problem, held: Sequence[int], z: np.ndarray | None = None) 
                 at, parameters=renumbered[0], offsets=renumbered[1], start=renumbered[2], delay=number.get(at.delay, -1)
             )
         )
-    return replace(problem, unknowns=tuple(problem.unknowns[k] for k in kept), places=tuple(places), nominal=nominal)
+    prior = None if problem.prior is None else problem.prior[:, kept]
+    unknowns = tuple(problem.unknowns[k] for k in kept)
+    return replace(problem, unknowns=unknowns, places=tuple(places), nominal=nominal, prior=prior)

@@ -43,6 +43,7 @@ def identify_motor(
     pwm: Literal["brake", "coast"] | None = None,
     delay: float | None = None,
     most_delay: int = MOST_DELAY,
+    priors: bool = False,
     starts: int = 16,
     seed: int = 0,
     progress: Callable[[int, int], object] | None = None,
@@ -65,6 +66,7 @@ def identify_motor(
         speed: "difference" of the positions over a sample, "instant", or "auto": a difference where it is quantised.
         static: a log of steady states, a row each, as additional data.   pwm: of the bridge; None: as the record has it.
         delay: fixed delay of the command [s]; None: it is fitted.   most_delay: longest delay [samples].
+        priors: whether the standard deviations that the robot's record states count as measurements of its numbers.
         starts: number of first guesses.   seed: of their draws.   progress: called with rounds done and of all.
     Returns:
         fit: estimate, record and predictions.
@@ -76,6 +78,8 @@ def identify_motor(
     static = static if static is None or isinstance(static, Log) else read_log(static)
     _check(free, fixed, per_run, starts, most_delay)
     asked = [log.run(name).name for name in runs] if runs is not None else list(log.fit)
+    if priors and robot is None and log.arm is None:
+        raise ModelError("goes with a robot, whose record states deviations", place="priors", value=True)
     base, source, joints, loads = robot_of(log, robot, joint, load, locked)
     data = measured(log, asked, joints, speed, signals, locked=locked)
     guesses = [guess(data, k, 0 if delay is not None else most_delay) for k in range(len(joints))]
@@ -84,7 +88,7 @@ def identify_motor(
     if static is not None:
         stretches.append(steady(static, joints, data, max(each.time for each in guesses)))
     names, record = names_to_fit(record, free, set(fixed or {}), guesses, data, locked)
-    problem, labels = problem_of(record, data, stretches, names, guesses, per_run, free, delay, most_delay)
+    problem, labels = problem_of(record, data, stretches, names, guesses, per_run, free, delay, most_delay, priors)
     done = fitted(record, data, problem, labels, starts, seed, free, progress)
     fit = result(log, record, data, done, free, bench=base is None)
     if base is None:

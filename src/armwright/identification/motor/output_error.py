@@ -46,6 +46,8 @@ class Problem:
     Attributes:
         response: compiled.   unknowns: in the order of z.   stretches: measurements.   places: of the unknowns in each.
         sigma: of the measurement error, (signals · n,).   nominal: (k,) of parameters that are fixed.   delay: fixed [samples].
+        prior: (2, k) middle and standard deviation of the coordinates before the log, infinite without; None: of none. They are
+            the last residuals,  (z - middle) / deviation.
     """
 
     response: Response
@@ -55,6 +57,12 @@ class Problem:
     sigma: np.ndarray
     nominal: np.ndarray
     delay: float = 0.0
+    prior: np.ndarray | None = None
+
+    @cached_property
+    def rows(self) -> int:
+        """Number of residuals that are measurements."""
+        return sum(target.size for target in self.targets)
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -86,6 +94,11 @@ class Problem:
             residuals.append(((y - self.targets[s]) * weight).reshape(len(z), -1))
             if dy is not None:
                 jacobians.append((dy * weight[..., None]).reshape(len(z), -1, len(self.unknowns)))
+        if self.prior is not None:
+            known = np.isfinite(self.prior[1])
+            residuals.append(((z - self.prior[0]) / self.prior[1])[:, known])
+            slope = np.diag(1.0 / self.prior[1])[known]
+            jacobians.append(np.broadcast_to(slope, (len(z), *slope.shape)))
         return np.concatenate(residuals, axis=1), np.concatenate(jacobians, axis=1) if slopes else None
 
     def _run(self, s: int, z: np.ndarray, slopes: bool) -> tuple[np.ndarray, np.ndarray | None]:

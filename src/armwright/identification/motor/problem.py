@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from armwright.description.paths import reading_at
+from armwright.description.paths import quantities, reading_at
 from armwright.description.robot import RobotDescription
 from armwright.errors import ModelError
 from armwright.identification.motor.drive_record import paths_of, value_at
@@ -30,6 +30,7 @@ UNITS = {"voltage": "V", "current": "A", "torque": "N m"}  # of a command
 def problem_of(
     record: RobotDescription, data: Measured, stretches: Sequence[Stretch], names: Mapping[str, tuple[str, ...]],
     guesses: Sequence[Guess], per_run: Sequence[str], free: Sequence[str] | None, delay: float | None, most_delay: int,
+    priors: bool = False,
 ) -> tuple[Problem, list[str]]:  # fmt: skip
     """The least-squares problem, and of every unknown its `joint:name`."""
     arm, n = build_model(record), len(data.joints)
@@ -86,8 +87,31 @@ def problem_of(
             value=delay,
             expected=f"at most {(lags + 1) * data.period:g} s",
         )
-    problem = Problem(response, tuple(unknowns), tuple(stretches), tuple(places), sigma, varied.nominal, fixed_delay)
+    prior = _prior(record, unknowns) if priors else None
+    problem = Problem(
+        response, tuple(unknowns), tuple(stretches), tuple(places), sigma, varied.nominal, fixed_delay, prior
+    )
     return problem, labels
+
+
+def _prior(record: RobotDescription, unknowns: Sequence[Unknown]) -> np.ndarray:
+    """(2, k) middles and standard deviations of the coordinates by the record, infinite where it states none.
+
+    Raises:
+        ModelError: it states none of what is fitted.
+    """
+    prior = np.array([[each.to_coordinate(each.guess), np.inf] for each in unknowns]).T
+    known = {path: each for path, each, _ in quantities(record)}
+    for k, each in enumerate(unknowns):
+        std = known[each.paths[0]].std if each.paths else None
+        if std:
+            prior[1, k] = float(np.max(std)) / (each.guess if each.logarithmic else each.scale)
+    if not np.isfinite(prior[1]).any():
+        names = ", ".join(each.name for each in unknowns if each.paths)
+        raise ModelError(
+            "the record states no standard deviation of what is fitted", place="priors", expected=f"std of {names}"
+        )
+    return prior
 
 
 def speeds_of(stretch: Stretch) -> np.ndarray:

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 EXPLAINED = 0.5  # R² of a signal below which the model does not describe the log
 CURRENT = 0.9  # R² of a current below which its rows may be others than is taken
+FAR = 3.0  # deviations from its prior at which a number contradicts it
+NOTHING_NEW = 0.9  # of the prior's deviation that is left: the log says next to nothing
 AT_BOUND = 1e-6  # of a range: nearer to its end is at the bound
 WORDS = {
     "R": "resistance",
@@ -89,9 +91,10 @@ def result(
     near = AT_BOUND * np.maximum(high - low, 1e-300)
     is_told = np.array([k not in held or k in done.zero for k in range(len(values))])
     at_bound = is_told & ((done.z - low < near) | (high - done.z < near))
+    at_bound[done.ends] = True
     columns, names, units, scale = _shown(done, data)
     predictions, measures = _predictions(inner, done.z[kept], data)
-    remarks = [*data.remarks, *done.remarks, *_in_words(done, values, data)]
+    remarks = [*data.remarks, *done.remarks, *_in_words(done, values, data), *_of_priors(done, values, whole)]
     asked = [labels_name(done, k) for k in held if k not in done.zero and labels_name(done, k) in (free or ())]
     wrong = [f"{name} was to be fitted, and this log does not tell it" for name in dict.fromkeys(asked)]
     ends = [k for k in np.flatnonzero(at_bound) if k not in done.zero and done.labels[k] != "start"]
@@ -171,6 +174,29 @@ def _shown(done: Fitted, data: Measured) -> tuple[list[int], list[str], list[str
             units.append("s" if is_delay else each.shown_unit)
             scale.append(data.period if is_delay else 1.0)
     return columns, names, units, np.array(scale)
+
+
+def _of_priors(done: Fitted, values: np.ndarray, covariance: np.ndarray) -> list[str]:
+    """What the record knew before, beside what it and the log know together."""
+    if done.problem.prior is None:
+        return []
+    sentences = []
+    for k in np.flatnonzero(np.isfinite(done.problem.prior[1])):
+        each, (middle, spread) = done.problem.unknowns[k], done.problem.prior[:, k]
+        before, rates = values_of([each], np.array([middle]))
+        unit = "" if each.shown_unit == "1" else f" {each.shown_unit}"
+        std, was = float(np.sqrt(covariance[k, k])), float(rates[0] * spread)
+        what = f"{each.name}: {before[0]:.4g} ± {was:.2g}{unit} in the record is a prior"
+        away = abs(done.z[k] - middle) / spread
+        if k in done.held:
+            sentences.append(f"{what}, and all that is known")
+        elif away > FAR:
+            sentences.append(
+                f"{what}, {away:.1f} deviations from the fit: the log and the record contradict each other"
+            )
+        else:
+            sentences.append(what + ("; the log adds next to nothing" if std > NOTHING_NEW * was else ""))
+    return sentences
 
 
 def _with_drift(estimate: Estimate, done: Fitted, values: np.ndarray) -> Estimate:

@@ -38,6 +38,8 @@ def covariance(problem: Problem, residuals: np.ndarray, jacobian: np.ndarray) ->
         for lag in range(1, most):
             cross = scores[lag:].T @ scores[:-lag]
             middle += (1.0 - lag / most) * (cross + cross.T)
+    if problem.prior is not None:
+        middle += np.diag(1.0 / problem.prior[1] ** 2)
     free = max(residuals.size - k, 1) / max(residuals.size, 1)
     return inverse @ middle @ inverse / free
 
