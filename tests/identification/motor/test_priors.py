@@ -23,7 +23,7 @@ def with_prior(folder: Path, value: float, std: float) -> Path:
 
 
 def test_a_prior_tells_what_the_log_does_not(tmp_path):
-    """Without a current R, J and Coulomb friction are known as ratios: their relative deviations are the prior's or little more."""
+    """Without a current R, J and Coulomb friction are known as ratios: their relative deviations are hardly more than its."""
     log = write_log(tmp_path, 0, ("qd",), rows=800)
     fit = aw.identify_motor(
         log, with_prior(tmp_path, 1.25, 0.05), priors=True, starts=1, fixed={"viscous": TRUE["viscous"]}

@@ -12,7 +12,8 @@ import numpy as np
 from armwright.description.robot import RobotDescription
 from armwright.errors import ModelError
 from armwright.identification.logs.log import Log, read_log
-from armwright.identification.motor.drive_record import with_numbers
+from armwright.identification.motor.channels import check_channels
+from armwright.identification.motor.drive_record import value_at, with_numbers
 from armwright.identification.motor.fitting import fitted
 from armwright.identification.motor.guess import guess
 from armwright.identification.motor.measured import measured, steady
@@ -82,7 +83,11 @@ def identify_motor(
         raise ModelError("goes with a robot, whose record states deviations", place="priors", value=True)
     base, source, joints, loads = robot_of(log, robot, joint, load, locked)
     data = measured(log, asked, joints, speed, signals, locked=locked)
-    guesses = [guess(data, k, 0 if delay is not None else most_delay) for k in range(len(joints))]
+    ratios = [None if base is None else value_at(base, f"{name}.motor.gear_ratio") for name in joints]
+    guesses = []
+    for k, ratio in enumerate(ratios):
+        guesses.append(guess(data, k, 0 if delay is not None else most_delay, float(np.sign(ratio or 1.0))))
+        check_channels(data, k, guesses[k], ratio, len(joints) == 1 or loads is not None, log.path)
     record = starting_record(base, loads, data, guesses, fixed or {}, pwm, locked)
     stretches = list(data.stretches)
     if static is not None:

@@ -34,6 +34,14 @@ class Stretch:
     values: dict[str, np.ndarray]
     weights: np.ndarray
 
+    def speed(self, joint: int) -> np.ndarray:
+        """(rows,) speed of a joint: measured, or differences of its positions."""
+        for name in ("qd", "qd_mean"):
+            if name in self.values:
+                return self.values[name][:, joint]
+        q = self.values["q"][:, joint]
+        return np.concatenate([[0.0], np.diff(q) / self.inputs.period[:-1]])
+
 
 @dataclass(frozen=True, eq=False)
 class Measured:
