@@ -119,6 +119,7 @@ if TYPE_CHECKING:
         limits_report,
     )
     from armwright.trajectory.motion_rows import load_motion
+    from armwright.trajectory.online import ReferenceFilter
     from armwright.trajectory.path import JointPath
 
 __version__ = "0.1.0"
@@ -199,6 +200,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
         *("Step", "Trapezoid", "Waypoints", "limits_report"),
     ),
     "armwright.trajectory.motion_rows": ("load_motion",),
+    "armwright.trajectory.online": ("ReferenceFilter",),
     "armwright.trajectory.path": ("JointPath",),
     "armwright.pictures.workspace_maps": ("draw_workspace",),
     "armwright.ik.workspace": ("workspace",),
@@ -250,6 +252,7 @@ __all__ = [
     "Quintic",
     "Ramp",
     "Recording",
+    "ReferenceFilter",
     "RobotDescription",
     "Ruckig",
     "SCurve",
