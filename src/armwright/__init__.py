@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     from armwright.identification.validation.validate import Validation, validate
     from armwright.identification.validation.verdict import stored_verdict, write_verdict
     from armwright.ik.measures import Manipulability, manipulability
-    from armwright.ik.solutions import PoseSolutions
+    from armwright.ik.solutions import PoseBranches, PoseSolutions
     from armwright.ik.solve import inverse_kinematics
     from armwright.ik.workspace import workspace
     from armwright.interfaces import Controller, JointReference, Measurement, Sensor, Trajectory
@@ -157,7 +157,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.identification.logs.plot": ("plot_log",),
     "armwright.identification.logs.preparation": ("Preparation", "choose_preparation", "prepare_log"),
     "armwright.ik.measures": ("Manipulability", "manipulability"),
-    "armwright.ik.solutions": ("PoseSolutions",),
+    "armwright.ik.solutions": ("PoseBranches", "PoseSolutions"),
     "armwright.ik.solve": ("inverse_kinematics",),
     "armwright.identification.validation.limits": ("Limits",),
     "armwright.identification.validation.report": ("write_report",),
@@ -247,6 +247,7 @@ __all__ = [
     "Payload",
     "PiecewisePolynomial",
     "PlaneObstacle",
+    "PoseBranches",
     "PoseSolutions",
     "Preparation",
     "Quintic",

@@ -8,6 +8,24 @@ import numpy as np
 
 
 @dataclass(frozen=True, eq=False)
+class PoseBranches:
+    """All solutions of a closed form, eight to a target; at singular poses some of them are the same.
+
+    Attributes:
+        q: (…, 8, n) [rad], whole turns added until it is within the limits where it can be.
+        success: (…, 8) True where the pose is met within the tolerance and the limits; the others are no solutions.
+        position_error: (…, 8) [m].   angle_error: (…, 8) [rad].
+        margin: (…, 8) least distance to a joint limit as a share of its range; negative beyond it.
+    """
+
+    q: np.ndarray
+    success: np.ndarray
+    position_error: np.ndarray
+    angle_error: np.ndarray
+    margin: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class PoseSolutions:
     """Joint positions for targets, `…` as the targets have it, with one more axis where several solutions were asked for.
 
@@ -16,7 +34,9 @@ class PoseSolutions:
         success: (…,) True where the pose is met within the tolerance and the limits.
         position_error: (…,) [m].   angle_error: (…,) [rad]; 0 where the rotation does not count.
         margin: (…,) least distance to a joint limit, as a share of that joint's range; 1/2 in the middle of all.
-        iterations: (…,) of all attempts together.   tolerance: on both errors, [m] and [rad].
+        iterations: (…,) of all attempts together, 0 of closed forms.   tolerance: on both errors, [m] and [rad].
+        method: "numeric", or the closed form.   branches: all of the closed form's; None of numeric solutions.
+        branch: (…,) number of the branch that is `q`, -1 where it is numeric; None where all are.
     """
 
     q: np.ndarray
@@ -26,22 +46,46 @@ class PoseSolutions:
     margin: np.ndarray
     iterations: np.ndarray
     tolerance: float
+    method: str = "numeric"
+    branches: PoseBranches | None = None
+    branch: np.ndarray | None = None
 
     def __str__(self) -> str:
         """Counts, largest errors, and the first targets that were not solved with how far off they stay."""
         solved, of = int(self.success.sum()), self.success.size
         lines = [f"{solved} of {of} solved"]
         if solved:
-            lines[0] += f", {np.median(self.iterations[self.success]):.0f} iterations as a rule"
+            lines[0] += f", {self._way()}"
             far, turned = self.position_error[self.success].max(), self.angle_error[self.success].max()
             lines[0] += f", within {far:.1e} m and {turned:.1e} rad"
         for place in np.argwhere(~self.success)[:SHOWN]:
             k = tuple(place)
+            if not np.isfinite(self.position_error[k]):
+                lines.append(f"target {', '.join(map(str, place)) or 0}: {self._obstacle(k)}")
+                continue
             off = f"{1e3 * self.position_error[k]:.4g} mm and {1e3 * self.angle_error[k]:.4g} mrad"
             lines.append(f"target {', '.join(map(str, place)) or 0}: not reached, the nearest pose is {off} off")
         if of - solved > SHOWN:
             lines.append(f"and {of - solved - SHOWN} more")
         return "\n".join(lines)
+
+    def _way(self) -> str:
+        """How targets were solved, in words."""
+        iterations = self.iterations[self.success]
+        numeric = int((iterations > 0).sum())
+        many = f"{np.median(iterations[iterations > 0]):.0f} iterations as a rule" if numeric else ""
+        if self.branches is None:
+            return many
+        return f"in {self.method}" + (f", {numeric} of them numerically, {many}" if numeric else "")
+
+    def _obstacle(self, k: tuple[int, ...]) -> str:
+        """Why a closed form has no solution for a target, in words."""
+        assert self.branches is not None
+        met = np.maximum(self.branches.position_error[k], self.branches.angle_error[k]) <= self.tolerance
+        if not met.any():
+            return "no joint positions reach it"
+        beyond = -self.branches.margin[k][met].max()
+        return f"reached beyond the limits only, by {1e2 * beyond:.3g} % of a joint's range"
 
 
 SHOWN = 5  # targets that are listed

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from armwright.errors import ModelError, ShapeError
 from armwright.ik.chain import TURN, Aim, Chain, angles_between
+from armwright.ik.closed_form.branches import ClosedForm, closed_form
 from armwright.ik.descent import descent
-from armwright.ik.solutions import PoseSolutions
+from armwright.ik.pose_defect import pose_defects
+from armwright.ik.solutions import PoseBranches, PoseSolutions
 from armwright.ik.starts import RANKED, Starts
 from armwright.kernels.compiled import compile_arm
 from armwright.kernels.loop import Loop, Tasks
@@ -97,25 +100,29 @@ def inverse_kinematics(
     aim: Aim | None = None,
     near: Any = None,
     tolerance: float = 1e-8,
+    method: Method = "auto",
     threads: int = 1,
 ) -> PoseSolutions:
     """Joint positions within the limits that bring the tip, or another frame, to poses.
 
-    Damped least squares from starts whose own pose is near the target, then from others, up to 1000 of them; all in one
-    compiled loop, whose lanes take the next target when one is done. The result for a target does not depend on its
-    neighbours. [Marquardt1963]
+    In closed form where the arm's six axes allow it: all eight branches, each checked by forward kinematics. [EliasWen2025]
+    Else, and where none of them is a solution, by damped least squares from starts whose own pose is near the target,
+    then from others, up to 1000 of them; all in one compiled loop, whose lanes take the next target when one is done. The
+    result for a target does not depend on its neighbours. [Marquardt1963]
 
     Args:
         arm: whose joints move.   targets: (…, 4, 4) poses of the frame in the base, or (…, 3) positions alone [m].
         frame: name of a frame of the arm; by default its tip.
         aim: "pose", "position", or "axis": the position and the direction of the frame's z axis; by default what targets say.
-        near: (…, n) or (n,) joint positions to begin with [rad | m]; the solution is as a rule the one nearest to them.
+        near: (…, n) or (n,) joint positions to begin with [rad | m]; the solution is as a rule the one nearest to them. Without
+            them that of a closed form is the one farthest from the limits.
         tolerance: on the distance [m] and on the angle [rad].   threads: for large batches.
+        method: "auto", "numeric", or "closed-form", which leaves targets that it does not solve without positions (NaN).
     Returns:
         solutions: of every target; those that are out of reach have the nearest positions and say how far off they are.
     Raises:
         ShapeError: targets or starts of a wrong shape.   ModelError: no pose (no rotation matrix, NaN), no such frame, a
-            tolerance below 1e-12, or an arm that branches and names no tip.
+            tolerance below 1e-12, an arm that branches and names no tip, or one without the closed form that is asked for.
     """
     poses, shape, aim = checked_targets(targets, aim)
     limit = real_number(tolerance)
@@ -131,7 +138,62 @@ def inverse_kinematics(
             expected = f"{arm.n} finite numbers, or as many for each target"
             raise ShapeError(place="near", value=starts.shape if not fits else near, expected=expected)
         starts = np.broadcast_to(starts, (*shape, arm.n)).reshape(-1, arm.n)
-    chosen = solver(arm, frame, aim, limit, near is not None)
+    closed = _closed_form(arm, frame, aim, method, starts is not None)
+    if closed is None:
+        values, more = _numeric(arm, frame, aim, limit, poses, starts, threads), {}
+    else:
+        branches, best = closed.solve(poses, starts, limit, threads)
+        values, branch = _of_branches(best)
+        left = np.flatnonzero(branch < 0)
+        if len(left) and method == "auto":
+            some = _numeric(arm, frame, aim, limit, poses[left], None if starts is None else starts[left], threads)
+            for every, found in zip(values, some, strict=True):
+                every[left] = found
+        parts = [getattr(branches, each.name) for each in fields(branches)]
+        more = {
+            "method": f"closed form ({closed.geometry.description})",
+            "branches": PoseBranches(*(part.reshape((*shape, *part.shape[1:])) for part in parts)),
+            "branch": branch.reshape(shape),
+        }
+    return PoseSolutions(*(each.reshape((*shape, *each.shape[1:])) for each in values), tolerance=limit, **more)
+
+
+Method = Literal["auto", "closed-form", "numeric"]
+
+
+def _closed_form(arm: Model, frame: str | None, aim: Aim, method: Method, near: bool) -> ClosedForm | None:
+    """The closed form that a call uses.
+
+    Raises:
+        ModelError: it is asked for and there is none.
+    """
+    if method not in get_args(Method):
+        raise ModelError(place="method", value=method, choices=get_args(Method))
+    found = closed_form(arm, frame, near) if aim == "pose" and method != "numeric" else None
+    if found is None and method == "closed-form":
+        expected = "six joints whose axes meet or are parallel as one needs, a frame of the last link and whole poses"
+        raise ModelError(f"{arm.name} has no closed form", place="method", value=method, expected=expected)
+    return found
+
+
+def _of_branches(best: np.ndarray) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+    """Positions, success, errors, margins and iterations (k, …) of the best branches, and their numbers (k,)."""
+    n, branch = best.shape[1] - 4, best[:, -1].astype(int)
+    iterations = np.zeros(len(best), int)
+    return (best[:, :n], branch >= 0, best[:, n], best[:, n + 1], best[:, n + 2], iterations), branch
+
+
+def _numeric(
+    arm: Model,
+    frame: str | None,
+    aim: Aim,
+    tolerance: float,
+    poses: np.ndarray,
+    starts: np.ndarray | None,
+    threads: int,
+) -> tuple[np.ndarray, ...]:
+    """Positions, success, errors, margins and iterations (k, …) by descent."""
+    chosen = solver(arm, frame, aim, tolerance, starts is not None)
     found = chosen.solve(poses, starts, threads)
     q = found[:, : arm.n]
     if starts is not None:
@@ -141,9 +203,8 @@ def inverse_kinematics(
     with np.errstate(invalid="ignore", divide="ignore"):
         margins = np.minimum(q - low, high - q) / (high - low)
     margin = np.where(np.isfinite(margins), margins, 0.5).min(axis=1, initial=0.5)
-    success = (position <= limit) & (angle <= limit) & (margin >= 0.0)
-    values = (q, success, position, angle, margin, found[:, -1].astype(int))
-    return PoseSolutions(*(each.reshape((*shape, *each.shape[1:])) for each in values), tolerance=limit)
+    success = (position <= tolerance) & (angle <= tolerance) & (margin >= 0.0)
+    return q, success, position, angle, margin, found[:, -1].astype(int)
 
 
 def checked_targets(targets: Any, aim: Aim | None) -> tuple[np.ndarray, tuple[int, ...], Aim]:
@@ -164,11 +225,7 @@ def checked_targets(targets: Any, aim: Aim | None) -> tuple[np.ndarray, tuple[in
     else:
         expected = "(…, 4, 4) poses" + (" or (…, 3) positions" if aim in (None, "position") else "")
         raise ShapeError(place="targets", value=array.shape, expected=expected)
-    finite = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
-    rotations = np.where(finite[:, None, None], poses, np.eye(4))[:, :3, :3]
-    right = np.abs(rotations.transpose(0, 2, 1) @ rotations - np.eye(3)).max(axis=(1, 2), initial=0.0) < ORTHOGONAL
-    right &= np.linalg.det(rotations) > 0.0
-    right &= (np.abs(poses[:, 3] - [0.0, 0.0, 0.0, 1.0]) < ORTHOGONAL).all(axis=1) & finite
+    right = pose_defects(poses) < ORTHOGONAL  # False of NaN
     wrong = np.flatnonzero(~right)
     if len(wrong):
         k = int(wrong[0])
