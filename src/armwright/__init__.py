@@ -204,7 +204,6 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.trajectory.path": ("JointPath",),
     "armwright.pictures.workspace_maps": ("draw_workspace",),
     "armwright.ik.workspace": ("workspace",),
-    "armwright.trajectory": ("Fourier", "Quintic", "Ramp", "Sine", "Step"),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 _CALLED = {"compile": "compile_arm"}  # inside, nothing is called like Python's own
