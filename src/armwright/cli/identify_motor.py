@@ -70,6 +70,9 @@ def motor(
     output: Annotated[
         Path | None, option("--output -o", "ARM.toml", "Write the record with the fitted numbers and their deviations.")
     ] = None,
+    report: Annotated[
+        Path | None, option("--report", "FILE.html", "Write a page with the numbers and with plots of every run.")
+    ] = None,
 ) -> None:
     """Identify motors: resistance, torque constant, inertia, friction, delay, with standard deviations.
 
@@ -78,7 +81,7 @@ def motor(
 
     \b
     Examples:
-      armwright identify motor bench.log.toml -o motor.toml
+      armwright identify motor bench.log.toml -o motor.toml --report motor.html
       armwright identify motor bench.log.toml --model oe --order 2
       armwright identify motor bench.log.toml --fix R=1.3 --free Kt,J,coulomb,delay
       armwright identify motor arm.log.toml --robot arm.toml -o arm_identified.toml
@@ -86,7 +89,15 @@ def motor(
     """
     if model != "dc":
         _refuse_beside(
-            model, {"--robot": robot, "--free": free, "--fix": fix, "--per-run": per_run, "--output": output}
+            model,
+            {
+                "--robot": robot,
+                "--free": free,
+                "--fix": fix,
+                "--per-run": per_run,
+                "--output": output,
+                "--report": report,
+            },
         )
         return show_linear(file, model, order=order, delay=delay, joint=joint)
     import armwright as aw
@@ -95,6 +106,8 @@ def motor(
 
     if output is not None:
         check_destination(output, (".toml",), read=(file, robot, static))
+    if report is not None:
+        check_destination(report, (".html",), read=(file, robot, static))
     with progress("fitting") as tell:
         found = aw.identify_motor(
             file,
@@ -116,6 +129,10 @@ def motor(
     if output is not None:
         found.write(output)
         say(f"wrote {output}")
+    if report is not None:
+        from armwright.identification.motor.page import plots
+
+        say(f"wrote {aw.write_report(report, f'{file.name}: motor', found.estimate, sections=plots(found))}")
     if found.estimate.verdict != "identified":
         raise typer.Exit(NOT_IDENTIFIED)
 

@@ -95,7 +95,7 @@ def identify_motor(
     names, record = names_to_fit(record, free, set(fixed or {}), guesses, data, locked)
     problem, labels = problem_of(record, data, stretches, names, guesses, per_run, free, delay, most_delay, priors)
     done = fitted(record, data, problem, labels, starts, seed, free, progress)
-    fit = result(log, record, data, done, free, bench=base is None)
+    fit = result(log, record, data, done, free, bench=base is None, locked=locked, first=guesses[0])
     if base is None:
         return fit
     given = given_numbers(base, joints, fixed or {}, pwm)

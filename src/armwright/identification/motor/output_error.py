@@ -85,6 +85,12 @@ class Problem:
         # with derivatives, of which the loop is there already: tracing and linking another takes longer than they do
         return [self._run(s, z[None], True)[0][0] for s in range(len(self.stretches))]
 
+    def responses(self, s: int, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Signals (lanes, rows, signals · n) of stretch s at coordinates (lanes, k), and their derivatives by these (…, k)."""
+        y, dy = self._run(s, z, True)
+        assert dy is not None
+        return y, dy
+
     def evaluate(self, z: np.ndarray, slopes: bool = True) -> tuple[np.ndarray, np.ndarray | None]:
         """Residuals (lanes, m) of coordinates (lanes, k), and their Jacobian (lanes, m, k)."""
         residuals, jacobians = [], []

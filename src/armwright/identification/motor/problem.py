@@ -71,7 +71,7 @@ def problem_of(
                 add(unknown, "offset", f"offset{k}", run)
     places = []
     for number, stretch in enumerate(stretches):
-        start, fixed_start = _starts_of(stretch, number, response, arm, unknowns, labels, speed, data)
+        start, fixed_start = starts_of(stretch, number, response, arm, unknowns, labels, speed, data)
         own = [at.get((label, stretch.run), at.get((label, ""), -1)) for label, group in names.items() for _ in group]
         offsets = [at.get((f"offset{k}", stretch.run), at.get((f"offset{k}", ""), -1)) for k in range(n)]
         lag = at.get(("delay", stretch.run), at.get(("delay", ""), -1))
@@ -182,7 +182,7 @@ def sizes(
     return sizes
 
 
-def _starts_of(
+def starts_of(
     stretch: Stretch,
     number: int,
     response: Response,

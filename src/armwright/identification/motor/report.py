@@ -14,9 +14,12 @@ from armwright.description.robot import RobotDescription
 from armwright.identification.estimate import Estimate, write_into
 from armwright.identification.logs.log import Log
 from armwright.identification.motor.fitting import Fitted, without
+from armwright.identification.motor.guess import Guess
+from armwright.identification.motor.held_out import held_out
 from armwright.identification.motor.measured import Measured
-from armwright.identification.motor.output_error import Problem
+from armwright.identification.motor.predictions import predictions_of
 from armwright.identification.motor.problem import sizes
+from armwright.identification.motor.separating import separating
 from armwright.identification.motor.uncertainty import covariance
 from armwright.identification.motor.unknowns import values_of
 
@@ -27,6 +30,7 @@ EXPLAINED = 0.5  # R² of a signal below which the model does not describe the l
 CURRENT = 0.9  # R² of a current below which its rows may be others than is taken
 FAR = 3.0  # deviations from its prior at which a number contradicts it
 NOTHING_NEW = 0.9  # of the prior's deviation that is left: the log says next to nothing
+WORSE = 15.0  # per cent of fit by which a run that was held out is described worse
 AT_BOUND = 1e-6  # of a range: nearer to its end is at the bound
 WORDS = {
     "R": "resistance",
@@ -45,6 +49,7 @@ class MotorFit:
     Attributes:
         estimate: the numbers.   robot: the record before the estimate is written into it.   predictions: by run, datasets with
             every compared signal as measured and as `<signal>_predicted`, time and joint as in `Log.dataset`.
+            Of runs that were held out, too.
         source: what the robot's file was, for `write`.   cost: half the sum of squares of scaled residuals.
     """
 
@@ -68,13 +73,15 @@ class MotorFit:
 
 
 def result(
-    log: Log, record: RobotDescription, data: Measured, done: Fitted, free: Sequence[str] | None, *, bench: bool = False
-) -> MotorFit:
+    log: Log, record: RobotDescription, data: Measured, done: Fitted, free: Sequence[str] | None, *, bench: bool = False,
+    locked: bool = False, first: Guess,
+) -> MotorFit:  # fmt: skip
     """The estimate with measures, predictions and remarks.
 
     Args:
         log, data: what was fitted.   record: with the first guesses.   done: the fit.   free: the names that were asked for.
-        bench: no record says what numbers are that the log cannot tell.
+        bench: no record says what numbers are that the log cannot tell.   locked: the rotors were held.
+        first: the coarse guess of the first motor.
     """
     problem, held = done.problem, done.held
     kept = [k for k in range(len(done.z)) if k not in held]
@@ -93,8 +100,14 @@ def result(
     at_bound = is_told & ((done.z - low < near) | (high - done.z < near))
     at_bound[done.ends] = True
     columns, names, units, scale = _shown(done, data)
-    predictions, measures = _predictions(inner, done.z[kept], data)
-    remarks = [*data.remarks, *done.remarks, *_in_words(done, values, data), *_of_priors(done, values, whole)]
+    predictions, measures = predictions_of(inner, done.z[kept], data)
+    clauses = separating(record, data, done, first)
+    remarks = [
+        *data.remarks,
+        *done.remarks,
+        *_in_words(done, values, data, clauses),
+        *_of_priors(done, values, whole),
+    ]
     asked = [labels_name(done, k) for k in held if k not in done.zero and labels_name(done, k) in (free or ())]
     wrong = [f"{name} was to be fitted, and this log does not tell it" for name in dict.fromkeys(asked)]
     ends = [k for k in np.flatnonzero(at_bound) if k not in done.zero and done.labels[k] != "start"]
@@ -110,8 +123,15 @@ def result(
             remarks.append(
                 f"R² of {name} is only {each['r2']:.2g}: a current is compared with the one just before its row's command acts"
             )
-    if log.hold_out:
-        remarks.append(f"not used here: {', '.join(log.hold_out)}, kept for `armwright validate`")
+    fresh, fresh_measures, why_not = held_out(log, record, data, done, locked)
+    predictions |= fresh
+    remarks += why_not
+    for name, each in fresh_measures.items():
+        if each["r2"] < EXPLAINED:
+            wrong.append(f"R² of {name} is {each['r2']:.2g}: the fit does not describe a run that it has not seen")
+        elif each["fit_percent"] < min(own["fit_percent"] for own in measures.values()) - WORSE:
+            what = f"{name} is described worse than what was fitted: something differs from run to run, such as the friction"
+            remarks.append(f"{what}; fit both runs with per_run=[…], which tells the drift")
     columns_of_unit = jacobian[0] / np.maximum(np.linalg.norm(jacobian[0], axis=0), 1e-300)
     sizes = np.linalg.svd(columns_of_unit, compute_uv=False)
     estimate = Estimate(
@@ -125,7 +145,7 @@ def result(
         identifiable=is_told[columns],
         remarks=(*remarks, *wrong),
         condition=float(sizes[0] / max(sizes[-1], 1e-300)),
-        fit=measures,
+        fit={**measures, **fresh_measures},
         verdict="not identified" if wrong else "identified",
         log=log.path.name,
     )
@@ -234,57 +254,20 @@ def _with_drift(estimate: Estimate, done: Fitted, values: np.ndarray) -> Estimat
     )
 
 
-def _predictions(problem: Problem, z: np.ndarray, data: Measured) -> tuple[dict[str, Any], dict[str, dict[str, float]]]:
-    """Datasets by run, and measures by run and signal."""
-    import xarray as xr
-
-    predicted = problem.predictions(z)
-    found: dict[str, list[Any]] = {}
-    measures: dict[str, dict[str, float]] = {}
-    n = len(data.joints)
-    columns: dict[tuple[str, str, str], list[tuple[np.ndarray, np.ndarray]]] = {}
-    for stretch, y, target in zip(problem.stretches, predicted, problem.targets, strict=True):
-        variables: dict[str, Any] = {}
-        for s, name in enumerate(data.signals):
-            plain = "qd" if name == "qd_mean" else name
-            part = slice(s * n, (s + 1) * n)
-            used = stretch.weights[:, part] > 0
-            variables[plain] = (("time", "joint"), np.where(used, target[:, part], np.nan))
-            variables[f"{plain}_predicted"] = (("time", "joint"), y[:, part])
-            for k, joint in enumerate(data.joints):
-                if used[:, k].any():
-                    pair = target[used[:, k], s * n + k], y[used[:, k], s * n + k]
-                    columns.setdefault((stretch.run, joint, plain), []).append(pair)
-        each = xr.Dataset(variables, {"time": ("time", stretch.t, {"units": "s"}), "joint": list(data.joints)})
-        found.setdefault(stretch.run, []).append(each)
-    for (run, joint, name), pairs in columns.items():
-        true, own = (np.concatenate(column) for column in zip(*pairs, strict=True))
-        error, spread = true - own, true - true.mean()
-        ratio = float(np.linalg.norm(error) / max(np.linalg.norm(spread), 1e-300))
-        key = f"{run}: {name}" if n == 1 else f"{run}: {joint}.{name}"
-        measures[key] = {
-            "fit_percent": 100.0 * (1.0 - ratio),
-            "r2": 1.0 - ratio * ratio,
-            "rms": float(np.sqrt((error * error).mean())),
-        }
-    return {run: xr.concat(parts, "time") for run, parts in found.items()}, measures
+def called_in_words(done: Fitted, k: int) -> str:
+    """An unknown in words: "viscous friction"."""
+    name = labels_name(done, k)
+    return WORDS.get(name, name.replace("_", " ") + (" friction" if name in ("viscous", "coulomb") else ""))
 
 
-def _in_words(done: Fitted, values: np.ndarray, data: Measured) -> list[str]:
-    """What the log cannot tell apart, which numbers were held for that, and what would tell."""
+def _in_words(done: Fitted, values: np.ndarray, data: Measured, clauses: Sequence[str]) -> list[str]:
+    """What the log cannot tell apart, which numbers were held for that, and what would tell: `clauses`, one for each reason."""
     sentences = []
-
-    def called(k: int) -> str:
-        name = labels_name(done, k)
-        return WORDS.get(name, name.replace("_", " ") + (" friction" if name in ("viscous", "coulomb") else ""))
-
-    for direction, chosen in done.reasons:
-        names = [called(k) for k in direction.unknowns]
-        signs = dict(zip(names, direction.exponents, strict=True))
-        names = list(signs)
-        each = done.problem.unknowns[chosen]
+    for (direction, chosen), clause in zip(done.reasons, clauses, strict=True):
+        signs = {called_in_words(done, k): x for k, x in zip(direction.unknowns, direction.exponents, strict=True)}
+        names, each = list(signs), done.problem.unknowns[chosen]
         unit = "" if each.shown_unit == "1" else f" {each.shown_unit}"
-        kept = f"the {called(chosen)} is held at {values[chosen]:.4g}{unit}"
+        kept = f"the {called_in_words(done, chosen)} is held at {values[chosen]:.4g}{unit}" + (clause and f"; {clause}")
         if len(names) == 1:
             sentences.append(f"this log does not tell the {names[0]}: {kept}")
             continue
@@ -294,20 +277,14 @@ def _in_words(done: Fitted, values: np.ndarray, data: Measured) -> list[str]:
         sentences.append(
             f"{', '.join(names[:-1])} and {names[-1]} cannot be told apart with this log: {change} predicts the same; {kept}"
         )
-    names_held = {labels_name(done, k) for d, _ in done.reasons for k in d.unknowns}
-    if (
-        done.reasons
-        and data.command == "voltage"
-        and "current" not in data.signals
-        and names_held & {"R", "Kt", "J", "L"}
-    ):
-        sentences.append(
-            "a log of the current beside the voltage would tell resistance, torque constant and inertia apart"
-        )
-    elif done.reasons and data.command != "voltage" and names_held & {"Kt", "J"}:
-        sentences.append(
-            "a known inertia, or a log of voltage and current, would tell torque constant and inertia apart"
-        )
-    elif done.reasons:
+    held = {labels_name(done, k) for d, _ in done.reasons for k in d.unknowns}
+    by_voltage = data.command == "voltage"
+    if done.reasons and by_voltage and "current" not in data.signals and held & {"R", "Kt", "J", "L"}:
+        what = "a log of the current beside the voltage would tell resistance, torque constant and inertia apart"
+        sentences.append(what)
+    elif done.reasons and not by_voltage and held & {"Kt", "J"}:
+        what = "a known inertia, or a log of voltage and current, would tell torque constant and inertia apart"
+        sentences.append(what)
+    elif done.reasons and not any(clauses):
         sentences.append("a motion with more steps, turns and speeds would tell more")
     return sentences

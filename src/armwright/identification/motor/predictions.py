@@ -1,0 +1,52 @@
+"""Predictions of a fit of drives beside the measurements, and how good they are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armwright.identification.motor.measured import Measured
+from armwright.identification.motor.output_error import Problem
+
+
+def predictions_of(
+    problem: Problem, z: np.ndarray, data: Measured, mark: str = ""
+) -> tuple[dict[str, Any], dict[str, dict[str, float]]]:
+    """Datasets by run, and measures by run and signal.
+
+    Args:
+        problem: of the fit.   z: (k,) coordinates.   data: measurements.   mark: what stands behind a run's name, among measures.
+    """
+    import xarray as xr
+
+    predicted = problem.predictions(z)
+    found: dict[str, list[Any]] = {}
+    measures: dict[str, dict[str, float]] = {}
+    n = len(data.joints)
+    columns: dict[tuple[str, str, str], list[tuple[np.ndarray, np.ndarray]]] = {}
+    for stretch, y, target in zip(problem.stretches, predicted, problem.targets, strict=True):
+        variables: dict[str, Any] = {}
+        for s, name in enumerate(data.signals):
+            plain = "qd" if name == "qd_mean" else name
+            part = slice(s * n, (s + 1) * n)
+            used = stretch.weights[:, part] > 0
+            variables[plain] = (("time", "joint"), np.where(used, target[:, part], np.nan))
+            variables[f"{plain}_predicted"] = (("time", "joint"), y[:, part])
+            for k, joint in enumerate(data.joints):
+                if used[:, k].any():
+                    pair = target[used[:, k], s * n + k], y[used[:, k], s * n + k]
+                    columns.setdefault((stretch.run, joint, plain), []).append(pair)
+        each = xr.Dataset(variables, {"time": ("time", stretch.t, {"units": "s"}), "joint": list(data.joints)})
+        found.setdefault(stretch.run, []).append(each)
+    for (run, joint, name), pairs in columns.items():
+        true, own = (np.concatenate(column) for column in zip(*pairs, strict=True))
+        error, spread = true - own, true - true.mean()
+        ratio = float(np.linalg.norm(error) / max(np.linalg.norm(spread), 1e-300))
+        key = f"{run}{mark}: {name}" if n == 1 else f"{run}{mark}: {joint}.{name}"
+        measures[key] = {
+            "fit_percent": 100.0 * (1.0 - ratio),
+            "r2": 1.0 - ratio * ratio,
+            "rms": float(np.sqrt((error * error).mean())),
+        }
+    return {run: xr.concat(parts, "time") for run, parts in found.items()}, measures
