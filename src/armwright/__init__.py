@@ -41,6 +41,7 @@ if TYPE_CHECKING:
         spring_torques,
     )
     from armwright.errors import ArmwrightError
+    from armwright.identification.arm.drive_gains import identify_drive_gains
     from armwright.identification.arm.friction import identify_friction
     from armwright.identification.arm.identify import ArmEstimate, identify_arm
     from armwright.identification.arm.payload import identify_payload
@@ -142,6 +143,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     ),
     "armwright.errors": ("ArmwrightError",),
     "armwright.identification.arm.friction": ("identify_friction",),
+    "armwright.identification.arm.drive_gains": ("identify_drive_gains",),
     "armwright.identification.arm.payload": ("identify_payload",),
     "armwright.identification.arm.identify": ("ArmEstimate", "identify_arm"),
     "armwright.identification.estimate": ("Estimate", "write_into"),
@@ -303,6 +305,7 @@ __all__ = [
     "frequency_response",
     "gravity_torques",
     "identify_arm",
+    "identify_drive_gains",
     "identify_friction",
     "identify_motor",
     "identify_payload",

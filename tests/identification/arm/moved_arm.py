@@ -19,12 +19,13 @@ path = "{name}.csv"
 column = "t"
 unit = "s"
 """
+SIDE = 'side = "joint"'
 SIGNAL = """
 [[signals]]
 quantity = "{quantity}"
 columns = {columns}
 unit = "{unit}"
-side = "joint"
+{side}
 """
 
 
@@ -47,8 +48,10 @@ def written_log(
     """A log of positions and torques, or of currents, written as CSV and read."""
     unit = {"torque": "N m", "current": "A"}[quantity]
     text = FILE.format(name=name, joints=joints)
-    text += SIGNAL.format(quantity="position", columns=[f"q{k}" for k in range(len(joints))], unit="rad")
-    text += SIGNAL.format(quantity=quantity, columns=[f"u{k}" for k in range(len(joints))], unit=unit)
+    text += SIGNAL.format(quantity="position", columns=[f"q{k}" for k in range(len(joints))], unit="rad", side=SIDE)
+    text += SIGNAL.format(
+        quantity=quantity, columns=[f"u{k}" for k in range(len(joints))], unit=unit, side="" if unit == "A" else SIDE
+    )
     columns = {
         "t": t,
         **{f"q{k}": q[:, k] for k in range(q.shape[1])},

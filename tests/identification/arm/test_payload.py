@@ -54,6 +54,9 @@ def test_two_kilograms_within_one_per_cent_from_two_logs(arm, tmp_path):
     assert found["payload.mass_kg"] == pytest.approx(MASS, rel=0.01)
     assert (np.abs(found.values - TRUTH)[:4] < 4 * found.std[:4]).all()
     assert found.names == NAMES
+    carrying = aw.write_into(with_identified_payload(wrong, found), found, tmp_path / "carrying.toml", key="payload")
+    assert aw.load(carrying).record.fits["payload"].log_sha256 == found.sha256
+    assert unloaded.sha256 in found.method
 
 
 def test_no_payload_is_no_answer(arm, tmp_path):

@@ -12,6 +12,7 @@ Either way joints are weighted by their residuals, and standard deviations count
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -175,10 +176,19 @@ def _fitted(
         with_correlation(each, replace(fit, equations=half)).covariance
         for each, half in zip(sources, halves, strict=True)
     ]
-    method = "payload from two logs, without and with it: weighted least squares of both together"
-    return _estimate(
-        fit, sum(covariances, np.zeros(())), method, f"{log.sha256} {loaded_log.sha256}", loaded_log.path.name
-    )
+    method = f"payload from two logs, {both_logs(log, loaded_log)}: weighted least squares of both together"
+    sha256 = checksum_of_both(log, loaded_log)
+    return _estimate(fit, sum(covariances, np.zeros(())), method, sha256, loaded_log.path.name)
+
+
+def both_logs(log: Log, loaded_log: Log) -> str:
+    """Names and checksums of two logs, for a fit's method."""
+    return f"without {log.path.name} (sha256 {log.sha256}) and with {loaded_log.path.name} (sha256 {loaded_log.sha256})"
+
+
+def checksum_of_both(log: Log, loaded_log: Log) -> str:
+    """SHA-256 of the two logs' checksums one after the other: a record has one checksum for a fit."""
+    return hashlib.sha256(f"{log.sha256}{loaded_log.sha256}".encode()).hexdigest()
 
 
 def _without_arm(samples: Iterable[Samples], model: PayloadModel) -> Iterator[Samples]:
