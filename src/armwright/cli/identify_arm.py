@@ -112,5 +112,5 @@ def show(found: ArmEstimate) -> None:
     console.print(table("\njoints", JOINTS, joints, ("unit",)))
     say("")
     for remark in estimate.remarks:
-        say(f"{remark[0].upper()}{remark[1:]}.")
+        say(f"{remark[0].upper()}{remark[1:]}{'' if remark.endswith('?') else '.'}")
     say(f"\n{estimate.verdict}")

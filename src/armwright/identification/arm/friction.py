@@ -438,10 +438,13 @@ def _covariance(rows: FrictionRows, law: FrictionLaw) -> np.ndarray:
         ends = [FrictionLaw(law.terms, {**law.values, stems[k]: x[k] + sign * h})(rows) for sign in (1, -1)]
         J[:, k] = (ends[0] - ends[1]) / (2 * h)
     rest = rows.torque - law(rows)
-    size = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
-    inverse = np.linalg.pinv((J / size).T @ (J / size))
-    scores = np.array([(J[part] / size).T @ rest[part] for part in np.array_split(np.arange(len(rest)), CLUSTERS)])
-    return (inverse @ (scores.T @ scores) @ inverse) * CLUSTERS / (CLUSTERS - 1) / np.outer(size, size)
+    size = np.linalg.norm(J, axis=0)
+    scale = np.where(size > 0, size, 1.0)
+    inverse = np.linalg.pinv((J / scale).T @ (J / scale))
+    scores = np.array([(J[part] / scale).T @ rest[part] for part in np.array_split(np.arange(len(rest)), CLUSTERS)])
+    covariance = (inverse @ (scores.T @ scores) @ inverse) * CLUSTERS / (CLUSTERS - 1) / np.outer(scale, scale)
+    covariance[size == 0, :] = covariance[:, size == 0] = np.nan  # the torque does not depend on it
+    return covariance
 
 
 def with_identified_friction(robot: Model, estimate: Estimate) -> Model:
