@@ -122,6 +122,7 @@ if TYPE_CHECKING:
     from armwright.trajectory.motion_rows import load_motion
     from armwright.trajectory.online import ReferenceFilter
     from armwright.trajectory.path import JointPath
+    from armwright.trajectory.time_optimal import PathMotion, time_optimal
 
 __version__ = "0.1.0"
 
@@ -206,6 +207,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.trajectory.path": ("JointPath",),
     "armwright.pictures.workspace_maps": ("draw_workspace",),
     "armwright.ik.workspace": ("workspace",),
+    "armwright.trajectory.time_optimal": ("PathMotion", "time_optimal"),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 _CALLED = {"compile": "compile_arm"}  # inside, nothing is called like Python's own
@@ -245,6 +247,7 @@ __all__ = [
     "MotionLimits",
     "MotorFit",
     "MotorGuess",
+    "PathMotion",
     "Payload",
     "PiecewisePolynomial",
     "PlaneObstacle",
@@ -349,6 +352,7 @@ __all__ = [
     "statistics",
     "step_study",
     "stored_verdict",
+    "time_optimal",
     "to_toml",
     "validate",
     "workspace",

@@ -94,12 +94,16 @@ class JointPath:
         """A derivative of q (…, n) by s of that order; at a break that of the piece after it."""
         return self.curve(np.clip(np.asarray(s, dtype=float), 0.0, self.length), order)
 
+    @cached_property
+    def turns(self) -> np.ndarray:
+        """(k,) s, increasing, at which a joint turns back or pauses: q' of it is 0."""
+        roots = self._derivatives[1].roots(discontinuity=False, extrapolate=False)
+        s = np.unique(np.concatenate([np.asarray(each, dtype=float) for each in roots]))
+        return s[np.isfinite(s)]  # of a joint at rest on a whole piece: NaN
+
     def extremes(self) -> tuple[np.ndarray, np.ndarray]:
         """s (n, 2) at which each joint is lowest and highest, and its positions there (n, 2) [rad | m]."""
-        turns = np.concatenate(
-            [np.asarray(each, dtype=float) for each in self._derivatives[1].roots(extrapolate=False)]
-        )
-        s = np.concatenate([self.breaks, turns[np.isfinite(turns)]])  # roots of a joint at rest on a piece: NaN
+        s = np.concatenate([self.breaks, self.turns])
         q = self.at(s)[0]
         rows = np.stack([q.argmin(axis=0), q.argmax(axis=0)], axis=1)
         return s[rows], np.take_along_axis(q, rows.T, axis=0).T

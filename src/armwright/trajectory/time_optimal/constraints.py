@@ -1,0 +1,170 @@
+"""What the limits of an arm allow along a path: for a squared path speed x = ṡ² an interval of path accelerations s̈.
+
+q̇ = q' √x,  q̈ = q' s̈ + q'' x.  [BobrowEtAl1985] At fixed x the inverse dynamics is affine in s̈, through lossy gears piecewise
+linear. In x it is neither: viscous friction and back EMF add terms in √x [VerscheureEtAl2009], other friction any function of it.
+So the interval is computed at given x, through the compiled kernels, for all grid points at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from armwright.actuators.gear import loses_power
+from armwright.kernels.compiled import CompiledArm
+from armwright.trajectory.limits import MotionLimits
+from armwright.trajectory.path import JointPath
+
+FLAT = 1e-13  # of a joint's largest slope: below it the joint bounds x, not s̈
+LINES = 12  # of a piecewise-linear torque that the search for a bound visits at most
+SOLVED = 1e-11  # of the torques that are allowed
+NEAR = 1e-4  # of the accelerations that are allowed, over which a line's slope is measured
+UNBOUNDED = 1e100  # finite, so that bounds can be interpolated
+
+Shares = Mapping[str, np.ndarray]  # by quantity (m, n): part of its limit that a plan may use at each grid point
+
+
+@dataclass(frozen=True, eq=False)
+class PathLimits:
+    """Limits of an arm at points of a path.
+
+    Attributes:
+        dyn: the compiled arm, with its payload.   limits: of the joints.
+        q, first, second: (m, n) the path and its derivatives by s.
+    """
+
+    dyn: CompiledArm
+    limits: MotionLimits
+    q: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+
+    @classmethod
+    def at(cls, dyn: CompiledArm, limits: MotionLimits, path: JointPath, s: np.ndarray) -> PathLimits:
+        """Limits of an arm at points s (m,) of a path."""
+        return cls(dyn, limits, *path.at(s))
+
+    def largest_x(self, shares: Shares) -> np.ndarray:
+        """(m,) x at which the first joint reaches its velocity limit; infinite without one."""
+        with np.errstate(divide="ignore"):
+            speed = (self.limits.velocity * shares["velocity"] / np.abs(self.first)).min(axis=1)
+        return speed * speed
+
+    def bounds(self, x: np.ndarray, shares: Shares) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest s̈ (m, j) that all joints allow at x (m, j); lowest above highest where none is allowed."""
+        intervals = []
+        if np.isfinite(self.limits.acceleration).any():
+            most = (self.limits.acceleration * shares["acceleration"])[:, None]
+            value = self.second[:, None] * x[..., None]
+            intervals.append(_interval(value, self.first[:, None], -most, most))
+        if self.has_torques:
+            intervals.append(self._torque_interval(x, shares))
+        low, high = (np.clip(rows, -UNBOUNDED, UNBOUNDED).max(axis=(0, -1)) for rows in zip(
+            *((low, -high) for low, high in intervals), strict=True))  # fmt: skip
+        return low, -high
+
+    def used(self, x: np.ndarray, sdd: np.ndarray) -> dict[str, np.ndarray]:
+        """By quantity the part of its limit (m, j, n) that each joint uses at x and s̈ (m, j), signed; 0 without a limit."""
+        qd, qdd = self._motion(x, sdd)
+        values = {"velocity": qd, "acceleration": qdd}
+        if self.has_torques:
+            values["torque"] = self.torque(x, sdd)
+        if self._has_voltages:
+            values["voltage"] = self.dyn.motor_voltage(qd, values["torque"])
+        return {name: value / getattr(self.limits, name) for name, value in values.items()}
+
+    def torque_limits(self, x: np.ndarray, shares: Shares) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest torques of the motors (m, j, n) [N m | N] at x (m, j), by limits of torque and voltage."""
+        most = (self.limits.torque * shares["torque"])[:, None] + np.zeros((*x.shape, 1))
+        if not self._has_voltages:
+            return -most, most
+        qd = self._motion(x, x)[0]
+        volts = (self.limits.voltage * shares["voltage"])[:, None] + np.zeros_like(qd)
+        limited = np.isfinite(volts)
+        volts = np.where(limited, volts, 0.0)
+        ends = self.dyn.motor_torque(qd, -volts), self.dyn.motor_torque(qd, volts)  # swapped where n is negative
+        least, greatest = np.minimum(*ends), np.maximum(*ends)
+        return np.maximum(-most, np.where(limited, least, -np.inf)), np.minimum(
+            most, np.where(limited, greatest, np.inf)
+        )
+
+    @cached_property
+    def has_torques(self) -> bool:
+        """True if torques or voltages are limited."""
+        return bool(np.isfinite([self.limits.torque, self.limits.voltage]).any())
+
+    @cached_property
+    def _has_voltages(self) -> bool:
+        return bool(np.isfinite(self.limits.voltage).any())
+
+    @cached_property
+    def _loses_power(self) -> bool:
+        return any(loses_power(body) for body in self.dyn.arm.coordinates)
+
+    @cached_property
+    def _inertia(self) -> np.ndarray:
+        """M q' (m, 1, n): torque of the motors per s̈ through gears without loss."""
+        still = np.zeros_like(self.q)
+        inertia = self.dyn.inverse_dynamics(self.q, still, self.first) - self.dyn.inverse_dynamics(self.q, still, still)
+        return inertia[:, None]
+
+    def _motion(self, x: np.ndarray, sdd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """q̇ and q̈, each (m, j, n), at x and s̈ (m, j)."""
+        first = self.first[:, None]
+        return first * np.sqrt(x)[..., None], first * sdd[..., None] + self.second[:, None] * x[..., None]
+
+    def torque(self, x: np.ndarray, sdd: np.ndarray) -> np.ndarray:
+        """Torques of the motors (m, j, n) [N m | N] at x and s̈ (m, j)."""
+        return self.dyn.inverse_dynamics(self.q[:, None], *self._motion(x, sdd))
+
+    def _torque_interval(self, x: np.ndarray, shares: Shares) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest s̈ (m, j, n) by each joint's torque and voltage."""
+        least, most = self.torque_limits(x, shares)
+        torque = self.torque(x, np.zeros_like(x))
+        if not self._loses_power:
+            return _interval(torque, self._inertia, least, most)
+        rising = self._inertia > 0.0
+        low, high = _interval(torque, self._inertia, least, most)
+        return (
+            self._root(x, low, np.where(rising, least, most), most - least),
+            self._root(x, high, np.where(rising, most, least), most - least),
+        )
+
+    def _root(self, x: np.ndarray, sdd: np.ndarray, target: np.ndarray, size: np.ndarray) -> np.ndarray:
+        """s̈ (m, j, n) at which each joint's own torque is the target, by Newton's method, exact on the last line."""
+        sdd = np.broadcast_to(sdd, target.shape).copy()
+        open_ = np.isfinite(sdd) & (np.abs(sdd) < UNBOUNDED)
+        rows = np.argwhere(open_)
+        for _ in range(LINES):
+            if not len(rows):
+                break
+            k, j, i = rows.T
+            u, near = sdd[k, j, i], NEAR * size[k, j, i] / np.abs(self._inertia[k, 0, i])
+            here, beside = (self._own_torque(k, i, x[k, j], each) for each in (u, u + near))
+            left = here - target[k, j, i]
+            slope = (beside - here) / near
+            safe = np.where(slope * self._inertia[k, 0, i] > 0.0, slope, self._inertia[k, 0, i])
+            done = np.abs(left) <= SOLVED * np.abs(size[k, j, i])
+            sdd[k, j, i] = np.where(done, u, u - left / safe)
+            rows = rows[~done]
+        return sdd
+
+    def _own_torque(self, k: np.ndarray, i: np.ndarray, x: np.ndarray, sdd: np.ndarray) -> np.ndarray:
+        """Torque (r,) of joint i at grid point k, x and s̈, all (r,)."""
+        first = self.first[k]
+        qdd = first * sdd[:, None] + self.second[k] * x[:, None]
+        return self.dyn.inverse_dynamics(self.q[k], first * np.sqrt(x)[:, None], qdd)[np.arange(len(i)), i]
+
+
+def _interval(
+    value: np.ndarray, slope: np.ndarray, least: np.ndarray, most: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Interval of u with  least ≤ value + slope u ≤ most,  by entry; a flat line bounds x, with u far beyond all others."""
+    floor = np.maximum(FLAT * np.abs(slope).max(axis=(0, 1)), 1.0 / UNBOUNDED)
+    slope = np.where(np.abs(slope) > floor, slope, floor)
+    with np.errstate(over="ignore"):
+        a, b = (least - value) / slope, (most - value) / slope
+    return np.where(slope > 0.0, a, b), np.where(slope > 0.0, b, a)

@@ -1,0 +1,137 @@
+"""Problems that have no solution: where on the path, which joint, and by how much."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.errors import ScenarioError
+from armwright.model import Model
+from armwright.trajectory.limits import MotionLimits
+from armwright.trajectory.path import JointPath
+from armwright.trajectory.time_optimal.constraints import UNBOUNDED
+from armwright.trajectory.time_optimal.passes import Profile
+from armwright.trajectory.time_optimal.planner import MOST, Planner
+
+ROUNDING = 1e-9  # of a limit
+CREEPING = 1e-3  # of the median speed that accelerations reach over one piece: nearly at rest, with all of its friction
+
+
+def squared_speeds(speeds: Any) -> tuple[float, float]:
+    """ṡ² at both ends.
+
+    Raises:
+        ScenarioError: no two numbers of 0 or more.
+    """
+    try:
+        values = scalar.real_numbers(speeds)
+    except ValueError:
+        values = np.full(1, np.nan)
+    if values.shape != (2,) or not (np.isfinite(values) & (values >= 0.0)).all():
+        raise ScenarioError(place="speeds", value=speeds, expected="two path speeds of 0 or more, at both ends")
+    return float(values[0] ** 2), float(values[1] ** 2)
+
+
+def check_limits(arm: Model, limits: MotionLimits, path: JointPath) -> None:
+    """Refuses limits that the arm's record cannot tell, that this planner does not keep, and motions that nothing bounds.
+
+    Raises:
+        ScenarioError: names the quantity and the joints.
+    """
+    if np.isfinite(limits.jerk).any():
+        expected = "inf: a time-optimal motion jumps in acceleration"
+        raise ScenarioError("jerk is not limited here", place="limits.jerk", value=limits.jerk, expected=expected)
+    massless = bool(arm.without_masses) or not np.asarray(arm.inertial_parameters, dtype=float).any()
+    dark = [
+        body.joint for body in arm.coordinates if body.drive.resistance is None or body.drive.torque_constant is None
+    ]
+    for quantity, lacks in (
+        ("torque", "links without masses" if massless else ""),
+        ("voltage", "links without masses" if massless else f"no motor constants of {', '.join(dark)}" if dark else ""),
+    ):
+        if lacks and np.isfinite(getattr(limits, quantity)).any():
+            expected = f"a record that can tell it, or {quantity} = inf in the limits"
+            raise ScenarioError(f"the record of {arm.name} has {lacks}", place=f"limits.{quantity}", expected=expected)
+    moving = np.ptp(np.asarray(path.waypoints), axis=0) > 0.0
+    bounded = np.isfinite([limits.acceleration, limits.torque, limits.voltage]).any(axis=0)
+    if not (moving & bounded).any():
+        free = ", ".join(name for name, moves in zip(limits.names, moving, strict=True) if moves)
+        expected = "a limit of acceleration, torque or voltage, in the record or as an argument"
+        raise ScenarioError(f"nothing bounds the acceleration of {free}", place="limits", expected=expected)
+
+
+def check_positions(limits: MotionLimits, path: JointPath) -> None:
+    """Refuses paths that leave the position limits, between waypoints too.
+
+    Raises:
+        ScenarioError: names the joint, the place and how far it is outside.
+    """
+    s, q = path.extremes()
+    beyond = np.stack([limits.position[:, 0] - q[:, 0], q[:, 1] - limits.position[:, 1]], axis=1)
+    joint, side = np.unravel_index(int(beyond.argmax()), beyond.shape)
+    if beyond[joint, side] > ROUNDING * max(1.0, abs(q[joint, side])):
+        unit, (low, high) = limits.unit("position", int(joint)), limits.position[joint]
+        raise ScenarioError(
+            f"{limits.names[joint]} is {beyond[joint, side]:.4g} {unit} outside its limits",
+            place=f"path at s = {s[joint, side]:.6g}", value=float(q[joint, side]), expected=f"{low:.6g} … {high:.6g} {unit}",
+        )  # fmt: skip
+
+
+def check_holding(planner: Planner) -> None:
+    """Refuses paths on which the motors cannot even hold the arm still.
+
+    Raises:
+        ScenarioError: names the joint, the place, the torque and what the limits allow.
+    """
+    error = _too_weak(planner, 0.0, "gravity and springs alone", "hold the arm still")
+    if error is not None:
+        raise error
+
+
+def no_way(planner: Planner, profile: Profile) -> ScenarioError:
+    """The reason why no motion leads along the path.
+
+    Args:
+        planner: of the path.   profile: that got stuck.
+    """
+    k = int(profile.stuck or 0)
+    if profile.highest_first < planner.ends[0]:
+        fastest = np.sqrt(max(profile.highest_first, 0.0))
+        return ScenarioError(
+            "from this path speed at the beginning the limits cannot be kept to the end", place="speeds[0]",
+            value=float(np.sqrt(planner.ends[0])), expected=f"{fastest:.5g} or less",
+        )  # fmt: skip
+    high = planner.points.bounds(np.zeros((len(planner.s), 1)), planner.shares)[1]
+    x = CREEPING**2 * float(np.median(np.clip(high, 0.0, MOST))) * planner.path.length / len(planner.s)
+    error = _too_weak(planner, x, "gravity, springs and friction", "move on slowly")
+    return error or ScenarioError(
+        "no motion within the limits leads on from here", place=_place(planner, k), value=planner.points.q[k],
+        expected="other limits or another path",
+    )  # fmt: skip
+
+
+def _too_weak(planner: Planner, x: float, what: str, purpose: str) -> ScenarioError | None:
+    """The error that a motor is too weak for a constant, small path speed √x, where it is by most; None where all can do it."""
+    points = planner.points
+    if not points.has_torques:
+        return None
+    rows, whole = np.full((len(planner.s), 1), x), {name: np.ones_like(each) for name, each in planner.shares.items()}
+    least, most = (each[:, 0] for each in points.torque_limits(rows, whole))
+    torque = points.torque(rows, np.zeros_like(rows))[:, 0]
+    allowed = np.where(torque > 0.0, most, -least)
+    excess = np.abs(torque) / np.maximum(allowed, 1.0 / UNBOUNDED)
+    k, joint = (int(each) for each in np.unravel_index(int(excess.argmax()), excess.shape))
+    if excess[k, joint] <= 1.0 + ROUNDING:
+        return None
+    unit, name = planner.limits.unit("torque", joint), planner.limits.names[joint]
+    return ScenarioError(
+        f"{what} take {abs(torque[k, joint]):.5g} {unit} of {name} to {purpose}, {allowed[k, joint]:.5g} {unit} is what its "
+        "limits of torque and voltage allow",
+        place=_place(planner, k), value=points.q[k], expected="a lighter payload, a stronger motor or another path",
+    )  # fmt: skip
+
+
+def _place(planner: Planner, k: int) -> str:
+    return f"path at s = {planner.s[k]:.6g} of {planner.path.length:.6g}"

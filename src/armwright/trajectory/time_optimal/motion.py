@@ -1,0 +1,102 @@
+"""A motion along a path at a planned path speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.scalar import Array, Scalar
+from armwright.trajectory.motion import Motion
+from armwright.trajectory.path import JointPath
+from armwright.trajectory.piecewise import PiecewisePolynomial
+
+SATURATED = 0.995  # of a limit: a motion that uses more is at it
+
+
+@dataclass(frozen=True, eq=False)
+class PathMotion(Motion):
+    """q(s(t)): a path with constant s̈ between grid points, so polynomials of time of twice the path's degree.
+
+    Accelerations jump at grid points: jerk is not limited.
+
+    Attributes:
+        path: q(s).   s: (m,) grid.   x: (m,) ṡ² there.   time: [s] of the beginning.
+        used: by quantity (m - 1, n) the largest part of its limit that each joint uses between grid points; 0 without a limit.
+        excess: relative excess over a limit on the grid that judged the plan; negative or 0: none.
+    """
+
+    path: JointPath
+    s: np.ndarray
+    x: np.ndarray
+    time: float
+    used: dict[str, np.ndarray]
+    excess: float
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self.path.n
+
+    @property
+    def duration(self) -> float:
+        """Duration [s]."""
+        return self.polynomial.duration
+
+    @property
+    def breaks(self) -> np.ndarray:
+        """(m,) [s] times at the grid points."""
+        return self.polynomial.knots
+
+    def at(self, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q, q̇ and q̈, each (…, n) [rad | m, …/s, …/s²], at times t (…) [s].
+
+        Through s(t) and the path, so that no speed has the other sign by rounding where the arm comes to rest.
+        """
+        times = np.asarray(t, dtype=float)
+        knots = self.breaks
+        k = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(self.s) - 2)
+        moving = (times >= knots[0]) & (times <= knots[-1])
+        tau = np.clip(times, knots[0], knots[-1]) - knots[k]
+        begin, sdd = np.sqrt(self.x[:-1])[k], (np.diff(self.x) / (2.0 * np.diff(self.s)))[k]
+        speed = np.maximum(begin + sdd * tau, 0.0)
+        q, first, second = self.path.at(np.minimum(self.s[k] + 0.5 * (begin + speed) * tau, self.s[k + 1]))
+        speed = speed * moving
+        qdd = first * (sdd * moving)[..., None] + second * (speed * speed)[..., None]
+        return q, first * speed[..., None], qdd
+
+    def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:
+        """q (n,) [rad | m], q̇ and q̈ at t [s]; a trace holds all pieces."""
+        return self.polynomial(t) if scalar.is_symbolic(t) else self.at(t)
+
+    @cached_property
+    def polynomial(self) -> PiecewisePolynomial:
+        """The same motion as polynomials of time."""
+        begin, ds = np.sqrt(self.x[:-1]), np.diff(self.s)
+        steps = 2.0 * ds / (begin + np.sqrt(self.x[1:]))
+        sdd = np.diff(self.x) / (2.0 * ds)
+        gone = np.stack([np.zeros_like(begin), begin, 0.5 * sdd], axis=-1)[:, None]  # s - s_k = ṡ τ + s̈ τ² / 2
+        degree = len(self.path.curve.c) - 1
+        taylor = [self.path.derivative(self.s[:-1], order)[..., None] for order in range(degree + 1)]
+        rows = taylor[degree]
+        for order in range(degree - 1, -1, -1):  # Horner's scheme in s - s_k, with polynomials for numbers
+            rows = _product(rows, gone) / (order + 1.0)
+            rows[..., :1] += taylor[order]
+        return PiecewisePolynomial(self.time + np.concatenate([[0.0], np.cumsum(steps)]), rows)
+
+    @property
+    def saturated(self) -> float:
+        """Part of the duration in which at least one joint is at a limit."""
+        at_limit = np.max([each.max(axis=1) for each in self.used.values()], axis=0) >= SATURATED
+        return float(np.diff(self.breaks) @ at_limit / self.duration)
+
+
+def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Product of polynomials (…, k) and (…, l), the constant terms first: (…, k + l - 1)."""
+    rows = np.zeros((*np.broadcast_shapes(a.shape[:-1], b.shape[:-1]), a.shape[-1] + b.shape[-1] - 1))
+    for k in range(b.shape[-1]):
+        rows[..., k : k + a.shape[-1]] += a * b[..., k : k + 1]
+    return rows

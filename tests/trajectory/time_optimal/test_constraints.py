@@ -1,0 +1,46 @@
+"""Bounds of path accelerations: at them exactly one joint is at a limit, through friction, back EMF and lossy gears."""
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.trajectory.time_optimal.constraints import PathLimits
+from physics.arms import arm as built_arm
+from trajectory.path_problems import random_path, reachable_limits
+
+ARMS = ("cmu-dd", "panda", "puma560", "workshop", "rough", "sprung")
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_a_limit_is_reached_at_the_bounds_and_none_is_exceeded_between(name: str) -> None:
+    arm = built_arm(name)
+    path = random_path(arm, 3)
+    limits = reachable_limits(arm, path, 1)
+    points = PathLimits.at(aw.compile(arm), limits, path, np.linspace(0.0, path.length, 41))
+    shares = {each: np.ones(points.q.shape) for each in ("velocity", "acceleration", "torque", "voltage")}
+    low, high = points.bounds(np.zeros((41, 1)), shares)
+    fast = np.median(high - low) * path.length
+    x = np.geomspace(1e-5, 0.3, 41 * 6).reshape(6, 41).T * fast
+    low, high = points.bounds(x, shares)
+    allowed = low < high
+    assert 0.2 < allowed.mean() < 1.0
+
+    def largest(part: float) -> np.ndarray:
+        used = points.used(x, low + part * (high - low))
+        return np.max([np.abs(each).max(axis=-1) for name, each in used.items() if name != "velocity"], axis=0)[allowed]
+
+    np.testing.assert_allclose(largest(0.0), 1.0, rtol=1e-8)
+    np.testing.assert_allclose(largest(1.0), 1.0, rtol=1e-8)
+    assert (largest(0.5) < 1.0).all()
+    assert (largest(1.001) > 1.0).all()
+    assert (largest(-0.001) > 1.0).all()
+
+
+def test_velocity_limits_bound_x() -> None:
+    arm = aw.load("panda")
+    path = random_path(arm, 0)
+    limits = reachable_limits(arm, path, 0).replace(velocity=2.0)
+    points = PathLimits.at(aw.compile(arm), limits, path, np.linspace(0.0, path.length, 11))
+    half = {"velocity": np.full(points.q.shape, 0.5)}
+    speeds = np.abs(points.first) * np.sqrt(points.largest_x(half))[:, None]
+    np.testing.assert_allclose(speeds.max(axis=1), 1.0)

@@ -1,0 +1,228 @@
+"""Time-optimal motions: closed forms, toppra and IPOPT as oracles, limits on denser grids, the simulator, bad input."""
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+
+import armwright as aw
+from armwright.errors import ScenarioError
+from armwright.trajectory.time_optimal.plan import grid_points
+from armwright.trajectory.time_optimal.planner import Planner
+from physics.arms import arm as built_arm
+from simulation.first_steps import geared_motor, plain_arm
+from trajectory.path_problems import RELAXED, by_ipopt, by_toppra, random_path, reachable_limits
+
+RIGID = {"friction": None, "efficiency": None}
+
+
+def test_a_motor_under_voltage_takes_the_time_of_its_equation() -> None:
+    """J q̈ = Kt n (V - n Ke q̇) / R from rest to rest: full voltage forth, then full voltage back."""
+    arm, goal, volts = geared_motor(), 0.004, 24.0
+    drive = arm.coordinates[0].drive
+    constant = float(drive.gear_ratio * drive.torque_constant)
+    inertia = float(aw.mass_matrix(arm, np.zeros(1))[0, 0])
+    tau, fastest = inertia * float(drive.resistance) / constant**2, volts / constant
+    path = aw.JointPath([[0.0], [goal]])
+    motion = aw.time_optimal(arm, path, aw.MotionLimits.of(arm, voltage=volts), grid=2000)
+
+    def travelled(forth: float) -> tuple[float, float]:
+        speed = fastest * (1.0 - np.exp(-forth / tau))
+        back = tau * np.log(1.0 + speed / fastest)  # v̇ = -(v + fastest) / τ
+        return fastest * forth - tau * speed + tau * speed - fastest * back, forth + back
+
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if travelled(middle)[0] < goal else (low, middle)
+    assert motion.duration == pytest.approx(travelled(low)[1], rel=3e-3)
+    assert motion.duration >= travelled(low)[1]
+    assert motion.saturated > 0.99
+
+
+@pytest.mark.parametrize(("name", "seed"), [("panda", 0), ("panda", 1), ("lwa4p", 0), ("cmu-dd", 0), ("cmu-dd", 3)])
+def test_rigid_bodies_take_the_time_that_toppra_finds(name: str, seed: int) -> None:
+    arm = aw.load(name).replace(**RIGID)
+    path = random_path(arm, seed)
+    limits = aw.MotionLimits.of(arm, voltage=np.inf)
+    motion = aw.time_optimal(arm, path, limits)
+    assert motion.duration == pytest.approx(by_toppra(arm, path, limits), rel=5e-3)
+    assert aw.limits_report(arm, motion, limits).kept
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=12)
+def test_random_rigid_problems_take_the_time_that_toppra_finds(seed: int) -> None:
+    arm = built_arm(("panda", "cmu-dd", "lwa4p", "workshop")[seed % 4]).replace(**RIGID, springs=None)
+    path = random_path(arm, seed, 4)
+    limits = reachable_limits(arm, path, seed).replace(voltage=np.inf)
+    duration, expected = aw.time_optimal(arm, path, limits).duration, by_toppra(arm, path, limits)
+    assume(not np.isnan(expected))  # of some it finds none
+    assert duration == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize(("name", "seed"), [("cmu-dd", 0), ("cmu-dd", 1), ("lwa4p", 0)])
+def test_no_local_optimum_of_ipopt_is_faster(name: str, seed: int) -> None:
+    arm = aw.load(name)
+    path, limits = random_path(arm, seed, 4), aw.MotionLimits.of(arm)
+    s = grid_points(path, 40)
+    planner = Planner(aw.compile(arm), limits, path, s, (1e-10, 1e-10))
+    x = planner.fastest().x  # with the limits at grid points alone, as IPOPT has them
+    draw = np.random.default_rng(seed)
+    starts = [0.5 * x, np.full(len(s), 1e-3 * x.max()), x.max() * draw.uniform(0.01, 1.0, len(s))]
+    found = by_ipopt(arm, path, limits, s, starts)
+    duration = (2.0 * np.diff(s) / (np.sqrt(x[1:]) + np.sqrt(x[:-1]))).sum()
+    assert len(found) >= 2
+    assert duration == pytest.approx(min(found), rel=3e-3)
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=40)
+def test_limits_hold_on_a_grid_ten_times_denser(seed: int) -> None:
+    arm = built_arm(("panda", "cmu-dd", "lwa4p", "puma560", "workshop", "rough", "sprung", "two-link")[seed % 8])
+    path = random_path(arm, seed, 2 + seed % 5)
+    limits = reachable_limits(arm, path, seed)
+    motion = aw.time_optimal(arm, path, limits, grid=100)
+    report = aw.limits_report(arm, motion, limits, samples=10)
+    assert report.kept, report.excesses()
+    draw = np.random.default_rng(seed)
+    t = draw.uniform(0.0, motion.duration, 10 * len(motion.s))
+    q, qd, qdd = motion.at(t)
+    tau = aw.compile(arm).inverse_dynamics(q, qd, qdd)
+    assert (np.abs(tau) <= limits.torque * (1.0 + 1e-6)).all()
+    assert (np.abs(qd) <= limits.velocity * (1.0 + 1e-6)).all()
+
+
+def test_a_motion_is_its_polynomial_and_rests_before_and_after() -> None:
+    arm = aw.load("cmu-dd")
+    path = random_path(arm, 0)
+    motion = aw.time_optimal(arm, path, time=0.5, grid=60)
+    t = np.linspace(0.0, 1.0 + motion.duration, 501)
+    for found, expected in zip(motion.at(t), motion.polynomial.at(t), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    for here, waypoint in ((0.2, 0), (0.5, 0), (99.0, -1)):
+        q, qd, _ = motion.at(here)
+        np.testing.assert_allclose(q, path.waypoints[waypoint], atol=1e-12)
+        np.testing.assert_array_equal(qd, 0.0)
+    h, inner = 1e-6, np.linspace(0.6, 0.4 + motion.duration, 37)
+    np.testing.assert_allclose(
+        (motion.at(inner + h)[0] - motion.at(inner - h)[0]) / (2.0 * h), motion.at(inner)[1], atol=2e-4
+    )
+    np.testing.assert_allclose(motion(0.9)[1], motion.at(0.9)[1])
+
+
+def test_the_same_curve_with_another_parameter_takes_the_same_time() -> None:
+    arm = aw.load("cmu-dd")
+    path = random_path(arm, 1)
+    scaled = aw.JointPath(path.waypoints, 7.0 * path.parameter)
+    assert aw.time_optimal(arm, scaled).duration == pytest.approx(aw.time_optimal(arm, path).duration, rel=1e-6)
+
+
+def test_more_costs_time_and_path_speeds_at_the_ends_save_some() -> None:
+    arm = aw.load("lwa4p")
+    path = random_path(arm, 2)
+    usual = aw.time_optimal(arm, path, grid=200)
+    limits = aw.MotionLimits.of(arm)
+    hand = aw.Payload(0.0, 3.0, [0.0, 0.0, 0.05], [0.01, 0.01, 0.01])
+    weak = limits.replace(torque=1.2 * limits.torque, velocity=10.0)
+    assert (
+        aw.time_optimal(arm, path, weak, grid=200, payload=hand).duration
+        > aw.time_optimal(arm, path, weak, grid=200).duration
+    )
+    carried = aw.time_optimal(arm, path, weak, grid=200, payload=hand)
+    assert aw.limits_report(arm, carried, weak, payload=hand).kept
+    assert not aw.limits_report(arm, aw.time_optimal(arm, path, weak, grid=200), weak, payload=hand).kept
+    flying = aw.time_optimal(arm, path, grid=200, speeds=(0.3, 0.2))
+    assert flying.duration < usual.duration
+    first, second = (np.abs(flying.at(t)[1] / path.at(s)[1]) for t, s in ((0.0, 0.0), (flying.duration, path.length)))
+    np.testing.assert_allclose(first, 0.3)
+    np.testing.assert_allclose(second, 0.2)
+
+
+def test_dry_friction_and_lossy_gears_are_known() -> None:
+    arm = plain_arm(smoothing=0.02)
+    path = random_path(arm, 0, 3)
+    limits = aw.MotionLimits.of(arm, position=3.0)
+    motion = aw.time_optimal(arm, path, limits)
+    assert aw.limits_report(arm, motion, limits).kept
+    assert motion.saturated > 0.98
+    assert motion.duration > aw.time_optimal(arm.replace(**RIGID), path, limits).duration
+
+
+def test_a_plan_by_acceleration_alone_is_slower_or_asks_for_more_volts_than_there_are() -> None:
+    arm = aw.load("cmu-dd")
+    path = random_path(arm, 0)
+    motion = aw.time_optimal(arm, path)
+    qdd = motion.at(np.linspace(0.0, motion.duration, 2000))[2]
+    alone = aw.MotionLimits.of(arm, torque=np.inf, voltage=np.inf, acceleration=np.abs(qdd).max(axis=0))
+    hasty = aw.time_optimal(arm, path, alone)
+    assert not aw.limits_report(arm, hasty).kept
+    assert aw.limits_report(arm, hasty, alone).kept
+    safe, factor = hasty, 1.0  # accelerations made smaller until the motors can do it
+    while not aw.limits_report(arm, safe).kept:
+        factor *= 0.7
+        safe = aw.time_optimal(arm, path, alone.replace(acceleration=factor * alone.acceleration))
+    assert motion.duration < 0.8 * safe.duration
+
+
+def test_the_simulated_arm_needs_no_more_volts_than_planned() -> None:
+    arm = aw.load("cmu-dd")
+    motion = aw.time_optimal(arm, random_path(arm, 0))
+    dyn, limits, period = aw.compile(arm), aw.MotionLimits.of(arm), 1e-3
+    ticks = period * np.arange(int(motion.duration / period) + 2)
+    q, qd, qdd = motion.at(ticks + 0.5 * period)  # the middle of the tick that holds the voltage
+    volts = dyn.motor_voltage(qd, dyn.inverse_dynamics(q, qd, qdd))
+    above = (np.abs(volts) / limits.voltage).max(axis=1)
+    assert (above > 1.0 + 1e-6).mean() <= 0.01
+    assert above.max() <= 1.01
+    assert motion.saturated > 0.9
+
+
+@pytest.mark.parametrize("place", ["path", "limits", "payload", "grid", "speeds", "time"])
+def test_bad_input_is_refused(place: str) -> None:
+    arm = aw.load("cmu-dd")
+    good = {"path": random_path(arm, 0), "limits": aw.MotionLimits.of(arm)}
+    bad = {
+        "path": [[[0.0] * 6] * 2, [[0.0] * 5, [1.0] * 5], [[np.nan] * 6, [0.0] * 6], [[0.0] * 6, [9.0] + [0.0] * 5]],
+        "limits": [aw.MotionLimits.of(aw.load("two-link")), 3.0, aw.MotionLimits.of(arm, jerk=10.0),
+                   aw.MotionLimits.of(arm, **RELAXED)],
+        "payload": [aw.Payload(0.0, 500.0, [0, 0, 0], [0.1, 0.1, 0.1])],
+        "grid": [3, 1.5, True, 10**9, None],
+        "speeds": [(-1.0, 0.0), (np.nan, 0.0), 3.0, (1e4, 0.0)],
+        "time": [np.nan, "soon"],
+    }[place]  # fmt: skip
+    for value in bad:
+        with pytest.raises(ScenarioError):
+            aw.time_optimal(arm, **{**good, place: value})
+
+
+def test_a_motor_that_gravity_exceeds_is_named_with_the_place_and_the_torque() -> None:
+    arm = aw.load("two-link")
+    path = aw.JointPath([[0.0, 0.0], [1.2, 0.4]])
+    weak = aw.MotionLimits.of(arm, torque=[15.0, 100.0])
+    with pytest.raises(ScenarioError) as caught:
+        aw.time_optimal(arm, path, weak)
+    s = np.linspace(0.0, path.length, 2000)
+    weight = np.abs(aw.compile(arm).gravity_torques(path.at(s)[0]))[:, 0].max()
+    message = str(caught.value)
+    assert arm.names[0] in message
+    assert f"{weight:.3g}"[:3] in message
+    assert "15" in message
+
+
+def test_a_path_that_leaves_the_position_limits_between_waypoints_is_named() -> None:
+    arm = aw.load("lwa4p")
+    top = float(arm.coordinates[0].limits.position[1])
+    points = np.zeros((4, 6))
+    points[1:3, 0], points[3, 1] = 0.999 * top, 0.2
+    with pytest.raises(ScenarioError, match="outside its limits") as caught:
+        aw.time_optimal(arm, aw.JointPath(points, [0.0, 1.0, 3.0, 4.0]))
+    assert arm.names[0] in str(caught.value)
+
+
+def test_friction_that_exceeds_a_motor_is_named() -> None:
+    arm = plain_arm()  # dry friction of 0.25 N m that holds what it does not let move
+    limits = aw.MotionLimits.of(arm, torque={"elbow": 0.2}, position=3.0)
+    with pytest.raises(ScenarioError, match=r"friction take 0.* N m of elbow") as caught:
+        aw.time_optimal(arm.replace(gravity=[0.0, 0.0, 0.0]), random_path(arm, 0), limits, grid=50)
+    assert "0.2 N m" in str(caught.value)
