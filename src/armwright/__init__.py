@@ -120,6 +120,10 @@ if TYPE_CHECKING:
         limits_report,
     )
     from armwright.trajectory.motion_rows import load_motion
+    from armwright.trajectory.cartesian.motion import CartesianMotion, follow_path
+    from armwright.trajectory.cartesian.path import CartesianPath
+    from armwright.trajectory.cartesian.segments import Arc, Circle, Line, Poses
+    from armwright.trajectory.cartesian.solve import ToolPathSolution, solve_path
     from armwright.trajectory.online import ReferenceFilter
     from armwright.trajectory.path import JointPath
     from armwright.trajectory.time_optimal import PathMotion, time_optimal
@@ -203,6 +207,10 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
         *("Step", "Trapezoid", "Waypoints", "limits_report"),
     ),
     "armwright.trajectory.motion_rows": ("load_motion",),
+    "armwright.trajectory.cartesian.motion": ("CartesianMotion", "follow_path"),
+    "armwright.trajectory.cartesian.path": ("CartesianPath",),
+    "armwright.trajectory.cartesian.segments": ("Arc", "Circle", "Line", "Poses"),
+    "armwright.trajectory.cartesian.solve": ("ToolPathSolution", "solve_path"),
     "armwright.trajectory.online": ("ReferenceFilter",),
     "armwright.trajectory.path": ("JointPath",),
     "armwright.pictures.workspace_maps": ("draw_workspace",),
@@ -213,11 +221,15 @@ _HOME = {name: home for home, names in _HOMES.items() for name in names}
 _CALLED = {"compile": "compile_arm"}  # inside, nothing is called like Python's own
 
 __all__ = [
+    "Arc",
     "ArmEstimate",
     "ArmwrightError",
     "Batch",
     "BoxObstacle",
+    "CartesianMotion",
+    "CartesianPath",
     "Cascade",
+    "Circle",
     "CommandFilter",
     "CompiledArm",
     "ComputedTorque",
@@ -235,6 +247,7 @@ __all__ = [
     "JointReference",
     "Layout",
     "Limits",
+    "Line",
     "LinearModel",
     "Log",
     "Loop",
@@ -253,6 +266,7 @@ __all__ = [
     "PlaneObstacle",
     "PoseBranches",
     "PoseSolutions",
+    "Poses",
     "Preparation",
     "Quintic",
     "Ramp",
@@ -273,6 +287,7 @@ __all__ = [
     "Start",
     "Step",
     "Timing",
+    "ToolPathSolution",
     "Trajectory",
     "Trapezoid",
     "Validation",
@@ -300,6 +315,7 @@ __all__ = [
     "fit_arx",
     "fit_n4sid",
     "fit_oe",
+    "follow_path",
     "forward_arm",
     "forward_arm_linearised",
     "forward_dynamics",
@@ -348,6 +364,7 @@ __all__ = [
     "sensitivities",
     "show",
     "simulate",
+    "solve_path",
     "spring_torques",
     "statistics",
     "step_study",

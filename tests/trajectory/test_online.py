@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,7 +31,8 @@ def kernel():
     """One tick of a joint, compiled: state (…, 3), reference (…, 2), limits (…, 3) and period (…, 1) → the next state."""
 
     def tick(state, r, limits, period):
-        return filtered(state.reshape(3, 1), r[:1], r[1:], *limits.reshape(3, 1), period[0]).ravel()
+        velocity, acceleration, jerk = limits.reshape(3, 1)
+        return filtered(state.reshape(3, 1), r[:1], r[1:], velocity, acceleration, jerk, period[0]).ravel()
 
     shapes = {"state": (3,), "r": (2,), "limits": (3,), "period": (1,)}
     return Kernel(trace("tick", tick, shapes, ("next",)), select_target())
@@ -41,7 +43,7 @@ def after(state, q, qd, limits):
     return kernel()(state, np.stack(np.broadcast_arrays(q, qd), axis=-1), limits, [PERIOD])
 
 
-def run(references, *limits, speeds=0.0):
+def run(references, *limits, speeds: Any = 0.0):
     """States (ticks + 1, 3) of one joint that follows references (ticks,) from rest at 0."""
     states = [np.zeros(3)]
     for q, qd in zip(references, np.broadcast_to(speeds, len(references)), strict=True):
@@ -75,7 +77,7 @@ def test_the_compiled_tick_is_the_float_run():
     limits, rng = drawn(0)
     state, q = np.zeros(limits.shape), rng.uniform(-1.0, 1.0, len(limits))
     for _ in range(6):
-        expected = filtered(state.T, q, 0.3 * q, *limits.T, PERIOD).T
+        expected = filtered(state.T, q, 0.3 * q, limits[:, 0], limits[:, 1], limits[:, 2], PERIOD).T
         state = after(state, q, 0.3 * q, limits)
         np.testing.assert_allclose(state, expected, rtol=1e-9, atol=1e-12)
 

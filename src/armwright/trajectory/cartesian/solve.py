@@ -1,0 +1,309 @@
+"""Joint positions for a tool's path: the solution to begin with, the path along it, and why there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from armwright.errors import ModelError, ScenarioError
+from armwright.ik.solve import inverse_kinematics, solver
+from armwright.ik.starts import random_positions
+from armwright.model import Model
+from armwright.scalar import real_number, real_numbers
+from armwright.trajectory.cartesian.following import Follower, Stuck
+from armwright.trajectory.cartesian.path import CartesianPath
+from armwright.trajectory.cartesian.tool import Aim, Tool
+from armwright.trajectory.limits import MotionLimits
+from armwright.trajectory.path import JointPath
+
+STARTS, DIFFERENT = 64, 1e-4  # random starts for solutions at the beginning; [rad | m] by which two of them differ
+TRIED = 8  # solutions that are followed along the path
+AHEAD = np.geomspace(1e-6, 0.05, 16)  # of the path: how far behind a place poses are tried, when a path ends there
+SAMPLES = 200  # of a path, for how far it leaves the reach
+BOUNDLESS = 1e9  # [rad/m]
+BEYOND = 1e-9  # [rad | m] outside of a limit that is rounding
+
+
+@dataclass(frozen=True, eq=False)
+class SplinePath(JointPath):
+    """A joint path with a spline of its own in place of the natural one through its waypoints."""
+
+    spline: PPoly = field(kw_only=True)
+
+    @cached_property
+    def curve(self) -> PPoly:
+        """q(s) as piecewise polynomials of fifth degree."""
+        return self.spline
+
+
+@dataclass(frozen=True, eq=False)
+class ToolPathSolution:
+    """Joint positions along a tool's path.
+
+    Attributes:
+        path: of the tool.   runs: joint paths from one stop to the next, their s from 0 on.
+        deviation: largest distance [m] and angle [rad] of the tool from its path, on a grid denser than the splines'.
+        tool: the frame that is led.
+    """
+
+    path: CartesianPath
+    runs: tuple[JointPath, ...]
+    deviation: tuple[float, float]
+    tool: Tool
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self.runs[0].n
+
+    def at(self, s: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q [rad | m], dq/ds and d²q/ds², each (…, n), at s (…) of the tool's path; at a stop those before it."""
+        s = np.asarray(s, dtype=float)
+        flat = s.reshape(-1)
+        begins = np.array([begin for begin, _ in self.path.runs])
+        which = np.clip(np.searchsorted(begins, flat, side="left") - 1, 0, len(self.runs) - 1)
+        found = np.zeros((3, len(flat), self.n))
+        for k in np.unique(which):
+            rows = which == k
+            found[:, rows] = self.runs[k].at(flat[rows] - begins[k])
+        q, first, second = found.reshape(3, *s.shape, self.n)
+        return q, first, second
+
+
+def solve_path(
+    arm: Model,
+    path: CartesianPath,
+    *,
+    near: Any = None,
+    frame: str | None = None,
+    aim: Aim = "pose",
+    posture: Any = None,
+    limits: MotionLimits | None = None,
+    tolerance: float = 1e-6,
+) -> ToolPathSolution:
+    """Joint positions along a path of the tool, continuous, with  J q' = V  and  J q'' = V' - J' q'  at their nodes.
+
+    Without `near`, several solutions at the beginning are followed, and of those that reach the end within the limits of
+    position the one is taken whose joints are slowest, by their limits of speed. A redundant arm moves its joints as little as
+    possible, or towards a posture as well.
+
+    Args:
+        arm: the model.   path: of the tool.
+        near: (n,) positions [rad | m] to begin near.   frame: of the arm that is led; None: its tip.
+        aim: "pose", or "position", which leaves the rotation free.
+        posture: (n,) [rad | m] that a redundant arm's self-motion goes to; None: the least motion.
+        limits: of positions and speeds; None: the record's.   tolerance: [m] and [rad] of the tool on a dense grid.
+    Returns:
+        solution: joint paths between the stops, and how far the tool leaves its path.
+    Raises:
+        ScenarioError: a path out of reach (where, how far), past a limit of position (which joint, where, how far), or through
+            a singularity (where, which joint, its speed).   ModelError: no such frame or aim.
+    """
+    if not isinstance(path, CartesianPath):
+        raise ScenarioError(place="path", value=path, expected="an aw.CartesianPath")
+    if aim not in ("pose", "position"):
+        raise ModelError(place="aim", value=aim, choices=("pose", "position"))
+    accuracy = real_number(tolerance)
+    if accuracy is None or not 1e-9 <= accuracy < 0.1:
+        raise ScenarioError(place="tolerance", value=tolerance, expected="a number from 1e-9 to 0.1 [m and rad]")
+    limits = MotionLimits.of(arm) if limits is None else limits
+    tool = Tool(arm, frame, aim)
+    follower = Follower(tool, path, None if posture is None else _positions(arm, "posture", posture))
+    found: list[tuple[float, list[Any]]] = []
+    failures: list[tuple[float, ScenarioError | Stuck]] = []
+    for q in _starts(follower, near):
+        try:
+            runs = _within(_followed(follower, q), limits, near is None, path)
+            found.append((_pace(follower, runs, limits), runs))
+        except Stuck as stuck:
+            failures.append((stuck.s, stuck))
+        except _Outside as outside:
+            failures.append((outside.s, outside.error))
+    for _, runs in sorted(found, key=lambda each: each[0]):
+        try:
+            return _splined(follower, runs, accuracy, limits)
+        except Stuck as stuck:
+            failures.append((stuck.s, stuck))
+        except _Outside as outside:
+            failures.append((outside.s, outside.error))
+    _, failure = max(failures, key=lambda each: each[0])
+    raise explained(follower, failure) if isinstance(failure, Stuck) else failure
+
+
+@dataclass(frozen=True, eq=False)
+class _Outside(Exception):
+    """A solution that passes a limit of position, and where it does first."""
+
+    s: float
+    error: ScenarioError
+
+
+def _starts(follower: Follower, near: Any) -> list[np.ndarray]:
+    """Solutions at the beginning of the path: the one near positions, or some that differ.
+
+    Raises:
+        ScenarioError: there is none; says how far the nearest pose is.
+    """
+    tool, start = follower.tool, follower.path.start
+    target = start if tool.aim == "pose" else start[:3, 3]
+    if near is not None:
+        solutions = inverse_kinematics(tool.arm, target, frame=tool.frame, near=_positions(tool.arm, "near", near))
+        rows, fine = solutions.q[None], solutions.success[None]
+    else:
+        chain = solver(tool.arm, tool.frame, tool.aim, 1e-8, True).chain
+        targets = np.broadcast_to(target, (STARTS, *target.shape))
+        solutions = inverse_kinematics(tool.arm, targets, frame=tool.frame, near=random_positions(chain, STARTS))
+        rows, fine = solutions.q, solutions.success
+    if not fine.any():
+        exact = (solutions.position_error <= solutions.tolerance) & (solutions.angle_error <= solutions.tolerance)
+        if np.any(exact):  # but for the limits
+            outside = solutions.q.reshape(-1, tool.arm.n)[np.argmax(exact)]
+            MotionLimits.of(tool.arm).check_position(place(follower.path, 0.0), outside)
+        off = np.ravel(solutions.position_error + solutions.angle_error).argmin()
+        distance, angle = np.ravel(solutions.position_error)[off], np.ravel(solutions.angle_error)[off]
+        raise _out_of_reach(follower, 0.0, float(distance), float(angle))
+    different: list[np.ndarray] = []
+    for q in rows[fine]:
+        if all(np.abs(q - other).max() > DIFFERENT for other in different):
+            different.append(q)
+    begin = np.zeros(len(different))
+    exact, converged = follower.corrected(np.array(different), begin)
+    return list(exact[converged][:TRIED]) or different[:1]
+
+
+def _positions(arm: Model, name: str, value: Any) -> np.ndarray:
+    try:
+        positions = real_numbers(value)
+    except ValueError:
+        positions = np.full(0, np.nan)
+    if positions.shape != (arm.n,) or not np.isfinite(positions).all():
+        raise ScenarioError(place=name, value=value, expected=f"{arm.n} finite numbers: {', '.join(arm.names)}")
+    return positions
+
+
+def _followed(follower: Follower, q: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Nodes and positions of every run, from positions at the beginning."""
+    runs = []
+    for begin, end in follower.path.runs:
+        s, rows = follower.run(q, begin, end)
+        runs.append((s, rows))
+        q = rows[-1]
+    return runs
+
+
+def _within(
+    runs: list[tuple[np.ndarray, np.ndarray]], limits: MotionLimits, turn: bool, path: CartesianPath
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Runs within the limits of position, if need be and allowed with whole turns added to revolute joints.
+
+    Raises:
+        _Outside: names the joint, the place and how far it is outside.
+    """
+    rows = np.concatenate([q for _, q in runs])
+    low, high = limits.position.T
+    if turn:
+        least, most = rows.min(axis=0), rows.max(axis=0)
+        over = np.where(least < low - BEYOND, np.ceil((low - least) / (2.0 * np.pi)), 0.0)
+        over = np.where(most > high + BEYOND, -np.ceil((most - high) / (2.0 * np.pi)), over)
+        shift = np.where(np.array(limits.prismatic), 0.0, 2.0 * np.pi * over)
+        fits = (least + shift >= low - BEYOND) & (most + shift <= high + BEYOND)
+        shift = np.where(fits, shift, 0.0)
+        runs, rows = [(s, q + shift) for s, q in runs], rows + shift
+    s = np.concatenate([s for s, _ in runs])
+    beyond = np.maximum(low - rows, rows - high)
+    if (beyond > BEYOND).any():
+        row, joint = np.argwhere(beyond > BEYOND)[0]
+        worst = int(beyond[:, joint].argmax())
+        raise _Outside(
+            float(s[row]), _past_limit(path, limits, int(joint), float(s[row]), rows[worst, joint], s[worst])
+        )
+    return runs
+
+
+def _past_limit(
+    path: CartesianPath, limits: MotionLimits, joint: int, first: float, worst: float, at: float
+) -> ScenarioError:
+    low, high = limits.position[joint]
+    unit = limits.unit("position", joint)
+    beyond = max(low - worst, worst - high)
+    what = f"joint {limits.names[joint]!r} leaves its limits, and is {beyond:.4g} {unit} outside at s = {at:.4g} m"
+    expected = f"{low:.4g} … {high:.4g} {unit}"
+    return ScenarioError(what, place=place(path, first), value=float(worst), expected=expected)
+
+
+def place(path: CartesianPath, s: float) -> str:
+    """A place on a path, as errors name it."""
+    x, y, z = path.points(np.array([s])).pose[0, :3, 3]
+    return f"path at s = {s:.4g} of {path.length:.4g} m ({x:.3f}, {y:.3f}, {z:.3f})"
+
+
+def _pace(follower: Follower, runs: list[tuple[np.ndarray, np.ndarray]], limits: MotionLimits) -> float:
+    """The largest |q'| by its limit of speed; without limits in rad/m."""
+    known = np.where(np.isfinite(limits.velocity), limits.velocity, 1.0)
+    peaks = [(np.abs(follower.derivatives(q, np.nextafter(s, np.inf))[0]) / known).max() for s, q in runs]
+    return float(max(peaks))
+
+
+def _splined(
+    follower: Follower, runs: list[tuple[np.ndarray, np.ndarray]], tolerance: float, limits: MotionLimits
+) -> ToolPathSolution:
+    """Runs as splines, the limits of position held between nodes as well.
+
+    Raises:
+        Stuck, _Outside: as named there.
+    """
+    paths, off, angle = [], 0.0, 0.0
+    for s, q in runs:
+        nodes, rows, curve, (distance, turned) = follower.spline(s, q, tolerance)
+        off, angle = max(off, distance), max(angle, turned)
+        spline = PPoly(curve.c, curve.x - nodes[0])
+        each = SplinePath(rows, nodes - nodes[0], spline=spline)
+        places, extremes = each.extremes()
+        low, high = limits.position.T
+        beyond = np.stack([low - extremes[:, 0], extremes[:, 1] - high], axis=1)
+        if beyond.max() > 1e3 * BEYOND:
+            joint, end = np.unravel_index(int(beyond.argmax()), beyond.shape)
+            at = nodes[0] + float(places[joint, end])
+            error = _past_limit(follower.path, limits, int(joint), at, float(extremes[joint, end]), at)
+            raise _Outside(at, error)
+        paths.append(each)
+    return ToolPathSolution(follower.path, tuple(paths), (off, angle), follower.tool)
+
+
+def explained(follower: Follower, stuck: Stuck) -> ScenarioError:
+    """The error of a path whose joints cannot follow it from some place on: out of reach, or a singularity."""
+    path, tool = follower.path, follower.tool
+    ahead = np.clip(stuck.s + AHEAD * path.length, None, path.length)
+    if not _solved(tool, path, ahead)[0].any():
+        s = np.concatenate([ahead, np.linspace(stuck.s, path.length, SAMPLES)])
+        success, distance, angle = _solved(tool, path, s)
+        worst = int(np.argmax(np.where(success, -1.0, distance + tool.radian * angle)))
+        return _out_of_reach(follower, stuck.s, float(distance[worst]), float(angle[worst]), float(s[worst]))
+    joint, rate = tool.hardest(stuck.q, path.points(np.array([stuck.s])).first[0])
+    unit = "m" if tool.arm.coordinates[joint].kind == "prismatic" else "rad"
+    speed = (
+        f"{rate:.3g} {unit}/s for each m/s of the tool, and more beyond" if rate < BOUNDLESS else "an infinite speed"
+    )
+    what = f"singular: joint {tool.arm.names[joint]!r} would need {speed}"
+    return ScenarioError(what, place=place(path, stuck.s), expected="a path at some distance from the singularity")
+
+
+def _solved(tool: Tool, path: CartesianPath, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """True where poses at s (k,) have solutions, and how far off the nearest are [m], [rad]."""
+    poses = path.points(s).pose
+    targets = poses if tool.aim == "pose" else poses[:, :3, 3]
+    solutions = inverse_kinematics(tool.arm, targets, frame=tool.frame)
+    return solutions.success, solutions.position_error, solutions.angle_error
+
+
+def _out_of_reach(
+    follower: Follower, s: float, distance: float, angle: float, worst: float | None = None
+) -> ScenarioError:
+    off = f"{1e3 * distance:.4g} mm" + (f" and {1e3 * angle:.4g} mrad" if follower.tool.aim == "pose" else "")
+    at = "" if worst is None else f" at s = {worst:.4g} m"
+    what = f"out of reach within the joints' limits: the nearest pose is {off} off{at}"
+    return ScenarioError(what, place=place(follower.path, s), expected="a path that the arm reaches")
