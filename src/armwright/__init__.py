@@ -119,11 +119,11 @@ if TYPE_CHECKING:
         Waypoints,
         limits_report,
     )
-    from armwright.trajectory.motion_rows import load_motion
     from armwright.trajectory.cartesian.motion import CartesianMotion, follow_path
     from armwright.trajectory.cartesian.path import CartesianPath
     from armwright.trajectory.cartesian.segments import Arc, Circle, Line, Poses
     from armwright.trajectory.cartesian.solve import ToolPathSolution, solve_path
+    from armwright.trajectory.motion_rows import load_motion
     from armwright.trajectory.online import ReferenceFilter
     from armwright.trajectory.path import JointPath
     from armwright.trajectory.time_optimal import PathMotion, time_optimal
@@ -202,9 +202,22 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.results.statistics": ("statistics",),
     "armwright.simulation.loop.timing": ("Timing",),
     "armwright.trajectory": (
-        *("Cubic", "Fourier", "Joined", "MinimumJerk", "Motion", "MotionLimits"),
-        *("PiecewisePolynomial", "Quintic", "Ramp", "Ruckig", "SCurve", "Sine"),
-        *("Step", "Trapezoid", "Waypoints", "limits_report"),
+        "Cubic",
+        "Fourier",
+        "Joined",
+        "MinimumJerk",
+        "Motion",
+        "MotionLimits",
+        "PiecewisePolynomial",
+        "Quintic",
+        "Ramp",
+        "Ruckig",
+        "SCurve",
+        "Sine",
+        "Step",
+        "Trapezoid",
+        "Waypoints",
+        "limits_report",
     ),
     "armwright.trajectory.motion_rows": ("load_motion",),
     "armwright.trajectory.cartesian.motion": ("CartesianMotion", "follow_path"),

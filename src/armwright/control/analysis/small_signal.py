@@ -198,7 +198,8 @@ class SmallSignal:
         q = np.asarray(q, dtype=float)
         gains = self._adapter.values[0] if gains is None else np.asarray(gains, dtype=float)
         ticks = interpret(self.program, q, gains)
-        return Slopes(*interpret(self.small.program, q), ticks if isinstance(ticks, tuple) else (ticks,))
+        e, a, b = interpret(self.small.program, q)
+        return Slopes(e, a, b, ticks if isinstance(ticks, tuple) else (ticks,))
 
 
 def cycle_of(control: Any) -> int:
