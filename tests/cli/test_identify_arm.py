@@ -32,6 +32,10 @@ def test_bad_input_ends_with_2_and_writes_nothing(tmp_path):
         [],
         ["--robot", "lwa4p", "--method", "magic"],
         ["--robot", "lwa4p", "--lacks", "mass"],
+        ["--robot", "lwa4p", "--method", "iv"],
+        ["--robot", "lwa4p", "--method", "iv", "--feedback", "1,2;x"],
+        ["--robot", "lwa4p", "--method", "iv", "--feedback", "1,2;3,4;0.01"],
+        ["--robot", "lwa4p", "--method", "recursive", "--forgetting", "2"],
     ):
         result = run(app, ["identify", "arm", str(log), *extra, "-o", str(tmp_path / "found.toml")])
         assert result.exit_code == 2, extra

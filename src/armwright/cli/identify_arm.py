@@ -25,7 +25,23 @@ def arm(
     kinematics_only: Annotated[
         bool, typer.Option("--kinematics-only", help="The robot's links may lack masses.", show_default=False)
     ] = False,
-    method: Annotated[str, option("--method", "NAME", "ols, wls (default), irls or tukey.")] = "wls",
+    method: Annotated[
+        str,
+        option(
+            "--method", "NAME", "ols, wls (default), irls, tukey, essential, recursive; of the loop iv, didim or cloe."
+        ),
+    ] = "wls",
+    feedback: Annotated[
+        str,
+        option(
+            "--feedback",
+            "KP1,…;KD1,…;S",
+            "Controller for iv, didim, cloe: gains at the joints [N m/rad] and [N m s/rad], period [s].",
+        ),
+    ] = "",
+    forgetting: Annotated[
+        float, option("--forgetting", "SHARE", "What a row still counts one row later, of recursive.")
+    ] = 1.0,
     friction: Annotated[
         str, option("--friction", "A,B,…", "Of viscous, coulomb, offset, asymmetric, stribeck.")
     ] = "viscous,coulomb,offset",
@@ -55,6 +71,7 @@ def arm(
     Examples:
       armwright identify arm arm.log.toml --robot arm.urdf --kinematics-only -o arm_identified.toml
       armwright identify arm arm.log.toml --robot lwa4p --method irls --friction viscous,asymmetric
+      armwright identify arm arm.log.toml --robot two-link --method iv --feedback "900,300;120,40;0.005"
     """
     import armwright as aw
     from armwright.cli.progress import progress
@@ -71,6 +88,7 @@ def arm(
     found = aw.identify_arm(
         log, model, method=method, friction=_words(friction), springs=_words(springs), stribeck_speed=stribeck_speed,
         lacks=None if lacks is None else _words(lacks), cutoff=cutoff, decimate=decimate, record=output is not None,
+        feedback=_feedback(feedback), forgetting=forgetting,
     )  # fmt: skip
     show(found)
     if output is not None:
@@ -87,6 +105,20 @@ def arm(
         say(f"wrote {report}")
     if found.verdict != "identified":
         raise typer.Exit(NOT_IDENTIFIED)
+
+
+def _feedback(text: str) -> tuple[list[float], list[float], float] | None:
+    """Gains and period of "900,300;120,40;0.005"; None of an empty text."""
+    from armwright.errors import IdentificationError
+
+    if not text:
+        return None
+    try:
+        kp, kd, (period,) = ([float(word) for word in part.split(",")] for part in text.split(";"))
+    except ValueError:
+        expected = "KP1,KP2,…;KD1,KD2,…;PERIOD, gains for each joint and a period in s"
+        raise IdentificationError(place="--feedback", value=text, expected=expected) from None
+    return kp, kd, period
 
 
 def _words(text: str) -> tuple[str, ...]:

@@ -45,12 +45,15 @@ def multisine(n: int, seconds: float, rate: float, seed: int, size: float = 1.0,
 def written_log(
     folder: Path, name: str, joints: list[str], t: np.ndarray, q: np.ndarray, tau: np.ndarray, quantity: str = "torque"
 ) -> Log:
-    """A log of positions and torques, or of currents, written as CSV and read."""
-    unit = {"torque": "N m", "current": "A"}[quantity]
+    """A log of positions and torques, currents or voltages, written as CSV and read."""
+    unit = {"torque": "N m", "current": "A", "voltage": "V"}[quantity]
     text = FILE.format(name=name, joints=joints)
     text += SIGNAL.format(quantity="position", columns=[f"q{k}" for k in range(len(joints))], unit="rad", side=SIDE)
     text += SIGNAL.format(
-        quantity=quantity, columns=[f"u{k}" for k in range(len(joints))], unit=unit, side="" if unit == "A" else SIDE
+        quantity=quantity,
+        columns=[f"u{k}" for k in range(len(joints))],
+        unit=unit,
+        side=SIDE if quantity == "torque" else "",
     )
     columns = {
         "t": t,

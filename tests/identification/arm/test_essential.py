@@ -37,8 +37,8 @@ def test_only_what_the_log_tells_is_left():
 def test_growth_bounds_the_residual():
     *_, args = problem()
     assert essential_parameters(*args, growth=0.0).dropped == ()
-    assert essential_parameters(*args, growth=10.0, tell=0.0).growth <= 10.0
-    assert len(essential_parameters(*args, growth=10.0, tell=0.0).kept) < 5
+    assert essential_parameters(*args, growth=10.0, well_told=0.0).growth <= 10.0
+    assert len(essential_parameters(*args, growth=10.0, well_told=0.0).kept) < 5
 
 
 def test_wider_deviations_drop_more():

@@ -7,15 +7,8 @@ import pytest
 
 import armwright as aw
 from armwright.errors import IdentificationError
-from armwright.identification.arm.friction import (
-    FrictionLaw,
-    FrictionRows,
-    choose_terms,
-    fitted_law,
-    friction_over_speed,
-    identify_friction,
-    with_identified_friction,
-)
+from armwright.identification.arm.friction import friction_over_speed, identify_friction, with_identified_friction
+from armwright.identification.arm.friction_law import FrictionLaw, FrictionRows, choose_terms, fitted_law
 from armwright.model import build_model
 from identification.arm.moved_arm import moved
 

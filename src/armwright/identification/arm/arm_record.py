@@ -59,7 +59,10 @@ def record_parameters(fit: ArmFit) -> RecordParameters:
     equations = fit.weighted or fit.equations
     model = equations.model
     kept = _columns_of_record(equations, fit.weights, fit.base.independent)
-    matrix, _ = stacked(equations.factors, len(model), fit.weights)
+    matrix, target = (
+        fit.information @ fit.base.matrix,
+        fit.information @ fit.values,
+    )  # |R (A π − β)|² is what π costs beyond β
     links = np.arange(PER_LINK * len(model.arm.bodies)).reshape(-1, PER_LINK)
     columns = [model.columns[k] for k in kept]
     bounds = PhysicalBounds(
@@ -70,7 +73,7 @@ def record_parameters(fit: ArmFit) -> RecordParameters:
     found = None
     for options in (known, {}):
         try:
-            found = _physical(matrix[:, kept], matrix[:, -1], bounds, options)
+            found = _physical(matrix[:, kept], target, bounds, options)
             break
         except IdentificationError as error:
             if not options or error.place != "prior":

@@ -1,11 +1,13 @@
 """Base parameters of an arm under feedback: instrumental variables, and output error of the torque.
 
 The controller brings noise of the measured positions into the torques, and differentiated noise is in the regressor: plain
-least squares of such rows is biased. Two answers simulate the loop with the parameters at hand, without noise:
+least squares of such rows is biased. Three answers simulate the loop with the parameters at hand, without noise:
 
 - IDIM-IV [JanotVandanjonGautier2014]: the simulated motion's regressor Z is the instrument,  β ← (Zᵀ W Y)⁻¹ Zᵀ W τ.
 - DIDIM [GautierJanotVandanjon2013]: needs torques only,  β ← (Zᵀ W Z)⁻¹ Zᵀ W τ,  the Gauss-Newton step of |τ − τ_s(β)|²: a loop
   that follows its reference moves almost the same whatever the parameters are, so ∂τ_s/∂β ≈ Z.
+- CLOE [JanotEtAl2014]: needs positions only,  β ← β + (Jᵀ W J)⁻¹ Jᵀ W (q − q_s(β)),  J = ∂q_s/∂β by differences: what the loop
+  does not follow shows the parameters, so soft loops tell more than stiff ones, and the gains must be the log's own.
 
 The simulated loop is base parameters alone: M and h of  M q̈ + h = Y β  follow from the regressor, which is affine in q̈. A record
 of the whole arm, as `aw.simulate` takes it, would need numbers that no torque tells.
@@ -19,6 +21,7 @@ from math import ceil
 from typing import Literal
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.signal import sosfiltfilt
 
 from armwright.errors import IdentificationError
@@ -34,6 +37,10 @@ FASTEST = 1e6  # rad/s or m/s
 LEAST_INERTIA = 1e-6  # of the largest eigenvalue of M: smaller ones are taken for it, so that bad parameters still move
 SETTLING = 2.0  # periods of the low-pass's cut-off
 RUNAWAY = 1e4  # rad or m: a simulation that has diverged
+STEP = 1e-3  # of a parameter, and of the largest one's step, that positions are differenced over
+
+ClosedLoopMethod = Literal["idim-iv", "didim", "cloe"]
+CLOSED_LOOP = ("idim-iv", "didim", "cloe")
 
 Signals = Callable[
     [np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -67,54 +74,72 @@ class Feedback:
     order: int = 4
 
 
+def following(samples: Sequence[Samples], kp: np.ndarray, kd: np.ndarray, period: float) -> Feedback:
+    """The loop of a controller whose reference was not logged: the logged positions stand in for it, by a cubic spline.
+
+    Args:
+        samples: prepared rows of one run.   kp: (n,) [N m/rad | N/m].   kd: (n,) [N m s/rad | N s/m].   period: [s].
+    """
+    t, q = (np.concatenate([getattr(each, name) for each in samples]) for name in ("t", "q"))
+    path = CubicSpline(t, q)
+
+    def reference(at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        inside = np.clip(at, t[0], t[-1])
+        moves = (inside == at)[:, None]
+        return path(inside), path(inside, 1) * moves, path(inside, 2) * moves
+
+    return Feedback(reference, np.asarray(kp, dtype=float), np.asarray(kd, dtype=float), period)
+
+
 def simulated_loop(
     model: TorqueModel, parameters: np.ndarray, feedback: Feedback, begin: float, end: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Ticks t (k,) and q, q̇, q̈ and torque (k, n) of the loop, just after each; by Runge and Kutta's rule of order 4.
+    """Ticks t (k,) and q, q̇, q̈ and torque (k, …, n) of loops, just after each; by Runge and Kutta's rule of order 4.
 
     Args:
-        model: of the arm.   parameters: (p,) of its columns.   feedback: the loop.   begin, end: [s]; it begins on its reference.
+        model: of the arm.   parameters: (…, p) of its columns, a row for each loop.   feedback: that all of them have.
+        begin, end: [s]; loops begin on their reference.
     Raises:
         IdentificationError: the simulated loop diverges: with these parameters the controller does not hold the arm.
     """
-    n, h = model.arm.n, feedback.period / feedback.steps
+    lanes, n, h = np.atleast_2d(parameters), model.arm.n, feedback.period / feedback.steps
     times = begin + feedback.period * np.arange(ceil((end - begin) / feedback.period - 1e-9) + 1)
     q_r, qd_r, qdd_r = feedback.reference(times)
-    ahead = np.zeros((len(times), n))
+    ahead = np.zeros((len(times), len(lanes), n))
     if feedback.feedforward:
-        ahead = model.rows(q_r, qd_r, qdd_r) @ parameters + model.known_torques(q_r)
-    q, qd = q_r[0].copy(), qd_r[0].copy()
-    kept = np.zeros((4, len(times), n))
+        ahead = np.einsum("tnp,lp->tln", model.rows(q_r, qd_r, qdd_r), lanes) + model.known_torques(q_r)[:, None]
+    q, qd = (np.tile(each[0], (len(lanes), 1)) for each in (q_r, qd_r))
+    kept = np.zeros((4, len(times), len(lanes), n))
     for k in range(len(times)):
         if not (np.abs(q) < RUNAWAY).all():
             expected = "parameters and gains with which the loop is stable"
             raise IdentificationError(f"the simulated loop diverges after {times[k] - begin:.3g} s", expected=expected)
         speed = qd if feedback.speed == "exact" or k == 0 else (q - kept[0, k - 1]) / feedback.period
         tau = feedback.kp * (q_r[k] - q) + feedback.kd * (qd_r[k] - speed) + ahead[k]
-        kept[:, k] = q, qd, _acceleration(model, parameters, q, qd, tau), tau
+        kept[:, k] = q, qd, _accelerations(model, lanes, q, qd, tau), tau
         for _ in range(feedback.steps):
-            a1 = _acceleration(model, parameters, q, qd, tau)
-            a2 = _acceleration(model, parameters, q + 0.5 * h * qd, qd + 0.5 * h * a1, tau)
-            a3 = _acceleration(model, parameters, q + 0.5 * h * qd + 0.25 * h * h * a1, qd + 0.5 * h * a2, tau)
-            a4 = _acceleration(model, parameters, q + h * qd + 0.5 * h * h * a2, qd + h * a3, tau)
+            a1 = _accelerations(model, lanes, q, qd, tau)
+            a2 = _accelerations(model, lanes, q + 0.5 * h * qd, qd + 0.5 * h * a1, tau)
+            a3 = _accelerations(model, lanes, q + 0.5 * h * qd + 0.25 * h * h * a1, qd + 0.5 * h * a2, tau)
+            a4 = _accelerations(model, lanes, q + h * qd + 0.5 * h * h * a2, qd + h * a3, tau)
             q = q + h * qd + h * h / 6 * (a1 + a2 + a3)
             qd = qd + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    kept = kept.reshape(4, len(times), *np.shape(parameters)[:-1], n)
     return times, kept[0], kept[1], kept[2], kept[3]
 
 
-def _acceleration(
-    model: TorqueModel, parameters: np.ndarray, q: np.ndarray, qd: np.ndarray, tau: np.ndarray
-) -> np.ndarray:
-    """q̈ (n,) = M⁻¹ (tau − h), M and h from n + 1 rows of the regressor."""
-    n = len(q)
+def _accelerations(model: TorqueModel, lanes: np.ndarray, q: np.ndarray, qd: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """q̈ (lanes, n) = M⁻¹ (tau − h), M and h from n + 1 rows of the regressor for each row of parameters (lanes, p)."""
+    count, n = q.shape
     qd = np.clip(qd, -FASTEST, FASTEST)  # of a loop that diverges, whose squares would overflow
-    directions = np.concatenate([np.zeros((1, n)), np.eye(n)])
-    torques = model.rows(np.tile(q, (n + 1, 1)), np.tile(qd, (n + 1, 1)), directions) @ parameters
-    bias = torques[0] + model.known_torques(q[None])[0]
-    M = (torques[1:] - torques[0]).T
-    w, V = np.linalg.eigh(0.5 * (M + M.T))
-    w = np.maximum(w, LEAST_INERTIA * max(float(w[-1]), np.finfo(float).tiny))
-    return V @ ((V.T @ (tau - bias)) / w)
+    directions = np.tile(np.concatenate([np.zeros((1, n)), np.eye(n)]), (count, 1))
+    rows = model.rows(np.repeat(q, n + 1, axis=0), np.repeat(qd, n + 1, axis=0), directions)
+    torques = np.einsum("ldnp,lp->ldn", rows.reshape(count, n + 1, n, -1), lanes)
+    bias = torques[:, 0] + model.known_torques(q)
+    M = np.swapaxes(torques[:, 1:] - torques[:, :1], 1, 2)
+    w, V = np.linalg.eigh(0.5 * (M + np.swapaxes(M, 1, 2)))
+    w = np.maximum(w, LEAST_INERTIA * np.maximum(w[:, -1:], np.finfo(float).tiny))
+    return np.einsum("lij,lj->li", V, np.einsum("lij,li->lj", V, tau - bias) / w)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +149,7 @@ class ClosedLoopFit:
     Attributes:
         values: β (b,).   covariance: (b, b), robust against residuals that are correlated in time and between joints.
         weights: (n,) of the joints.   rms: (n,) of the residuals [N m | N].   iterations: that were needed.   settled: whether
-            the last one changed nothing that counts.   method: "idim-iv" or "didim".   start: β (b,) where it began.
+            the last one changed nothing that counts.   method: as asked for.   start: β (b,) where it began.
     """
 
     values: np.ndarray
@@ -133,7 +158,7 @@ class ClosedLoopFit:
     rms: np.ndarray
     iterations: int
     settled: bool
-    method: Literal["idim-iv", "didim"]
+    method: ClosedLoopMethod
     start: np.ndarray
 
     @property
@@ -148,21 +173,22 @@ def fit_closed_loop(
     base: BaseParameters,
     feedback: Feedback,
     start: np.ndarray,
-    method: Literal["idim-iv", "didim"] = "idim-iv",
+    method: ClosedLoopMethod = "idim-iv",
 ) -> ClosedLoopFit:
-    """Base parameters by IDIM-IV or DIDIM, with joints weighted by their residuals.
+    """Base parameters by IDIM-IV, DIDIM or CLOE, with joints weighted by their residuals.
 
     Args:
-        samples: prepared rows; "didim" reads their times and torques only, those that act from a row on.
+        samples: prepared rows; "didim" reads their times and torques only, those that act from a row on, "cloe" their positions.
         model: of the arm.   base: regrouping.
         feedback: the log's loop, or one that follows the logged positions.   start: β (b,), as of least squares or of CAD.
-        method: "idim-iv" or "didim".
+        method: "idim-iv", "didim" or "cloe".
     Raises:
         IdentificationError: a simulated loop that diverges, too few rows, parameters that the motion cannot tell.
     """
-    if method not in ("idim-iv", "didim"):
-        raise IdentificationError(place="method", value=method, choices=("idim-iv", "didim"))
-    tau = np.concatenate([each.tau - _known(model, each, feedback, method) for each in samples])
+    if method not in CLOSED_LOOP:
+        raise IdentificationError(place="method", value=method, choices=CLOSED_LOOP)
+    of_positions = method == "cloe"
+    tau = np.concatenate([s.q if of_positions else s.tau - _known(model, s, feedback, method) for s in samples])
     if len(tau) * model.arm.n <= len(base):
         expected = f"more than {len(base)}, the number of base parameters"
         raise IdentificationError("too few rows", place="log", value=len(tau), expected=expected)
@@ -173,10 +199,15 @@ def fit_closed_loop(
     covariance, rest, settled, count = np.zeros((len(base),) * 2), tau, False, 0
     while not settled and count < MOST:
         count += 1
-        Z = np.concatenate([_instruments(model, base, values, feedback, each.t) for each in samples])
+        if of_positions:
+            parts = [_sensitivities(model, base, values, feedback, each.t) for each in samples]
+            moved, Z = (np.concatenate(each) for each in zip(*parts, strict=True))
+            target = tau - moved + Z @ values
+        else:
+            Z, target = np.concatenate([_instruments(model, base, values, feedback, each.t) for each in samples]), tau
         Y = Z if measured is None else measured
-        new = _solved(Z, Y, tau, weights)
-        rest = tau - Y @ new
+        new = _solved(Z, Y, target, weights)
+        rest = target - Y @ new
         weights = 1.0 / np.maximum(np.mean(rest**2, axis=0), np.finfo(float).tiny)
         bread = np.linalg.inv(np.einsum("tjb,j,tjc->bc", Z, weights, Y))
         covariance = correlated(lambda Z=Z, rest=rest: [(Z, rest)], weights, bread).covariance
@@ -190,15 +221,35 @@ def _instruments(
     model: TorqueModel, base: BaseParameters, values: np.ndarray, feedback: Feedback, t: np.ndarray
 ) -> np.ndarray:
     """Z (k, n, b): the base columns of the simulated motion at times t (k,), low-passed as the log was."""
-    begin = t[0] if feedback.begin is None else feedback.begin
-    beyond = 0.0 if feedback.cutoff is None else SETTLING / feedback.cutoff  # where the filter's own end would be felt
-    times, q, qd, qdd, _ = simulated_loop(model, base.expanded(values), feedback, begin, t[-1] + beyond)
-    Z = model.rows(q, qd, qdd)[:, :, base.independent]
+    times, q, qd, qdd, _ = simulated_loop(model, base.expanded(values), feedback, *_span(feedback, t))
+    return _at_rows(feedback, times, model.rows(q, qd, qdd)[:, :, base.independent], t)
+
+
+def _sensitivities(
+    model: TorqueModel, base: BaseParameters, values: np.ndarray, feedback: Feedback, t: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """q_s (k, n) and ∂q_s/∂β (k, n, b) of the simulated motion at times t (k,), low-passed as the log was."""
+    change = STEP * np.maximum(np.abs(values), STEP * np.abs(values).max())
+    lanes = np.array([base.expanded(each) for each in (values, *(values + np.diag(change)))])
+    times, q, *_ = simulated_loop(model, lanes, feedback, *_span(feedback, t))
+    q = np.moveaxis(_at_rows(feedback, times, q, t), 1, 2)
+    return q[:, :, 0], (q[:, :, 1:] - q[:, :, :1]) / change
+
+
+def _span(feedback: Feedback, t: np.ndarray) -> tuple[float, float]:
+    """Begin and end [s] of a simulation: the low-pass's own end must not be felt."""
+    beyond = 0.0 if feedback.cutoff is None else SETTLING / feedback.cutoff
+    return float(t[0] if feedback.begin is None else feedback.begin), float(t[-1] + beyond)
+
+
+def _at_rows(feedback: Feedback, times: np.ndarray, values: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Values (ticks, …) of a simulation, low-passed, at times t (k,)."""
     if feedback.cutoff is not None:
-        Z = sosfiltfilt(low_pass(feedback.order, feedback.cutoff, 1.0 / feedback.period), Z, axis=0)
+        sections = low_pass(feedback.order, feedback.cutoff, 1.0 / feedback.period)
+        values = np.asarray(sosfiltfilt(sections, values, axis=0))
     after = np.clip(np.searchsorted(times, t), 1, len(times) - 1)
-    share = ((t - times[after - 1]) / feedback.period)[:, None, None]
-    return (1 - share) * Z[after - 1] + share * Z[after]
+    share = ((t - times[after - 1]) / feedback.period).reshape(-1, *[1] * (values.ndim - 1))
+    return (1 - share) * values[after - 1] + share * values[after]
 
 
 def _known(model: TorqueModel, samples: Samples, feedback: Feedback, method: str) -> np.ndarray:

@@ -39,15 +39,15 @@ def essential_parameters(
     rows: int,
     *,
     growth: float = 0.01,
-    tell: float = 10.0,
+    well_told: float = 10.0,
     inflation: np.ndarray | None = None,
 ) -> EssentialParameters:
     """Essential parameters of  min |R β − z|² + residual²,  R the triangle of all weighted rows.
 
     Args:
         R: (b, b).   z: (b,).   residual: norm of what no β explains.   rows: number of rows behind R.
-        growth: share by which the residual's norm may grow.   tell: relative deviation in % that counts as well told: such a
-            parameter is never taken out.
+        growth: share by which the residual's norm may grow.   well_told: relative deviation in %; a parameter with this
+            or less is never taken out.
         inflation: (b,) factors from white standard deviations to robust ones; None: 1.
     Raises:
         IdentificationError: parameters that the rows cannot tell apart, or no freedom left.
@@ -67,7 +67,7 @@ def essential_parameters(
         with np.errstate(divide="ignore"):
             relative[kept] = 100 * inflation[kept] * np.sqrt(np.diag(covariance)) / np.abs(values)
         worst = int(np.argmax(relative[kept]))
-        if relative[kept[worst]] <= tell:
+        if relative[kept[worst]] <= well_told:
             break
         fewer = kept[:worst] + kept[worst + 1 :]
         new = float(np.hypot(residual, _rest(R, z, fewer)))

@@ -1,27 +1,31 @@
-"""Friction of joints against speed, load and temperature, from a log of an arm that is known but for it.
+"""Friction of an arm's joints against speed, load and temperature, from a log of an arm that is known but for it.
 
-The torque that the arm without friction leaves unexplained, row by row, is fitted by
-
-    f = offset + viscous q̇ + s [ Fc± + (Fs − Fc) exp(−(q̇/vs)²) + share |load| ],   s = sgn q̇,  [BittencourtGunnarsson2012]
-
-Fc± and viscous times (1 + coefficient · warming), or by the sigmoid law [Gaz2019]. Viscous and Coulomb friction are always
-fitted; every other term is a candidate that stays only if it lowers the held-out error, on parts of the log, by a stated share.
+The torque that the arm without friction leaves unexplained, row by row, is fitted by the terms of `friction_law`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from armwright.description.friction import key_of
 from armwright.errors import IdentificationError
 from armwright.identification.arm.equations import samples_of
+from armwright.identification.arm.friction_law import (
+    CANDIDATES,
+    WORTH,
+    Choice,
+    FrictionLaw,
+    FrictionRows,
+    Term,
+    choose_terms,
+    fitted_law,
+    level_of,
+    terms_of,
+)
 from armwright.identification.arm.spring_record import spring_keys
 from armwright.identification.arm.torque_model import torque_model
 from armwright.identification.estimate import Estimate
@@ -29,203 +33,12 @@ from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import Model
 
-WORTH = 0.01  # share of the held-out error that a candidate must take away
-FOLDS = 8  # parts of the log, each held out once
-ENOUGH = 600  # rows for the choice of terms: neighbours say nearly the same
 CLUSTERS = 40  # parts of the log whose residuals count as independent of each other's
 SLOWEST = 0.02  # of a joint's largest speed: slower rows are left out, the direction of dry friction is not known there
 WIDER, HIGHEST = 4.0, 0.2  # cut-off by the one that suits the positions, and its largest share of the rate
 FEWEST = 50  # rows of a joint
 BINS = 12  # of a table over speed, either way
 BOUND = 1e-9  # of a parameter's scale
-
-
-@dataclass(frozen=True, eq=False)
-class FrictionRows:
-    """Rows of one joint in motion.
-
-    Attributes:
-        q, speed: (k,) [rad, rad/s | m, m/s].   torque: (k,) what the arm without friction leaves unexplained [N m | N].
-        load: (k,) torque at the joint's links [N m | N].   warming: (k,) [K], NaN where it is not known.
-    """
-
-    q: np.ndarray
-    speed: np.ndarray
-    torque: np.ndarray
-    load: np.ndarray
-    warming: np.ndarray
-
-    def part(self, chosen: np.ndarray) -> FrictionRows:
-        """Some of the rows."""
-        return FrictionRows(*(each[chosen] for each in vars(self).values()))
-
-
-@dataclass(frozen=True)
-class Term:
-    """A number of the friction law.
-
-    Attributes:
-        stem: of the record's key, and its dimension.   start: where the search begins, from rows.   low: its lower bound.
-    """
-
-    stem: str
-    dimension: Any
-    start: Any
-    low: float = 0.0
-
-
-def _slope(rows: FrictionRows) -> float:
-    return float(np.abs(rows.torque).mean() / np.abs(rows.speed).max())
-
-
-def _level(rows: FrictionRows) -> float:
-    return float(np.abs(rows.torque).mean())
-
-
-def _speed(share: float, rows: FrictionRows) -> float:
-    return share * float(np.abs(rows.speed).max())
-
-
-VISCOUS = Term("viscous", "damping", _slope)
-TERMS: dict[str, tuple[Term, ...]] = {
-    "viscous": (VISCOUS,),
-    "coulomb": (
-        Term("coulomb_positive", "torque", _level, -np.inf),
-        Term("coulomb_negative", "torque", _level, -np.inf),
-    ),
-    "stribeck": (
-        Term("stribeck_torque", "torque", _level),
-        Term("stribeck_speed", "speed", partial(_speed, 0.1), 1e-6),
-    ),
-    "load": (Term("load_coefficient", None, lambda _: 0.01),),
-    "coulomb by temperature": (Term("coulomb_temperature_coefficient_per_k", None, lambda _: -1e-3, -np.inf),),
-    "viscous by temperature": (Term("viscous_temperature_coefficient_per_k", None, lambda _: -1e-3, -np.inf),),
-    "sigmoid": (
-        Term("sigmoid_amplitude", "torque", lambda rows: 2 * _level(rows)),
-        Term("sigmoid_slope", "slope", lambda rows: 10 / _speed(1.0, rows), 1e-6),
-        Term("sigmoid_shift", "speed", lambda _: 0.0, -np.inf),
-        Term("offset", "torque", lambda rows: float(rows.torque.mean()), -np.inf),
-    ),
-    "spring": (
-        Term("stiffness", "spring", _level),
-    ),  # its torque at 0 is in the levels of Coulomb, or the sigmoid's offset
-    "counterbalance": (
-        Term("sine", "spring", _level, -np.inf),
-        Term("cosine", "spring", _level, -np.inf),
-    ),
-}
-USUAL = ("viscous", "coulomb")
-CANDIDATES = (
-    "stribeck",
-    "load",
-    "coulomb by temperature",
-    "viscous by temperature",
-    "sigmoid",
-    "spring",
-    "counterbalance",
-)
-
-
-@dataclass(frozen=True, eq=False)
-class FrictionLaw:
-    """A friction law with its numbers.
-
-    Attributes:
-        terms: keys of `TERMS`.   values: by the stem of each number.
-    """
-
-    terms: tuple[str, ...]
-    values: Mapping[str, float]
-
-    def __call__(self, rows: FrictionRows) -> np.ndarray:
-        """Friction torque (k,) [N m | N]."""
-        v, speed, s = self.values, rows.speed, np.sign(rows.speed)
-        warming = np.nan_to_num(rows.warming)
-        torque = v["viscous"] * (1 + v.get("viscous_temperature_coefficient_per_k", 0.0) * warming) * speed
-        if "sigmoid" in self.terms:
-            a, b, c = (v[f"sigmoid_{name}"] for name in ("amplitude", "slope", "shift"))
-            torque = torque + v["offset"] + a * (_logistic(b * (speed + c)) - _logistic(np.array(b * c)))
-        else:
-            level = np.where(speed > 0, v["coulomb_positive"], v["coulomb_negative"])
-            if "stribeck" in self.terms:
-                level = level + (v["stribeck_torque"] - level) * np.exp(-((speed / v["stribeck_speed"]) ** 2))
-            level = level * (1 + v.get("coulomb_temperature_coefficient_per_k", 0.0) * warming)
-            torque = torque + s * (level + v.get("load_coefficient", 0.0) * np.abs(rows.load))
-        torque = torque + v.get("stiffness", 0.0) * rows.q
-        return torque + v.get("sine", 0.0) * np.sin(rows.q) + v.get("cosine", 0.0) * np.cos(rows.q)
-
-
-def _logistic(x: np.ndarray) -> np.ndarray:
-    return 0.5 * (1 + np.tanh(0.5 * x))
-
-
-def terms_of(names: Sequence[str]) -> tuple[Term, ...]:
-    """The numbers of some terms; the sigmoid takes the place of Coulomb's levels."""
-    return tuple(term for name in names for term in TERMS[name])
-
-
-def fitted_law(rows: FrictionRows, names: Sequence[str], start: Mapping[str, float] | None = None) -> FrictionLaw:
-    """The law of these terms that fits rows best, by least squares with its bounds."""
-    terms = terms_of(names)
-    stems = [term.stem for term in terms]
-    low = np.array([term.low for term in terms])
-    x0 = np.array([(start or {}).get(term.stem, term.start(rows)) for term in terms])
-    scale = np.maximum(np.abs(np.array([term.start(rows) for term in terms])), 1e-3)
-    residuals = lambda x: FrictionLaw(tuple(names), dict(zip(stems, x, strict=True)))(rows) - rows.torque  # noqa: E731
-    inside = np.maximum(x0, low + 1e-9 * scale)
-    found: Any = least_squares(residuals, inside, bounds=(low, np.inf), x_scale=scale, max_nfev=100)
-    return FrictionLaw(tuple(names), dict(zip(stems, map(float, found.x), strict=True)))
-
-
-def held_out_error(rows: FrictionRows, names: Sequence[str], folds: int = FOLDS) -> float:
-    """Root mean square error [N m | N] on parts of the rows that were each held out once."""
-    rows = rows.part(np.arange(0, len(rows.speed), max(len(rows.speed) // ENOUGH, 1)))
-    parts, square = np.array_split(np.arange(len(rows.speed)), folds), 0.0
-    start = fitted_law(rows, names).values
-    for part in parts:
-        others = np.setdiff1d(np.arange(len(rows.speed)), part)
-        law = fitted_law(rows.part(others), names, start)
-        square += float(np.sum((law(rows.part(part)) - rows.torque[part]) ** 2))
-    return float(np.sqrt(square / len(rows.speed)))
-
-
-@dataclass(frozen=True)
-class Choice:
-    """Terms of a joint's friction, and why.
-
-    Attributes:
-        terms: those that stay.   error: held-out [N m | N].   tried: candidate → share of the held-out error that it takes away.
-    """
-
-    terms: tuple[str, ...]
-    error: float
-    tried: Mapping[str, float]
-
-
-def choose_terms(rows: FrictionRows, candidates: Sequence[str] = CANDIDATES, worth: float = WORTH) -> Choice:
-    """Terms that lower the held-out error by `worth` at least, the best one first, until none is left that does."""
-    terms: tuple[str, ...] = USUAL
-    error, tried = held_out_error(rows, terms), {}
-    left = [each for each in candidates if "temperature" not in each or np.ptp(rows.warming) > 0]
-    while left:
-        errors = {each: held_out_error(rows, _with(terms, each)) for each in left}
-        for each, value in errors.items():
-            tried[each] = 1 - value / error if error > 0 else 0.0
-        best = min(errors, key=lambda each: errors[each])
-        if tried[best] < worth:
-            break
-        terms, error = _with(terms, best), errors[best]
-        left = [
-            each for each in left if each != best and ("sigmoid" not in terms or each in ("spring", "counterbalance"))
-        ]
-    return Choice(terms, error, tried)
-
-
-def _with(terms: Sequence[str], candidate: str) -> tuple[str, ...]:
-    """Terms with one more; the sigmoid law has no other dry friction, nor what depends on it."""
-    if candidate == "sigmoid":
-        return (*(each for each in terms if each in ("viscous", "spring", "counterbalance")), "sigmoid")
-    return (*terms, candidate)
 
 
 def friction_rows(
@@ -356,7 +169,7 @@ def identify_friction(
     )  # fmt: skip
 
 
-OFFSET = Term("offset", "torque", _level, -np.inf)
+OFFSET = Term("offset", "torque", level_of, -np.inf)
 
 
 def _is_shifted(law: FrictionLaw) -> bool:

@@ -1,0 +1,184 @@
+"""Sentences, measures and verdict of an arm's fit: what a log tells, what it does not, and what is in doubt."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from armwright.identification.arm.base import BaseParameters
+from armwright.identification.arm.equations import Equations
+from armwright.identification.arm.fit import AT_REST, ArmFit, HeldOut
+from armwright.identification.arm.spring_record import SPRINGS
+from armwright.identification.estimate import HALF_95
+from armwright.identification.identifiability import MEANINGLESS
+from armwright.identification.logs.preparation import Preparation
+
+if TYPE_CHECKING:
+    from armwright.identification.arm.arm_record import RecordParameters
+
+MOST_NAMED = 6  # parameters in one remark
+POOR = 0.8  # R² of a joint below which a remark says so
+LEAST_HELD_OUT = 0.5  # R² of a joint that moves, on rows that were not fitted, for "identified"
+FACTOR = 5.0  # between the record's links and the identified ones, from which the torque's unit is in doubt
+
+
+def joints_that_move(equations: Equations) -> np.ndarray:
+    """Which joints (n,) are faster than a hundredth of the fastest, in root mean square."""
+    motion = np.sum([part.motion for part in equations.parts], axis=0)
+    return motion > AT_REST**2 * motion.max()
+
+
+def unpredicted(
+    fit: ArmFit, held_out: Sequence[HeldOut], hold_out: np.ndarray | None, moved: np.ndarray | None
+) -> list[str]:
+    """Sentences about joints that move and whose torque is not predicted where it was not fitted.
+
+    That is on the runs that the log holds out, or where there are none on its parts, each by a fit to the others.
+    """
+    where, moving, r2s = "on the runs held out", joints_that_move(fit.equations), hold_out
+    if r2s is None or moved is None:
+        parts = [each.relative**2 for each in held_out if not each.at_rest]
+        if not parts:
+            return []
+        with np.errstate(divide="ignore", invalid="ignore"):
+            spread = fit.rms**2 / (1.0 - fit.r2)  # of the measured torque
+            r2s = 1.0 - np.mean(parts, axis=0) * fit.torque_rms**2 / spread
+        where = "on parts held out"
+    else:
+        moving &= moved
+    return [
+        f"{joint}: R² {r2:.2f} {where}, below {LEAST_HELD_OUT:g}: its torque is not told by this model"
+        for joint, r2, moves in zip(fit.equations.model.arm.names, r2s, moving, strict=True)
+        if moves and r2 < LEAST_HELD_OUT
+    ]
+
+
+def unlike_the_record(fit: ArmFit) -> list[str]:
+    """A sentence where links as identified take 5 times the torque of the record's own or more, or a fifth or less.
+
+    Both are compared by their base parameters, over the rows of the log and weighted as the fit; those that a rotor has part in
+    of which the record does not speak are left out.
+    """
+    base, prior = fit.base, fit.equations.model.prior
+    unknown = (base.matrix[:, np.isnan(prior)] != 0).any(axis=1)
+    of_links = [b for b, k in enumerate(base.independent) if base.columns[k].kind == "inertial" and not unknown[b]]
+    own = base.of(np.nan_to_num(prior))[of_links]
+    size = np.linalg.norm(fit.information[:, of_links] @ own)
+    if size == 0:
+        return []
+    times = float(np.linalg.norm(fit.information[:, of_links] @ fit.values[of_links]) / size)
+    if 1 / FACTOR <= times <= FACTOR:
+        return []
+    return [
+        f"the links' masses and inertias take {times:.2g} times the torque of the record's own: is the unit or the side of "
+        "the torque right?"
+    ]
+
+
+def measures_by_joint(
+    fit: ArmFit, held_out: Sequence[HeldOut], hold_out: np.ndarray | None
+) -> dict[str, dict[str, float]]:
+    """Measures by joint: R², RMS of the residual, error on held-out parts that move, R² on the hold-out runs."""
+    moving = [each.relative for each in held_out if not each.at_rest]
+    measures = {}
+    for j, joint in enumerate(fit.equations.model.arm.names):
+        if np.isnan(fit.rms[j]):
+            continue
+        measures[joint] = {"r2": float(fit.r2[j]), "rms": float(fit.rms[j])}
+        if moving:
+            measures[joint]["held_out"] = float(np.sqrt(np.mean([each[j] ** 2 for each in moving])))
+        if hold_out is not None:
+            measures[joint]["hold_out_r2"] = float(hold_out[j])
+    return measures
+
+
+def verdict_of(fit: ArmFit, told: int, structural: int) -> Literal["identified", "not identified"]:
+    """ "not identified" where the log tells fewer parameters than the arm has, or too badly for their values to mean anything."""
+    poor = told < structural or fit.condition > MEANINGLESS or bool((fit.r2 <= 0).any())
+    return "not identified" if poor else "identified"
+
+
+def remarks_on(
+    fit: ArmFit,
+    base: BaseParameters,
+    structural: BaseParameters,
+    directions: Sequence[str],
+    sensitive: Sequence[str],
+    held_out: Sequence[HeldOut],
+    values: RecordParameters | None,
+    prepared: Preparation,
+) -> list[str]:
+    """Sentences for the user.
+
+    Args:
+        fit: its base parameters are those of the log, `base`, or the essential ones of them.   structural: of the arm.
+        directions: that the log shows weakly, in words.   sensitive: names of parameters that depend on the cut-off.
+        held_out: errors on parts.   values: for the record, if asked for.   prepared: of the first run.
+    """
+    model = fit.equations.model
+    remarks = [f"{len(base)} of {len(structural)} base parameters, condition number {fit.condition:.3g}"]
+    if len(base) < len(structural):
+        lost = [base.columns[k].about for k in structural.independent if k not in set(base.independent)]
+        remarks.append(f"this motion tells nothing apart of: {_listed(lost)}")
+    if fit.condition > MEANINGLESS:
+        remarks.append("at this condition number single parameters mean nothing; design a motion that excites more")
+    if len(fit.base) < len(base):
+        names = dict(zip(base.independent, base.names, strict=True))
+        left = [name for k, name in names.items() if k not in set(fit.base.independent)]
+        remarks.append(
+            f"{len(fit.base)} of them are essential; left out, as the log hardly tells them: {_listed(left)}"
+        )
+    base = fit.base
+    remarks += directions
+    untold = [
+        name for name, value, std in zip(base.names, fit.values, fit.std, strict=True) if abs(value) < HALF_95 * std
+    ]
+    if untold:
+        remarks.append(f"not told from 0: {_listed(untold)}")
+    negative = [
+        base.columns[k].about
+        for k, value, row in zip(base.independent, fit.values, base.regroup, strict=True)
+        if value < 0 and not np.any(row) and base.columns[k].kind in ("rotor", "viscous", "coulomb")
+    ]
+    if negative:
+        remarks.append(f"negative without being possible, which a record cannot hold: {_listed(negative)}")
+    if sensitive:
+        remarks.append(
+            f"leave their 95 % interval at a cut-off 30 % off {prepared.cutoff:.4g} Hz: {_listed(list(sensitive))}"
+        )
+    for joint, r2 in zip(model.arm.names, fit.r2, strict=True):
+        if r2 < POOR:
+            remarks.append(
+                f"{joint}: R² {r2:.2f}, {1 - r2:.0%} of the torque's variance is not of this model; look at its friction, "
+                "its springs and at what the torque column lacks"
+            )
+        elif np.isnan(r2):
+            remarks.append(f"{joint}: no torque was measured, or it never changes")
+    resting = sum(each.at_rest for each in held_out)
+    if resting:
+        remarks.append(
+            f"{resting} of {len(held_out)} held-out parts are at rest, where friction has no known direction"
+        )
+    candidates = {column.joint: column.kind in SPRINGS for column in model.columns if column.kind in SPRINGS}
+    kept = {base.columns[k].joint for k in base.independent if base.columns[k].kind in SPRINGS}
+    remarks += [
+        f"{joint}: its spring and counterbalance {'stay' if joint in kept else 'are left out'}: they lower the held-out error by "
+        f"{'1 % or more' if joint in kept else 'less than 1 %'}"
+        for joint in candidates
+    ]
+    if fit.outliers is not None and fit.outliers.dropped > 0:
+        remarks.append(f"{fit.outliers.dropped:.1%} of the torques count less than half as outliers")
+    if any(body.drive.efficiency is not None for body in model.arm.coordinates):
+        remarks.append("gear losses of the record are not part of this model: friction and inertia contain them")
+    if values is not None:
+        worst = float(np.nanmax(fit.r2 - values.r2))
+        remarks.append(f"physically possible values for the record: R² at most {max(worst, 0.0):.3f} lower")
+        remarks += values.physical.remarks
+    return remarks
+
+
+def _listed(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:MOST_NAMED])
+    return shown if len(names) <= MOST_NAMED else f"{shown} and {len(names) - MOST_NAMED} more"
