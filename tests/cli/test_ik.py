@@ -36,6 +36,37 @@ def test_a_pose_out_of_reach_is_nan_and_exit_code_1(tmp_path):
     assert done.stdout.splitlines()[1].startswith("nan,nan,nan,nan,nan,nan,")
 
 
+TURNED = {"x": [0.4], "y": [0.1], "z": [0.3], "roll": [0.1], "pitch": [0.3], "yaw": [-0.2]}
+
+
+def test_all_branches_are_listed_with_their_pose(tmp_path):
+    arm, out = aw.load("puma560"), tmp_path / "q.csv"
+    columns = {name: [*values, *values] for name, values in TURNED.items()}
+    columns["x"] = [0.4, 9.0]
+    shown = run("ik", "puma560", poses(tmp_path, columns), "--all", "-o", str(out), code=1).stdout
+    assert "1 of 2 solved, in closed form (axes 4, 5 and 6 meet" in shown
+    assert "target 1: no joint positions reach it" in shown
+    rows = np.genfromtxt(out, delimiter=",", skip_header=1)
+    assert out.read_text().startswith("pose,branch,q_joint1 [rad],")
+    assert len(rows) >= 2
+    assert (rows[:, 0] == 0.0).all()
+    assert len(np.unique(rows[:, 1])) == len(rows)
+    tips = aw.compile(arm).forward_kinematics(rows[:, 2:8])
+    assert np.abs(tips - tips[0]).max() < 1e-12
+    assert np.abs(tips[0, :3, 3] - [0.4, 0.1, 0.3]).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("name", "way"),
+    [
+        ("puma560", "inverse  closed form, axes 4, 5 and 6 meet, axes 2 and 3 are parallel"),
+        ("panda", "inverse  numeric"),
+    ],
+)
+def test_info_says_how_an_arm_is_solved(name, way):
+    assert way in run("info", name).stdout
+
+
 @pytest.mark.parametrize(
     ("columns", "words", "names"),
     [
@@ -45,6 +76,9 @@ def test_a_pose_out_of_reach_is_nan_and_exit_code_1(tmp_path):
         ({"x": [0.1], "y": [0.2], "z": [0.3]}, ("--near", "1,2"), "--near"),
         ({"x": [0.1], "y": [0.2], "z": [0.3]}, ("--frame", "hand"), "hand"),
         ({"x": [0.1], "y": [0.2], "z": [0.3]}, ("--tolerance", "0"), "tolerance"),
+        ({"x": [0.1], "y": [0.2], "z": [0.3]}, ("--all",), "closed form"),
+        ({"x": [0.1], "y": [0.2], "z": [0.3]}, ("--method", "exact"), "method"),
+        (TURNED, ("--all", "--method", "numeric"), "--all"),
     ],
 )
 def test_bad_tables_and_options_are_one_line(tmp_path, columns, words, names):

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     import numpy as np
 
+    from armwright.ik.solutions import PoseSolutions
+
 UNIT = 1e-3  # how far the length of a quaternion may be from 1
 MISSED = 1  # the exit code where a pose is not reached
 COLUMNS = {
@@ -35,20 +37,24 @@ def ik(
     ] = None,
     axis: Annotated[bool, typer.Option("--axis", help="Only position and z axis of the frame count.")] = False,
     tolerance: Annotated[float, option("--tolerance", "T", "On distance in m and angle in rad.")] = 1e-8,
+    method: Annotated[
+        str, option("--method", "NAME", "closed-form, numeric, or auto: closed form where the arm has one.")
+    ] = "auto",
+    every: Annotated[bool, typer.Option("--all", help="All solutions of the closed form, a row each.")] = False,
 ) -> None:
     """Joint positions within the limits for a table of poses: inverse kinematics, one pose a row.
 
     The table has the columns x, y, z in m, alone or with roll, pitch, yaw in rad (about fixed axes, as in a URDF) or with the
     quaternion qw, qx, qy, qz. The result has q_JOINT, and how far off the pose is in mm and mrad; q_JOINT is nan where
-    a pose was not reached. Exit code: 0 all were reached, 1 some were not, 2 bad input.
+    a pose was not reached. With --all, rows have the number of the pose and of the branch, and poses that are not reached
+    have none. Exit code: 0 all were reached, 1 some were not, 2 bad input.
 
     \b
     Examples:
       armwright ik puma560 poses.csv -o positions.csv
       armwright ik my-arm.toml points.csv --near 0,0.5,1.2 | head
+      armwright ik puma560 poses.csv --all
     """
-    import numpy as np
-
     import armwright as aw
     from armwright.cli.progress import progress
     from armwright.model.joint_signals import joint_units
@@ -62,15 +68,44 @@ def ik(
     aim: Any = "axis" if axis else "pose" if turned else "position"
     start = None if near is None else vector("--near", near, arm.names, joint_units(arm, "q"))
     with progress("inverse kinematics"):
-        found = aw.inverse_kinematics(arm, targets, frame=frame, aim=aim, near=start, tolerance=tolerance)
-    q = np.where(found.success[:, None], found.q, np.nan)
-    columns = joint_columns("q", arm.names, joint_units(arm, "q"), q)
-    columns |= {"off [mm]": 1e3 * found.position_error, "off [mrad]": 1e3 * found.angle_error}
+        way: Any = "closed-form" if every and method == "auto" else method
+        found = aw.inverse_kinematics(arm, targets, frame=frame, aim=aim, near=start, tolerance=tolerance, method=way)
+    numbers, q, off, turned_off = _every(found) if every else _best(found)
+    columns = numbers | joint_columns("q", arm.names, joint_units(arm, "q"), q)
+    columns |= {"off [mm]": 1e3 * off, "off [mrad]": 1e3 * turned_off}
     write_table(output, columns, PrintableStream(sys.stdout))
     if output is not None or not found.success.all():
         say(str(found), err=output is None)
     if not found.success.all():
         raise typer.Exit(MISSED)
+
+
+Rows = tuple[dict[str, "np.ndarray"], "np.ndarray", "np.ndarray", "np.ndarray"]
+
+
+def _best(found: PoseSolutions) -> Rows:
+    """No further columns, positions (nan where a pose is not reached), and errors of the best solution of each pose."""
+    import numpy as np
+
+    return {}, np.where(found.success[:, None], found.q, np.nan), found.position_error, found.angle_error
+
+
+def _every(found: PoseSolutions) -> Rows:
+    """Numbers of pose and branch, positions and errors of all solutions.
+
+    Raises:
+        ModelError: they are numeric, which have no branches.
+    """
+    import numpy as np
+
+    from armwright.errors import ModelError
+
+    branches = found.branches
+    if branches is None:
+        raise ModelError(place="--all", value=f"--method {found.method}", expected="the closed form")
+    pose, branch = np.nonzero(branches.success)
+    q, off, turned = (each[pose, branch] for each in (branches.q, branches.position_error, branches.angle_error))
+    return {"pose": pose, "branch": branch}, q, off, turned
 
 
 def _targets(table: Path) -> tuple[np.ndarray, bool]:

@@ -72,6 +72,7 @@ def info(robot: Robot, operations: Operations = False) -> None:
 
 def _summary(arm: Model, record: RobotDescription) -> str:
     from armwright.errors import ModelError
+    from armwright.ik.closed_form.geometry import geometry_of
     from armwright.kinematics.reach import reach
 
     try:
@@ -86,6 +87,9 @@ def _summary(arm: Model, record: RobotDescription) -> str:
         "reach": far,
         "gravity": f"{'  '.join(f'{g:g}' for g in arm.gravity)} m/s², in base axes",
     }
+    if arm.tip is not None and arm.n > 1:
+        geometry = geometry_of(arm)
+        lines["inverse"] = "numeric" if geometry is None else f"closed form, {geometry.description}"
     return "\n".join(f"{name:<8} {value}" for name, value in lines.items())
 
 
