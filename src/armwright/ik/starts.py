@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from armwright import scalar
-from armwright.ik.chain import Chain
+from armwright.ik.chain import TURN, Chain
 from armwright.kernels.loop import Loop
 from armwright.kernels.stages import Call, Table
 from armwright.kernels.target import Target
@@ -17,33 +17,39 @@ from armwright.scalar import Array, Scalar
 STARTS = 2048  # rows of the table
 NEAREST_OF = 256  # of them are ranked
 RANKED = 4  # of them, the nearest, are tried first, nearest first
-OUTSIDE = 1e6  # [m²] added to the distance of a start whose first joint would leave its limits
+OUTSIDE = 1e6  # [m²] the distance of a start whose first joint would leave its limits
 FEATURES = 12
 AT_ONCE = 8  # rows of the table that pass by together
 
 
 def ranking(chain: Chain) -> Program:
-    """Program  row, pose, tick, found → found_next: keeps the `RANKED` nearest of the rows that pass by.
+    """Program  row, pose, tick, found → found_next: keeps the `RANKED` nearest, of each `AT_ONCE` rows that pass by the nearest.
 
-    row: features (12), half their square, first position and azimuth of a start. pose: features (12) and azimuth.
+    row: features (12), half their square, and in turns the first position less the azimuth, from the middle of its limits.
+    pose: features (12) and azimuth in turns.
     found: distances [m²/2] in growing order, then numbers of the rows.
     """
     turned = chain.base is not None
     low, high = chain.low[0], chain.high[0]
 
     def insert(rows: Array, pose: Array, tick: Array, found: Array) -> np.ndarray:
-        for k in range(AT_ONCE):
-            found = insert_one(rows[k], pose, tick[0] * float(AT_ONCE) + float(k), found)
-        return found
+        first = tick[0] * float(AT_ONCE)
+        best, number = distance_of(rows[0], pose), first
+        for k in range(1, AT_ONCE):
+            distance = distance_of(rows[k], pose)
+            nearer = scalar.less(distance, best)
+            best, number = scalar.where(nearer, distance, best), scalar.where(nearer, first + float(k), number)
+        return inserted(best, number, found)
 
-    def insert_one(row: Array, pose: Array, number: Scalar, found: Array) -> np.ndarray:
+    def distance_of(row: Array, pose: Array) -> Scalar:
         distance = row[FEATURES] - row[:FEATURES] @ pose[:FEATURES]
-        if turned and np.isfinite(low) and np.isfinite(high):
-            angle = row[FEATURES + 1] + (pose[FEATURES] - row[FEATURES + 2])
-            angle = angle - 2.0 * np.pi * scalar.floor(angle / (2.0 * np.pi) + 0.5)
-            distance = distance + scalar.where(
-                scalar.less(0.5 * (high - low), scalar.abs(angle - 0.5 * (low + high))), OUTSIDE, 0.0
-            )
+        if not (turned and np.isfinite(low) and np.isfinite(high)):
+            return distance
+        turns = row[FEATURES + 1] + pose[FEATURES]
+        turns = scalar.abs(turns - scalar.floor(turns + 0.5))
+        return scalar.where(scalar.less(0.5 * (high - low) / TURN, turns), OUTSIDE, distance)
+
+    def inserted(distance: Scalar, number: Scalar, found: Array) -> np.ndarray:
         distances, numbers = [], []
         for k in range(RANKED):
             nearer = scalar.less(distance, found[k])
@@ -53,7 +59,7 @@ def ranking(chain: Chain) -> Program:
             number = scalar.where(nearer, found[RANKED + k], number)
         return scalar.array([*distances, *numbers])
 
-    shapes = {"row": (AT_ONCE, FEATURES + 3), "pose": (FEATURES + 1,), "tick": (1,), "found": (2 * RANKED,)}
+    shapes = {"row": (AT_ONCE, FEATURES + 2), "pose": (FEATURES + 1,), "tick": (1,), "found": (2 * RANKED,)}
     return trace("ranking", insert, shapes, ("found_next",))
 
 
@@ -73,14 +79,17 @@ class Starts:
         self.rows = np.concatenate([positions, azimuths], axis=1)
         features = chain.features(poses)
         square = 0.5 * (features**2).sum(axis=1, keepdims=True)
-        table = np.concatenate([features, square, positions[:, :1], azimuths], axis=1)
+        limits = chain.low[0], chain.high[0]
+        middle = 0.5 * sum(limits) if np.isfinite(limits).all() else 0.0
+        turns = (positions[:, :1] - azimuths - middle) / TURN
+        table = np.concatenate([features, square, turns], axis=1)
         self._table = np.ascontiguousarray(table[:NEAREST_OF])
-        self._loop = Loop((Table("row", AT_ONCE * (FEATURES + 3)), Call(ranking(chain))), target)
+        self._loop = Loop((Table("row", AT_ONCE * (FEATURES + 2)), Call(ranking(chain))), target)
 
     def ranked(self, tasks: np.ndarray, poses: np.ndarray) -> np.ndarray:
         """(k, RANKED) numbers of the rows that are nearest to each pose, as floats."""
         lanes = self._loop.lanes(len(tasks))
-        lanes.set("pose", np.concatenate([self.chain.features(poses), tasks[:, 12:13]], axis=1))
+        lanes.set("pose", np.concatenate([self.chain.features(poses), tasks[:, 12:13] / TURN], axis=1))
         lanes.set("found", np.repeat([np.inf, 0.0], RANKED))
         self._loop.run(lanes, 0.0, (0, len(self._table) // AT_ONCE), tables={"row": self._table})
         return np.ascontiguousarray(lanes.get("found")[:, RANKED:])
