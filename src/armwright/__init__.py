@@ -77,6 +77,7 @@ if TYPE_CHECKING:
     from armwright.modules.enumerate import enumerate_assemblies
     from armwright.modules.rank import rank_assemblies
     from armwright.modules.task import read_task
+    from armwright.motions.plan import Plan, plan
     from armwright.parameters import Batch, Draw
     from armwright.parts.write import write_parts
     from armwright.pictures.animate import animate
@@ -181,6 +182,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.scenarios": ("read_scenario", "reproduce"),
     "armwright.simulation.step_study": ("step_study",),
     "armwright.simulation.integrate.events": ("joint_stops",),
+    "armwright.motions.plan": ("Plan", "plan"),
     "armwright.parameters": ("Batch", "Draw"),
     "armwright.pictures.animate": ("animate",),
     "armwright.pictures.show": ("show",),
@@ -276,6 +278,7 @@ __all__ = [
     "PathMotion",
     "Payload",
     "PiecewisePolynomial",
+    "Plan",
     "PlaneObstacle",
     "PoseBranches",
     "PoseSolutions",
@@ -359,6 +362,7 @@ __all__ = [
     "motor_torque",
     "motor_voltage",
     "operational_inertia",
+    "plan",
     "plot",
     "plot_experiment",
     "plot_log",

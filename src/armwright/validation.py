@@ -25,7 +25,7 @@ LISTS = {  # whose tables are called by their names, not by their numbers
     "parts": "part",
     "sections": "section",
 }
-TAGS = ("type", "shape")  # keys that name the kind of a table
+TAGS = ("type", "shape", "kind")  # keys that name the kind of a table
 SCALAR = ("float_type", "float_parsing", "int_type", "int_parsing", "string_type", "bool_type")  # no list, no table
 EXPECTED = {  # by pydantic's kinds of errors
     **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "a table"),

@@ -40,7 +40,7 @@ ORDER = (
     ("simulation",),
     ("collision",),  # capsules around links
     ("trajectory", "ik", "workspace", "identification", "control"),
-    ("scenarios",),  # scenario files: they name controllers and trajectories
+    ("scenarios", "motions"),  # scenario files: they name controllers and trajectories; motion files
     ("modules",),  # which arms modules make, and what they can do
     ("export",),
     ("pictures",),  # arms drawn, in any pose and moving; plots to explore

@@ -27,6 +27,7 @@ from armwright.cli.ik import ik
 from armwright.cli.info import info
 from armwright.cli.log import log
 from armwright.cli.parts import parts
+from armwright.cli.plan import plan
 from armwright.cli.plot import plot
 from armwright.cli.reproduce import reproduce
 from armwright.cli.robots import robots
@@ -147,6 +148,7 @@ for command in (
     forward_dynamics,
     ik,
     workspace,
+    plan,
     simulate,
     plot,
     animate,

@@ -8,6 +8,7 @@ import json
 import os
 import re
 import sys
+import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,7 @@ from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Inputs, Loop, Recording, Solver, Start
 from armwright.trajectory.limits import QUANTITIES, MotionLimits
 from armwright.trajectory.motion import Motion
+from armwright.trajectory.motion_rows import parse_motion
 from armwright.validation import validated
 
 HOMES = {"controller": "armwright.control", "reference": "armwright.trajectory"}
@@ -288,7 +290,7 @@ def _built(home: str, kind: str, values: Mapping[str, Any], arm: Model, place: s
     """A controller or a trajectory from its fields."""
     kinds, place = _kinds(home), f"{place}.{home}"
     if kind not in kinds:
-        extra = ["pose", "schedule", "expression"] if home == "reference" else []
+        extra = ["pose", "schedule", "motion", "expression"] if home == "reference" else []
         raise ScenarioError("unknown", place=f"{place}.kind", value=kind, choices=[*kinds, *extra])
     names = [each.name for each in dataclasses.fields(kinds[kind]) if each.init]
     keys = [name for name in names if name not in CONFIGURED[home]]
@@ -323,7 +325,7 @@ def _reference(part: str, table: Kind | None, arm: Model, files: Files) -> Any:
     if table is None:
         return None
     place, fields = f"{part}.reference", table.fields()
-    key = {"pose": "q", "schedule": "file", "expression": "q"}.get(table.kind)
+    key = {"pose": "q", "schedule": "file", "motion": "file", "expression": "q"}.get(table.kind)
     if key is None:
         return _built("reference", table.kind, _fields(place, table, arm), arm, part)
     for name in fields:
@@ -334,11 +336,31 @@ def _reference(part: str, table: Kind | None, arm: Model, files: Files) -> Any:
     value = fields[key]
     if table.kind == "pose":
         return _joints(f"{place}.q", value, arm)
+    if table.kind in ("schedule", "motion") and not isinstance(value, str):
+        raise ScenarioError(place=f"{place}.file", value=value, expected="the name of a file")
+    if table.kind == "motion":
+        return _motion(f"{place}.file", value, arm, files)
     if table.kind == "schedule":
-        if not isinstance(value, str):
-            raise ScenarioError(place=f"{place}.file", value=value, expected="the name of a CSV file")
         return parse_schedule(*files.table(f"{place}.file", value), arm.names, joint_units(arm, "q"))
     return _formulas(f"{place}.q", value, arm)
+
+
+def _motion(place: str, name: str, arm: Model, files: Files) -> Motion:
+    """The motion of a motion file, planned, or of a table of rows."""
+    from armwright.motions.plan import plan_document  # which reads files as scenarios do
+
+    text, file = files.table(place, name)
+    if not name.endswith(".motion.toml"):
+        return parse_motion(text, file, arm)
+    try:
+        tables = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ScenarioError(f"not TOML: {error}", file=file) from None
+    plan = plan_document(tables, file, files)
+    if (plan.arm.name, *plan.arm.names) != (arm.name, *arm.names):
+        expected = f"a motion of {arm.name}: {', '.join(arm.names)}"
+        raise ScenarioError(f"is one of {plan.arm.name}", place=place, value=name, expected=expected)
+    return plan.motion
 
 
 def _formulas(place: str, texts: Any, arm: Model) -> Any:

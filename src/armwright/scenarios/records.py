@@ -150,7 +150,7 @@ class LoopTable(Record):
     controller: Kind = Field(description="kind = 'joint_pid', 'cascade', 'computed_torque' and its gains.")
     reference: Kind | None = Field(
         default=None,
-        description="kind = 'pose', 'schedule', 'expression' or a named trajectory; absent: the initial pose.",
+        description="kind = 'pose', 'schedule', 'motion', 'expression' or a named trajectory; absent: the initial pose.",
     )
     period_s: Number | None = Field(default=None, description="From sample to sample; absent: step times substeps.")
     sensors: SensorsTable = Field(default_factory=SensorsTable, description="What is measured.")

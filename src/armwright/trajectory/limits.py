@@ -194,29 +194,38 @@ class LimitsReport:
         """True if no limit is exceeded by more than 1e-6 of it."""
         return self.largest <= 1.0 + 1e-6
 
+    def worst(self, quantity: str, joint: int) -> float:
+        """The value that uses most of the limit; without one the largest."""
+        low, high = self.lowest[quantity][joint], self.highest[quantity][joint]
+        bounds = getattr(self.limits, quantity)[joint]
+        centre = float(np.mean(bounds)) if quantity == "position" and np.isfinite(bounds).all() else 0.0
+        return float(high if abs(high - centre) >= abs(low - centre) else low)
+
     def excesses(self) -> list[str]:
         """Sentences, one for each limit that is exceeded."""
         said = []
         for quantity, share in self.share.items():
             for k in np.flatnonzero(share > 1.0 + 1e-6):
-                low, high = self.lowest[quantity][k], self.highest[quantity][k]
-                value = high if abs(high) >= abs(low) else low
-                unit = self.limits.unit(quantity, int(k))
+                value, unit = self.worst(quantity, int(k)), self.limits.unit(quantity, int(k))
                 name, at = self.limits.names[k], self.times[quantity][k]
                 said.append(f"{name}: {quantity} {value:.4g} {unit} at {at:.4g} s, {share[k]:.1%} of its limit")
         return said
 
     def __str__(self) -> str:
-        width = max(len("joint"), *(len(name) for name in self.limits.names))
-        lines = [f"{'joint':{width}}" + "".join(f"{name:>22}" for name in self.share)]
+        rows = [["joint", *self.share]]
         for k, name in enumerate(self.limits.names):
-            cells = []
+            cells = [name]
             for quantity, share in self.share.items():
-                low, high = self.lowest[quantity][k], self.highest[quantity][k]
-                value = high if abs(high) >= abs(low) else low
                 part = "no limit" if np.isnan(share[k]) else f"{share[k]:.1%}"
-                cells.append(f"{f'{value:.4g} {self.limits.unit(quantity, k)}  {part}':>22}")
-            lines.append(f"{name:{width}}{''.join(cells)}")
+                cells.append(f"{self.worst(quantity, k):.3g} {self.limits.unit(quantity, k)} {part:>8}")
+            rows.append(cells)
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines = [
+            "   ".join(
+                [f"{row[0]:{widths[0]}}", *(f"{cell:>{w}}" for cell, w in zip(row[1:], widths[1:], strict=True))]
+            )
+            for row in rows
+        ]
         return "\n".join(lines)
 
 

@@ -1,0 +1,59 @@
+"""`armwright plan`: a motion file in, a motion and how much of its limits it uses out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armwright.cli.arguments import Allow, option
+from armwright.errors import ScenarioError
+from armwright.terminal import say
+
+EXCEEDED = 1  # the exit code where a limit is exceeded
+ENDINGS = (".csv", ".nc")
+
+
+def plan(
+    file: Annotated[Path, typer.Argument(metavar="FILE.motion.toml", help="Motion file.", show_default=False)],
+    output: Annotated[
+        Path | None,
+        option("--output -o", "FILE", "Where the motion goes: .csv (t, q, qd, qdd of every joint) or .nc (NetCDF)."),
+    ] = None,
+    plot: Annotated[
+        Path | None, option("--plot", "FILE", "Where its plot goes: .png, .svg, .pdf, or .html to zoom into.")
+    ] = None,
+    rate: Annotated[float, option("--rate", "HZ", "Rows in a second, 500 by default.")] = 500.0,
+    allow: Allow = None,
+) -> None:
+    """Plan the motion of a motion file: segments one after the other, within the limits of the record or of the file.
+
+    Shows when each segment begins and the largest part of every limit that is used; torques and voltages are those of the
+    arm with what it carries. Exit code: 0 all known limits are kept, 1 one is exceeded, 2 bad input.
+
+    \b
+    Examples:
+      armwright plan pick.motion.toml
+      armwright plan pick.motion.toml -o motion.csv --plot motion.html
+    """
+    import armwright as aw
+    from armwright.output import check_destination
+    from armwright.results.plot import ENDINGS as PICTURES
+
+    if output is not None:
+        check_destination(output, ENDINGS, read=(file,))
+    if plot is not None:
+        check_destination(plot, PICTURES, read=(file,))
+    if not 0.1 <= rate <= 1e6:
+        raise ScenarioError(place="--rate", value=rate, expected="0.1 … 1e6 Hz")
+    found = aw.plan(file, allow=allow or ())
+    say(found)
+    if output is not None:
+        found.save(output, rate)
+        say(f"wrote {output}")
+    if plot is not None:
+        found.plot(plot)
+        say(f"wrote {plot}")
+    if not found.report.kept:
+        raise typer.Exit(EXCEEDED)

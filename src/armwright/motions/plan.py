@@ -1,0 +1,255 @@
+"""`*.motion.toml` → a motion: every segment planned within the limits, from where the one before ends."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armwright.description.toml_file import read_document, read_text
+from armwright.errors import ArmwrightError, DescriptionError, ScenarioError
+from armwright.model import Model, build_model
+from armwright.motions.records import (
+    GripSegment,
+    MotionTable,
+    MoveSegment,
+    WaypointsSegment,
+)
+from armwright.scenarios.files import Files, FolderFiles
+from armwright.scenarios.lanes import TENSOR
+from armwright.simulation.inputs.payload import Payload
+from armwright.trajectory.cubic import Cubic
+from armwright.trajectory.joined import Joined
+from armwright.trajectory.limits import LimitsReport, MotionLimits, limits_report
+from armwright.trajectory.minimum_jerk import MinimumJerk
+from armwright.trajectory.motion import Motion
+from armwright.trajectory.piecewise import PiecewisePolynomial
+from armwright.trajectory.quintic import Quintic
+from armwright.trajectory.s_curve import SCurve
+from armwright.trajectory.state_to_state import Ruckig
+from armwright.trajectory.trapezoid import Trapezoid
+from armwright.trajectory.waypoints import Waypoints
+from armwright.validation import validated
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+CURVES: Mapping[str, Any] = {
+    "s_curve": SCurve, "trapezoid": Trapezoid, "quintic": Quintic, "cubic": Cubic, "minimum_jerk": MinimumJerk,
+    "ruckig": Ruckig,
+}  # fmt: skip
+MOVING = ("minimum_jerk", "ruckig")  # which may begin and end moving
+SAME = 1e-12  # [rad | m] between poses that are one
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A planned motion file; `str` gives its segments and how much of every limit is used.
+
+    Attributes:
+        arm, limits.   motion: of all segments.   kinds: of each segment.   begins: [s] of each.
+        payloads: bodies in the hand, each from its time on.   report: use of the limits, payloads included.
+        file: path of the motion file.   title: of the file, or "".
+    """
+
+    arm: Model
+    limits: MotionLimits
+    motion: Motion
+    kinds: tuple[str, ...]
+    begins: tuple[float, ...]
+    payloads: tuple[Payload, ...]
+    report: LimitsReport
+    file: str = ""
+    title: str = ""
+
+    def save(self, path: str | os.PathLike[str], rate: float = 500.0) -> None:
+        """Writes the motion as .csv or .nc, for `load_motion`.
+
+        Args:
+            path: the file, replaced as a whole.   rate: rows in a second [1/s].
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        self.motion.save(path, self.arm, rate)
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | None:
+        """Figure of the motion with its torques and voltages; with a path (.png, .svg, .pdf, .html) it is written there.
+
+        Args:
+            path: None: the figure is returned.
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        return self.motion.plot(self.arm, path, self.payloads)
+
+    def __str__(self) -> str:
+        ends = (*self.begins[1:], self.motion.time + self.motion.duration)
+        rows = zip(self.kinds, self.begins, ends, strict=True)
+        lines = [f"{self.arm.name}: {self.motion.duration:.4g} s" + (f", {self.title}" if self.title else "")]
+        lines += [
+            f"{k:>3} {kind:<14} from {begin:9.4f} s  for {end - begin:9.4f} s"
+            for k, (kind, begin, end) in enumerate(rows, 1)
+        ]
+        excesses = self.report.excesses()
+        over = [f"exceeds limits: {'; '.join(excesses)}"] if excesses else ["all limits that are known are kept"]
+        return "\n".join([*lines, "largest use of every limit:", str(self.report), *over])
+
+
+def plan(path: str | os.PathLike[str], *, allow: Iterable[str | os.PathLike[str]] = ()) -> Plan:
+    """The motion that a motion file describes, planned.
+
+    Args:
+        path: of the `*.motion.toml`; a robot file that it names stands in its folder or below.
+        allow: further folders that it may name files in.
+    Returns:
+        plan: motion, segments, payloads and a report of how much of every limit is used.
+    Raises:
+        ArmwrightError: no such file, a key or value that cannot be, a segment that cannot be planned; names file, segment,
+            key, value and what was expected.
+    """
+    path = Path(path)
+    try:
+        document = read_document(path, read_text(path))
+    except DescriptionError as error:
+        raise ScenarioError.of(*error.problems) from None
+    return plan_document(document, str(path), FolderFiles(path.parent, [Path(folder) for folder in allow]))
+
+
+def plan_document(tables: dict[str, Any], place: str, files: Files) -> Plan:
+    """The plan of a parsed motion file; `place` is what errors call it."""
+    table = validated(MotionTable, tables, file=place, error=ScenarioError)
+    try:
+        arm = build_model(files.robot(table.robot))
+        limits = MotionLimits.of(arm, **table.limits.model_dump())
+        run = _Run(arm, limits, _pose("start", table.start, arm, np.zeros(arm.n)))
+        limits.check_position("start", run.q)
+        for k, segment in enumerate(table.segments):
+            try:
+                run.add(segment)
+            except ArmwrightError as error:
+                raise error.renamed(lambda each: each.partition(".")[2] or each).within(f"segments[{k}]") from None
+    except ArmwrightError as error:
+        raise error.within(file=place) from None
+    if not run.motions:
+        raise ScenarioError("nothing moves", place="segments", expected="a move, waypoints or a dwell", file=place)
+    motion, payloads = Joined(run.motions), tuple(run.payloads)
+    report = limits_report(arm, motion, limits, payload=payloads)
+    return Plan(arm, limits, motion, tuple(run.kinds), tuple(run.begins), payloads, report, place, table.title or "")
+
+
+@dataclass
+class _Run:
+    """State of planning: where and how fast the arm is, and what was planned so far."""
+
+    arm: Model
+    limits: MotionLimits
+    q: np.ndarray
+    qd: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    qdd: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    time: float = 0.0
+    motions: list[Motion] = field(default_factory=list)
+    kinds: list[str] = field(default_factory=list)
+    begins: list[float] = field(default_factory=list)
+    payloads: list[Payload] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.qd, self.qdd = np.zeros(self.arm.n), np.zeros(self.arm.n)
+
+    def add(self, segment: Any) -> None:
+        """Plans a segment from the state that is reached."""
+        self.kinds.append(segment.kind)
+        self.begins.append(self.time)
+        if segment.kind == "grip":
+            self.payloads.append(_payload(segment, self.time))
+        elif segment.kind == "release":
+            if not self.payloads or self.payloads[-1].mass == 0.0:
+                raise ScenarioError("the hand is empty", place="segment.release", expected="a grip before it")
+            self.payloads.append(Payload(self.time, 0.0, frame=self.payloads[-1].frame))
+        else:
+            self.follow(self.planned(segment))
+
+    def follow(self, motion: Motion) -> None:
+        """Goes to the end of a motion."""
+        self.motions.append(motion)
+        self.time = float(motion.time + motion.duration)
+        self.q, self.qd, self.qdd = (np.where(np.abs(each) < SAME, 0.0, each) for each in motion.at(self.time))
+        if not self.qd.any():
+            self.qdd = np.zeros(self.arm.n)  # a deceleration ends where the arm stands
+
+    def planned(self, segment: Any) -> Motion:
+        """The motion of a segment."""
+        if self.qd.any() and getattr(segment, "curve", None) not in MOVING:
+            joint = self.arm.names[int(np.argmax(np.abs(self.qd)))]
+            expected = f"curve = {' or '.join(MOVING)} where the segment before ends moving"
+            raise ScenarioError(f"{joint} is moving", place="segment.curve", expected=expected)
+        if segment.kind == "dwell":
+            times = np.array([self.time, self.time + segment.duration_s])
+            return PiecewisePolynomial(times, self.q[None, :, None])
+        if isinstance(segment, MoveSegment):
+            return self.move(segment)
+        assert isinstance(segment, WaypointsSegment)
+        return self.waypoints(segment)
+
+    def slowed(self, speed: float) -> MotionLimits:
+        """Limits of the same motion played slower."""
+        limits = self.limits
+        return limits.replace(
+            velocity=limits.velocity * speed, acceleration=limits.acceleration * speed**2, jerk=limits.jerk * speed**3
+        )
+
+    def move(self, segment: MoveSegment) -> Motion:
+        """A move to a pose."""
+        goal = _pose("segment.goal", segment.goal, self.arm, self.q)
+        kind, options = CURVES[segment.curve], {"limits": self.slowed(segment.speed), "duration": segment.duration_s}
+        if segment.goal_velocity is not None and segment.curve not in MOVING:
+            expected = f"it with curve = {' or '.join(MOVING)}"
+            raise ScenarioError(f"with curve = {segment.curve!r}", place="segment.goal_velocity", expected=expected)
+        if segment.curve in MOVING:
+            options |= {"start_velocity": self.qd, "start_acceleration": self.qdd}
+            if segment.goal_velocity is not None:
+                options["goal_velocity"] = _pose("segment.goal_velocity", segment.goal_velocity, self.arm, 0.0 * self.q)
+        return kind(self.q, goal, time=self.time, **options)
+
+    def waypoints(self, segment: WaypointsSegment) -> Motion:
+        """A curve through waypoints."""
+        for k, point in enumerate(segment.points):
+            if len(point) != self.arm.n:
+                expected = f"{self.arm.n}: {', '.join(self.arm.names)}"
+                raise ScenarioError(f"{len(point)} numbers", place=f"segment.points[{k}]", expected=expected)
+        points = np.vstack([self.q, np.array(segment.points)])
+        times = None
+        if segment.times_s is not None:
+            if segment.curve == "parabolic":
+                expected = "duration_s or speed: parabolic blends pass their waypoints at a distance"
+                raise ScenarioError("with curve = 'parabolic'", place="segment.times_s", expected=expected)
+            times = self.time + np.array([0.0, *segment.times_s])
+        return Waypoints(points, self.slowed(segment.speed), segment.curve, times, segment.duration_s, time=self.time)
+
+
+def _pose(place: str, value: Any, arm: Model, others: np.ndarray) -> np.ndarray:
+    """(n,) from one number for all joints, one each, or a table by joint whose others are as given."""
+    if isinstance(value, Mapping):
+        for name in value:
+            if name not in arm.names:
+                raise ScenarioError("no joint of the arm", place=place, value=name, choices=arm.names)
+        return np.array([value.get(name, other) for name, other in zip(arm.names, others, strict=True)], dtype=float)
+    numbers = np.asarray(value, dtype=float)
+    if numbers.shape not in ((), (arm.n,)):
+        raise ScenarioError(place=place, value=value, expected=f"{arm.n} numbers: {', '.join(arm.names)}")
+    return np.broadcast_to(numbers, (arm.n,)).copy()
+
+
+def _payload(segment: GripSegment, time: float) -> Payload:
+    """The body of a grip, its inertia as a tensor."""
+    given = segment.inertia_kg_m2
+    tensor = np.zeros((3, 3))
+    if isinstance(given, tuple):
+        tensor = np.diag(given)
+    else:
+        for name, (i, j) in TENSOR.items():
+            tensor[i, j] = tensor[j, i] = getattr(given, name)
+    return Payload(time, segment.mass_kg, np.array(segment.com_m), tensor, segment.frame)
