@@ -34,6 +34,28 @@ def test_examples_keep_their_limits(file):
     assert f"{plan.motion.duration:.4g} s" in str(plan)
 
 
+def test_a_seam_is_led_at_a_constant_speed():
+    plan = aw.plan(next(path for path in EXAMPLES if "welding" in path.name))
+    begin = plan.begins[1]
+    t = np.linspace(begin + 0.3, plan.begins[2] - 0.3, 1001)  # but for its ends
+    place = aw.compile(plan.arm).forward_kinematics(plan.motion.at(t)[0])[:, :3, 3]
+    speed = np.linalg.norm(np.gradient(place, t, axis=0), axis=1)
+    corners = np.ptp(place[:, 2])
+    assert corners < 1e-4  # the seam is level
+    assert np.median(speed) == pytest.approx(0.04, rel=1e-3)
+
+
+def test_full_speed_is_at_the_motors_limits():
+    plan = aw.plan(next(path for path in EXAMPLES if "full-speed" in path.name))
+    states = plan.motion.at(np.linspace(0.0, plan.motion.duration, 2001))
+    dyn = aw.compile(plan.arm)
+    tau = dyn.inverse_dynamics(*states)
+    voltage = np.abs(dyn.motor_voltage(states[1], tau) / plan.limits.voltage).max(axis=1)
+    assert voltage.max() <= 1.0 + 1e-6
+    assert (voltage > 0.99).mean() > 0.5
+    assert (np.maximum(voltage, np.abs(tau / plan.limits.torque).max(axis=1)) > 0.99).mean() > 0.9
+
+
 def test_a_payload_counts_from_its_grip_to_its_release():
     plan = aw.plan(next(path for path in EXAMPLES if "pick" in path.name))
     grip, release = (plan.begins[plan.kinds.index(kind)] for kind in ("grip", "release"))
@@ -133,6 +155,19 @@ def test_a_moving_end_is_taken_over(tmp_path):
             '[[segments]]\nkind = "waypoints"\npoints = [[0.3, 0, 0, 0, 0, 0], [0.5, 0, 0, 0, 0, 0]]\ntimes_s = [3, 2]\n',
             r"segments\[0\].times\[2\] = 2.0: not after 3",
         ),
+        (
+            '[[segments]]\nkind = "tool"\npath = [{ kind = "line", to_m = [5, 0, 0] }]\nspeed_m_per_s = 0.1\n'
+            "acceleration_m_per_s2 = 1\n",
+            r"segments\[0\]",
+        ),
+        (
+            '[[segments]]\nkind = "tool"\npath = [{ kind = "spiral" }]\nspeed_m_per_s = 0.1\nacceleration_m_per_s2 = 1\n',
+            "kind = 'spiral'.*line, arc or circle",
+        ),
+        (
+            '[[segments]]\nkind = "time_optimal"\npoints = [[1, 2]]\n',
+            r"segments\[0\].points\[0\]: 2 numbers; expected 6",
+        ),
         ('[[segments]]\nkind = "grip"\nmass_kg = 1\ncom_m = [0, 0, 0]\ninertia_kg_m2 = [0, 0, 0]\n', "nothing moves"),
     ],
 )
@@ -158,6 +193,29 @@ def test_bad_files_are_refused(tmp_path, text, said):
 def test_bad_heads_are_refused(tmp_path, old, new, said):
     with pytest.raises(ArmwrightError, match=said):
         planned(tmp_path, MOVE.format(""), FILE.replace(old, new))
+
+
+OBSTACLES = """
+title = "a floor and a ball"
+robot = "lwa4p"
+start = 0.0
+clearance_m = {least}
+link_radius_m = 0.05
+obstacles = [
+    {{ kind = "plane", point_m = [0, 0, {floor}], normal = [0, 0, 1], name = "floor" }},
+    {{ kind = "sphere", radius_m = 0.05, position_m = [0, 0, 3], name = "ball" }},
+]
+limits = {{ acceleration = 3.0, jerk = 60.0 }}
+"""
+
+
+def test_obstacles_are_kept_away_from(tmp_path):
+    far = planned(tmp_path, MOVE.format(""), OBSTACLES.format(least=0.0, floor=-1.0))
+    assert "nearest: " in str(far)
+    with pytest.raises(ScenarioError, match=r"segments\[0\]: .* are .* mm apart at .* s; expected 3000 mm or more"):
+        planned(tmp_path, MOVE.format(""), OBSTACLES.format(least=3.0, floor=-1.0))
+    with pytest.raises(ScenarioError, match=r"segments\[0\]: .* and floor overlap by .* mm at .* s"):
+        planned(tmp_path, MOVE.format(""), OBSTACLES.format(least=0.0, floor=0.4))
 
 
 SCENARIO = """

@@ -13,12 +13,16 @@ import numpy as np
 from armwright.description.toml_file import read_document, read_text
 from armwright.errors import ArmwrightError, DescriptionError, ScenarioError
 from armwright.model import Model, build_model
+from armwright.motions.obstacles import check_clearance
 from armwright.motions.records import (
     GripSegment,
     MotionTable,
     MoveSegment,
+    TimeOptimalSegment,
+    ToolSegment,
     WaypointsSegment,
 )
+from armwright.motions.tool import tool_motion
 from armwright.scenarios.files import Files, FolderFiles
 from armwright.scenarios.lanes import TENSOR
 from armwright.simulation.inputs.payload import Payload
@@ -31,6 +35,7 @@ from armwright.trajectory.piecewise import PiecewisePolynomial
 from armwright.trajectory.quintic import Quintic
 from armwright.trajectory.s_curve import SCurve
 from armwright.trajectory.state_to_state import Ruckig
+from armwright.trajectory.time_optimal import time_optimal
 from armwright.trajectory.trapezoid import Trapezoid
 from armwright.trajectory.waypoints import Waypoints
 from armwright.validation import validated
@@ -53,7 +58,8 @@ class Plan:
     Attributes:
         arm, limits.   motion: of all segments.   kinds: of each segment.   begins: [s] of each.
         payloads: bodies in the hand, each from its time on.   report: use of the limits, payloads included.
-        file: path of the motion file.   title: of the file, or "".
+        nearest: what comes nearest to what, and when; "" where no distance was asked for.   file: path of the motion file.
+          title: of the file, or "".
     """
 
     arm: Model
@@ -63,6 +69,7 @@ class Plan:
     begins: tuple[float, ...]
     payloads: tuple[Payload, ...]
     report: LimitsReport
+    nearest: str = ""
     file: str = ""
     title: str = ""
 
@@ -96,6 +103,7 @@ class Plan:
         ]
         excesses = self.report.excesses()
         over = [f"exceeds limits: {'; '.join(excesses)}"] if excesses else ["all limits that are known are kept"]
+        over += [f"nearest: {self.nearest}"] if self.nearest else []
         return "\n".join([*lines, "largest use of every limit:", str(self.report), *over])
 
 
@@ -137,8 +145,14 @@ def plan_document(tables: dict[str, Any], place: str, files: Files) -> Plan:
     if not run.motions:
         raise ScenarioError("nothing moves", place="segments", expected="a move, waypoints or a dwell", file=place)
     motion, payloads = Joined(run.motions), tuple(run.payloads)
+    try:
+        nearest = check_clearance(arm, motion, table, run.begins)
+    except ArmwrightError as error:
+        raise error.within(file=place) from None
     report = limits_report(arm, motion, limits, payload=payloads)
-    return Plan(arm, limits, motion, tuple(run.kinds), tuple(run.begins), payloads, report, place, table.title or "")
+    return Plan(
+        arm, limits, motion, tuple(run.kinds), tuple(run.begins), payloads, report, nearest, place, table.title or ""
+    )
 
 
 @dataclass
@@ -191,8 +205,13 @@ class _Run:
             return PiecewisePolynomial(times, self.q[None, :, None])
         if isinstance(segment, MoveSegment):
             return self.move(segment)
-        assert isinstance(segment, WaypointsSegment)
-        return self.waypoints(segment)
+        if isinstance(segment, ToolSegment):
+            return tool_motion(self.arm, segment, self.q, self.limits, self.time)
+        points = self.through(segment.points)
+        if isinstance(segment, TimeOptimalSegment):
+            held = self.payloads[-1] if self.payloads and self.payloads[-1].mass > 0.0 else None
+            return time_optimal(self.arm, points, self.limits, payload=held, grid=segment.grid, time=self.time)
+        return self.waypoints(segment, points)
 
     def slowed(self, speed: float) -> MotionLimits:
         """Limits of the same motion played slower."""
@@ -214,13 +233,16 @@ class _Run:
                 options["goal_velocity"] = _pose("segment.goal_velocity", segment.goal_velocity, self.arm, 0.0 * self.q)
         return kind(self.q, goal, time=self.time, **options)
 
-    def waypoints(self, segment: WaypointsSegment) -> Motion:
-        """A curve through waypoints."""
-        for k, point in enumerate(segment.points):
+    def through(self, points: Any) -> np.ndarray:
+        """(k + 1, n) waypoints, the pose that is reached before them."""
+        for k, point in enumerate(points):
             if len(point) != self.arm.n:
                 expected = f"{self.arm.n}: {', '.join(self.arm.names)}"
                 raise ScenarioError(f"{len(point)} numbers", place=f"segment.points[{k}]", expected=expected)
-        points = np.vstack([self.q, np.array(segment.points)])
+        return np.vstack([self.q, np.array(points)])
+
+    def waypoints(self, segment: WaypointsSegment, points: np.ndarray) -> Motion:
+        """A curve through waypoints."""
         times = None
         if segment.times_s is not None:
             if segment.curve == "parabolic":

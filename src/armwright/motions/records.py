@@ -82,9 +82,109 @@ class ReleaseSegment(Record):
     kind: Literal["release"] = Field(description="Which kind of segment.")
 
 
+class TimeOptimalSegment(Record):
+    """A smooth path from where the arm is through waypoints, as fast as its motors can; see `armwright.time_optimal`."""
+
+    kind: Literal["time_optimal"] = Field(description="Which kind of segment.")
+    points: Points = Field(description="Waypoints [rad | m], the arm's own pose before them left away.")
+    grid: Annotated[int, Field(ge=10, le=100_000)] = Field(default=500, description="Number of grid points, about.")
+
+
+class LinePiece(Record):
+    """A straight way of the tool."""
+
+    kind: Literal["line"] = Field(description="Which kind of piece.")
+    to_m: Three = Field(description="x, y, z where it ends.")
+    rpy_rad: Three | None = Field(
+        default=None, description="Angles about fixed x, y, z there; absent: it does not turn."
+    )
+
+
+class ArcPiece(Record):
+    """An arc of a circle through a point."""
+
+    kind: Literal["arc"] = Field(description="Which kind of piece.")
+    through_m: Three = Field(description="x, y, z that it passes.")
+    to_m: Three = Field(description="x, y, z where it ends.")
+    rpy_rad: Three | None = Field(
+        default=None, description="Angles about fixed x, y, z there; absent: it does not turn."
+    )
+
+
+class CirclePiece(Record):
+    """An arc about a centre, perhaps of several turns."""
+
+    kind: Literal["circle"] = Field(description="Which kind of piece.")
+    centre_m: Three = Field(description="x, y, z of the centre.")
+    normal: Three = Field(description="Axis; the angle counts by the right hand about it.")
+    angle_rad: Number = Field(default=6.283185307179586, description="How far; absent: one turn.")
+    turns: bool = Field(default=False, description="Whether the tool turns along.")
+
+
+class ToolSegment(Record):
+    """The tool led along lines and arcs at an even speed; see `armwright.follow_path`."""
+
+    kind: Literal["tool"] = Field(description="Which kind of segment.")
+    path: Annotated[
+        tuple[Annotated[LinePiece | ArcPiece | CirclePiece, Field(discriminator="kind")], ...], Field(min_length=1)
+    ] = Field(description="Pieces, each from where the last one ends.")
+    speed_m_per_s: Annotated[Number, Field(gt=0)] = Field(description="Of the tool.")
+    acceleration_m_per_s2: Annotated[Number, Field(gt=0)] = Field(description="Of the tool.")
+    constant: bool = Field(
+        default=False, description="true: refused rather than slower where the joints cannot follow."
+    )
+    blend_m: Annotated[Number, Field(ge=0)] = Field(
+        default=0.0, description="Largest distance of rounded corners; 0: sharp."
+    )
+    angular_speed_rad_per_s: Annotated[Number, Field(gt=0)] | None = Field(
+        default=None, description="Absent: no limit."
+    )
+    angular_acceleration_rad_per_s2: Annotated[Number, Field(gt=0)] | None = Field(
+        default=None, description="Both are needed for turns in place."
+    )
+    origin: Literal["base", "start"] = Field(
+        default="base",
+        description="Where positions count from, in base axes: the base, or the tool where the segment begins.",
+    )
+    aim: Literal["pose", "position"] = Field(default="pose", description="What of the tool's pose must be met.")
+    frame: str | None = Field(default=None, description="The frame that is led; absent: the tip.")
+
+
 Segment = Annotated[
-    MoveSegment | WaypointsSegment | DwellSegment | GripSegment | ReleaseSegment, Field(discriminator="kind")
+    MoveSegment | WaypointsSegment | TimeOptimalSegment | ToolSegment | DwellSegment | GripSegment | ReleaseSegment,
+    Field(discriminator="kind"),
 ]
+
+
+class PlaneTable(Record):
+    """A floor or a wall: all behind a plane is solid."""
+
+    kind: Literal["plane"] = Field(description="Which kind of obstacle.")
+    point_m: Three = Field(description="Any point of the plane, in base axes.")
+    normal: Three = Field(description="Out of the solid side.")
+    name: str = Field(default="plane", description="For messages.")
+
+
+class BoxTable(Record):
+    """A rectangular block."""
+
+    kind: Literal["box"] = Field(description="Which kind of obstacle.")
+    size_m: Three = Field(description="Along its x, y, z.")
+    position_m: Three = Field(description="Of its middle, in base axes.")
+    rpy_rad: Three = Field(default=(0.0, 0.0, 0.0), description="Its angles about fixed x, then y, then z.")
+    name: str = Field(default="box", description="For messages.")
+
+
+class SphereTable(Record):
+    """A ball."""
+
+    kind: Literal["sphere"] = Field(description="Which kind of obstacle.")
+    radius_m: Annotated[Number, Field(gt=0)] = Field(description="Its radius.")
+    position_m: Three = Field(description="Of its middle, in base axes.")
+    name: str = Field(default="sphere", description="For messages.")
+
+
+ObstacleTable = Annotated[PlaneTable | BoxTable | SphereTable, Field(discriminator="kind")]
 
 
 class MotionTable(Record):
@@ -96,4 +196,12 @@ class MotionTable(Record):
     robot: str = Field(description="A built-in arm, or a robot file beside this one.")
     start: PerJoint = Field(description="Positions at the beginning [rad | m], or a table by joint whose others are 0.")
     limits: LimitsTable = Field(default_factory=LimitsTable, description="In place of the record's.")
+    obstacles: tuple[ObstacleTable, ...] = Field(default=(), description="What stands around the arm.")
+    clearance_m: Annotated[Number, Field(ge=0)] | None = Field(
+        default=None,
+        description="Least distance of links from each other and from obstacles; absent: 0 with obstacles, else not checked.",
+    )
+    link_radius_m: Annotated[Number, Field(gt=0)] | None = Field(
+        default=None, description="Radius of links whose record has no shapes, for distances."
+    )
     segments: tuple[Segment, ...] = Field(min_length=1, description="One after the other.")

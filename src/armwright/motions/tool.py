@@ -1,0 +1,52 @@
+"""Segments in which the tool is led along lines and arcs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armwright.kinematics import forward_kinematics
+from armwright.model import Model
+from armwright.motions.records import ArcPiece, LinePiece, ToolSegment
+from armwright.spatial.rotation import rotation_rpy
+from armwright.trajectory.cartesian.motion import CartesianMotion, follow_path
+from armwright.trajectory.cartesian.path import CartesianPath
+from armwright.trajectory.cartesian.segments import Arc, Circle, Line
+from armwright.trajectory.limits import MotionLimits
+
+
+def tool_motion(arm: Model, segment: ToolSegment, q: np.ndarray, limits: MotionLimits, time: float) -> CartesianMotion:
+    """The motion of the joints that leads the tool along a segment's path.
+
+    Args:
+        arm: the model.   segment: its path and speeds.   q: (n,) [rad | m] where it begins.   limits: of the joints.
+        time: [s] of the beginning.
+    Raises:
+        ScenarioError: as `follow_path`.
+    """
+    start = np.asarray(forward_kinematics(arm, q, segment.frame), dtype=float)
+    offset = start[:3, 3] if segment.origin == "start" else np.zeros(3)
+    pieces: list[Any] = []
+    for piece in segment.path:
+        if isinstance(piece, LinePiece):
+            pieces.append(Line(_goal(piece, offset)))
+        elif isinstance(piece, ArcPiece):
+            pieces.append(Arc(offset + piece.through_m, _goal(piece, offset)))
+        else:
+            pieces.append(Circle(offset + piece.centre_m, piece.normal, piece.angle_rad, piece.turns))
+    return follow_path(
+        arm, CartesianPath(pieces, start, segment.blend_m), segment.speed_m_per_s, segment.acceleration_m_per_s2,
+        angular_speed=segment.angular_speed_rad_per_s, angular_acceleration=segment.angular_acceleration_rad_per_s2,
+        limits=limits, constant=segment.constant, near=q, frame=segment.frame, aim=segment.aim, time=time,
+    )  # fmt: skip
+
+
+def _goal(piece: LinePiece | ArcPiece, offset: np.ndarray) -> np.ndarray:
+    """(3,) position, or a pose (4, 4) where the piece says how the tool is turned."""
+    position = offset + piece.to_m
+    if piece.rpy_rad is None:
+        return position
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = np.asarray(rotation_rpy(*piece.rpy_rad), dtype=float), position
+    return pose
