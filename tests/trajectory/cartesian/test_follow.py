@@ -301,3 +301,16 @@ def test_arguments_that_make_no_motion_are_refused(changes, kind, place):
     with pytest.raises(kind) as error:
         aw.follow_path(arm("puma560"), **values)
     assert error.value.place == place
+
+
+def test_a_run_is_planned_time_optimally_and_stays_on_the_path():
+    model, path = arm("puma560"), corner("puma560", blend=0.02)
+    solution = aw.solve_path(model, path, near=HOME["puma560"])
+    limits = aw.MotionLimits.of(model, velocity=1.0, acceleration=8.0, torque=np.inf, voltage=np.inf)
+    fastest = aw.time_optimal(model, solution.runs[0], limits)
+    even = aw.follow_path(model, path, 0.3, 5.0, near=HOME["puma560"], limits=limits)
+    assert fastest.duration < even.duration
+    reached = compiled("puma560").forward_kinematics(fastest.at(np.linspace(0.0, fastest.duration, 300))[0])
+    dense = path.at(np.linspace(0.0, path.length, 20001))[0][:, :3, 3]
+    gaps = np.linalg.norm(reached[:, None, :3, 3] - dense, axis=2).min(axis=1)
+    assert gaps.max() < 2.0 * path.length / 20000

@@ -88,7 +88,8 @@ class Tool:
         """The joint that moves most in the direction in which the arm at q (n,) is weakest, and its rate for a twist (6,)."""
         jacobian, weights = self._weighted(q[None])
         u, sigma, vt = np.linalg.svd(jacobian[0], full_matrices=False)
-        joint = int(np.abs(vt[-1]).argmax())
+        share = np.abs(vt[-1])
+        joint = int(np.argmax(share > (1.0 - 1e-6) * share.max()))  # of two that move alike the first
         with np.errstate(divide="ignore"):
             return joint, float(np.abs(u[:, -1] @ (weights * twist[: self.rows]) * vt[-1, joint]) / sigma[-1])
 
