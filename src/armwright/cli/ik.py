@@ -36,6 +36,14 @@ def ik(
         str | None, option("--near", "Q1,Q2,…", "Joint positions to begin with, in rad (m for sliding joints).")
     ] = None,
     axis: Annotated[bool, typer.Option("--axis", help="Only position and z axis of the frame count.")] = False,
+    goal: Annotated[
+        str | None,
+        option(
+            "--goal",
+            "WORD",
+            "Best solution by it: nearest (to --near), limits (far from them) or manipulability.",
+        ),
+    ] = None,
     tolerance: Annotated[float, option("--tolerance", "T", "On distance in m and angle in rad.")] = 1e-8,
     method: Annotated[
         str, option("--method", "NAME", "closed-form, numeric, or auto: closed form where the arm has one.")
@@ -66,10 +74,13 @@ def ik(
         check_destination(output, read=(table, robot))
     targets, turned = _targets(table)
     aim: Any = "axis" if axis else "pose" if turned else "position"
+    wish: Any = goal
     start = None if near is None else vector("--near", near, arm.names, joint_units(arm, "q"))
     with progress("inverse kinematics"):
         way: Any = "closed-form" if every and method == "auto" else method
-        found = aw.inverse_kinematics(arm, targets, frame=frame, aim=aim, near=start, tolerance=tolerance, method=way)
+        found = aw.inverse_kinematics(
+            arm, targets, frame=frame, aim=aim, near=start, goal=wish, tolerance=tolerance, method=way
+        )
     numbers, q, off, turned_off = _every(found) if every else _best(found)
     columns = numbers | joint_columns("q", arm.names, joint_units(arm, "q"), q)
     columns |= {"off [mm]": 1e3 * off, "off [mrad]": 1e3 * turned_off}

@@ -122,6 +122,16 @@ class Chain:
             )
         return scalar.array([*off, *(axis * factor)]), scalar.array([*slope[:3], *weighted])
 
+    def slopes(self, q: Array) -> np.ndarray:
+        """Jacobian (k, n) of what counts, angles times the weight [m]; of an axis the two turns that move it."""
+        slope = jacobian(self.model, q, self.frame)
+        if self.aim == "position":
+            return slope[:3]
+        angular = slope[3:] * self.weight
+        if self.aim == "axis":
+            angular = forward_kinematics(self.model, q, self.frame)[:3, :2].T @ angular
+        return scalar.array([*slope[:3], *angular])
+
     def within(self, q: Array) -> np.ndarray:
         """Positions moved into the limits."""
         ends = zip(q, self.low, self.high, strict=True)
@@ -130,6 +140,14 @@ class Chain:
     def wrapped(self, q: Array) -> np.ndarray:
         """Positions with whole turns taken off joints that reach every angle, until they are within their limits."""
         return scalar.array([self._turned(i, q[i]) if self.turns_around[i] else q[i] for i in range(self.n)])
+
+    def nearest_turns(self, q: np.ndarray, near: np.ndarray) -> np.ndarray:
+        """Positions (k, n) with whole turns of the joints that reach every angle added, as near to others as limits allow."""
+        low, high = self.limits
+        turns = np.where(self.turns_around, np.round((near - q) / TURN), 0.0)
+        with np.errstate(invalid="ignore"):
+            turns = np.clip(turns, np.ceil((low - q) / TURN), np.floor((high - q) / TURN))
+        return np.where(self.turns_around, q + TURN * turns, q)
 
     def _turned(self, joint: int, angle: Scalar) -> Scalar:
         low, high = max(self.limits[0][joint], -1e9), min(self.limits[1][joint], 1e9)

@@ -75,17 +75,17 @@ def descent(arms: Chain | Family, tolerance: float, near: bool) -> Program:
         new, first = scalar.less(0.0, fresh[0]), scalar.less(1.0, fresh[0])
         start = chain.start(task, attempt)
         if near:
-            start = _chosen(first, task[-n:], start)
-        trial = _chosen(new, start, old["trial"])
+            start = chosen(first, task[-n:], start)
+        trial = chosen(new, start, old["trial"])
         error, slope = chain.error(trial, task)
         cost = error @ error
         better = scalar.where(new, 1.0, scalar.less(cost, old["cost"][0]))
         slow = scalar.where(new, 0.0, scalar.less(SLOW * old["cost"][0], cost))
         normal, gradient = slope.T @ slope, slope.T @ error
         entries = scalar.array([normal[i, j] for i in range(n) for j in range(i + 1)])
-        q = _chosen(better, trial, old["q"])
-        held = _chosen(better, entries, old["normal"])
-        downhill = _chosen(better, gradient, old["slope"])
+        q = chosen(better, trial, old["q"])
+        held = chosen(better, entries, old["normal"])
+        downhill = chosen(better, gradient, old["slope"])
         now = scalar.where(better, cost, old["cost"][0])
         changed = old["damping"][0] * scalar.where(better, DECREASE, INCREASE)
         damping = scalar.where(new, DAMPING, scalar.maximum(changed, LEAST))
@@ -94,7 +94,7 @@ def descent(arms: Chain | Family, tolerance: float, near: bool) -> Program:
         least = scalar.where(first, np.inf, old["least"][0])
         leads = scalar.less(now, least)
         least = scalar.where(leads, now, least)
-        best = _chosen(leads, q, old["best"])
+        best = chosen(leads, q, old["best"])
         stuck = scalar.where(better, slow, 0.0) + scalar.less(MOST, damping)
         most = scalar.where(
             scalar.less(now, close), float(PATIENCE), float(ITERATIONS)
@@ -134,6 +134,6 @@ def _step(chain: Chain, q: Array, normal: Array, gradient: Array, damping: Scala
     return scalar.solve_symmetric(matrix, scalar.array([gradient[i] * free[i] for i in range(n)]))
 
 
-def _chosen(which: Scalar, a: Array, b: Array) -> np.ndarray:
+def chosen(which: Scalar, a: Array, b: Array) -> np.ndarray:
     """a or b as a whole."""
     return scalar.array([scalar.where(which, x, y) for x, y in zip(a, b, strict=True)])

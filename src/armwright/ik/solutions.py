@@ -34,9 +34,10 @@ class PoseSolutions:
         success: (…,) True where the pose is met within the tolerance and the limits.
         position_error: (…,) [m].   angle_error: (…,) [rad]; 0 where the rotation does not count.
         margin: (…,) least distance to a joint limit, as a share of that joint's range; 1/2 in the middle of all.
-        iterations: (…,) of all attempts together, 0 of closed forms.   tolerance: on both errors, [m] and [rad].
+        iterations: (…,) of all attempts together, 0 of closed forms and several.   tolerance: on both errors, [m] and [rad].
         method: "numeric", or the closed form.   branches: all of the closed form's; None of numeric solutions.
         branch: (…,) number of the branch that is `q`, -1 where it is numeric; None where all are.
+        several: True where the last axis of `…` is that of different solutions.
     """
 
     q: np.ndarray
@@ -49,9 +50,15 @@ class PoseSolutions:
     method: str = "numeric"
     branches: PoseBranches | None = None
     branch: np.ndarray | None = None
+    several: bool = False
 
     def __str__(self) -> str:
         """Counts, largest errors, and the first targets that were not solved with how far off they stay."""
+        if self.several:
+            first = (self.success, self.position_error, self.angle_error, self.margin, self.iterations)
+            best = PoseSolutions(self.q[..., 0, :], *(each[..., 0] for each in first), tolerance=self.tolerance)
+            counts = self.success.sum(axis=-1)[best.success]
+            return f"{best}\n{counts.mean() if counts.size else 0.0:.3g} different solutions of a target on average"
         solved, of = int(self.success.sum()), self.success.size
         lines = [f"{solved} of {of} solved"]
         if solved:
@@ -80,7 +87,8 @@ class PoseSolutions:
 
     def _obstacle(self, k: tuple[int, ...]) -> str:
         """Why a closed form has no solution for a target, in words."""
-        assert self.branches is not None
+        if self.branches is None:
+            return "no joint positions reach it"
         met = np.maximum(self.branches.position_error[k], self.branches.angle_error[k]) <= self.tolerance
         if not met.any():
             return "no joint positions reach it"

@@ -10,10 +10,13 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from armwright.errors import ModelError, ShapeError
-from armwright.ik.chain import TURN, Aim, Chain, angles_between
+from armwright.ik.chain import Aim, Chain, angles_between
 from armwright.ik.closed_form.branches import ClosedForm, closed_form
 from armwright.ik.descent import descent
+from armwright.ik.goals import GOALS, Goal
+from armwright.ik.measures import limit_margin
 from armwright.ik.pose_defect import pose_defects
+from armwright.ik.several import best_different, descended
 from armwright.ik.solutions import PoseBranches, PoseSolutions
 from armwright.ik.starts import RANKED, Starts
 from armwright.kernels.compiled import compile_arm
@@ -26,6 +29,7 @@ from armwright.scalar import real_number, real_numbers
 
 ATTEMPTS = 1000  # starts of one target, at most
 CHUNK = 8192  # targets of one call of native code
+MOST_SOLUTIONS = 64  # of one target
 ORTHOGONAL = 1e-6  # of the entries of Rᵀ R - 1
 MARGIN = 0.3  # of the tolerance: where a descent ends
 ANGLE_SHARE = 1.0 / 3.0  # of the reach: what a turn by 1 rad counts as
@@ -35,22 +39,29 @@ class Solver:
     """The native code that solves an arm's targets, made once for each arm, frame, aim and tolerance."""
 
     def __init__(self, chain: Chain, tolerance: float, near: bool, attempts: int = ATTEMPTS):
-        self.chain, self.target = chain, select_target()
+        self.chain, self.target, self.tolerance = chain, select_target(), MARGIN * tolerance
         options = {} if chain.frame is None else {"frame": chain.frame}
         self._poses = compile_arm(chain.model).kernel("forward_kinematics", **options)
         self.starts = Starts(chain, self._poses, self.target)
         n, task = chain.n, chain.task_size + chain.n * near
         ranked = RANKED + near  # the first attempt is the given start
-        program = descent(chain, MARGIN * tolerance, near)
+        program = descent(chain, self.tolerance, near)
         self._loop = Loop((Exchange(task, n + 1, n + 2, attempts, ranked), Call(program)), self.target)
 
-    def solve(self, poses: np.ndarray, near: np.ndarray | None, threads: int) -> np.ndarray:
-        """(k, n + 2): joint positions, squared error [m²] and iterations for poses (k, 4, 4)."""
+    def solve(
+        self, poses: np.ndarray, near: np.ndarray | None, threads: int, ranks: np.ndarray | None = None
+    ) -> np.ndarray:
+        """(k, n + 2): joint positions, squared error [m²] and iterations for poses (k, 4, 4).
+
+        Args:
+            poses: where to.   near: (k, n) positions to begin with, of a solver that takes them.
+            threads: for large batches.   ranks: (RANKED,) starts to try first, in place of those nearest to each pose.
+        """
         results = np.empty((len(poses), self.chain.n + 2))
         parts = [slice(first, first + CHUNK) for first in range(0, len(poses), CHUNK)]
 
         def part(which: slice) -> None:
-            self._solve(poses[which], None if near is None else near[which], results[which])
+            self._solve(poses[which], None if near is None else near[which], ranks, results[which])
 
         if threads == 1 or len(parts) == 1:
             for each in parts:
@@ -71,9 +82,19 @@ class Solver:
             return distance, 2.0 * np.arcsin(np.minimum(half, 1.0))
         return distance, angles_between(reached[:, :3, :3], poses[:, :3, :3])
 
-    def _solve(self, poses: np.ndarray, near: np.ndarray | None, results: np.ndarray) -> None:
+    def solved(self, q: np.ndarray, poses: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+        """(k,) True where positions (k, n) within the limits bring the frame to poses (k, 4, 4); and (k,) [m] how far off it is.
+
+        Beyond the limits, or where there are no positions, it is infinitely far off.
+        """
+        position, angle = self.errors(q, poses)
+        off = np.hypot(position, self.chain.weight * angle)
+        within = limit_margin(self.chain.model, q) >= 0.0
+        return (position <= tolerance) & (angle <= tolerance) & within, np.where(within, off, np.inf)
+
+    def _solve(self, poses: np.ndarray, near: np.ndarray | None, given: np.ndarray | None, results: np.ndarray) -> None:
         tasks = self.chain.tasks(poses)
-        ranks = self.starts.ranked(tasks, poses)
+        ranks = self.starts.ranked(tasks, poses) if given is None else np.tile(given, (len(tasks), 1))
         if near is not None:
             tasks, ranks = np.concatenate([tasks, near], axis=1), np.concatenate([ranks[:, :1], ranks], axis=1)
         lanes = self._loop.lanes(self.target.width)
@@ -85,8 +106,12 @@ class Solver:
 
 
 @lru_cache(maxsize=16)
-def solver(model: Model, frame: str | None, aim: Aim, tolerance: float, near: bool) -> Solver:
+def solver(
+    model: Model, frame: str | None, aim: Aim, tolerance: float, near: bool, weight: float | None = None
+) -> Solver:
     """The solver of an arm, kept for the next call."""
+    if weight is not None:
+        return Solver(Chain(model, frame, float(weight), aim), tolerance, near)
     length = float(reach(model))
     weight = ANGLE_SHARE * length if np.isfinite(length) and length > 0.0 else 1.0
     return Solver(Chain(model, frame, weight, aim), tolerance, near)
@@ -101,6 +126,9 @@ def inverse_kinematics(
     near: Any = None,
     tolerance: float = 1e-8,
     method: Method = "auto",
+    goal: Goal | None = None,
+    solutions: int | None = None,
+    weight: float | None = None,
     threads: int = 1,
 ) -> PoseSolutions:
     """Joint positions within the limits that bring the tip, or another frame, to poses.
@@ -118,6 +146,13 @@ def inverse_kinematics(
             them that of a closed form is the one farthest from the limits.
         tolerance: on the distance [m] and on the angle [rad].   threads: for large batches.
         method: "auto", "numeric", or "closed-form", which leaves targets that it does not solve without positions (NaN).
+        goal: the solution that is "nearest" to `near` (least Σ (q - near)²), farthest from the "limits" (least Σ of squared
+            distances from the middles of the joints' ranges, in halves of them), or of most "manipulability" (angles times
+            `weight`). Of several descents; joints that a pose leaves free then move until the goal grows no better. The result
+            is the best of these, not proven to be the best of all. [Liegeois1977]
+        solutions: how many are wanted that differ by 0.05 rad or m of a joint: one more axis (…, solutions, n), best first: by
+            the goal, else by `near`, else by distance to limits; nan and success False where fewer were found.
+        weight: [m/rad] of angles against lengths, where a target is not reached; by default a third of the arm's reach.
     Returns:
         solutions: of every target; those that are out of reach have the nearest positions and say how far off they are.
     Raises:
@@ -138,15 +173,29 @@ def inverse_kinematics(
             expected = f"{arm.n} finite numbers, or as many for each target"
             raise ShapeError(place="near", value=starts.shape if not fits else near, expected=expected)
         starts = np.broadcast_to(starts, (*shape, arm.n)).reshape(-1, arm.n)
+    _check_choice(goal, starts is not None, solutions, weight)
     closed = _closed_form(arm, frame, aim, method, starts is not None)
+    if goal is not None or solutions is not None:
+        plain = solver(arm, frame, aim, limit, False, weight)
+        begins = None if starts is None else solver(arm, frame, aim, limit, True, weight)
+        if closed is None:
+            candidates = descended(plain, begins, poses, starts, solutions or 1, threads)
+        else:
+            candidates = closed.solve(poses, starts, limit, threads)[0].q
+            if method == "auto":
+                candidates = np.concatenate([candidates, plain.solve(poses, None, threads)[:, None, : arm.n]], axis=1)
+        q = best_different(plain, poses, candidates, starts, goal, solutions or 1, limit)
+        return _several(plain, q, poses, shape, solutions, limit)
     if closed is None:
-        values, more = _numeric(arm, frame, aim, limit, poses, starts, threads), {}
+        values, more = _numeric(arm, frame, aim, limit, poses, starts, weight, threads), {}
     else:
         branches, best = closed.solve(poses, starts, limit, threads)
         values, branch = _of_branches(best)
         left = np.flatnonzero(branch < 0)
         if len(left) and method == "auto":
-            some = _numeric(arm, frame, aim, limit, poses[left], None if starts is None else starts[left], threads)
+            some = _numeric(
+                arm, frame, aim, limit, poses[left], None if starts is None else starts[left], weight, threads
+            )
             for every, found in zip(values, some, strict=True):
                 every[left] = found
         parts = [getattr(branches, each.name) for each in fields(branches)]
@@ -190,21 +239,57 @@ def _numeric(
     tolerance: float,
     poses: np.ndarray,
     starts: np.ndarray | None,
+    weight: float | None,
     threads: int,
 ) -> tuple[np.ndarray, ...]:
     """Positions, success, errors, margins and iterations (k, …) by descent."""
-    chosen = solver(arm, frame, aim, tolerance, starts is not None)
+    chosen = solver(arm, frame, aim, tolerance, starts is not None, weight)
     found = chosen.solve(poses, starts, threads)
     q = found[:, : arm.n]
     if starts is not None:
-        q = nearest_turns(chosen.chain, q, starts)
+        q = chosen.chain.nearest_turns(q, starts)
     position, angle = chosen.errors(q, poses)
-    low, high = chosen.chain.limits
-    with np.errstate(invalid="ignore", divide="ignore"):
-        margins = np.minimum(q - low, high - q) / (high - low)
-    margin = np.where(np.isfinite(margins), margins, 0.5).min(axis=1, initial=0.5)
+    margin = limit_margin(arm, q)
     success = (position <= tolerance) & (angle <= tolerance) & (margin >= 0.0)
     return q, success, position, angle, margin, found[:, -1].astype(int)
+
+
+def _several(
+    solver: Solver,
+    q: np.ndarray,
+    poses: np.ndarray,
+    shape: tuple[int, ...],
+    solutions: int | None,
+    tolerance: float,
+) -> PoseSolutions:
+    """Results (…, solutions) of positions (k, solutions, n); without `solutions` the axis is left out."""
+    count = q.shape[1]
+    flat, targets = q.reshape(-1, q.shape[2]), np.repeat(poses, count, axis=0)
+    position, angle = solver.errors(flat, targets)
+    margin = limit_margin(solver.chain.model, flat)
+    success = (position <= tolerance) & (angle <= tolerance) & (margin >= 0.0)  # False of nan
+    values = (flat, success, position, angle, margin, np.zeros(len(flat), int))
+    lead = shape if solutions is None else (*shape, count)
+    shaped = (each.reshape((*lead, *each.shape[1:])) for each in values)
+    return PoseSolutions(*shaped, tolerance=tolerance, several=solutions is not None)
+
+
+def _check_choice(goal: Goal | None, near: bool, solutions: int | None, weight: float | None) -> None:
+    """Refuses a goal, a count or a weight that is none.
+
+    Raises:
+        ModelError: names it.
+    """
+    if goal is not None and goal not in GOALS:
+        raise ModelError(place="goal", value=goal, choices=GOALS)
+    if goal == "nearest" and not near:
+        raise ModelError(place="goal", value=goal, expected="near, the joint positions to be nearest to")
+    whole = isinstance(solutions, int) and not isinstance(solutions, bool) and 1 <= solutions <= MOST_SOLUTIONS
+    if solutions is not None and not whole:
+        raise ModelError(place="solutions", value=solutions, expected=f"a whole number from 1 to {MOST_SOLUTIONS}")
+    length = None if weight is None else real_number(weight)
+    if weight is not None and (length is None or not 1e-6 <= length <= 1e6):
+        raise ModelError(place="weight", value=weight, expected="a number from 1e-6 to 1e6 [m/rad]")
 
 
 def checked_targets(targets: Any, aim: Aim | None) -> tuple[np.ndarray, tuple[int, ...], Aim]:
@@ -233,12 +318,3 @@ def checked_targets(targets: Any, aim: Aim | None) -> tuple[np.ndarray, tuple[in
         expected = "a rotation matrix, a finite position, and the row 0 0 0 1"
         raise ModelError("no pose", place=place, value=poses[k].tolist(), expected=expected)
     return poses, shape, aim
-
-
-def nearest_turns(chain: Chain, q: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """Positions (k, n) with whole turns of the joints that reach every angle added, as near to others as limits allow."""
-    low, high = chain.limits
-    turns = np.where(chain.turns_around, np.round((near - q) / TURN), 0.0)
-    with np.errstate(invalid="ignore"):
-        turns = np.clip(turns, np.ceil((low - q) / TURN), np.floor((high - q) / TURN))
-    return np.where(chain.turns_around, q + TURN * turns, q)
