@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     from armwright.actuators import motor_current, motor_torque, motor_voltage
     from armwright.collision import BoxObstacle, PlaneObstacle, SphereObstacle, clearance
     from armwright.control import Cascade, ComputedTorque, JointPID
+    from armwright.control.analysis.analyse import LoopAnalysis, analyse_loops
+    from armwright.control.analysis.hold import sampled_system, zero_order_hold
+    from armwright.control.analysis.linear_loop import LinearLoop, Margins
+    from armwright.control.analysis.regions import GainRegion, gain_region, longest_period
+    from armwright.control.analysis.workspace import JointInertias, joint_inertias
     from armwright.description import RobotDescription, builtin_names
     from armwright.description.writer import to_toml, write_toml
     from armwright.dynamics import (
@@ -134,6 +139,11 @@ __version__ = "0.1.0"
 _HOMES = {  # where each public name lives; imported when first used, so that `import armwright` costs nothing
     "armwright.actuators": ("motor_current", "motor_torque", "motor_voltage"),
     "armwright.collision": ("BoxObstacle", "PlaneObstacle", "SphereObstacle", "clearance"),
+    "armwright.control.analysis.analyse": ("LoopAnalysis", "analyse_loops"),
+    "armwright.control.analysis.hold": ("sampled_system", "zero_order_hold"),
+    "armwright.control.analysis.linear_loop": ("LinearLoop", "Margins"),
+    "armwright.control.analysis.regions": ("GainRegion", "gain_region", "longest_period"),
+    "armwright.control.analysis.workspace": ("JointInertias", "joint_inertias"),
     "armwright.control": ("Cascade", "ComputedTorque", "JointPID"),
     "armwright.description": ("RobotDescription", "builtin_names"),
     "armwright.modules.assemble": ("assemble",),
@@ -255,19 +265,24 @@ __all__ = [
     "Excitation",
     "Fourier",
     "FrequencyResponse",
+    "GainRegion",
     "Inputs",
     "Joined",
+    "JointInertias",
     "JointPID",
     "JointPath",
     "JointReference",
     "Layout",
     "Limits",
     "Line",
+    "LinearLoop",
     "LinearModel",
     "Log",
     "Loop",
+    "LoopAnalysis",
     "LoopState",
     "Manipulability",
+    "Margins",
     "Measurement",
     "MinimumJerk",
     "Model",
@@ -308,6 +323,7 @@ __all__ = [
     "Trapezoid",
     "Validation",
     "Waypoints",
+    "analyse_loops",
     "animate",
     "articulated_body",
     "assemble",
@@ -338,6 +354,7 @@ __all__ = [
     "forward_dynamics_derivatives",
     "forward_kinematics",
     "frequency_response",
+    "gain_region",
     "gravity_torques",
     "identify_arm",
     "identify_drive_gains",
@@ -349,12 +366,14 @@ __all__ = [
     "inverse_kinematics",
     "jacobian",
     "jacobian_dot_qd",
+    "joint_inertias",
     "joint_stops",
     "kinetic_energy",
     "limits_report",
     "load",
     "load_motion",
     "load_run",
+    "longest_period",
     "manipulability",
     "mass_matrix",
     "motor_current",
@@ -377,6 +396,7 @@ __all__ = [
     "regressor",
     "regressor_drive",
     "reproduce",
+    "sampled_system",
     "save",
     "sensitivities",
     "show",
@@ -395,6 +415,7 @@ __all__ = [
     "write_report",
     "write_toml",
     "write_verdict",
+    "zero_order_hold",
 ]
 
 

@@ -26,6 +26,7 @@ from armwright.cli.identify import identify
 from armwright.cli.ik import ik
 from armwright.cli.info import info
 from armwright.cli.log import log
+from armwright.cli.loops import loops
 from armwright.cli.parts import parts
 from armwright.cli.plan import plan
 from armwright.cli.plot import plot
@@ -155,6 +156,7 @@ for command in (
     step_study,
     reproduce,
     assemble,
+    loops,
     log,
     validate,
     sim,

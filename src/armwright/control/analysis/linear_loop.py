@@ -79,6 +79,11 @@ class LinearLoop:
     def __repr__(self) -> str:
         return f"LinearLoop({self.scenario.arm.name!r}, {self.period:g} s, delay {1e3 * self.delay:.4g} ms)"
 
+    @property
+    def gains(self) -> np.ndarray:
+        """(lanes, k) values of the controller's batches, side by side."""
+        return self._small.gains
+
     def slopes(self, q: Any, gains: Any = None, joint: int | None = None) -> Slopes:
         """Matrices of plant, sensors and controller at poses q (…, n) [rad | m], with what decides nothing left out.
 
@@ -89,7 +94,8 @@ class LinearLoop:
         if joint is not None:
             slopes = slopes.alone(joint, self._states_of(joint))
         size, n = slopes.b.shape[-2:]
-        maps = self.maps(slopes, self.held(slopes))
+        ones = np.ones(slopes.b.shape)  # of a plant in which everything moves everything
+        maps = self.maps(slopes, Held(np.ones(slopes.a.shape), ones, ones, split_delay(self._periods)[0]))
         memory = slopes.ticks[0].shape[-2] - n
         moving = moving_states(maps, size)
         kept = moving[(moving >= size) & (moving < size + memory)] - size
@@ -124,7 +130,7 @@ class LinearLoop:
         total = known + n * (held.ticks + 1)
         looked_at = np.r_[0:known, total - n : total]  # the plant, the memories, and the command in force
         scale = np.concatenate([np.ones((*factor.shape[:-1], known)), factor], axis=-1)
-        lead = np.broadcast_shapes(new.shape[:-2], factor.shape[:-1])
+        lead = np.broadcast_shapes(new.shape[:-2], factor.shape[:-1], slopes.ticks[0].shape[:-2])
         maps = []
         for tick in slopes.ticks:
             command, following = np.split(tick * scale[..., None, :], [n], axis=-2)
@@ -172,6 +178,17 @@ class LinearLoop:
             rows.append(self._margins(slopes, 0 if held else joint))
         up, down, phase = np.moveaxis(np.array(rows), 0, -1)
         return Margins(up, down, phase, radius)
+
+    def keeps(self, slopes: Slopes, gain: float, phase: float) -> np.ndarray:
+        """(…,) true where the loop is stable, and stays so with a factor `gain`, 1/gain or e^{-j phase} in any one command."""
+        plant, n = self.held(slopes), slopes.b.shape[-1]
+        stable = self._radius(slopes, plant) < 1.0
+        for factor in {complex(gain), complex(1.0 / gain), complex(np.exp(-1j * phase))} - {1.0 + 0.0j}:
+            number = factor.real if factor.imag == 0.0 else factor
+            for command in range(n):
+                factors = np.where(np.arange(n) == command, number, 1.0)
+                stable = stable & (self._radius(slopes, plant, factors) < 1.0)
+        return stable
 
     def _margins(self, slopes: Slopes, command: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Gain margins above and below, and the phase margin [rad], of one command; NaN where the loop is not stable."""

@@ -135,6 +135,11 @@ class SmallSignal:
         self.cycle = cycle_of(self._adapter.control)
 
     @property
+    def gains(self) -> np.ndarray:
+        """(lanes or 1, k) values of the controller's fields that are batches."""
+        return self._adapter.values
+
+    @property
     def memories(self) -> int:
         """Entries that sensors and the controller remember."""
         return self.program.outputs[0].shape[0] - self.plant.model.n

@@ -43,7 +43,7 @@ def over_time(prediction: Prediction, column: int) -> str:
         figure.align_ylabels()
         figure.legend(loc="upper left", ncols=2, borderaxespad=0.1, frameon=False, labelcolor=INK, fontsize=SIZE)
 
-    return _svg(draw, WIDE)
+    return page_svg(draw, WIDE)
 
 
 def spectrum_picture(found: JointMeasures) -> str:
@@ -66,7 +66,7 @@ def spectrum_picture(found: JointMeasures) -> str:
         axis.legend(frameon=False, labelcolor=INK, fontsize=SIZE - 1)
         _words(axis, "frequency [Hz]", f"[{found.unit}/√Hz]")
 
-    return _svg(draw, SMALL)
+    return page_svg(draw, SMALL)
 
 
 def friction_picture(found: JointMeasures) -> str:
@@ -83,7 +83,7 @@ def friction_picture(found: JointMeasures) -> str:
         axis.axhline(0.0, color=QUIET, linewidth=0.7)
         _words(axis, f"speed [{'m/s' if found.unit == 'N' else 'rad/s'}]", f"mean residual [{found.unit}]")
 
-    return _svg(draw, SMALL)
+    return page_svg(draw, SMALL)
 
 
 def correlation_picture(found: JointMeasures) -> str:
@@ -103,7 +103,7 @@ def correlation_picture(found: JointMeasures) -> str:
             _words(axis, "lag [rows]", "correlation" if axis is axes[0] else "")
             axis.set_title(label, color=INK, fontsize=SIZE)
 
-    return _svg(draw, SMALL)
+    return page_svg(draw, SMALL)
 
 
 def _curve(axis: Axes, t: np.ndarray, values: np.ndarray, colour: str, label: str | None) -> None:
@@ -126,8 +126,13 @@ def _words(axis: Axes, below: str, left: str) -> None:
     axis.spines[["left", "bottom"]].set_color(QUIET)
 
 
-def _svg(draw: Callable[[Figure], None], size: Sequence[float]) -> str:
-    """The picture as an SVG element with the page's colours and its font."""
+def page_svg(draw: Callable[[Figure], None], size: Sequence[float], layout: str | None = None) -> str:
+    """The picture as an SVG element with the page's colours and its font.
+
+    Args:
+        draw: draws it, with the stand-ins of this file for the page's colours.   size: width and height [inch].
+        layout: of matplotlib; None: fixed margins, since a computed layout takes most of the time.
+    """
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -138,9 +143,10 @@ def _svg(draw: Callable[[Figure], None], size: Sequence[float]) -> str:
         "path.simplify_threshold": 0.5,
     }
     with matplotlib.rc_context(style):
-        figure = Figure(figsize=(size[0], size[1]), facecolor="none")  # a computed layout would take most of the time
-        left, below, right, above = (inches / size[k % 2] for k, inches in enumerate(MARGINS))
-        figure.subplots_adjust(left, below, 1.0 - right, 1.0 - above, wspace=0.12, hspace=0.12)
+        figure = Figure(figsize=(size[0], size[1]), facecolor="none", layout=layout)  # type: ignore[arg-type]
+        if layout is None:
+            left, below, right, above = (inches / size[k % 2] for k, inches in enumerate(MARGINS))
+            figure.subplots_adjust(left, below, 1.0 - right, 1.0 - above, wspace=0.12, hspace=0.12)
         draw(figure)
         file = io.StringIO()
         figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})

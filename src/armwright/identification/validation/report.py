@@ -80,7 +80,7 @@ def report_page(
     sections: Sequence[tuple[str, str]] = (),
 ) -> str:
     """HTML of the page; see `write_report`."""
-    blocks = [_summary(estimate, validation)]
+    blocks = [_summary(estimate, validation)] if estimate is not None or validation is not None else []
     if validation is not None:
         blocks.append(_block("Every joint", _measures(validation)))
     next_steps = steps(estimate, validation)
@@ -100,7 +100,7 @@ def report_page(
 def definitions(heading: str, pairs: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
     """A section of `write_report` with names and what they mean; none where there are no pairs."""
     rows = [[escape(name), escape(about)] for name, about in pairs]
-    return [(heading, _table(("", ""), rows, (0, 1)))] if rows else []
+    return [(heading, html_table(("", ""), rows, (0, 1)))] if rows else []
 
 
 def steps(estimate: Estimate | None, validation: Validation | None) -> list[str]:
@@ -185,7 +185,7 @@ def _measures(validation: Validation) -> str:
         white = "" if each.whiteness is None else escape(_probability(each.whiteness.p))
         judged = (check for check in validation.checks if (check.joint, check.quantity) == (each.joint, each.quantity))
         rows.append([name, each.quantity, *values, spread, delay, white, "<br>".join(map(_judged, judged))])
-    return _table(heads, rows, (0, 1, 6, 10))
+    return html_table(heads, rows, (0, 1, 6, 10))
 
 
 def _judged(check: Check) -> str:
@@ -213,7 +213,7 @@ def _parameters(estimate: Estimate) -> str:
         note = "at its bound" if at_bound[k] else note
         cells = [escape(name), f"{value:.6g}", f"{std[k]:.2g}" if is_known else "", escape(estimate.units[k]), share]
         rows.append([*cells, f'<span class="bad">{note}</span>'])
-    parts = [_table(("parameter", "value", "± std", "unit", "relative", ""), rows, (0, 3, 5))]
+    parts = [html_table(("parameter", "value", "± std", "unit", "relative", ""), rows, (0, 3, 5))]
     matrix = estimate.correlation
     pairs = sorted(np.argwhere(np.triu(np.abs(matrix), 1) > STRONG), key=lambda pair: -abs(matrix[tuple(pair)]))
     if pairs:
@@ -224,7 +224,7 @@ def _parameters(estimate: Estimate) -> str:
         words = {"fit_percent": "fit [%]", "r2": "R²", "rms": "RMS"}
         cells = [[escape(k), *(f"{v[n]:.4g}" if n in v else "" for n in names)] for k, v in estimate.fit.items()]
         heads = ("", *(words.get(name, name.replace("_", " ")) for name in names))
-        parts.append(f"<h3>Fit to the log</h3>{_table(heads, cells, (0,))}")
+        parts.append(f"<h3>Fit to the log</h3>{html_table(heads, cells, (0,))}")
     if np.isfinite(estimate.condition):
         parts.append(f'<p class="quiet">Condition number {estimate.condition:.4g}.</p>')
     return "".join(parts)
@@ -294,7 +294,7 @@ def _sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
 
 
-def _table(heads: Sequence[str], rows: Iterable[Sequence[str]], words: Sequence[int]) -> str:
+def html_table(heads: Sequence[str], rows: Iterable[Sequence[str]], words: Sequence[int]) -> str:
     """A table of cells that are HTML already; columns in `words` stand to the left."""
 
     def cells(row: Sequence[str], tag: str) -> str:

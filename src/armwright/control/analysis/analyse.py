@@ -1,0 +1,129 @@
+"""The loops of a scenario over the workspace: inertia, margins and the longest sample period, joint by joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armwright.control.analysis.linear_loop import LinearLoop, Margins
+from armwright.control.analysis.regions import GAIN, PHASE, check_margins, longest_period
+from armwright.control.analysis.workspace import JointInertias, joint_inertias
+from armwright.simulation.scenario import Scenario
+
+HEADS = (
+    "joint", "inertia held", "inertia free", "gravity slope", "coupling", "gain margin ×", "gain margin ÷", "phase margin",
+)  # fmt: skip
+FURTHER = 24  # poses drawn evenly beside the extreme ones
+
+
+@dataclass(frozen=True, eq=False)
+class LoopAnalysis:
+    """What the loops of a scenario keep over the workspace.
+
+    Attributes:
+        loop: linear, about a pose.   inertias: at all sampled poses.   poses: (k, n) at which loops were analysed: those where
+            an inertia, slope or coupling is extreme, and some drawn evenly.
+        held: margins of each joint's loop there, the other joints held still.
+        radius: (k,) spectral radius of the coupled loop a tick; stable below 1.
+        asked: gain and phase margin [rad] for `period_with_margin`.
+        period_stable, period_with_margin: [s] the longest with which the coupled loop is stable, and keeps the margins, at all of
+            the poses; 0: none does.
+    """
+
+    loop: LinearLoop
+    inertias: JointInertias
+    poses: np.ndarray
+    held: Margins
+    radius: np.ndarray
+    asked: tuple[float, float]
+    period_stable: float
+    period_with_margin: float
+
+    @property
+    def stable(self) -> bool:
+        """True if the coupled loop is stable at every analysed pose."""
+        return bool((self.radius < 1.0).all())
+
+    @property
+    def keeps_margins(self) -> bool:
+        """True if it keeps the margins asked for there, one joint's command at a time."""
+        return self.period_with_margin >= self.loop.period
+
+    def extreme_poses(self, joint: int) -> np.ndarray:
+        """(k, n) poses where the inertia of a joint, the others held, and gravity's slope are least and greatest."""
+        columns = (self.inertias.held[:, joint], self.inertias.slope[:, joint])
+        return self.inertias.q[np.unique([index for each in columns for index in (each.argmin(), each.argmax())])]
+
+    def rows(self) -> list[list[str]]:
+        """A row for each joint, as `HEADS`; ranges are those over the poses, margins the least."""
+        rows = []
+        for j, name in enumerate(self.loop.names):
+            ranges = [_range(each[:, j]) for each in (self.inertias.held, self.inertias.free, self.inertias.slope)]
+            margins = [
+                f"{np.nanmin(self.held.gain_up[:, j]):.3g}" if np.isfinite(self.held.gain_up[:, j]).any() else "—",
+                f"{1.0 / np.nanmax(self.held.gain_down[:, j]):.3g}" if np.nanmax(self.held.gain_down[:, j]) > 0 else "∞",
+                f"{np.degrees(np.nanmin(self.held.phase[:, j])):.3g}°",
+            ] if np.isfinite(self.held.phase[:, j]).all() else ["unstable"] * 3  # fmt: skip
+            rows.append([name, *ranges, f"{self.inertias.coupling[:, j].max():.2f}", *margins])
+        return rows
+
+    def sentences(self) -> list[str]:
+        """What it comes to, in words: what is computed for each pose, and what is only sampled."""
+        loop, (gain, phase) = self.loop, self.asked
+        worst = int(self.radius.argmax())
+        pose = ", ".join(f"{value:.3g}" for value in self.poses[worst])
+        asked = f"a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}°"
+        state = "stable" if self.stable else "NOT stable"
+        lines = [
+            f"the coupled loop at {1e3 * loop.period:.4g} ms with {1e3 * loop.delay:.4g} ms of delay is {state} at the "
+            f"{len(self.poses)} poses; its largest eigenvalue is {self.radius[worst]:.5f} a tick, at q = [{pose}]"
+        ]
+        for period, what in ((self.period_stable, "stays stable"), (self.period_with_margin, f"keeps {asked}")):
+            if period == 0.0:
+                lines.append(f"at no sample period it {what}")
+            else:
+                lines.append(
+                    f"it {what} up to a period of {1e3 * period:.4g} ms, down to a rate of {1.0 / period:.4g} Hz"
+                )
+        count = len(self.inertias.q)
+        lines.append(
+            f"inertias are those of {count} sampled poses, margins those of {len(self.poses)} of them, the extreme ones "
+            f"among these; between sampled poses nothing is proven"
+        )
+        lines.append(f"left out: {'; '.join(loop.left_out)}")
+        return lines
+
+
+def analyse_loops(
+    scenario: Scenario,
+    poses: int = 100_000,
+    *,
+    seed: int = 0,
+    gain_margin: float = GAIN,
+    phase_margin: float = PHASE,
+) -> LoopAnalysis:
+    """Inertias, margins and the longest sample period of a scenario's loops over the workspace.
+
+    Args:
+        scenario: with a controller in its loop.   poses: how many are drawn within the position limits.   seed: of these.
+        gain_margin: factor either way.   phase_margin: [rad].
+    Returns:
+        analysis: by joint, and of the coupled loop.
+    Raises:
+        ScenarioError: a scenario without a controller, or with one that cannot be traced; margins that are none.
+    """
+    check_margins(gain_margin, phase_margin)
+    loop = LinearLoop(scenario)
+    inertias = joint_inertias(loop.plant.arm, poses, seed)
+    chosen = np.unique(np.concatenate([inertias.extremes(), np.arange(min(FURTHER, poses))]))
+    q = inertias.q[chosen]
+    held = loop.margins(q, held=True)
+    stable, _ = longest_period(scenario, q)
+    with_margin, _ = longest_period(scenario, q, gain_margin=gain_margin, phase_margin=phase_margin)
+    return LoopAnalysis(loop, inertias, q, held, held.radius, (gain_margin, phase_margin), stable, with_margin)
+
+
+def _range(values: np.ndarray) -> str:
+    low, high = float(values.min()), float(values.max())
+    return f"{low:.3g}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} … {high:.3g}"

@@ -1,0 +1,57 @@
+"""Pictures of gain regions: which gains of a joint keep the margins, and how the region shrinks as the delay grows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from armwright.control.analysis.regions import GainRegion
+
+COLOURS = ("#9ec9ee", "#4f8fce", "#1f4e8c")  # from the smallest to the largest delay
+COLUMNS = 3
+
+
+def draw_regions(figure: Figure, regions: Sequence[Sequence[GainRegion]], delays: Sequence[float], ink: str) -> None:
+    """Draws a panel for each joint: the region for each delay, the larger delay inside the smaller, and the loop's own gains.
+
+    Args:
+        figure: to draw in.   regions: for each joint those of the delays, in their order.   delays: [s] of the loop.
+        ink: colour of words and axes.
+    """
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    rows = -(-len(regions) // COLUMNS)
+    axes = np.atleast_1d(figure.subplots(rows, min(COLUMNS, len(regions)), squeeze=False)).ravel()
+    for axis in axes[len(regions) :]:
+        axis.set_visible(False)
+    for axis, each in zip(axes, regions, strict=False):
+        first, second = each[0].values
+        for region, colour in zip(each, COLOURS, strict=False):
+            axis.contourf(second, first, region.keeps.astype(float), levels=[0.5, 1.5], colors=[colour])
+        axis.plot(each[0].own[1], each[0].own[0], "x", color=ink, markersize=8, markeredgewidth=2)
+        axis.set(xscale="log", yscale="log", xlim=(second[0], second[-1]), ylim=(first[0], first[-1]))
+        for which in (axis.xaxis, axis.yaxis):
+            which.set_major_locator(LogLocator(numticks=5))
+            which.set_minor_formatter(NullFormatter())
+        axis.set_title(each[0].joint, loc="left", fontsize=10, color=ink)
+        axis.set_xlabel(each[0].names[1], color=ink, fontsize=9)
+        axis.set_ylabel(each[0].names[0], color=ink, fontsize=9)
+        axis.tick_params(colors=ink, which="both", labelsize=8)
+        axis.set_facecolor("none")
+        for spine in axis.spines.values():
+            spine.set_color(ink)
+    marks = [
+        Patch(color=colour, label=f"{1e3 * delay:.3g} ms of delay")
+        for colour, delay in zip(COLOURS, delays, strict=False)
+    ]
+    marks.append(Line2D([], [], color=ink, marker="x", linestyle="none", markersize=8, label="the scenario's gains"))
+    figure.legend(
+        handles=marks, loc="outside lower center", ncols=len(marks), frameon=False, fontsize=9, labelcolor=ink
+    )

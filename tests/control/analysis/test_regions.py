@@ -1,0 +1,107 @@
+"""Inertias over the workspace, longest periods and gain regions, beside closed forms and brute force."""
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.control.analysis.analyse import HEADS, analyse_loops
+from armwright.control.analysis.linear_loop import LinearLoop
+from armwright.errors import ScenarioError
+
+POSES = np.array([[0.0, 0.0], [0.3, 1.5], [0.0, 3.0]])
+
+
+def scenario(controller=None, period=2e-3, **timing):
+    controller = controller or aw.JointPID(kp=300.0, kd=40.0, gravity=True)
+    return aw.Scenario(
+        aw.load("two-link"), duration=1.0, loop=aw.Loop(controller, period=period, timing=aw.Timing(**timing))
+    )
+
+
+def test_inertias_are_the_mass_matrix_s():
+    arm = aw.load("puma560")
+    found = aw.joint_inertias(arm, 200, seed=3)
+    limits = np.array([body.limits.position for body in arm.coordinates])
+    assert ((found.q >= limits[:, 0]) & (found.q <= limits[:, 1])).all()
+    for k in range(0, 200, 20):
+        mass = aw.mass_matrix(arm, found.q[k])
+        assert found.held[k] == pytest.approx(np.diag(mass), rel=1e-10)
+        assert found.free[k] == pytest.approx(1.0 / np.diag(np.linalg.inv(mass)), rel=1e-9)
+        for j in range(6):
+            nudge = 1e-6 * (np.arange(6) == j)
+            ends = [aw.gravity_torques(arm, found.q[k] + sign * nudge)[j] for sign in (1, -1)]
+            assert found.slope[k, j] == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=1e-6)
+    assert (found.free <= found.held * (1 + 1e-12)).all()
+    assert ((found.coupling >= -1e-12) & (found.coupling < 1)).all()
+
+
+def test_the_longest_period_is_where_stability_ends():
+    made = scenario(preset="one-tick")
+    period, failing = aw.longest_period(made, POSES)
+    assert failing is not None
+    assert 0 < failing - period < 1e-3 * period
+    assert LinearLoop(made, 0.999 * period).radius(POSES).max() < 1.0 <= LinearLoop(made, failing).radius(POSES).max()
+    with_margin, _ = aw.longest_period(made, POSES, gain_margin=2.0, phase_margin=np.radians(30))
+    assert with_margin < period
+
+
+def test_a_loop_that_is_too_slow_is_told_the_rate_that_it_needs():
+    slow = scenario(preset="one-tick", period=0.05)
+    assert LinearLoop(slow).radius(POSES).max() > 1.0
+    assert aw.longest_period(slow, POSES)[0] == pytest.approx(
+        aw.longest_period(scenario(preset="one-tick"), POSES)[0], rel=1e-3
+    )
+
+
+def test_a_region_holds_what_margins_say():
+    values = {"kp": np.geomspace(30, 3e4, 6), "kd": np.geomspace(4, 4e3, 6)}
+    joint = "elbow"
+    region = aw.gain_region(scenario(preset="one-tick"), joint, values, POSES, gain_margin=2.0, phase_margin=0.5)
+    assert region.own == (300.0, 40.0)
+    assert 0 < region.keeps.sum() < region.keeps.size
+    for i, kp in enumerate(values["kp"]):
+        for k, kd in enumerate(values["kd"]):
+            law = aw.JointPID(kp=[300.0, kp], kd=[40.0, kd], gravity=True)
+            margins = LinearLoop(scenario(law, preset="one-tick")).margins(POSES, held=True)
+            up, down, phase = (each[:, 1] for each in (margins.gain_up, margins.gain_down, margins.phase))
+            assert region.keeps[i, k] == bool(((up > 2.0) & (down < 0.5) & (phase > 0.5)).all())
+
+
+def test_regions_shrink_with_delay():
+    values = {"kp": np.geomspace(30, 3e4, 12), "kd": np.geomspace(4, 4e3, 12)}
+    regions = [
+        aw.gain_region(scenario(command_delay=delay), "shoulder", values, POSES).keeps for delay in (0.0, 2e-3, 6e-3)
+    ]
+    assert regions[0].sum() > regions[1].sum() > regions[2].sum() > 0
+
+
+def test_an_analysis_says_what_is_sampled():
+    found = analyse_loops(scenario(preset="one-tick"), 300)
+    assert found.stable
+    assert found.keeps_margins
+    assert [row[0] for row in found.rows()] == ["shoulder", "elbow"]
+    assert all(len(row) == len(HEADS) for row in found.rows())
+    text = " ".join(found.sentences())
+    assert "300 sampled poses" in text
+    assert f"{1 / found.period_stable:.4g} Hz" in text
+    unstable = analyse_loops(scenario(preset="one-tick", period=0.05), 50)
+    assert not unstable.stable
+    assert not unstable.keeps_margins
+    assert "NOT stable" in unstable.sentences()[0]
+
+
+@pytest.mark.parametrize(
+    ("call", "place"),
+    [
+        (lambda: aw.gain_region(scenario(), "wrist", {"kp": [1], "kd": [1]}, POSES), "joint"),
+        (lambda: aw.gain_region(scenario(), "elbow", {"kp": [1]}, POSES), "gains"),
+        (lambda: aw.gain_region(scenario(), "elbow", {"kp": [1], "speed_kp": [1]}, POSES), "gains"),
+        (lambda: aw.longest_period(scenario(), POSES, gain_margin=0.5), "gain_margin"),
+        (lambda: aw.longest_period(scenario(), POSES, phase_margin=4), "phase_margin"),
+        (lambda: aw.joint_inertias(aw.load("two-link"), 0), "poses"),
+    ],
+)
+def test_refused(call, place):
+    with pytest.raises(ScenarioError) as error:
+        call()
+    assert error.value.problems[0].place == place
