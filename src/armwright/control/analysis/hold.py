@@ -39,6 +39,8 @@ def zero_order_hold(a: Any, b: Any, period: float, delay: float = 0.0) -> Held:
 
     Args:
         a: (…, N, N) [1/s].   b: (…, N, m).   period: [s].   delay: [s], any number of 0 or more.
+    Returns:
+        held: matrices from sample to sample.
     Raises:
         ScenarioError: a period or delay that is none, or matrices that do not fit together.
     """
@@ -91,7 +93,9 @@ def sampled_system(a: Any, b: Any, c: Any, period: float, delay: float = 0.0) ->
     """The sampled system with its delay as a `control.StateSpace`, commands that wait being states.
 
     Args:
-        a, b, period, delay: as `zero_order_hold`, of one system.   c: (p, N) what is measured, y_k = C x_k.
+        a: (N, N) [1/s].   b: (N, m).   c: (p, N) what is measured, y_k = C x_k.   period: [s].   delay: [s].
+    Returns:
+        system: its state is x, and behind it the commands that wait.
     Raises:
         ScenarioError: as `zero_order_hold`.
     """

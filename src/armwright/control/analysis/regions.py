@@ -54,6 +54,8 @@ def gain_region(
     Args:
         scenario: with a controller.   joint: its name.   gains: two of the controller's fields, name → values.
         q: (poses, n) [rad | m].   gain_margin: factor either way.   phase_margin: [rad].
+    Returns:
+        region: which pairs keep them.
     Raises:
         ScenarioError: names that are none, or gains that are no numbers.
     """
