@@ -9,7 +9,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import LogError
-from armwright.identification.motor.channels import check_channels
+from armwright.identification.motor.channels import check_channels, feedback_remark
 from armwright.identification.motor.guess import guess
 from armwright.identification.motor.measured import measured
 from identification.motor_truth import write_log
@@ -84,3 +84,25 @@ def test_exchanged_columns_are_named(tmp_path, signals, columns):
         check(path)
     assert NAMES[first] in str(error.value)
     assert NAMES[second] in str(error.value)
+
+
+@pytest.mark.parametrize("gain", [0.0, 0.02])
+def test_a_closed_loop_is_noticed(tmp_path, gain):
+    """A speed with disturbances of its torque, and a command that is a reference, or is fed back."""
+    rng = np.random.default_rng(3)
+    path = write_log(tmp_path, 3, ("qd",), rows=2000)
+    table = np.genfromtxt(tmp_path / "log.csv", delimiter=",", names=True)
+    reference, w, rows = table["u"], 0.0, []
+    for t, r in zip(table["t"], reference, strict=True):
+        u = r + gain * (15.0 * r - w)
+        rows.append((t, u, w))
+        w = 0.87 * w + 0.13 * 15.0 * u + 3.0 * rng.standard_normal()
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header="t,u,w", comments="")
+    log = aw.read_log(path)
+    found = feedback_remark(measured(log, list(log.fit), ["motor"], "instant", None), 0)
+    assert len(found) == (gain > 0)
+
+
+def test_more_unknowns_than_rows_carry_are_refused(tmp_path):
+    with pytest.raises(LogError, match="measurements for 7 unknowns"):
+        aw.identify_motor(write_log(tmp_path, 3, ("qd",), rows=33), starts=1)

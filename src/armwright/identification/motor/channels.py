@@ -21,6 +21,9 @@ from pathlib import Path
 import numpy as np
 
 from armwright.errors import LogError
+from armwright.identification.linear.records import Stretch
+from armwright.identification.linear.residuals import CERTAIN as CHANCE
+from armwright.identification.linear.residuals import feedback
 from armwright.identification.motor.guess import Guess, first_order
 from armwright.identification.motor.measured import Measured
 
@@ -119,3 +122,16 @@ def _exchanged(first: str, second: str, joint: str, why: str, file: Path) -> Log
     return LogError(
         f"{first} and {second} look exchanged: {why}", place=f"joint {joint!r}", expected=expected, file=file
     )
+
+
+def feedback_remark(data: Measured, joint: int) -> list[str]:
+    """A sentence where the command follows what disturbed the motion before; none without feedback. [Ljung1999]"""
+    if not {"q", "qd", "qd_mean"} & set(data.signals):
+        return []
+    stretches = [Stretch(s.run, s.inputs.command[:, [joint]], s.speed(joint)[:, None]) for s in data.stretches]
+    if feedback(stretches, 1).probability >= CHANCE:
+        return []
+    what = f"the {CALLED[data.command]} follows past disturbances of the motion (closed loop)"
+    return [
+        f"{what}: a fit by simulation is biased there unless these are white noise of the sensors; compare with an open-loop log"
+    ]

@@ -10,19 +10,21 @@ from typing import Any, Literal
 import numpy as np
 
 from armwright.description.robot import RobotDescription
-from armwright.errors import ModelError
+from armwright.errors import LogError, ModelError
 from armwright.identification.logs.log import Log, read_log
-from armwright.identification.motor.channels import check_channels
+from armwright.identification.motor.channels import check_channels, feedback_remark
 from armwright.identification.motor.drive_record import value_at, with_numbers
 from armwright.identification.motor.fitting import fitted
 from armwright.identification.motor.guess import guess
 from armwright.identification.motor.measured import measured, steady
+from armwright.identification.motor.output_error import Problem
 from armwright.identification.motor.problem import problem_of
 from armwright.identification.motor.report import MotorFit, result
 from armwright.identification.motor.starting import given_numbers, names_to_fit, robot_of, starting_record
 from armwright.model.model import Model
 from armwright.scalar import real_number
 
+ROWS_PER_UNKNOWN = 5  # measurements
 MOST_DELAY = 10  # samples that are searched
 POSITIVE = ("R", "L", "Kt", "Ke", "J")
 
@@ -88,12 +90,15 @@ def identify_motor(
     for k, ratio in enumerate(ratios):
         guesses.append(guess(data, k, 0 if delay is not None else most_delay, float(np.sign(ratio or 1.0))))
         check_channels(data, k, guesses[k], ratio, len(joints) == 1 or loads is not None, log.path)
+    if len(joints) == 1:
+        data = replace(data, remarks=(*data.remarks, *feedback_remark(data, 0)))
     record = starting_record(base, loads, data, guesses, fixed or {}, pwm, locked)
     stretches = list(data.stretches)
     if static is not None:
         stretches.append(steady(static, joints, data, max(each.time for each in guesses)))
     names, record = names_to_fit(record, free, set(fixed or {}), guesses, data, locked)
     problem, labels = problem_of(record, data, stretches, names, guesses, per_run, free, delay, most_delay, priors)
+    _check_rows(problem, log)
     done = fitted(record, data, problem, labels, starts, seed, free, progress)
     fit = result(log, record, data, done, free, bench=base is None, locked=locked, first=guesses[0])
     if base is None:
@@ -102,6 +107,19 @@ def identify_motor(
     return (
         replace(fit, robot=with_numbers(base, given), source=None) if given else replace(fit, robot=base, source=source)
     )
+
+
+def _check_rows(problem: Problem, log: Log) -> None:
+    """Refuses more unknowns than measurements can carry.
+
+    Raises:
+        LogError: says how many there are.
+    """
+    count = sum(int((each.weights > 0).sum()) for each in problem.stretches)
+    if count < ROWS_PER_UNKNOWN * len(problem.unknowns):
+        what = f"{count} measurements for {len(problem.unknowns)} unknowns"
+        expected = f"{ROWS_PER_UNKNOWN} for each, by a longer log or fewer names in free"
+        raise LogError(what, place="rows", expected=expected, file=log.path)
 
 
 def _check(free: Any, fixed: Any, per_run: Any, starts: int, most_delay: int) -> None:
