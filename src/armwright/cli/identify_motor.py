@@ -88,17 +88,9 @@ def motor(
       armwright identify motor elbow.log.toml --robot arm.toml --joint elbow --load 0 -o arm_identified.toml
     """
     if model != "dc":
-        _refuse_beside(
-            model,
-            {
-                "--robot": robot,
-                "--free": free,
-                "--fix": fix,
-                "--per-run": per_run,
-                "--output": output,
-                "--report": report,
-            },
-        )
+        beside = {"--robot": robot, "--free": free, "--fix": fix, "--per-run": per_run, "--output": output}
+        beside |= {"--report": report, "--load": load, "--locked": locked, "--priors": priors}
+        _refuse_beside(model, beside)
         return show_linear(file, model, order=order, delay=delay, joint=joint)
     import armwright as aw
     from armwright.cli.progress import progress

@@ -131,7 +131,7 @@ def result(
             wrong.append(f"R² of {name} is {each['r2']:.2g}: the fit does not describe a run that it has not seen")
         elif each["fit_percent"] < min(own["fit_percent"] for own in measures.values()) - WORSE:
             what = f"{name} is described worse than what was fitted: something differs from run to run, such as the friction"
-            remarks.append(f"{what}; fit both runs with per_run=[…], which tells the drift")
+            remarks.append(f"{what}; fit both runs and give it to --per-run (per_run=…), which tells the drift")
     columns_of_unit = jacobian[0] / np.maximum(np.linalg.norm(jacobian[0], axis=0), 1e-300)
     sizes = np.linalg.svd(columns_of_unit, compute_uv=False)
     estimate = Estimate(

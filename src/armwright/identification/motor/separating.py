@@ -13,7 +13,7 @@ import numpy as np
 
 from armwright.description.robot import RobotDescription
 from armwright.errors import ScenarioError
-from armwright.identification.experiments.expected import BETTER, experiments_that_separate
+from armwright.identification.experiments.expected import BETTER, deviations, experiments_that_separate
 from armwright.identification.experiments.motor import MotorGuess, motor_experiment
 from armwright.identification.motor.drive_record import paths_of, value_at
 from armwright.identification.motor.fitting import Fitted
@@ -59,30 +59,23 @@ def separating(record: RobotDescription, data: Measured, done: Fitted, guess: Gu
         slopes[0, :, j] *= 0.5  # half of the inertia is known
         candidates["the same test with a known inertia of about the rotor's added"] = _information(slopes[0], own, size)
     kept = {name: each for name, each in candidates.items() if np.isfinite(each).all()}
-    return [
-        _clause([own.index(k) for k in direction.unknowns], direction.exponents, information, kept)
-        for direction, _ in done.reasons
-    ]
+    free = [k for k in own if k not in done.held]
+    return [_clause([own.index(k) for k in (chosen, *free)], information, kept) for _, chosen in done.reasons]
 
 
-def _clause(
-    members: Sequence[int], exponents: Sequence[float], information: np.ndarray, candidates: Mapping[str, np.ndarray]
-) -> str:
-    """ "a locked-rotor test with current would do it": the best of some experiments for a direction, all else known."""
-    part = np.ix_(members, members)
+def _clause(free: Sequence[int], information: np.ndarray, candidates: Mapping[str, np.ndarray]) -> str:
+    """ "a locked-rotor test with current would do it": the best for the first of some numbers, all others known."""
+    part = np.ix_(free, free)
     others = {name: each[part] for name, each in candidates.items()}
-    sentences = experiments_that_separate([str(k) for k in members], information[part], others)
+    sentences = experiments_that_separate([str(k) for k in free], information[part], others)
     if sentences:
-        _, _, clause = sentences[0].partition("; ")
-        return clause
-    change = np.array(
-        exponents
-    )  # a direction that is too weak here, though not by the measure of `experiments_that_separate`
-    name = max(others, key=lambda each: float(change @ others[each] @ change))
-    factor = np.sqrt(
-        1.0 + float(change @ others[name] @ change) / max(float(change @ information[part] @ change), 1e-300)
-    )
-    return f"{name} would tell it {factor:.3g} times as well" if factor > BETTER else ""
+        return sentences[0].partition("; ")[2]
+    before = deviations(information[part])[
+        0
+    ]  # told too weakly, though not by the measure of `experiments_that_separate`
+    after = {name: deviations(information[part] + each)[0] for name, each in others.items()}
+    name = min(after, key=lambda each: after[each])
+    return f"{name} would tell it {before / after[name]:.3g} times as well" if before > BETTER * after[name] else ""
 
 
 def _information(jacobian: np.ndarray, own: Sequence[int], size: np.ndarray) -> np.ndarray:
