@@ -140,3 +140,15 @@ def test_bad_input_is_refused(tmp_path):
         aw.identify_motor(log)
     assert "voltage" in str(error.value)
     assert isinstance(ModelError("x"), ArmwrightError)
+
+
+def test_a_rotor_inertia_at_the_bound_of_its_search_is_marked(tmp_path):
+    """A record that is wrong by more than the search reaches: no number is made of it."""
+    log = write_log(tmp_path, 4, rows=400)
+    found = aw.identify_motor(
+        log, true_record(tmp_path, J=TRUE["J"] * 2e4), free=["J"], delay=DELAY * PERIOD, starts=1
+    ).estimate
+    assert found.verdict == "not identified"
+    assert found.at_bound[found.number(J)]
+    assert not np.isfinite(found.std[found.number(J)])
+    assert "stands at a bound of its search" in str(found)

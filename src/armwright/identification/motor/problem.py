@@ -23,6 +23,8 @@ SHARE_OF_TIME = (
     0.05  # of the motor's time constant: the longest substep, 1e-3 of a count wrong in position at a reversal
 )
 MOST_SUBSTEPS = 16
+LOGARITHMIC = ("R", "L", "Kt", "Ke", "J", "stribeck_speed")  # above 0 by their nature, of unknown order of magnitude
+LOGARITHMIC_TABLES = (".elasticity.", ".thermal.winding_", ".thermal.housing_")
 SIZE = 0.1  # of the torque of the largest command: friction of that size matters
 UNITS = {"voltage": "V", "current": "A", "torque": "N m"}  # of a command
 
@@ -135,7 +137,7 @@ def _unknown(
     if (
         low == 0.0
         and value > 0.0
-        and (name in ("R", "L", "Kt", "Ke", "J", "stribeck_speed") or ".elasticity" in paths[0])
+        and (name in LOGARITHMIC or any(part in paths[0] for part in LOGARITHMIC_TABLES))
         and not np.isfinite(high)
     ):
         return replace(positive(paths[0], value, paths, run), run=run)
