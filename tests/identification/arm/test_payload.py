@@ -7,7 +7,14 @@ import pytest
 
 import armwright as aw
 from armwright.errors import LogError
-from armwright.identification.arm.payload import NAMES, identify_payload, payload_model, with_identified_payload
+from armwright.identification.arm.equations import samples_of
+from armwright.identification.arm.payload import (
+    NAMES,
+    identify_payload,
+    payload_model,
+    with_identified_payload,
+    without_arm,
+)
 from identification.arm.moved_arm import moved
 
 MASS, COM = 2.0, (0.02, -0.03, 0.08)
@@ -57,6 +64,38 @@ def test_two_kilograms_within_one_per_cent_from_two_logs(arm, tmp_path):
     carrying = aw.write_into(with_identified_payload(wrong, found), found, tmp_path / "carrying.toml", key="payload")
     assert aw.load(carrying).record.fits["payload"].log_sha256 == found.sha256
     assert unloaded.sha256 in found.method
+
+
+def test_dry_friction_of_the_arm_passes_the_low_pass(arm, tmp_path):
+    """Without noise the torques that are left are the payload's alone, at turns too."""
+    log = moved(tmp_path, "loaded", arm.with_payload(MASS, COM, INERTIA), rate=500.0)
+    model, chosen = payload_model(arm), aw.choose_preparation(log)
+    c = np.array(COM)
+    about = INERTIA + MASS * (c @ c * np.eye(3) - np.outer(c, c))
+    parameters = [MASS, *(MASS * c), *(about[i, j] for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)))]
+    left = [
+        each.tau - model.rows(each.q, each.qd, each.qdd) @ parameters
+        for each in without_arm(samples_of(log, model, None, chosen), model)
+    ]
+    sharp = [
+        each.tau - aw.compile(arm.with_payload(MASS, COM, INERTIA)).inverse_dynamics(each.q, each.qd, each.qdd)
+        for each in samples_of(log, model, None, chosen)
+    ]
+    assert np.concatenate(left).std() < 0.2 * np.concatenate(sharp).std()
+
+
+def test_a_planar_arm_has_its_payload_written(tmp_path):
+    """The coordinate across the plane is not told, and 0 in the record; torques are those of the true payload."""
+    planar = aw.load("two-link")
+    true = planar.with_payload(1.5, (0.1, 0.04, 0.0), np.zeros((3, 3)))
+    found = identify_payload(moved(tmp_path, "planar", true, torque_noise=0.05), planar)
+    assert found.verdict == "identified", str(found)
+    assert not np.asarray(found.identifiable)[:4].all()
+    path = aw.write_into(with_identified_payload(planar, found), found, tmp_path / "carrying.toml", key="payload")
+    q, qd, qdd = np.random.default_rng(2).normal(size=(3, 30, 2))
+    expected, got = (aw.compile(each).inverse_dynamics(q, 0.3 * qd, 0 * qdd) for each in (true, aw.load(path)))
+    own = aw.compile(planar).inverse_dynamics(q, 0.3 * qd, 0 * qdd)
+    assert np.abs(got - expected).max() < 0.05 * np.abs(expected - own).max()
 
 
 def test_no_payload_is_no_answer(arm, tmp_path):

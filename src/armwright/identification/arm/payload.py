@@ -15,7 +15,8 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -38,6 +39,9 @@ from armwright.identification.estimate import HALF_95, Estimate
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import BASE, Model
+
+if TYPE_CHECKING:
+    from armwright.kernels.compiled import CompiledArm
 
 NAMES = (
     "payload.mass_kg",
@@ -74,6 +78,36 @@ class PayloadModel(TorqueModel):
             of_link = self.dyn.regressor(q, qd, qdd)[:, :, PER_LINK * self.carrier : PER_LINK * (self.carrier + 1)]
             values[:, :, -PER_LINK:] = of_link @ self.moved
         return values
+
+    def dry_values(self, qd: np.ndarray) -> np.ndarray:
+        """Values (rows, d) of what jumps where a motor turns back: the arm's columns, or (rows, n) its own dry friction."""
+        if len(self.columns) > PER_LINK or not self.loses_dry:
+            return super().dry_values(qd)
+        zero = np.zeros_like(qd)
+        return self.dyn.inverse_dynamics(zero, qd, zero) - self.smooth.inverse_dynamics(zero, qd, zero)
+
+    @cached_property
+    def loses_dry(self) -> bool:
+        """True for an arm with dry friction that gears do not mix with the load."""
+        laws = [body.friction for body in self.arm.coordinates if body.friction is not None]
+        return any(law.is_dry for law in laws) and not is_lossy(self.arm)
+
+    @cached_property
+    def smooth(self) -> CompiledArm:
+        """The arm without dry friction."""
+        from armwright.kernels.compiled import compile_arm
+
+        none = {"coulomb_positive": 0.0, "coulomb_negative": 0.0, "stribeck": None}
+        bodies = (
+            body if body.friction is None else replace(body, friction=replace(body.friction, **none))
+            for body in self.arm.bodies
+        )
+        return compile_arm(replace(self.arm, bodies=tuple(bodies)))
+
+
+def is_lossy(arm: Model) -> bool:
+    """True if a gear's loss or friction by load makes torques depend on each other's sign."""
+    return any(body.drive.efficiency is not None or _by_load(body) for body in arm.coordinates)
 
 
 def replace_columns(model: TorqueModel, columns: tuple[Column, ...]) -> TorqueModel:
@@ -156,7 +190,7 @@ def _fitted(
     """The estimate with one low-pass for each log."""
     if loaded_log is None:
         model = payload_model(robot, frame)
-        source: Callable[[], Iterable[Samples]] = lambda: _without_arm(  # noqa: E731
+        source: Callable[[], Iterable[Samples]] = lambda: without_arm(  # noqa: E731
             samples_of(log, model, None, preparations[0]), model
         )
         fit = _weighted(equations_of(list(source()), model))
@@ -191,18 +225,21 @@ def checksum_of_both(log: Log, loaded_log: Log) -> str:
     return hashlib.sha256(f"{log.sha256}{loaded_log.sha256}".encode()).hexdigest()
 
 
-def _without_arm(samples: Iterable[Samples], model: PayloadModel) -> Iterator[Samples]:
+def without_arm(samples: Iterable[Samples], model: PayloadModel) -> Iterator[Samples]:
     """Samples whose torques are those that the arm leaves unexplained, behind the gears where these lose some."""
-    lossy = any(body.drive.efficiency is not None or _by_load(body) for body in model.arm.coordinates)
+    lossy = is_lossy(model.arm)
     for block in samples:
-        predicted = model.dyn.inverse_dynamics(block.q, block.qd, block.qdd)
+        if model.loses_dry and block.dry is not None:  # filtered as the torques are
+            predicted = model.smooth.inverse_dynamics(block.q, block.qd, block.qdd) + block.dry
+        else:
+            predicted = model.dyn.inverse_dynamics(block.q, block.qd, block.qdd)
         rest = block.tau - predicted
         if lossy:  # payload torques pass a gear that loses part of all that passes it
             for k in range(len(block.t)):
                 both = (joint_torques(model.arm, block.qd[k], block.qdd[k], t) for t in (block.tau[k], predicted[k]))
                 measured, own = both
                 rest[k] = np.asarray(measured - own, dtype=float)
-        yield replace(block, tau=rest)
+        yield replace(block, tau=rest, dry=None)
 
 
 def _by_load(body: object) -> bool:
@@ -293,17 +330,20 @@ def _numbers(parameters: np.ndarray) -> np.ndarray:
 
 
 def with_identified_payload(robot: Model, estimate: Estimate, frame: str | None = None) -> Model:
-    """The arm with the payload of an estimate at its tip, or at a frame. An inertia that is not known is 0: a point mass.
+    """The arm with the payload of an estimate at its tip, or at a frame.
+
+    A coordinate of the centre that is not known is 0: a planar arm cannot tell the one across its plane. An inertia that is not
+    known is 0: a point mass.
 
     Raises:
-        IdentificationError: the mass or the centre is not identified.
+        IdentificationError: the mass is not identified.
     """
     known = np.asarray(estimate.identifiable)
-    if not known[:4].all():
-        missing = [name for name, told in zip(NAMES[:4], known, strict=False) if not told]
-        raise IdentificationError("not identified", place=missing[0], expected="a mass and a centre")
+    if not known[0]:
+        raise IdentificationError("not identified", place=NAMES[0], expected="a mass")
     tensor = np.zeros((3, 3))
     if known.all():
         for k, (i, j) in enumerate(TENSOR, start=4):
             tensor[i, j] = tensor[j, i] = estimate.values[k]
-    return robot.with_payload(estimate.values[0], estimate.values[1:4], tensor, frame, source="fit")
+    centre = np.where(known[1:4], estimate.values[1:4], 0.0)
+    return robot.with_payload(estimate.values[0], centre, tensor, frame, source="fit")
