@@ -10,8 +10,9 @@ from peers.pinocchio_peer import PinocchioArm, pin
 from records import Record, Task, record
 from timing import Check, Contestant, Entry, race
 
-from armwright.identification.arm.equations import Samples, equations_of, stacked
+from armwright.identification.arm.equations import equations_of, stacked
 from armwright.identification.arm.normal import normal_equations
+from armwright.identification.arm.samples import Samples
 
 ARM = "lwa4p"
 ROWS, QUICK_ROWS = 45_000, 500  # as the TX40's log has

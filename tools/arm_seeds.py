@@ -22,8 +22,9 @@ from scipy.stats import chi2, f
 
 import armwright as aw
 from armwright.identification.arm.base import BaseParameters, base_parameters
-from armwright.identification.arm.equations import Samples, equations_of
+from armwright.identification.arm.equations import equations_of
 from armwright.identification.arm.fit import fit_arm, with_correlation
+from armwright.identification.arm.samples import Samples
 from armwright.identification.arm.torque_model import TorqueModel, torque_model
 
 RATE, HARMONICS = 100.0, 8  # Hz of the rows, and of the motion's Fourier series

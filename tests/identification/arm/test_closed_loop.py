@@ -10,8 +10,9 @@ import armwright as aw
 from armwright.errors import IdentificationError
 from armwright.identification.arm.base import base_parameters
 from armwright.identification.arm.closed_loop import Feedback, fit_closed_loop, simulated_loop
-from armwright.identification.arm.equations import Samples, equations_of
+from armwright.identification.arm.equations import equations_of
 from armwright.identification.arm.fit import fit_arm
+from armwright.identification.arm.samples import Samples
 from armwright.identification.arm.torque_model import torque_model
 from armwright.identification.logs.preparation import low_pass
 

@@ -4,7 +4,8 @@ import numpy as np
 
 import armwright as aw
 from armwright.identification.arm.base import base_parameters, regrouped
-from armwright.identification.arm.equations import Samples, equations_of, stacked
+from armwright.identification.arm.equations import equations_of, stacked
+from armwright.identification.arm.samples import Samples
 from armwright.identification.arm.torque_model import random_states, torque_model
 from armwright.identification.arm.triangular import triangle
 

@@ -7,8 +7,9 @@ import armwright as aw
 from armwright.actuators.springs import spring_torque
 from armwright.description.robot import Source
 from armwright.errors import IdentificationError, LogError
-from armwright.identification.arm.equations import equations_of, samples_of
+from armwright.identification.arm.equations import equations_of
 from armwright.identification.arm.fit import cross_validated, fit_arm
+from armwright.identification.arm.samples import samples_of
 from armwright.identification.arm.spring_record import spring_keys
 from armwright.identification.validation.torque import predict_torque
 from armwright.model import build_model

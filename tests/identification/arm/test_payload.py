@@ -7,7 +7,6 @@ import pytest
 
 import armwright as aw
 from armwright.errors import LogError
-from armwright.identification.arm.equations import samples_of
 from armwright.identification.arm.payload import (
     NAMES,
     identify_payload,
@@ -15,6 +14,7 @@ from armwright.identification.arm.payload import (
     with_identified_payload,
     without_arm,
 )
+from armwright.identification.arm.samples import samples_of
 from identification.arm.moved_arm import moved
 
 MASS, COM = 2.0, (0.02, -0.03, 0.08)

@@ -7,7 +7,7 @@ import pytest
 
 import armwright as aw
 from armwright.identification.arm.base import base_parameters
-from armwright.identification.arm.equations import equations_of, samples_of, stacked
+from armwright.identification.arm.equations import equations_of, stacked
 from armwright.identification.arm.fit import fit_arm, measures_of
 from armwright.identification.arm.physical import (
     PER_LINK,
@@ -15,6 +15,7 @@ from armwright.identification.arm.physical import (
     physical_by_sdp,
     pseudo_inertias,
 )
+from armwright.identification.arm.samples import samples_of
 from armwright.identification.arm.torque_model import torque_model
 from identification.arm.tx40 import tx40_urdf
 from identification.real_logs import TX40, log_of

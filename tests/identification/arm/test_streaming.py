@@ -7,7 +7,8 @@ SCRIPT = """
 import sys, tracemalloc
 import numpy as np
 import armwright as aw
-from armwright.identification.arm.equations import Samples, equations_of
+from armwright.identification.arm.equations import equations_of
+from armwright.identification.arm.samples import Samples
 from armwright.identification.arm.base import base_parameters
 from armwright.identification.arm.fit import fit_arm, with_correlation
 from armwright.identification.arm.torque_model import torque_model

@@ -12,7 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from armwright.errors import IdentificationError
-from armwright.identification.arm.equations import Samples, equations_of, stacked
+from armwright.identification.arm.equations import equations_of, stacked
+from armwright.identification.arm.samples import Samples
 from armwright.identification.arm.torque_model import ZERO, Column, TorqueModel, random_states
 
 DEPENDENT = 1e-8  # sine of the angle between a column and the space of those before it: below, it depends on them

@@ -27,7 +27,7 @@ from scipy.signal import sosfiltfilt
 from armwright.errors import IdentificationError
 from armwright.identification.arm.base import BaseParameters
 from armwright.identification.arm.correlation import correlated
-from armwright.identification.arm.equations import Samples
+from armwright.identification.arm.samples import Samples
 from armwright.identification.arm.torque_model import TorqueModel
 from armwright.identification.logs.preparation import low_pass
 

@@ -18,9 +18,10 @@ import scipy.linalg
 from armwright.errors import IdentificationError
 from armwright.identification.arm.base import regrouped
 from armwright.identification.arm.correlation import correlated
-from armwright.identification.arm.equations import Equations, Factor, Samples, equations_of, samples_of, torque_source
+from armwright.identification.arm.equations import Equations, Factor, equations_of
 from armwright.identification.arm.fit import ArmFit, fit_arm, residuals_of
 from armwright.identification.arm.payload import TENSOR, PayloadModel, both_logs, checksum_of_both, payload_model
+from armwright.identification.arm.samples import Samples, samples_of, torque_source
 from armwright.identification.arm.torque_model import Column, TorqueModel, torque_model
 from armwright.identification.estimate import HALF_95, Estimate
 from armwright.identification.logs.log import Log

@@ -18,7 +18,8 @@ import scipy.linalg
 from armwright.errors import IdentificationError
 from armwright.identification.arm.base import BaseParameters
 from armwright.identification.arm.correlation import correlated
-from armwright.identification.arm.equations import Equations, Factor, Part, Samples, equations_of, stacked
+from armwright.identification.arm.equations import Equations, Factor, Part, equations_of, stacked
+from armwright.identification.arm.samples import Samples
 from armwright.identification.arm.triangular import triangle
 
 METHODS = ("ols", "wls", "irls")

@@ -13,7 +13,6 @@ import numpy as np
 
 from armwright.description.friction import key_of
 from armwright.errors import IdentificationError
-from armwright.identification.arm.equations import samples_of
 from armwright.identification.arm.friction_law import (
     CANDIDATES,
     WORTH,
@@ -26,6 +25,7 @@ from armwright.identification.arm.friction_law import (
     level_of,
     terms_of,
 )
+from armwright.identification.arm.samples import samples_of
 from armwright.identification.arm.spring_record import spring_keys
 from armwright.identification.arm.torque_model import torque_model
 from armwright.identification.estimate import Estimate

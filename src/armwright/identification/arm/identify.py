@@ -15,7 +15,7 @@ from armwright.errors import IdentificationError
 from armwright.identification.arm.arm_record import Paths, RecordParameters, described, record_parameters
 from armwright.identification.arm.base import BaseParameters, base_parameters, regrouped
 from armwright.identification.arm.closed_loop import Feedback, following
-from armwright.identification.arm.equations import Equations, Samples, equations_of, samples_of, stacked
+from armwright.identification.arm.equations import Equations, equations_of, stacked
 from armwright.identification.arm.fit import ArmFit, HeldOut, cross_validated, fit_arm, measures_of
 from armwright.identification.arm.methods import METHODS, FitProblem
 from armwright.identification.arm.remarks import (
@@ -27,6 +27,7 @@ from armwright.identification.arm.remarks import (
     unpredicted,
     verdict_of,
 )
+from armwright.identification.arm.samples import Samples, samples_of
 from armwright.identification.arm.separating import sentences
 from armwright.identification.arm.spring_record import SPRINGS
 from armwright.identification.arm.torque_model import USUAL_FRICTION, TorqueModel, torque_model

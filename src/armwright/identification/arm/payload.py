@@ -24,7 +24,7 @@ from armwright import scalar
 from armwright.dynamics.gears import joint_torques
 from armwright.errors import IdentificationError
 from armwright.identification.arm.base import regrouped
-from armwright.identification.arm.equations import Equations, Samples, equations_of, samples_of, stacked
+from armwright.identification.arm.equations import Equations, equations_of, stacked
 from armwright.identification.arm.fit import ArmFit, fit_arm, with_correlation
 from armwright.identification.arm.physical import (
     BASIS,
@@ -34,6 +34,7 @@ from armwright.identification.arm.physical import (
     physical_by_log_cholesky,
     pseudo_inertias,
 )
+from armwright.identification.arm.samples import Samples, samples_of
 from armwright.identification.arm.torque_model import INERTIAL, INERTIAL_UNITS, Column, TorqueModel, torque_model
 from armwright.identification.estimate import HALF_95, Estimate
 from armwright.identification.logs.log import Log

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from armwright.identification.arm.equations import Samples
 from armwright.identification.arm.fit import ArmFit
+from armwright.identification.arm.samples import Samples
 from armwright.identification.identifiability import ENOUGH, WEAK, gain, in_words, scaled, weak_directions
 
 STATES = 240  # of the log that a candidate repeats
