@@ -38,7 +38,7 @@ class LongRun:
 
     Attributes:
         root: (b, b), rootᵀ root = C.   orders: (n,) of the joints' autoregressions.   width: rows that Parzen's window spans.
-        freedom: independent rows behind Γ, so that δᵀ C⁻¹ δ is Hotelling's T² with as many degrees of freedom, nearly.
+        freedom: independent rows behind Γ: δᵀ C⁻¹ δ is T² with as many degrees of freedom, nearly. [Hotelling1931]
     """
 
     root: np.ndarray
