@@ -130,6 +130,36 @@ def test_missing_coulomb_friction_shows_in_torques(tmp_path):
     assert "torques measured from currents" in found.predictions[0].how
 
 
+@pytest.mark.parametrize(("command", "size"), [("torque", 0.8), ("voltage", 8.0)])
+def test_an_exact_record_lacks_no_friction_and_no_delay(tmp_path, command, size):
+    """Commands that are held from row to row drive a motor with Coulomb friction; its own record predicts their torques."""
+    record = motor_file(tmp_path)
+    record.write_text(record.read_text().replace('command = "voltage"', f'command = "{command}"'))
+    arm = aw.load(record)
+    tables = {
+        name: driven(arm, random_steps(3000, 50, [size], k), PERIOD, ("position", command))
+        for k, name in enumerate(("fit", "held"))
+    }
+    log = written_log(tmp_path, ["motor"], tables)
+    instants = validate(record, log, simulation=False).of("torque", "motor")
+    assert instants.delay is not None
+    assert instants.delay.samples == pytest.approx(-0.5, abs=0.1)
+    assert "held = true" in " ".join(instants.remarks)
+
+    unit = "V" if command == "voltage" else "N m"
+    log.write_text(log.read_text().replace(f'unit = "{unit}"', f'unit = "{unit}"\nheld = true'))
+    found = validate(record, log, simulation=False).of("torque", "motor")
+    assert found.overall.r2 > 0.995
+    assert found.overall.r2 > instants.overall.r2
+    assert found.delay is not None
+    assert abs(found.delay.samples) < 0.05
+    assert found.friction is not None
+    assert found.remarks == ()
+    values = {term.name: term.value for term in found.friction.terms}
+    assert abs(values["Coulomb"]) < 0.02 * 0.15
+    assert abs(values["viscous"]) < 0.02 * 0.02
+
+
 def test_without_held_out_runs_all_are_judged_and_that_is_said(two_link):
     arm, log = two_link
     other = log.with_name("all.log.toml")

@@ -139,9 +139,16 @@ class SignalTable(Record):
         description="Of a torque: terms that were taken off it before it was logged, as of gravity compensation.",
     )
 
+    held: bool = Field(
+        default=False,
+        description="true: each value holds until the next row, as of a command; false: it is that of its row's instant.",
+    )
+
     @model_validator(mode="after")
     def _consistent(self) -> SignalTable:
         kind = QUANTITIES[self.quantity]
+        if self.held and kind.signal not in ("tau", "current", "voltage"):
+            raise Invalid("goes with a torque, current or voltage", place="held", value=True)
         if self.joints is not None and len(self.joints) != len(self.columns):
             raise Invalid(place="joints", value=self.joints, expected=f"{len(self.columns)}, one for each column")
         if self.lacks and kind.signal not in ("tau", "tau_link"):

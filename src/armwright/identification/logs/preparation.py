@@ -314,7 +314,7 @@ def _window(
     if np.abs(times - even).max() > UNEVEN * stretch.period:
         even = np.clip(even, times[0], times[-1])
         values = {n: np.stack([np.interp(even, times, c) for c in v.T], axis=1) for n, v in values.items()}
-    filtered = {name: _filtered(preparation, each) for name, each in values.items()}
+    filtered = {name: zero_phase(preparation, each) for name, each in values.items()}
     for source, rates in RATES.items():
         if source in filtered:
             for order, name in enumerate(rates, start=1):
@@ -323,7 +323,7 @@ def _window(
     return Block(first, even[kept], {name: each[kept] for name, each in filtered.items()})
 
 
-def _filtered(preparation: Preparation, values: np.ndarray) -> np.ndarray:
+def zero_phase(preparation: Preparation, values: np.ndarray) -> np.ndarray:
     """A signal (rows, joints) filtered forward and backward, its ends continued by point reflection."""
     most = len(values) - 1
     pad = min(3 * settling(preparation.sections, EDGE), most)

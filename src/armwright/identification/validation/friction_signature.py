@@ -11,6 +11,7 @@ CERTAIN = 3.0  # standard deviations
 SHARE = 0.05  # of the residual's power that a term explains, to be called missing
 STRIBECK_SPEEDS = (0.03, 0.06, 0.12)  # of the largest speed, over which the peak falls
 ACTS = 0.1  # of a term's largest value: below it the term plays no part, as Stribeck's beyond low speeds
+WORTH = 0.01  # of the measured torque
 BINS = 16  # of either direction
 LEAST = 40  # rows
 TERMS = ("offset", "Coulomb", "viscous", "inertia", "Stribeck")
@@ -22,7 +23,7 @@ class Term:
 
     Attributes:
         name: one of TERMS.   value: what the record lacks; below 0: has too much.   std: its standard deviation.   unit.
-        share: of the residual's power that is gone with it, among the rows in which it acts.
+        share: of the residual's power that is gone with it, among the rows in which it acts.   rms: of its torques.
     """
 
     name: str
@@ -30,6 +31,7 @@ class Term:
     std: float
     unit: str
     share: float
+    rms: float = np.inf
 
     @property
     def is_missing(self) -> bool:
@@ -44,7 +46,7 @@ class FrictionSignature:
     Attributes:
         terms: offset, Coulomb, viscous, inertia and, where speeds reach low enough, Stribeck.
         explained: share of the residual's power that all terms explain together.
-        speed, mean, std: (k,) means of the residual in bins of speed.
+        speed, mean, std: (k,) means of the residual in bins of speed.   least: RMS of a term that is worth its name.
     """
 
     terms: tuple[Term, ...]
@@ -52,15 +54,23 @@ class FrictionSignature:
     speed: np.ndarray
     mean: np.ndarray
     std: np.ndarray
+    least: float = 0.0
 
     @property
     def missing(self) -> tuple[Term, ...]:
         """Terms that the record lacks or has too much of, the largest first."""
-        return tuple(sorted((term for term in self.terms if term.is_missing), key=lambda term: -term.share))
+        found = [term for term in self.terms if term.is_missing and term.rms >= self.least]
+        return tuple(sorted(found, key=lambda term: -term.share))
 
 
 def friction_signature(
-    residual: np.ndarray, speed: np.ndarray, acceleration: np.ndarray, unit: str = "N m", length: str = "rad"
+    residual: np.ndarray,
+    speed: np.ndarray,
+    acceleration: np.ndarray,
+    unit: str = "N m",
+    length: str = "rad",
+    direction: np.ndarray | None = None,
+    size: float = 0.0,
 ) -> FrictionSignature | None:
     """Least squares fit of  e = offset + F_c sgn q̇ + F_v q̇ + J q̈ (+ F_s sgn q̇ exp(−(q̇/v_s)²))  to residual torques.
 
@@ -70,6 +80,8 @@ def friction_signature(
     Args:
         residual: (rows,) measured less predicted torque [N m | N].   speed: (rows,) [rad/s | m/s].
         acceleration: (rows,) [rad/s² | m/s²].   unit: of the torque.   length: of the position.
+        direction: (rows,) sgn q̇ through the filter that the torques have passed; None: unfiltered.
+        size: RMS of the measured torque: a term below a hundredth of it is none that a record lacks.
     Returns:
         signature: None of a joint that hardly moves.
     """
@@ -78,7 +90,8 @@ def friction_signature(
     if top == 0.0 or moving.sum() < LEAST:
         return None
     e, v, a = residual[moving], speed[moving], acceleration[moving]
-    columns = {"offset": np.ones(len(v)), "Coulomb": np.sign(v), "viscous": v, "inertia": a}
+    sign = np.sign(v) if direction is None else direction[moving]
+    columns = {"offset": np.ones(len(v)), "Coulomb": sign, "viscous": v, "inertia": a}
     columns = {
         name: column for name, column in columns.items() if name != "Coulomb" or ((v > 0).any() and (v < 0).any())
     }
@@ -95,7 +108,7 @@ def friction_signature(
         "offset": unit, "Coulomb": unit, "Stribeck": unit, "viscous": f"{unit} s/{length}",
         "inertia": "kg m²" if length == "rad" else "kg",
     }  # fmt: skip
-    return FrictionSignature(*_terms(e, columns, units), *_by_speed(e, v))
+    return FrictionSignature(*_terms(e, columns, units), *_by_speed(e, v), WORTH * size)
 
 
 def _terms(e: np.ndarray, columns: dict[str, np.ndarray], units: dict[str, str]) -> tuple[tuple[Term, ...], float]:
@@ -115,8 +128,10 @@ def _terms(e: np.ndarray, columns: dict[str, np.ndarray], units: dict[str, str])
     powers = (e[:, None] ** 2 * acts).sum(axis=0)
     shares = np.divide(rises, powers, out=np.zeros_like(rises), where=powers > 0)
     terms = tuple(
-        Term(name, float(c), float(s), units[name], float(min(share, 1.0)))
-        for name, c, s, share in zip(columns, solution / scales, std, shares, strict=True)
+        Term(name, float(c), float(s), units[name], float(min(share, 1.0)), float(size))
+        for name, c, s, share, size in zip(
+            columns, solution / scales, std, shares, np.abs(solution) / len(e) ** 0.5, strict=True
+        )
     )
     return terms, 1.0 - float(rest @ rest) / float(e @ e) if e.any() else 0.0
 
@@ -126,4 +141,5 @@ def _by_speed(e: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.
     order = np.argsort(v)
     either_way = (order[v[order] < 0], order[v[order] > 0])  # friction jumps between them
     bins = [part for side in either_way for part in np.array_split(side, BINS) if len(part)]
-    return tuple(np.array([f(x[part]) for part in bins]) for f, x in ((np.mean, v), (np.mean, e), (np.std, e)))  # type: ignore[return-value]
+    mean, spread = ([f(e[part]) for part in bins] for f in (np.mean, np.std))
+    return np.array([v[part].mean() for part in bins]), np.array(mean), np.array(spread)

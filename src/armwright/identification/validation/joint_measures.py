@@ -37,6 +37,8 @@ CAUSES = {  # of a wrong scale
 }
 SLOW = 0.005  # of the joint's largest speed: below it for REST seconds and LEAST rows a joint is at rest
 REST, LEAST = 0.1, 20
+AS_HELD = ", as a command does that is held from row to row: `held = true` in the log's file says so"
+HALF = 0.15  # samples: as far from half a sample a delay is that of a hold
 LATE = 0.3  # samples: shorter delays are as the differences of counts have them
 
 
@@ -142,7 +144,8 @@ def joint_measures(predictions: Sequence[Prediction], column: int, still: set[st
     unit, friction = first.units[column], None
     if first.quantity == "torque" and rows.speed is not None and rows.acceleration is not None:
         length = "m" if unit == "N" else "rad"
-        friction = friction_signature(residual, rows.speed, rows.acceleration, unit, length)
+        size = rms(rows.measured) if len(residual) else 0.0
+        friction = friction_signature(residual, rows.speed, rows.acceleration, unit, length, rows.direction, size)
     found = JointMeasures(
         first.joints[column],
         first.quantity,
@@ -204,6 +207,7 @@ class _Rows:
     speed: np.ndarray | None
     acceleration: np.ndarray | None
     inputs: np.ndarray | None
+    direction: np.ndarray | None
 
 
 def _joined(moves: Sequence[tuple[Prediction, np.ndarray]], column: int) -> _Rows:
@@ -231,6 +235,7 @@ def _joined(moves: Sequence[tuple[Prediction, np.ndarray]], column: int) -> _Row
         known([each.speed for each in runs]),
         known([each.acceleration for each in runs]),
         known([each.inputs for each in runs]),
+        known([each.direction for each in runs]),
     )
 
 
@@ -260,6 +265,7 @@ def remarks(found: JointMeasures) -> list[str]:
         said.append(
             f"the measured {found.quantity} comes {abs(d.samples):.2f} ± {d.std:.2g} samples "
             f"({1e3 * abs(d.samples) * found.period:.3g} ms) {'after' if d.samples > 0 else 'before'} the predicted one"
+            f"{AS_HELD if found.quantity == 'torque' and abs(d.samples + 0.5) < max(HALF, 3 * d.std) else ''}"
         )
     if found.friction is not None:
         said += _friction(found.friction)

@@ -39,6 +39,7 @@ class Prediction:
         speed, acceleration: (rows, n) of the joints, where they are known.
         inputs: (rows, n) what drove the prediction, for the cross-correlation; `input_name` in words.
         diverged: windows whose simulation left the finite numbers.
+        direction: (rows, n) sign of the speed, through the filter that measured torques have passed.
     """
 
     quantity: Quantity
@@ -58,6 +59,7 @@ class Prediction:
     inputs: np.ndarray | None = None
     input_name: str = ""
     diverged: int = 0
+    direction: np.ndarray | None = None
 
 
 def preparation_for(log: Log, run: str, decimate: int | None = None) -> Preparation:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-from scipy.signal import sosfiltfilt
 
 from armwright.actuators import drive_torque
 from armwright.actuators.coupling import shares_of, to_motors
 from armwright.description.drive import Command
 from armwright.errors import LogError
 from armwright.identification.logs.log import Log
-from armwright.identification.logs.preparation import EDGE, Preparation, prepare_log, settling
+from armwright.identification.logs.preparation import Preparation, prepare_log, zero_phase
+from armwright.identification.logs.units import QUANTITIES
 from armwright.identification.validation.prediction import (
     Prediction,
     check_match,
@@ -24,6 +24,7 @@ from armwright.identification.validation.prediction import (
     preparation_for,
     units_of,
 )
+from armwright.identification.validation.residuals import parts_of
 from armwright.kernels.compiled import CompiledArm, compile_arm
 from armwright.model import Model
 
@@ -50,6 +51,10 @@ def predict_torque(
 ) -> Prediction:
     """Torques of a run by inverse dynamics,  τ̂ = M(q) q̈ + C q̇ + g + f(q̇),  along its prepared motion. [LuhWalkerPaul1980]
 
+    Measured torques have passed the log's filter. The motion has too, and with it all of τ̂ but dry friction, which jumps: that
+    passes the filter after it was computed, or a jump beside a smooth step would look like missing friction. A torque that is
+    held from row to row (`held` in the log's file) acts half a period later than its row says.
+
     Where motors are coupled, τ̂ are torques on the joints, as logs have them: Bᵀ times those of the motors.
 
     Measured torques are those of the log, or of its currents, Nᵀ Kt i, or of its voltages by eq. (12) of the CMU report.
@@ -69,54 +74,74 @@ def predict_torque(
     check_constants(arm, source, log)
     chosen = log.run(run)
     preparation = preparation or preparation_for(log, chosen.name)
-    data = prepare_log(log, chosen.name, preparation)
+    data = prepare_log(log, chosen.name, replace(preparation, decimate=1))
     if "qdd" not in data:
         raise LogError("neither position nor speed logged", place="signals", expected="one of them", file=log.path)
     arm = as_logged(arm, log, source)
     dyn = dyn or compile_arm(arm)
-    order = columns_of(arm, log)
+    order, parts = columns_of(arm, log), parts_of(data["stretch"].values)
     q, qd, qdd = positions_of(arm, dyn, log, data), data["qd"].values[:, order], data["qdd"].values[:, order]
-    predicted = dyn.inverse_dynamics(q, qd, qdd) + _rounding(arm, dyn, log, chosen.name, preparation)
-    measured = _measured(arm, source, data[source].values[:, order], qd)
+    values = data[source].values[:, order]
+    held = any(signal.held for signal in log.table.signals if QUANTITIES[signal.quantity].signal == source)
+    if held:
+        values = _between(values, parts)
+    rows = np.concatenate([np.arange(part.start, part.stop, preparation.decimate) for part in parts])
+    predicted = dyn.inverse_dynamics(q[rows], qd[rows], qdd[rows])
+    direction = _filtered(np.sign(qd), parts, preparation)[rows]
+    smooth = without_dry_friction(arm)
+    if smooth is not arm:
+        dry = dyn.inverse_dynamics(q, qd, qdd) - compile_arm(smooth).inverse_dynamics(q, qd, qdd)
+        predicted = predicted + (_filtered(dry, parts, preparation) - dry)[rows]
     how = {"tau": "", "current": " from currents", "voltage": " from voltages"}[source]
     return Prediction(
         "torque",
-        f"inverse dynamics along the log, torques measured{how}",
+        f"inverse dynamics along the log, torques measured{how}{', held from row to row' * held}",
         chosen.name,
         chosen.use,
         tuple(arm.names),
         units_of(arm, "torque"),
         preparation.rate / preparation.decimate,
         preparation.decimate,
-        data["time"].values,
-        data["stretch"].values,
-        measured,
+        data["time"].values[rows],
+        data["stretch"].values[rows],
+        _measured(arm, source, values[rows], qd[rows]),
         predicted @ motor_shares(arm),
-        qd,
-        qdd,
-        qdd,
+        qd[rows],
+        qdd[rows],
+        qdd[rows],
         "acceleration",
+        direction=direction,
     )
 
 
-def _rounding(arm: Model, dyn: CompiledArm, log: Log, run: str, preparation: Preparation) -> np.ndarray:
-    """Loss of dry friction in the low-pass, (rows, n) or 0 [N m | N]: measured torques went through it, signs of speeds did not.
+def _between(values: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+    """Means (rows, n) over a period around each row of values that are held until the next row: (u(k - 1) + u(k)) / 2.
 
-    Dry friction jumps where a joint turns back, and leaves the filter as a smooth step.
+    Differences of positions say as much of the motion: the second one of x is T² (ẍ(k - 1) + ẍ(k)) / 2 where ẍ is held.
     """
-    if not any(body.friction is not None and body.friction.is_dry for body in arm.coordinates):
-        return np.zeros(arm.n)
-    smooth = compile_arm(_without_friction(arm, ("coulomb",)))
-    data, order = prepare_log(log, run, replace(preparation, decimate=1)), columns_of(arm, log)
-    q, qd, qdd = positions_of(arm, dyn, log, data), data["qd"].values[:, order], data["qdd"].values[:, order]
-    sharp = dyn.inverse_dynamics(q, qd, qdd) - smooth.inverse_dynamics(q, qd, qdd)
-    parts = []
-    for stretch in np.unique(data["stretch"].values):
-        dry = sharp[data["stretch"].values == stretch]
-        pad = min(3 * settling(preparation.sections, EDGE), len(dry) - 1)
-        rounded = np.asarray(sosfiltfilt(preparation.sections, dry, axis=0, padlen=pad))
-        parts.append((rounded - dry)[:: preparation.decimate])
-    return np.concatenate(parts)
+    means = values.copy()
+    for part in parts:
+        means[part][1:] = 0.5 * (values[part][1:] + values[part][:-1])
+    return means
+
+
+def _filtered(values: np.ndarray, parts: Sequence[slice], preparation: Preparation) -> np.ndarray:
+    """Values (rows, n) through the filter that measured torques have passed, stretch by stretch."""
+    found = values.copy()
+    for part in parts:
+        found[part] = zero_phase(preparation, values[part])
+    return found
+
+
+def without_dry_friction(arm: Model) -> Model:
+    """The arm without the part of friction that jumps where the speed changes its sign; itself if it has none."""
+    if not any(body.friction is not None and (body.friction.is_dry or body.friction.parameters) for body in arm.bodies):
+        return arm
+    dry: dict[str, Any] = FRICTION["coulomb"] | {"law": "coulomb", "parameters": (), "load_coefficient": None}
+    bodies = (
+        body if body.friction is None else replace(body, friction=replace(body.friction, **dry)) for body in arm.bodies
+    )
+    return replace(arm, bodies=tuple(bodies))
 
 
 def check_constants(arm: Model, source: str, log: Log) -> None:
@@ -158,12 +183,7 @@ def as_logged(arm: Model, log: Log, source: str) -> Model:
     lacks = {term for signal in log.table.signals for term in signal.lacks} if source == "tau" else set()
     whole = {"springs": None, "rotors": None, "gravity": np.zeros(3)}
     arm = arm.replace(**{term: value for term, value in whole.items() if term in lacks})
-    return _without_friction(arm, lacks)
-
-
-def _without_friction(arm: Model, terms: Collection[str]) -> Model:
-    """The arm without some terms of its friction, keys of `FRICTION`; it knows no others."""
-    taken = {key: value for term in terms for key, value in FRICTION.get(term, {}).items()}
+    taken = {key: value for term in lacks for key, value in FRICTION.get(term, {}).items()}
     if not taken:
         return arm
     bodies = (
