@@ -144,3 +144,18 @@ def test_too_short_and_impossible_choices(tmp_path):
         with pytest.raises(LogError, match=said):
             aw.choose_preparation(log, **wrong)
     assert replace(choice, cutoff=2.0).sections.shape == (2, 6)
+
+
+@pytest.mark.parametrize("rate", [200.0, 1000.0])
+@pytest.mark.parametrize("lines", [4, 10, 200])
+@pytest.mark.parametrize("slope", [0, 1, 2])
+def test_the_band_of_a_multisine_reaches_its_highest_line(rate, lines, slope):
+    """Lines an octave and more apart leave gaps in the spectrum, at which the band does not end."""
+    rng, duration, highest = np.random.default_rng(lines), 10.0, 20.0
+    t = np.arange(int(rate * duration)) / rate
+    f = np.unique(np.round(np.geomspace(0.2, highest, lines) * duration)) / duration
+    q = np.sum(f[:, None] ** -slope * np.sin(2 * np.pi * f[:, None] * t + rng.uniform(0, 6.28, (len(f), 1))), axis=0)
+    q += 1e-6 * np.ptp(q) * rng.standard_normal(len(t))
+    for signal, derivatives in ((q, 2), (np.gradient(q, 1.0 / rate), 1)):
+        band, _ = motion_band(signal, rate, derivatives)
+        assert highest <= band <= 4.5 * highest
