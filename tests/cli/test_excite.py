@@ -61,7 +61,12 @@ def test_a_command_of_a_motor(tmp_path):
         (["motor", "prbs", "-o", "m.csv", "--gain", "0", "--time-constant", "1", "--most", "1"], "--gain = 0"),
         (["motor", "noise", "-o", "m.csv", "--gain", "1", "--time-constant", "1", "--most", "1"], "kind = 'noise'"),
         (["two-link"], "--output"),
-        (["two-link", "-o", "m.csv", "--velocity", "1", "--criterion", "best"], "criterion = 'best'"),
+        (["two-link", "-o", "m.csv", "--velocity", "1", "--criterion", "best"], "--criterion = 'best'"),
+        (["two-link", "-o", "m.csv", "--velocity", "1", "--period", "-1"], "--period = -1"),
+        (
+            ["motor", "step", "-o", "m.csv", "--gain", "1", "--time-constant", "1", "--most", "1", "--sample", "0"],
+            "--sample = 0",
+        ),
     ],
 )
 def test_bad_input_is_one_line(tmp_path, monkeypatch, arguments, said):

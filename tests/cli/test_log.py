@@ -44,6 +44,8 @@ def test_mistakes_are_one_line(tmp_path):
         result = run("log", *arguments, code=2)
         assert result.stderr.startswith("armwright: error: ")
         assert result.stderr.count("\n") == 1
+        option = next((each for each in ("--run", "--cutoff", "--decimate") if each in arguments), "")
+        assert option in result.stderr
 
 
 @pytest.mark.filterwarnings("error")

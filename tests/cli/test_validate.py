@@ -60,7 +60,7 @@ def test_input_that_cannot_be(made, tmp_path):
         ([record.with_name("none.toml"), log], "none.toml"),
         ([record, log.with_name("none.log.toml")], "none.log.toml"),
         ([record, log, "--report", tmp_path / "report.pdf"], ".html"),
-        ([record, log, "--window", "-1"], "window"),
+        ([record, log, "--window", "0"], "--window = 0"),
         ([record, log, "--run", "none"], "no such run"),
     ):
         code, text = run(*arguments)

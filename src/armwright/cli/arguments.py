@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armwright.errors import ABSENT, DivergenceError, ScenarioError
+from armwright.errors import ABSENT, ArmwrightError, DivergenceError, ScenarioError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -210,3 +210,18 @@ def naming_options(*fields: str) -> Iterator[None]:
         renamed = error.renamed(lambda place: options.get(place, place), in_text)
         absent = (replace(each, value=ABSENT) if each.value is None else each for each in renamed.problems)
         raise type(error).of(*absent) from None
+
+
+@contextmanager
+def as_options(*fields: str) -> Iterator[None]:
+    """Errors about arguments of a function name the options that gave them: `most_order` → `--most-order`.
+
+    Args:
+        fields: the arguments.
+    Raises:
+        ArmwrightError: as it was raised, its place an option where it is one of these.
+    """
+    try:
+        yield
+    except ArmwrightError as error:
+        raise error.renamed(lambda place: f"--{place.replace('_', '-')}" if place in fields else place) from None

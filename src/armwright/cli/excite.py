@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from armwright.cli.arguments import Robot, option
+from armwright.cli.arguments import Robot, as_options, option
 from armwright.errors import ScenarioError
 from armwright.terminal import say
 
@@ -34,7 +34,11 @@ Seed = Annotated[int, option("--seed", "N", "Of random numbers, 0 by default.")]
 
 @excite.callback()
 def _about() -> None:
-    """Design experiments for identification: `excite ROBOT` a motion of the whole arm, `excite motor` a command of one motor."""
+    """Design experiments for identification.
+
+    `excite ROBOT -o MOTION.csv` is short for `excite arm ROBOT -o MOTION.csv`: a motion of the whole arm. `excite motor KIND`
+    makes a command of one motor.
+    """
 
 
 @excite.command()
@@ -95,7 +99,8 @@ def arm(
         if text is not None
     }
     box = None if floor is None else [[-float("inf"), -float("inf"), floor], [float("inf")] * 3]
-    with progress(f"designing a motion of {model.name}") as tell:
+    options = ("period", "harmonics", "starts", "criterion", "velocity", "acceleration", "torque", "seed")
+    with as_options(*options), progress(f"designing a motion of {model.name}") as tell:
         found = aw.design_excitation(
             model, period=period, harmonics=harmonics, starts=starts, criterion=criterion,  # type: ignore[arg-type]
             box=box, seed=seed, progress=tell, **limits,
@@ -148,7 +153,9 @@ def motor(
         "unit": unit,
     }  # fmt: skip
     given = {name: value for name, value in options.items() if value is not None}
-    found = aw.motor_experiment(kind, _guess(robot, joint, given), sample=sample, seed=seed)
+    guess = _guess(robot, joint, given)
+    with as_options("sample", "seed"):
+        found = aw.motor_experiment(kind, guess, sample=sample, seed=seed)
     say(found)
     found.save(output)
     say(f"wrote {output}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armwright.cli.arguments import option
+from armwright.cli.arguments import as_options, option
 from armwright.cli.tables import console_for_tables, number, table
 from armwright.errors import LogError
 from armwright.terminal import say
@@ -49,7 +49,8 @@ def log(
         check_log_plot(picture)
     with progress(f"reading {file.name}") as tell:
         found = aw.read_log(file, on_error="keep", progress=tell)
-    found.run(run)
+    with as_options("run"):
+        found.run(run)
     console = console_for_tables()
     console.print(_runs(found))
     console.print(_signals(found))
@@ -61,7 +62,8 @@ def log(
         console.print()
         count = f"{len(found.errors)} error{'s' * (len(found.errors) != 1)}"
         raise LogError(f"{count}: the log cannot be used as its file describes it", file=file)
-    preparation = choose_preparation(found, run, cutoff=cutoff, decimate=decimate)
+    with as_options("cutoff", "decimate"):
+        preparation = choose_preparation(found, run, cutoff=cutoff, decimate=decimate)
     say(f"\nprepared for a fit ({found.run(run).name}):")
     for reason in preparation.reasons:
         say(f"  {reason}")

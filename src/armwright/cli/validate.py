@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from armwright.cli.arguments import SCENARIO, Allow, option, refuse_allow
+from armwright.cli.arguments import SCENARIO, Allow, as_options, option, refuse_allow
 from armwright.cli.tables import console_for_tables, table
 from armwright.terminal import say
 
@@ -68,7 +68,7 @@ def validate(
         refuse_allow(allow)
         subject, record = robot, None
     check_verdict(record or robot)
-    with progress(f"comparing {robot} with {log.name}") as tell:
+    with as_options("window", "run"), progress(f"comparing {robot} with {log.name}") as tell:
         found = aw.validate(
             subject,
             log,

@@ -178,7 +178,7 @@ def design_excitation(
 def _check(period: Any, harmonics: Any, starts: Any, criterion: Any, scaling: Any, seed: Any) -> None:
     is_number = isinstance(period, (int, float, np.number)) and not isinstance(period, bool)
     if not is_number or not 1e-6 < period < 1e6:
-        raise ScenarioError(place="period", value=period, expected="a number of seconds")
+        raise ScenarioError(place="period", value=period, expected="a time from 1e-6 to 1e6 s")
     for name, value, least, most in (
         ("harmonics", harmonics, 2, 50),
         ("starts", starts, 1, 1000),

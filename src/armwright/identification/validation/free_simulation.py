@@ -103,7 +103,7 @@ def simulate_log(
     check_constants(arm, signal, log)
     arm = as_logged(arm, log, signal)
     if window is not None and not (isinstance(window, (int, float)) and window > 0):
-        raise LogError(place="window", value=window, expected="a time above 0 [s], or None")
+        raise LogError(place="window", value=window, expected="a time above 0 [s]")
     if not is_logged(log, "q"):
         check_pose_free(arm, dyn or compile_arm(arm), log)
     driven = [_driven(arm, log, log.run(name), signal, window) for name in runs]
