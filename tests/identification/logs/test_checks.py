@@ -192,3 +192,13 @@ def test_findings_of_several_runs_are_told_once(tmp_path):
     lines = findings(tmp_path, scaled("v1", by=-1.0), text, "error")
     assert len(lines) == 1
     assert "alike in all other runs" in lines[0]
+
+
+def test_a_motor_on_a_bench_turns_as_far_as_it_likes(tmp_path):
+    signal = '[[signals]]\nquantity = "position"\ncolumns = {}\nunit = "rad"\nside = "joint"\n'
+    t = np.arange(4000) / RATE
+    turned = {"t": t, "q1": 10 * 2 * np.pi * np.sin(t), "q2": np.sin(3 * t)}
+    bench = HEAD.replace('joints = ["shoulder", "elbow"]', 'joints = ["motor"]') + signal.format('"q1"')
+    assert not any("turns by" in line for line in findings(tmp_path, lambda _: turned, bench))
+    arm = HEAD + signal.format('["q1", "q2"]')
+    assert any("turns by 20 turns" in line for line in findings(tmp_path, lambda _: turned, arm))

@@ -232,7 +232,8 @@ def _limits(log: Log, run: LogRun, census: Census) -> Found:
             span = f"from {low:.4g} to {high:.4g} {unit}"
             what = f"{span}, beyond the joint's limits [{bounds[0]:.4g}, {bounds[1]:.4g}]{guess}"
             yield (_error if guess else _note)(what, f"q {name}")
-        elif not np.isfinite(bounds).all() and unit == "rad" and high - low > TURNS:
+        # a log of one joint may be of a motor on a bench, which turns as long as it likes
+        elif len(log.joints) > 1 and not np.isfinite(bounds).all() and unit == "rad" and high - low > TURNS:
             turns = (high - low) / (2 * pi)
             yield _note(
                 f"turns by {turns:.4g} turns: degrees, counts or the motor's side taken for the joint's?", f"q {name}"
