@@ -210,6 +210,13 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
             *(ratio("Pinocchio ÷ ours", "pinocchio_python"), worst("error")),
         ),
     ),
+    "ik": (
+        "Inverse kinematics, ns per pose",
+        (
+            *(label("arm", "arm"), label("work", "work"), label("poses", "states"), time("ours", "ours")),
+            *(time("EAIK", "eaik"), ratio("EAIK ÷ ours", "eaik"), worst("error")),
+        ),
+    ),
     "compile": (
         "Tracing and compiling with a cold cache, ms",
         (

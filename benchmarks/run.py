@@ -30,6 +30,7 @@ MODULES = (
     "rows_stiff",
     "rows_control",
     "rows_identification",
+    "rows_ik",
     "rows_scaling",
     "rows_start",
 )

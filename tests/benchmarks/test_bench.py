@@ -21,6 +21,7 @@ CHAPTERS = (
     "control",
     "batch size",
     "threads",
+    "ik",
     "start",
     "compile",
 )
