@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ class PoseBranches:
         success: (…, 8) True where the pose is met within the tolerance and the limits; the others are no solutions.
         position_error: (…, 8) [m].   angle_error: (…, 8) [rad].
         margin: (…, 8) least distance to a joint limit as a share of its range; negative beyond it.
+        limits: (2, n) lowest and highest positions [rad].   joints: names.
     """
 
     q: np.ndarray
@@ -23,6 +24,24 @@ class PoseBranches:
     position_error: np.ndarray
     angle_error: np.ndarray
     margin: np.ndarray
+    limits: np.ndarray
+    joints: tuple[str, ...]
+
+    def reshaped(self, shape: tuple[int, ...]) -> PoseBranches:
+        """The branches of (k,) targets as those of targets `shape`."""
+        names = ("q", "success", "position_error", "angle_error", "margin")
+        parts = {name: getattr(self, name) for name in names}
+        return replace(self, **{name: part.reshape((*shape, *part.shape[1:])) for name, part in parts.items()})
+
+    def obstacle(self, k: tuple[int, ...], tolerance: float) -> str:
+        """Why target k has no solution, in words: the limit that the best branch which meets the pose is beyond."""
+        met = np.maximum(self.position_error[k], self.angle_error[k]) <= tolerance
+        if not met.any():
+            return UNREACHABLE
+        q = self.q[k][np.argmax(np.where(met, self.margin[k], -np.inf))]
+        beyond = np.maximum(self.limits[0] - q, q - self.limits[1])
+        joint = int(np.argmax(beyond))
+        return f"not within the limits, {self.joints[joint]} would be {beyond[joint]:.3g} rad beyond its own"
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +87,8 @@ class PoseSolutions:
         for place in np.argwhere(~self.success)[:SHOWN]:
             k = tuple(place)
             if not np.isfinite(self.position_error[k]):
-                lines.append(f"target {', '.join(map(str, place)) or 0}: {self._obstacle(k)}")
+                why = self.branches.obstacle(k, self.tolerance) if self.branches is not None else UNREACHABLE
+                lines.append(f"target {', '.join(map(str, place)) or 0}: {why}")
                 continue
             off = f"{1e3 * self.position_error[k]:.4g} mm and {1e3 * self.angle_error[k]:.4g} mrad"
             lines.append(f"target {', '.join(map(str, place)) or 0}: not reached, the nearest pose is {off} off")
@@ -85,15 +105,6 @@ class PoseSolutions:
             return many
         return f"in {self.method}" + (f", {numeric} of them numerically, {many}" if numeric else "")
 
-    def _obstacle(self, k: tuple[int, ...]) -> str:
-        """Why a closed form has no solution for a target, in words."""
-        if self.branches is None:
-            return "no joint positions reach it"
-        met = np.maximum(self.branches.position_error[k], self.branches.angle_error[k]) <= self.tolerance
-        if not met.any():
-            return "no joint positions reach it"
-        beyond = -self.branches.margin[k][met].max()
-        return f"reached beyond the limits only, by {1e2 * beyond:.3g} % of a joint's range"
-
 
 SHOWN = 5  # targets that are listed
+UNREACHABLE = "no joint positions reach it"

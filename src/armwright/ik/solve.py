@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields
 from functools import lru_cache
 from typing import Any, Literal, get_args
 
@@ -17,7 +16,7 @@ from armwright.ik.goals import GOALS, Goal
 from armwright.ik.measures import limit_margin
 from armwright.ik.pose_defect import pose_defects
 from armwright.ik.several import best_different, descended
-from armwright.ik.solutions import PoseBranches, PoseSolutions
+from armwright.ik.solutions import PoseSolutions
 from armwright.ik.starts import RANKED, Starts
 from armwright.kernels.compiled import compile_arm
 from armwright.kernels.loop import Loop, Tasks
@@ -198,10 +197,9 @@ def inverse_kinematics(
             )
             for every, found in zip(values, some, strict=True):
                 every[left] = found
-        parts = [getattr(branches, each.name) for each in fields(branches)]
         more = {
             "method": f"closed form ({closed.geometry.description})",
-            "branches": PoseBranches(*(part.reshape((*shape, *part.shape[1:])) for part in parts)),
+            "branches": branches.reshaped(shape),
             "branch": branch.reshape(shape),
         }
     return PoseSolutions(*(each.reshape((*shape, *each.shape[1:])) for each in values), tolerance=limit, **more)

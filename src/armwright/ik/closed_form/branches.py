@@ -112,7 +112,9 @@ class ClosedForm:
 
     def __init__(self, model: Model, frame: str | None, geometry: Geometry, near: bool):
         self.geometry, self.near = geometry, near
-        self._kernel = Kernel(branches_program(Chain(model, frame, 1.0), geometry, near), select_target())
+        chain = Chain(model, frame, 1.0)
+        self._limits, self._joints = np.array(chain.limits), tuple(model.names)
+        self._kernel = Kernel(branches_program(chain, geometry, near), select_target())
 
     def solve(
         self, poses: np.ndarray, near: np.ndarray | None, tolerance: float, threads: int
@@ -120,7 +122,7 @@ class ClosedForm:
         """All branches of poses (k, 4, 4) and the best of each (k, n + 4), see `branches_program`."""
         inputs = [poses, np.array([tolerance])] + ([near] if self.near else [])
         q, position, angle, margin, solved, best = self._kernel(*inputs, threads=threads)
-        return PoseBranches(q, solved == 1.0, position, angle, margin), best
+        return PoseBranches(q, solved == 1.0, position, angle, margin, self._limits, self._joints), best
 
 
 @lru_cache(maxsize=16)
