@@ -19,6 +19,7 @@ from armwright.description import built_from, drive, drive_effects, fits, robot,
 from armwright.identification.logs import log_file as log
 from armwright.lazy_schema import Later
 from armwright.modules import assembly, library, task
+from armwright.motions import records as motions
 from armwright.parts import materials
 from armwright.parts import records as parts
 from armwright.quantity import Quantity, Source
@@ -88,6 +89,27 @@ SCENARIO_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("[recording]", "", (scenario.RecordingTable,)),
     ("[lanes]", "", (scenario.Lanes,)),
     ("What a number is in the lanes", "", (scenario.Values,)),
+)
+MOTION_TABLES = (
+    ("The file", "", (motions.MotionTable,)),
+    ("[limits]", "", (motions.LimitsTable,)),
+    (
+        "[[segments]]",
+        "",
+        (
+            motions.MoveSegment,
+            motions.WaypointsSegment,
+            motions.TimeOptimalSegment,
+            motions.ToolSegment,
+            motions.LinePiece,
+            motions.ArcPiece,
+            motions.CirclePiece,
+            motions.DwellSegment,
+            motions.GripSegment,
+            motions.ReleaseSegment,
+        ),
+    ),
+    ("[[obstacles]]", "", (motions.PlaneTable, motions.BoxTable, motions.SphereTable)),
 )
 LOG_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("The file itself", "", (log.LogTable,)),
@@ -244,6 +266,11 @@ def scenario_file() -> str:
     return _sections(SCENARIO_TABLES)
 
 
+def motion_file() -> str:
+    """A section for every table of a motion file."""
+    return _sections(MOTION_TABLES)
+
+
 def log_file() -> str:
     """A section for every table of a log file."""
     return _sections(LOG_TABLES)
@@ -291,4 +318,5 @@ GENERATORS = {
     "module-files": module_files,
     "parts-file": parts_file,
     "scenario-file": scenario_file,
+    "motion-file": motion_file,
 }

@@ -280,3 +280,28 @@ def test_the_command_ends_with_2_and_writes_nothing(tmp_path):
     done = CliRunner().invoke(app, ["plan", str(path), "-o", str(tmp_path / "m.csv")])
     assert done.exit_code == 2
     assert not (tmp_path / "m.csv").exists()
+
+
+@pytest.mark.parametrize("name", ["a.motion.toml", "a.csv", "a.nc"])
+def test_simulate_follows_a_motion(tmp_path, name):
+    plan = planned(tmp_path, MOVE.format(""))
+    for file in ("a.csv", "a.nc"):
+        plan.save(tmp_path / file)
+    scenario = tmp_path / "a.scenario.toml"
+    scenario.write_text(
+        SCENARIO.format("a.csv").replace('{ kind = "motion", file = "a.csv" }', '{ kind = "pose", q = 0.1 }')
+    )
+    arguments = ["simulate", str(scenario), "--reference", str(tmp_path / name), "-o", str(tmp_path / "run.nc")]
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    run = aw.load_run(tmp_path / "run.nc")
+    np.testing.assert_allclose(run.q_reference.values, plan.motion.at(run.time.values)[0], atol=1e-9)
+
+
+def test_simulate_without_a_loop_follows_nothing(tmp_path):
+    planned(tmp_path, MOVE.format(""))
+    done = CliRunner().invoke(
+        app, ["simulate", "lwa4p", "--current", "0", "--reference", str(tmp_path / "a.motion.toml")]
+    )
+    assert done.exit_code == 2
+    assert "a scenario file, whose controller follows it" in done.output

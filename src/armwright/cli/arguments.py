@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from armwright.simulation.scenario_parts import Start
 
 SCENARIO = ".scenario.toml"
+MOTION = ".motion.toml"
 
 
 def option(names: str, metavar: str, text: str) -> Any:

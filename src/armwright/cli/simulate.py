@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armwright.cli.arguments import (
+    MOTION,
     SCENARIO,
     Allow,
     Command,
@@ -61,6 +62,14 @@ def simulate(
     q0: Position = None,
     qd0: Velocity = None,
     allow: Allow = None,
+    reference: Annotated[
+        Path | None,
+        option(
+            "--reference",
+            "FILE",
+            "Motion that a scenario's loop follows: .motion.toml, or .csv or .nc of `armwright plan`.",
+        ),
+    ] = None,
     record_every: Annotated[
         int | None,
         option("--record-every", "K", "Record every K-th step, default 1; 0: only start and end."),
@@ -82,7 +91,8 @@ def simulate(
     of lanes its mean, least and most.
 
     A file that ends in .scenario.toml says all of it instead: robot, controller, reference, timing, lanes. The files
-    that it names must stand in its folder or below, or in one that --allow names.
+    that it names must stand in its folder or below, or in one that --allow names. With --reference its loop follows a
+    motion file, or a motion that `armwright plan` wrote.
 
     \b
     Examples:
@@ -92,6 +102,7 @@ def simulate(
       armwright simulate lwa4p --current 0 --q0 0,30deg,0,0,0,0 --duration 1
       armwright simulate swing.scenario.toml -o run.nc
       armwright simulate swing.scenario.toml --allow ../robots -o run.nc
+      armwright simulate arm.scenario.toml --reference pick.motion.toml --plot run.png
     """
     import armwright as aw
     from armwright.results.plot import check_plot
@@ -119,6 +130,8 @@ def simulate(
             },
         )
         scenario = aw.read_scenario(robot, allow=allow or ())
+        if reference is not None:
+            scenario = _following(scenario, reference, robot)
         if plot is not None and scenario.recording.what == "none":
             expected = "'all' or 'state', or no --plot, which draws rows"
             raise ScenarioError(place="recording.what", value="none", expected=expected, file=robot)
@@ -128,6 +141,9 @@ def simulate(
             raise error.renamed(key_in_file, keys_in_text).within(file=robot) from None
         return
     refuse_allow(allow)
+    if reference is not None:
+        expected = "a scenario file, whose controller follows it"
+        raise ScenarioError("without a controller", place="--reference", value=str(reference), expected=expected)
     arm = aw.load(robot)
     with naming_options():
         scenario = aw.Scenario(
@@ -139,6 +155,27 @@ def simulate(
             recording=aw.Recording(record_every, period=record_period),
         )
         _run(scenario, output, plot)
+
+
+def _following(scenario: Scenario, reference: Path, file: str) -> Scenario:
+    """The scenario with a motion as the reference of its loop."""
+    from dataclasses import replace
+
+    import armwright as aw
+
+    if scenario.loop is None:
+        raise ScenarioError("without a loop", place="--reference", value=str(reference), expected="[loop]", file=file)
+    if reference.name.endswith(MOTION):
+        plan = aw.plan(reference)
+        if (plan.arm.name, *plan.arm.names) != (scenario.arm.name, *scenario.arm.names):
+            expected = f"a motion of {scenario.arm.name}"
+            raise ScenarioError(
+                f"is one of {plan.arm.name}", place="--reference", value=str(reference), expected=expected
+            )
+        motion = plan.motion
+    else:
+        motion = aw.load_motion(reference, scenario.arm)
+    return replace(scenario, loop=replace(scenario.loop, reference=motion))
 
 
 def _run(scenario: Scenario, output: Path | None, plot: Path | None) -> None:
