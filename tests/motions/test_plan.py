@@ -40,9 +40,8 @@ def test_a_seam_is_led_at_a_constant_speed():
     t = np.linspace(begin + 0.3, plan.begins[2] - 0.3, 1001)  # but for its ends
     place = aw.compile(plan.arm).forward_kinematics(plan.motion.at(t)[0])[:, :3, 3]
     speed = np.linalg.norm(np.gradient(place, t, axis=0), axis=1)
-    corners = np.ptp(place[:, 2])
-    assert corners < 1e-4  # the seam is level
-    assert np.median(speed) == pytest.approx(0.04, rel=1e-3)
+    assert np.ptp(place[:, 2]) < 1e-4  # the seam is level
+    np.testing.assert_allclose(speed, 0.04, rtol=2e-3)
 
 
 def test_full_speed_is_at_the_motors_limits():
