@@ -13,7 +13,13 @@ import pytest
 
 from docs.pages import ROOT, blocks, comparable, page, python
 
-PROGRAMS = ("docs/extending.md", "docs/cartesian-motion.md", "docs/how-to/simulation.md", "docs/identify-linear.md")
+PROGRAMS = (
+    "docs/extending.md",
+    "docs/cartesian-motion.md",
+    "docs/how-to/simulation.md",
+    "docs/identify-linear.md",
+    "docs/time-optimal.md",
+)
 HUNK = re.compile(r"^```diff\n(?P<text>.*?)^```", re.DOTALL | re.MULTILINE)
 FILE = "--- a/"
 LAW = """

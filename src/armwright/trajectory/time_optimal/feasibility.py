@@ -85,7 +85,7 @@ def check_holding(planner: Planner) -> None:
     Raises:
         ScenarioError: names the joint, the place, the torque and what the limits allow.
     """
-    error = _too_weak(planner, 0.0, "gravity and springs alone", "hold the arm still")
+    error = _too_weak(planner, 0.0, f"to hold {_loads(planner)} alone")
     if error is not None:
         raise error
 
@@ -105,14 +105,14 @@ def no_way(planner: Planner, profile: Profile) -> ScenarioError:
         )  # fmt: skip
     high = planner.points.bounds(np.zeros((len(planner.s), 1)), planner.shares)[1]
     x = CREEPING**2 * float(np.median(np.clip(high, 0.0, MOST))) * planner.path.length / len(planner.s)
-    error = _too_weak(planner, x, "gravity, springs and friction", "move on slowly")
+    error = _too_weak(planner, x, f"to move {_loads(planner)} and friction, however slowly,")
     return error or ScenarioError(
         "no motion within the limits leads on from here", place=_place(planner, k), value=planner.points.q[k],
         expected="other limits or another path",
     )  # fmt: skip
 
 
-def _too_weak(planner: Planner, x: float, what: str, purpose: str) -> ScenarioError | None:
+def _too_weak(planner: Planner, x: float, what: str) -> ScenarioError | None:
     """The error that a motor is too weak for a constant, small path speed √x, where it is by most; None where all can do it."""
     points = planner.points
     if not points.has_torques:
@@ -127,10 +127,14 @@ def _too_weak(planner: Planner, x: float, what: str, purpose: str) -> ScenarioEr
         return None
     unit, name = planner.limits.unit("torque", joint), planner.limits.names[joint]
     return ScenarioError(
-        f"{what} take {abs(torque[k, joint]):.5g} {unit} of {name} to {purpose}, {allowed[k, joint]:.5g} {unit} is what its "
+        f"{what} takes {abs(torque[k, joint]):.5g} {unit} of {name}, {allowed[k, joint]:.5g} {unit} is what its "
         "limits of torque and voltage allow",
         place=_place(planner, k), value=points.q[k], expected="a lighter payload, a stronger motor or another path",
     )  # fmt: skip
+
+
+def _loads(planner: Planner) -> str:
+    return "the arm against gravity and springs" if planner.dyn.arm.is_sprung else "the arm against gravity"
 
 
 def _place(planner: Planner, k: int) -> str:
