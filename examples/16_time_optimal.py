@@ -19,7 +19,7 @@ free = limits.replace(torque=np.inf, voltage=np.inf, acceleration=most)
 scale = (aw.time_optimal(arm, path, free).duration / fast.duration) ** 2  # time goes as 1/√acceleration
 alone = slow = aw.time_optimal(arm, path, free.replace(acceleration=scale * most))
 while not aw.limits_report(arm, slow).kept:
-    slow = aw.time_optimal(arm, path, free.replace(acceleration=(scale := 0.95 * scale) * most))
+    slow = aw.time_optimal(arm, path, free.replace(acceleration=(scale := 0.95 * scale) * most), grid=100)
 print(f"with motors: {fast.duration:.3f} s, at a limit for {fast.saturated:.1%} of it")
 print(f"by acceleration, as long: {aw.limits_report(arm, alone).excesses()[-1]}")
 print(f"by acceleration, such that the motors can do it: {slow.duration:.3f} s")

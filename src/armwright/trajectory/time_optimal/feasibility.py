@@ -97,19 +97,24 @@ def no_way(planner: Planner, profile: Profile) -> ScenarioError:
         planner: of the path.   profile: that got stuck.
     """
     k = int(profile.stuck or 0)
-    if profile.highest_first < planner.ends[0]:
-        fastest = np.sqrt(max(profile.highest_first, 0.0))
+    if 0.0 <= profile.highest_first < planner.ends[0]:
+        fastest = np.sqrt(profile.highest_first)
         return ScenarioError(
             "from this path speed at the beginning the limits cannot be kept to the end", place="speeds[0]",
             value=float(np.sqrt(planner.ends[0])), expected=f"{fastest:.5g} or less",
         )  # fmt: skip
-    high = planner.points.bounds(np.zeros((len(planner.s), 1)), planner.shares)[1]
-    x = CREEPING**2 * float(np.median(np.clip(high, 0.0, MOST))) * planner.path.length / len(planner.s)
-    error = _too_weak(planner, x, f"to move {_loads(planner)} and friction, however slowly,")
-    return error or ScenarioError(
+    return too_weak_to_move(planner) or ScenarioError(
         "no motion within the limits leads on from here", place=_place(planner, k), value=planner.points.q[k],
         expected="other limits or another path",
     )  # fmt: skip
+
+
+def too_weak_to_move(planner: Planner) -> ScenarioError | None:
+    """The error that a motor cannot move the arm along the path at all, however slowly; None where all can."""
+    whole = {name: np.ones_like(each) for name, each in planner.shares.items()}
+    high = planner.points.bounds(np.zeros((len(planner.s), 1)), whole)[1]
+    x = CREEPING**2 * float(np.median(np.clip(high, 0.0, MOST))) * planner.path.length / len(planner.s)
+    return _too_weak(planner, x, f"to move {_loads(planner)} and friction, however slowly,")
 
 
 def _too_weak(planner: Planner, x: float, what: str) -> ScenarioError | None:

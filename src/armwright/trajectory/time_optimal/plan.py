@@ -19,6 +19,7 @@ from armwright.trajectory.time_optimal.feasibility import (
     check_positions,
     no_way,
     squared_speeds,
+    too_weak_to_move,
 )
 from armwright.trajectory.time_optimal.motion import PathMotion
 from armwright.trajectory.time_optimal.planner import Planner
@@ -74,7 +75,10 @@ def time_optimal(
     s = grid_points(path, int(grid))
     planner = Planner(compile_arm(arm), limits, path, s, ends)
     check_holding(planner)
-    profile, used = planner.plan()
+    try:
+        profile, used = planner.plan()
+    except ScenarioError as error:
+        raise too_weak_to_move(planner) or error from None
     if profile.stuck is not None:
         raise no_way(planner, profile)
     excess = max(float(each.max()) for each in used.values()) - 1.0

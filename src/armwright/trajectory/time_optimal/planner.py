@@ -26,13 +26,12 @@ FIRST_BAND = 2  # after the coarse levels
 LEAST_BAND = 1e-3  # of a band, of the largest √x: where x is small
 MOST_PASSES = 20  # over finer levels
 REPEATS = 3  # over a band that the profile leaves, before a wider one
-DENSER = 48  # times, of the grid that judges
+DENSER, CLOSE = 48, 192  # times, of the grids that judge: the second only where the first finds nothing
 NEAR = 0.5 ** np.arange(6, 12)  # of a piece: there friction that is smoothed comes up
-WITHIN = np.concatenate([np.linspace(0.0, 1.0, DENSER + 1), NEAR, 1.0 - NEAR])  # of a piece: times that judge
 KEPT = 5e-7  # of a limit: the largest excess of a plan that holds
 SHRUNK = 1.05  # times the excess
-ROUNDS = 12  # of shrinking
-SLOWINGS = 100  # of the whole motion, of a plan that shrinking does not end
+ROUNDS, SLOW = 16, 4  # of shrinking, and after how many of them the excess counts twice: then it falls too slowly
+SLOWEST = 0.8  # of x: how far a plan that shrinking does not end is made slower as a whole
 QUANTITIES = ("velocity", "acceleration", "torque", "voltage")
 
 
@@ -64,15 +63,18 @@ class Planner:
             ScenarioError: no profile keeps the limits between grid points.
         """
         profile = self.fastest()
-        for _ in range(ROUNDS):
-            if profile.stuck is not None:
-                return profile, {}
-            used = self._used(profile.x)
+        if profile.stuck is not None:
+            return profile, {}
+        for count in range(ROUNDS):
+            used = self._judged(profile.x)
             if _largest(used) <= 1.0 + KEPT:
                 return profile, used
-            self._shrink(used)
+            self._shrink(used, SHRUNK * (1.0 + count / SLOW))
             wide_enough = [k for k, band in enumerate(BANDS) if band >= _largest(used) - 1.0]
-            profile = self._refined(profile, wide_enough[-1] if wide_enough else 0)
+            shrunk = self._refined(profile, wide_enough[-1] if wide_enough else 0)
+            if shrunk.stuck is not None:  # limits so small that they no longer hold the arm
+                break
+            profile = shrunk
         return self._slowed(profile)
 
     def fastest(self) -> Profile:
@@ -132,40 +134,48 @@ class Planner:
     def _pass(self, x: np.ndarray) -> Profile:
         return fastest_profile(Table(x, *self.points.bounds(x, self.shares), np.diff(self.s)), *self.ends)
 
-    def _used(self, x: np.ndarray) -> dict[str, np.ndarray]:
+    def _judged(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """By quantity (m - 1, n) the largest part of its limit that each joint uses between grid points."""
-        s, x, sdd = between(self.s, x)
+        used = self._used(x, DENSER)
+        return used if _largest(used) > 1.0 + KEPT else self._used(x, CLOSE)
+
+    def _used(self, x: np.ndarray, denser: int) -> dict[str, np.ndarray]:
+        """The same on a grid that is so many times denser."""
+        s, x, sdd = between(self.s, x, denser)
         points = PathLimits.at(self.dyn, self.limits, self.path, s.ravel())
         used = points.used(x.reshape(-1, 1), sdd.reshape(-1, 1))
-        return {name: _peaks(np.abs(each).reshape(*s.shape, -1)) for name, each in used.items()}
+        return {name: _peaks(np.abs(each).reshape(*s.shape, -1), denser) for name, each in used.items()}
 
-    def _shrink(self, used: dict[str, np.ndarray]) -> None:
-        """Takes the excess between two grid points off the limits at both."""
+    def _shrink(self, used: dict[str, np.ndarray], times: float) -> None:
+        """Takes the excess between two grid points, so many times, off the limits at both."""
         for name, part in used.items():
-            factor = 1.0 / (1.0 + SHRUNK * np.maximum(part - 1.0, 0.0))
+            factor = 1.0 / (1.0 + times * np.maximum(part - 1.0, 0.0))
             self.shares[name][:-1] *= factor
             self.shares[name][1:] *= factor
 
     def _slowed(self, profile: Profile) -> tuple[Profile, dict[str, np.ndarray]]:
-        """The profile, made slower as a whole until it keeps the limits."""
-        x, used = profile.x, self._used(profile.x)
-        for _ in range(SLOWINGS):
-            if _largest(used) <= 1.0 + KEPT or any(self.ends):
-                break
-            x = x / (1.0 + 2.0 * (_largest(used) - 1.0))
-            used = self._used(x)
-        if _largest(used) > 1.0 + KEPT:
-            raise ScenarioError(
-                f"limits are exceeded by {_largest(used) - 1.0:.2g} of them between grid points", place="grid",
-                value=len(self.s), expected="more grid points",
-            )  # fmt: skip
-        return replace(profile, x=x), used
+        """The profile, made slower as a whole until it keeps the limits.
+
+        Raises:
+            ScenarioError: it does not, with the place, the joint and the excess.
+        """
+        used = self._judged(profile.x)
+        for scale in np.linspace(1.0, SLOWEST, 9)[1:] if not any(self.ends) else ():
+            slower = self._judged(scale * profile.x)
+            if _largest(slower) <= 1.0 + KEPT:
+                return replace(profile, x=scale * profile.x), slower
+        name, rows = max(used.items(), key=lambda item: item[1].max())
+        k, joint = np.unravel_index(int(rows.argmax()), rows.shape)
+        raise ScenarioError(
+            f"the {name} of {self.limits.names[joint]} exceeds its limit by {rows.max() - 1.0:.2g} of it from "
+            f"s = {self.s[k]:.6g} to {self.s[k + 1]:.6g}, however the plan is made", place="grid", value=len(self.s),
+            expected="more grid points, or a path that turns where the motors have more in hand",
+        )  # fmt: skip
 
 
-def _peaks(rows: np.ndarray) -> np.ndarray:
+def _peaks(rows: np.ndarray, even: int) -> np.ndarray:
     """Largest value (m, n) over the times of each piece (m, k, n), by a parabola through three even times where they peak."""
-    even = rows[:, : DENSER + 1]
-    before, here, after = even[:, :-2], even[:, 1:-1], even[:, 2:]
+    before, here, after = rows[:, : even - 1], rows[:, 1:even], rows[:, 2 : even + 1]
     bend = 2.0 * here - before - after
     is_peak = (here >= before) & (here >= after) & (bend > 0.0)
     over = np.divide((after - before) ** 2, 8.0 * bend, out=np.zeros_like(here), where=is_peak)
@@ -176,10 +186,11 @@ def _largest(used: dict[str, np.ndarray]) -> float:
     return max(float(each.max()) for each in used.values())
 
 
-def between(s: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def between(s: np.ndarray, x: np.ndarray, denser: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Path position, x and s̈, each (m - 1, k), at times spread over every piece, both ends included and denser near them."""
+    within = np.concatenate([np.linspace(0.0, 1.0, denser + 1), NEAR, 1.0 - NEAR])
     begin, end = np.sqrt(x[:-1])[:, None], np.sqrt(x[1:])[:, None]
     ds = np.diff(s)[:, None]
-    speed = begin + (end - begin) * WITHIN
-    gone = ds * (begin + speed) * WITHIN / (begin + end)
+    speed = begin + (end - begin) * within
+    gone = ds * (begin + speed) * within / (begin + end)
     return s[:-1, None] + gone, speed * speed, np.broadcast_to((end**2 - begin**2) / (2.0 * ds), speed.shape)
