@@ -63,7 +63,7 @@ def solved(model, path, near):
         return str(error)
 
 
-@settings(max_examples=12)
+@settings(max_examples=9)
 @given(st.sampled_from(sorted(HOME)), st.integers(0, 2**32 - 1))
 def test_random_lines_are_straight(name, seed):
     """Between poses that are reachable: solved within 1e-6 m and rad on a dense grid, or refused for a reason."""
@@ -81,6 +81,23 @@ def test_random_lines_are_straight(name, seed):
     low, high = aw.MotionLimits.of(arm(name)).position.T
     assert ((q > low - 1e-6) & (q < high + 1e-6)).all()
     assert np.abs(np.diff(q, axis=0)).max() < 1.1 * np.abs(first).max() * path.length / 2776  # nothing jumps
+
+
+@settings(max_examples=6)
+@given(st.sampled_from(sorted(HOME)), st.integers(0, 2**32 - 1))
+def test_limits_hold_on_a_denser_grid_at_random(name, seed):
+    """Speeds and accelerations of joints within 1e-6 of their limits at 20,000 times, whatever the path and its blend."""
+    rng, dyn, model = np.random.default_rng(seed), compiled(name), arm(name)
+    goals = dyn.forward_kinematics(np.array(HOME[name]) + rng.uniform(-0.3, 0.3, (2, model.n)))
+    limits = aw.MotionLimits.of(model, velocity=rng.uniform(0.3, 3.0), acceleration=rng.uniform(1.0, 20.0), jerk=500.0)
+    path = aw.CartesianPath([aw.Line(goal) for goal in goals], home(name), 10.0 ** rng.uniform(-4.0, -1.5), 0.1)
+    try:
+        motion = aw.follow_path(model, path, rng.uniform(0.05, 2.0), 5.0, limits=limits, near=HOME[name])
+    except ScenarioError:
+        return
+    _, qd, qdd = motion.at(np.linspace(0.0, motion.duration, 20_011))
+    assert (np.abs(qd).max(axis=0) <= limits.velocity * (1.0 + 1e-6)).all()
+    assert (np.abs(qdd).max(axis=0) <= limits.acceleration * (1.0 + 1e-6)).all()
 
 
 @pytest.mark.parametrize("name", sorted(HOME))
@@ -140,11 +157,12 @@ def test_limits_slow_the_whole_motion_or_are_named():
     motion = aw.follow_path(model, path, 0.5, 20.0, near=near, limits=limits)
     assert motion.slowed > 1.0
     assert motion.reasons
-    report = aw.limits_report(model, motion, limits, samples=200)
-    for quantity in ("velocity", "acceleration"):
-        assert np.nanmax(report.share[quantity]) <= 1.0 + 1e-6
-    largest = [np.nanmax(report.share[quantity]) for quantity in ("velocity", "acceleration", "jerk")]
-    assert max(largest) > 0.99  # no slower than need be
+    t, h = np.linspace(0.0, motion.duration, 50_001), 1e-6
+    _, qd, qdd = motion.at(t)
+    jerk = (motion.at(t + h)[2] - motion.at(t - h)[2])[1:-1] / (2.0 * h)
+    shares = [np.abs(qd).max() / 0.3, np.abs(qdd).max() / 2.0, np.abs(jerk).max() / 30.0]
+    assert 0.999 < max(shares) < 1.0 + 1e-4  # of jerk, by differences; no slower than need be
+    assert max(shares[:2]) < 1.0 + 1e-6
     with pytest.raises(ScenarioError, match="would need") as error:
         aw.follow_path(model, path, 0.5, 20.0, near=near, limits=limits, constant=True)
     assert "path at s" in error.value.place

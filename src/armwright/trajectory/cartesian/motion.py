@@ -19,10 +19,10 @@ from armwright.trajectory.motion import Motion
 from armwright.trajectory.piecewise import PiecewisePolynomial
 from armwright.trajectory.s_curve import JERK, s_curve_times
 
-SAMPLES = 4000  # of a run, for its limits
-IN_A_PIECE = 12  # and between two nodes of its spline
+SAMPLES, IN_A_PIECE = 2000, 8  # places where limits are looked at: on the whole way, between two nodes of its spline
+ROUNDS, JUST = 12, 1e-10  # refinements of those near the largest use; of a time: just beside it
 SLOWEST = 100.0  # a motion that must be slower than asked by more is next to a singularity
-MARGIN = 1e-7  # of limits, for what lies between samples
+MARGIN = 1e-7  # of limits, for what lies between those places
 JERK_TIME = 0.1  # [s] in which an acceleration is reached where no jerk is given
 ROUNDED = 1e-9  # of a limit
 
@@ -211,40 +211,78 @@ def _profile(path: CartesianPath, values: dict[str, float], time: float, slowed:
 def _uses(
     solution: ToolPathSolution, profile: PiecewisePolynomial, limits: MotionLimits, values: dict[str, float]
 ) -> list[_Use]:
-    """The limits and how much of each the motion uses, on a dense grid of times."""
+    """The limits and how much of each the motion uses, the largest use of all to 1e-8 of it."""
     motion = CartesianMotion(solution, profile, 1.0)
-    path = solution.path
-    nodes = np.concatenate([
-        begin + np.linspace(run.breaks[:-1], run.breaks[1:], IN_A_PIECE, endpoint=False).ravel()
-        for (begin, _), run in zip(path.runs, solution.runs, strict=True)
-    ])  # fmt: skip
-    t = np.unique(np.concatenate([np.linspace(0.0, 1.0, SAMPLES) * motion.duration + motion.time, motion.times(nodes)]))
-    s, rate, change = (each[:, 0] for each in profile.at(t))
+    places = [
+        begin + np.linspace(run.breaks[:-1], run.breaks[1:], IN_A_PIECE).ravel()
+        for (begin, _), run in zip(solution.path.runs, solution.runs, strict=True)
+    ]
+    begin, end = motion.time, motion.time + motion.duration
+    t = np.concatenate([motion.times(np.concatenate(places)), np.linspace(begin, end, SAMPLES), motion.breaks])
+    t = np.unique(np.concatenate([t, t * (1.0 - JUST), t * (1.0 + JUST)]).clip(begin, end))  # both sides of a jump
+    columns = _columns(motion, limits, values, t)
+    for _ in range(ROUNDS):
+        if not columns:
+            return []
+        used = np.max([column.slower for column in columns], axis=0)
+        bend = np.abs(np.diff(used, 2, prepend=used[0], append=used[-1]))
+        reachable = np.maximum(used[:-1], used[1:]) + np.maximum(bend[:-1], bend[1:])  # between two points, by far
+        coarse = np.flatnonzero((reachable > used.max() * (1.0 + 0.1 * MARGIN)) & (np.diff(t) > JUST * motion.duration))
+        if not len(coarse):
+            break
+        coarse = coarse[np.argsort(-reachable[coarse])[:SAMPLES]]
+        t = np.unique(np.concatenate([t, np.linspace(t[coarse], t[coarse + 1], 8)[1:-1].ravel()]))
+        columns = _columns(motion, limits, values, t)
+    s = profile.at(t)[0][:, 0]
+    return [
+        _Use(float(c.slower.max()), float(s[c.slower.argmax()]), c.said(int(c.slower.argmax())), c.joint)
+        for c in columns
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Column:
+    """Use of one limit at many times: the factor (k,) by which the motion must be slower for it."""
+
+    what: str
+    unit: str
+    values: np.ndarray
+    limit: float
+    power: int  # of the time, in the quantity
+    joint: bool
+
+    @property
+    def slower(self) -> np.ndarray:
+        return (self.values / self.limit) ** (1.0 / self.power)
+
+    def said(self, k: int) -> str:
+        return f"{self.what.format(f'{self.values[k]:.4g} {self.unit}')}, its limit is {self.limit:.4g}"
+
+
+def _columns(motion: CartesianMotion, limits: MotionLimits, values: dict[str, float], t: np.ndarray) -> list[_Column]:
+    """Uses of all limits that there are at times t (k,)."""
+    (s, rate, change), jerk = (each[:, 0] for each in motion.profile.at(t)), motion.profile.derivative().at(t)[2][:, 0]
     _, qd, qdd = motion.at(t)
-    step = np.maximum(np.diff(t), 1e-9 * motion.duration)[:, None]
-    jerks = np.where(np.diff(t)[:, None] > 1e-6 * motion.duration, np.diff(qdd, axis=0) / step, 0.0)
-    uses = []
-    for power, quantity, rows in ((1, "velocity", qd), (2, "acceleration", qdd), (3, "jerk", jerks)):
-        most = getattr(limits, quantity)
-        share = np.abs(rows) / most
-        for joint in np.flatnonzero(np.isfinite(most)):
-            k = int(share[:, joint].argmax())
-            unit = limits.unit(quantity, int(joint))
-            name = limits.names[joint]
-            used = f"{abs(rows[k, joint]):.4g} {unit} of {'speed' if quantity == 'velocity' else quantity}"
-            what = f"joint {name!r} would need {used}, its limit is {most[joint]:.4g}"
-            uses.append(_Use(float(share[k, joint] ** (1.0 / power)), float(s[k]), what, True))
-    points = path.points(s)
-    first, second = points.first, points.second
-    accelerations = second * rate[:, None] ** 2 + first * change[:, None]
+    third = motion.solution.third(s)
+    _, first, second = motion.solution.at(s)
+    qddd = third * rate[:, None] ** 3 + 3.0 * second * (rate * change)[:, None] + first * jerk[:, None]
+    columns = []
+    for power, quantity, rows in ((1, "velocity", qd), (2, "acceleration", qdd), (3, "jerk", qddd)):
+        word = "speed" if quantity == "velocity" else quantity
+        for joint in np.flatnonzero(np.isfinite(getattr(limits, quantity))):
+            what = f"joint {limits.names[joint]!r} would need {{}} of {word}"
+            unit, limit = limits.unit(quantity, int(joint)), float(getattr(limits, quantity)[joint])
+            columns.append(_Column(what, unit, np.abs(rows[:, joint]), limit, power, True))
+    points = motion.path.points(s)
+    twist = points.first * rate[:, None]
+    accelerations = points.second * rate[:, None] ** 2 + points.first * change[:, None]
     tool = {
-        "acceleration": (2, np.linalg.norm(accelerations[:, :3], axis=1), "m/s²"),
-        "angular_speed": (1, np.linalg.norm(first[:, 3:], axis=1) * rate, "rad/s"),
-        "angular_acceleration": (2, np.linalg.norm(accelerations[:, 3:], axis=1), "rad/s²"),
+        "acceleration": (2, accelerations[:, :3], "m/s²"),
+        "angular_speed": (1, twist[:, 3:], "rad/s"),
+        "angular_acceleration": (2, accelerations[:, 3:], "rad/s²"),
     }
-    for name, (power, used, unit) in tool.items():
-        if np.isfinite(values[name]) and (name == "acceleration" or solution.tool.aim == "pose"):
-            k = int(used.argmax())
-            what = f"the tool's {name.replace('_', ' ')} would be {used[k]:.4g} {unit}, its limit is {values[name]:.4g}"
-            uses.append(_Use(float((used[k] / values[name]) ** (1.0 / power)), float(s[k]), what, False))
-    return uses
+    for name, (power, rows, unit) in tool.items():
+        if np.isfinite(values[name]) and (name == "acceleration" or motion.solution.tool.aim == "pose"):
+            what = f"the tool's {name.replace('_', ' ')} would be {{}}"
+            columns.append(_Column(what, unit, np.linalg.norm(rows, axis=1), values[name], power, False))
+    return columns

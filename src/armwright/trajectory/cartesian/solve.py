@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -63,15 +64,25 @@ class ToolPathSolution:
     def at(self, s: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q [rad | m], dq/ds and d²q/ds², each (…, n), at s (…) of the tool's path; at a stop those before it."""
         s = np.asarray(s, dtype=float)
-        flat = s.reshape(-1)
-        begins = np.array([begin for begin, _ in self.path.runs])
-        which = np.clip(np.searchsorted(begins, flat, side="left") - 1, 0, len(self.runs) - 1)
-        found = np.zeros((3, len(flat), self.n))
-        for k in np.unique(which):
-            rows = which == k
-            found[:, rows] = self.runs[k].at(flat[rows] - begins[k])
+        found = np.zeros((3, s.size, self.n))
+        for run, rows, local in self._parts(s.reshape(-1)):
+            found[:, rows] = run.at(local)
         q, first, second = found.reshape(3, *s.shape, self.n)
         return q, first, second
+
+    def third(self, s: np.ndarray) -> np.ndarray:
+        """d³q/ds³ (k, n) at s (k,), which jumps at the nodes of the splines."""
+        found = np.zeros((len(s), self.n))
+        for run, rows, local in self._parts(s):
+            found[rows] = run.derivative(local, 3)
+        return found
+
+    def _parts(self, s: np.ndarray) -> Iterator[tuple[JointPath, np.ndarray, np.ndarray]]:
+        """The runs, which of s (k,) lie on each, and those places from its beginning on."""
+        begins = np.array([begin for begin, _ in self.path.runs])
+        which = np.clip(np.searchsorted(begins, s, side="left") - 1, 0, len(self.runs) - 1)
+        for k in np.unique(which):
+            yield self.runs[k], which == k, s[which == k] - begins[k]
 
 
 def solve_path(
