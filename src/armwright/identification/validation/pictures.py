@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 INK, QUIET, GRID, PREDICTED, RESIDUAL = "#010101", "#020202", "#030303", "#040404", "#050505"
 VARIABLES = {INK: "--ink", QUIET: "--quiet", GRID: "--faint", PREDICTED: "--accent", RESIDUAL: "--residual"}
 POINTS = 1200  # of a curve: of more rows the lowest and the highest of each group
+FINE = 8  # points to a row of a signal with few rows
 SIZE = 9.0
 WIDE, SMALL = (9.2, 3.9), (4.3, 2.6)  # [inch]
 MARGINS = (0.75, 0.5, 0.12, 0.3)  # left, below, right, above [inch]
@@ -35,9 +36,10 @@ def over_time(prediction: Prediction, column: int) -> str:
         y, p = prediction.measured[:, column], prediction.predicted[:, column]
         for k, part in enumerate(parts_of(prediction.part)):
             t = prediction.t[part]
-            _curve(above, t, y[part], INK, "measured" if k == 0 else None)
-            _curve(above, t, p[part], PREDICTED, "predicted" if k == 0 else None)
-            _curve(below, t, (y - p)[part], RESIDUAL, None)
+            curves = ((above, y, INK, "measured"), (above, p, PREDICTED, "predicted"), (below, y - p, RESIDUAL, None))
+            for axis, values, colour, label in curves:
+                drawn = _between(t, values[part]) if prediction.every > 1 else (t, values[part])
+                _curve(axis, *drawn, colour, label if k == 0 else None)
         _words(above, "", f"{prediction.quantity} [{unit}]")
         _words(below, "time [s]", f"residual [{unit}]")
         figure.align_ylabels()
@@ -104,6 +106,16 @@ def correlation_picture(found: JointMeasures) -> str:
             axis.set_title(label, color=INK, fontsize=SIZE)
 
     return page_svg(draw, SMALL)
+
+
+def _between(t: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A filtered and decimated signal with rows between: it is smooth, and straight lines from row to row are not."""
+    from scipy.interpolate import CubicSpline
+
+    if not 4 <= len(t) < POINTS // 2 or not np.isfinite(values).all():
+        return t, values
+    fine = np.linspace(t[0], t[-1], min(FINE * len(t), POINTS // 2))
+    return fine, CubicSpline(t, values)(fine)
 
 
 def _curve(axis: Axes, t: np.ndarray, values: np.ndarray, colour: str, label: str | None) -> None:

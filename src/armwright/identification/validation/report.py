@@ -172,6 +172,7 @@ def _limits(validation: Validation) -> str:
 def _measures(validation: Validation) -> str:
     """Table of all measures, a row for each joint and quantity."""
     heads = ("joint", "quantity", "R²", "fit [%]", "VAF [%]", "RMS", "unit", "RMS of runs", "delay", "white", "limits")
+    several = any(len(each.runs) > 1 for each in validation.measures)
     rows = []
     for each in validation.measures:
         name = f'<a href="#{escape(each.joint)}">{escape(each.joint)}</a>'
@@ -185,7 +186,9 @@ def _measures(validation: Validation) -> str:
         white = "" if each.whiteness is None else escape(_probability(each.whiteness.p))
         judged = (check for check in validation.checks if (check.joint, check.quantity) == (each.joint, each.quantity))
         rows.append([name, each.quantity, *values, spread, delay, white, "<br>".join(map(_judged, judged))])
-    return html_table(heads, rows, (0, 1, 6, 10))
+    if not several:  # an empty column
+        heads, *rows = [[*row[:7], *row[8:]] for row in (heads, *rows)]
+    return html_table(heads, rows, (0, 1, 6, len(heads) - 1))
 
 
 def _judged(check: Check) -> str:
