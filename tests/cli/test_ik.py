@@ -47,7 +47,7 @@ def test_all_branches_are_listed_with_their_pose(tmp_path):
     assert "1 of 2 solved, in closed form (axes 4, 5 and 6 meet" in shown
     assert "target 1: no joint positions reach it" in shown
     rows = np.genfromtxt(out, delimiter=",", skip_header=1)
-    assert out.read_text().startswith("pose,branch,q_joint1 [rad],")
+    assert out.read_text().startswith("pose,branch,q_waist [rad],")
     assert len(rows) >= 2
     assert (rows[:, 0] == 0.0).all()
     assert len(np.unique(rows[:, 1])) == len(rows)
