@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
-from armwright.identification.linear.prediction_error import Fit, covariance_of, estimate, with_best_numerator
+from armwright.identification.linear.covariance import covariance_of
+from armwright.identification.linear.prediction_error import Fit, estimate, with_best_numerator
 from armwright.identification.linear.records import Stretch
 
 LEVEL = 0.95  # of the test that keeps a delay

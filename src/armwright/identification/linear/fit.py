@@ -10,6 +10,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from armwright.errors import LogError
+from armwright.identification.linear.covariance import covariance_of
 from armwright.identification.linear.delays import delay_interval
 from armwright.identification.linear.frequency import closed_loop
 from armwright.identification.linear.measures import gain_unit, simulation_measures
@@ -20,7 +21,6 @@ from armwright.identification.linear.prediction_error import (
     Orders,
     Polynomials,
     Structure,
-    covariance_of,
     estimate,
     prediction_errors,
 )

@@ -18,17 +18,12 @@ import numpy as np
 from scipy import signal
 
 from armwright.errors import LogError
+from armwright.identification.linear.levenberg_marquardt import ROUNDS, descended
 from armwright.identification.linear.records import Stretch
 
 ONE = np.ones(1)
 Structure = Literal["arx", "oe", "armax"]
-ROUNDS, STARTED = 60, 1e-3  # Levenberg-Marquardt steps at most, and its first damping
-STEADY = 1e-3  # of a standard deviation of the parameters: a step that moves them by no more ends the fit
-ROUNDING = 1e-13  # relative decrease of the sum of squares that is rounding
 FIRST = 5  # steps from every start, before the best goes on
-LEAST = 1e-12  # damping: what keeps a singular matrix solvable
-HARDEST = 1e10  # damping at which no step helps any more
-MOST_PAST = 30  # rows of the past in an autoregressive model of errors
 INSIDE = 0.98  # largest pole of a start that was unstable
 
 
@@ -193,7 +188,12 @@ def _with_gradient(orders: Orders, theta: np.ndarray, each: Stretch, skip: int, 
     return e, jacobian
 
 
-def _all(orders: Orders, theta: np.ndarray, stretches: Sequence[Stretch], skip: int, initial: bool):
+def errors_of(orders: Orders, theta: np.ndarray, stretches: Sequence[Stretch], skip: int, initial: bool):
+    """Errors (rows,) of all stretches and their derivatives (rows, k), initial states projected out.
+
+    Raises:
+        LogError: no stretch is long enough.
+    """
     usable = [each for each in stretches if len(each.y) > skip + orders.na]
     if not usable:
         longest = max(len(each.y) for each in stretches)
@@ -220,7 +220,7 @@ def stabilised(polynomial: np.ndarray, largest: float = INSIDE) -> np.ndarray:
 def least_squares(orders: Orders, stretches: Sequence[Stretch], skip: int) -> np.ndarray:
     """Parameters of the ARX model of these orders; of ARMAX orders its C is 1."""
     arx = replace(orders, structure="arx", nc=0)
-    e, jacobian = _all(arx, np.zeros(arx.count), stretches, skip, initial=False)
+    e, jacobian = errors_of(arx, np.zeros(arx.count), stretches, skip, initial=False)
     theta = -np.linalg.lstsq(jacobian, e, rcond=None)[0]
     return orders.theta(replace(arx.polynomials(theta), c=np.eye(1, orders.nc + 1)[0]))
 
@@ -258,8 +258,8 @@ def _instrumental(orders: Orders, stretches: Sequence[Stretch], skip: int, theta
         clean = [
             Stretch(s.run, s.u, filtered(model.b, a, s.u) + model.constant / max(a.sum(), 1e-3)) for s in stretches
         ]
-        e, regressors = _all(arx, np.zeros(arx.count), stretches, skip, initial=False)
-        _, instruments = _all(arx, np.zeros(arx.count), clean, skip, initial=False)
+        e, regressors = errors_of(arx, np.zeros(arx.count), stretches, skip, initial=False)
+        _, instruments = errors_of(arx, np.zeros(arx.count), clean, skip, initial=False)
         solution = np.linalg.lstsq(instruments.T @ regressors, -instruments.T @ e, rcond=None)[0]
         model = replace(arx.polynomials(solution), c=np.eye(1, orders.nc + 1)[0])
     return orders.theta(model)
@@ -272,38 +272,27 @@ def minimise(
 
     Poles may pass the circle by 1/rows, so that an integrator lies inside: over all rows such a pole grows by no more than e.
     """
-    e, jacobian = _all(orders, theta, stretches, skip, initial)
+    e, jacobian = errors_of(orders, theta, stretches, skip, initial)
     freed = (len(orders.polynomials(theta).c) - 1) * sum(len(each.y) > skip + orders.na for each in stretches)
     equations = len(e) - (freed if initial else 0)
     if orders.structure == "arx":
         return Fit(orders, theta, e, jacobian, equations, True)
-    limit = 1.0 + 1.0 / max(len(each.y) for each in stretches)
-    damping, cost, converged = STARTED, e @ e, False
-    for _ in range(rounds):
-        scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
-        normal, gradient = (jacobian / scale).T @ (jacobian / scale), (jacobian / scale).T @ e
-        while damping < HARDEST:
-            step = -np.linalg.solve(normal + damping * np.eye(len(scale)), gradient)
-            trial = theta + step / scale
-            if _admissible(orders, trial, limit):
-                new_e, new_jacobian = _all(orders, trial, stretches, skip, initial)
-                new_cost = new_e @ new_e
-                if new_cost <= cost:
-                    break
-            damping = damping * 4.0
-        else:
-            converged = True  # at a minimum to rounding, or at the edge of stability
-            break
-        gained, moved = cost - new_cost, float(step @ normal @ step)
-        theta, e, jacobian, cost = trial, new_e, new_jacobian, new_cost
-        damping = max(damping * 0.1, LEAST)
-        if gained <= ROUNDING * cost or moved <= STEADY**2 * cost / len(e):
-            converged = True
-            break
+    limit = largest_radius(stretches)
+
+    def errors(trial: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        return errors_of(orders, trial, stretches, skip, initial) if admissible(orders, trial, limit) else None
+
+    theta, e, jacobian, converged = descended(errors, theta, (e, jacobian), rounds)
     return Fit(orders, theta, e, jacobian, equations, converged)
 
 
-def _admissible(orders: Orders, theta: np.ndarray, limit: float) -> bool:
+def largest_radius(stretches: Sequence[Stretch]) -> float:
+    """Largest magnitude of a pole: over all rows of a stretch it grows by no more than e."""
+    return 1.0 + 1.0 / max(len(each.y) for each in stretches)
+
+
+def admissible(orders: Orders, theta: np.ndarray, limit: float) -> bool:
+    """True for finite parameters whose poles, and zeros of C, are no larger than `limit`."""
     model = orders.polynomials(theta)
     return bool(np.isfinite(theta).all()) and radius(model.a) <= limit and radius(model.c) <= limit
 
@@ -334,47 +323,7 @@ def with_best_numerator(
 ) -> np.ndarray:
     """Parameters with the B and constant that fit best beside a model's A and C: of these the errors are linear."""
     theta = orders.theta(model)
-    e, jacobian = _all(orders, theta, stretches, skip, initial)
+    e, jacobian = errors_of(orders, theta, stretches, skip, initial)
     linear = np.r_[orders.na : orders.na + orders.nb, len(theta) - orders.constant : len(theta)]
     theta[linear] -= np.linalg.lstsq(jacobian[:, linear], e, rcond=None)[0]
     return theta
-
-
-def covariance_of(fit: Fit) -> np.ndarray:
-    """Covariance (k, k) of the parameters:  (JᵀJ)⁻¹ Jᵀ R J (JᵀJ)⁻¹  with R that of the errors.
-
-    The errors of an OE model are whatever the plant's noise is: R then follows from an autoregressive model of them, and the
-    intervals hold for coloured noise too [Ljung1999], section 9.4.
-    """
-    rows, count = fit.equations, fit.jacobian.shape[1]
-    scale = np.maximum(np.linalg.norm(fit.jacobian, axis=0), 1e-300)
-    weighted = fit.jacobian / scale
-    inverse = np.linalg.pinv(weighted.T @ weighted, rcond=1e-14)
-    if fit.orders.structure == "oe":
-        ar, variance = autoregression(fit.errors)
-        coloured = filtered(ONE, ar, weighted[::-1])
-        middle = variance * (coloured.T @ coloured) * rows / max(rows - count, 1)
-    else:
-        middle = fit.cost / max(rows - count, 1) * (weighted.T @ weighted)
-    return inverse @ middle @ inverse / np.outer(scale, scale)
-
-
-def autoregression(errors: np.ndarray, most: int = MOST_PAST) -> tuple[np.ndarray, float]:
-    """Autoregressive model of a signal by Levinson's recursion, order by AIC: polynomial (p + 1,), variance of its input."""
-    rows = len(errors)
-    most = min(most, max(rows // 20, 0))
-    size = 1 << (2 * rows - 1).bit_length()
-    power = np.abs(np.fft.rfft(errors - errors.mean(), size)) ** 2
-    r = np.fft.irfft(power)[: most + 1] / rows
-    a, variance = np.ones(1), float(r[0])
-    best = (rows * np.log(max(variance, 1e-300)), a, variance)
-    for p in range(1, most + 1):
-        if variance <= 1e-14 * r[0]:
-            break
-        reflection = -float(a @ r[p:0:-1][: len(a)]) / variance if variance > 0 else 0.0
-        a = np.append(a, 0.0) + reflection * np.append(0.0, a[::-1])
-        variance *= 1.0 - reflection**2
-        score = rows * np.log(max(variance, 1e-300)) + 2 * p
-        if score < best[0]:
-            best = (score, a, variance)
-    return best[1], best[2]

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
+from armwright.identification.linear.covariance import MOST_PAST, autoregression
 from armwright.identification.linear.prediction_error import (
-    MOST_PAST,
     Orders,
-    autoregression,
     filtered,
     least_squares,
     prediction_errors,

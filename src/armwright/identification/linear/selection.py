@@ -10,11 +10,12 @@ from typing import Any, Literal
 import numpy as np
 
 from armwright.errors import LogError
+from armwright.identification.linear.covariance import covariance_of
+from armwright.identification.linear.held import Held, best_held, bic_of
 from armwright.identification.linear.prediction_error import (
     Fit,
     Orders,
     Structure,
-    covariance_of,
     estimate,
     least_squares,
     minimise,
@@ -27,7 +28,7 @@ Criterion = Literal["cv", "aic", "bic", "fpe", "mdl"]
 CRITERIA: tuple[Criterion, ...] = ("cv", "aic", "bic", "fpe", "mdl")
 FOLDS = 5
 LONGEST_PAST = 12  # poles and further zeros of the first, long ARX model
-SIGNIFICANT = 3.3  # standard deviations: 1 of 1000 coefficients that are 0 lies beyond
+SIGNIFICANT = 4.0  # standard deviations: of 30 coefficients that are 0, one lies beyond in 2 of 1000 tries
 WORSE = 5.0  # times what BIC pays for: a fit that loses more has lost a coefficient that it needs
 BEFORE = 2  # delays that are tried below the first significant coefficient of the long model
 EXACT = 1e-20  # of the output's variance: a smaller error is rounding, and no reason for a higher order
@@ -175,6 +176,7 @@ def selected(
     begin = max(low - BEFORE, 0) if delay is None else delay
     tried: list[Candidate] = []
     scores: dict[Orders, np.ndarray] = {}
+    settled: set[Orders] = set()  # of held systems, whose delay a free B would blur
     numbers = range(1, most_order + 1) if order is None else [order]
     skip, last = max(numbers) + low + 2, None
     for n in numbers:
@@ -182,20 +184,34 @@ def selected(
         orders = Orders(structure, n, n + 1 + low - begin, nc, begin, constant)
         if delay is None:
             fit = trimmed(orders, stretches, skip, initial, _grown(orders, last))
-            sampled = _as_sampled(fit, stretches, skip, initial)
-            fit = sampled if order is not None else min(fit, sampled, key=_bic)
+            count, best = fit.orders.count, min(tried, key=lambda each: each.bic).orders.na if tried else n
+            # the search for held systems costs most: not two orders above the best
+            held = best_held(fit, stretches, skip, initial) if n <= best + 1 else None
+            if held is not None and (order is not None or _is_held(held, fit)):
+                fit, count = held.fit, held.count
+                settled.add(fit.orders)
             orders = fit.orders
         else:
             orders = replace(orders, nb=n)
             fit = estimate(orders, stretches, skip, initial, None, _grown(orders, last))
+            count = orders.count
         last = fit
-        found = criteria(fit.cost, fit.equations, orders.count, variance)
+        found = criteria(fit.cost, fit.equations, count, variance)
         scores[orders] = cross_validation(fit, stretches, skip, initial) if by == "cv" else np.array([np.nan])
         tried.append(Candidate(orders, **found, cv=float(np.mean(scores[orders])) / variance))
     chosen = _simplest(tried, scores, variance) if by == "cv" else min(tried, key=lambda each: each[by]).orders
-    if delay is None:
+    if delay is None and chosen not in settled:
         chosen = _polished(chosen, stretches, skip, initial, fixed=order is not None)
     return chosen, tuple(tried)
+
+
+def _is_held(held: Held, fit: Fit) -> bool:
+    """True if BIC speaks for the held system; where it has no more parameters than the free one, up to one of them is its credit.
+
+    Inputs of plants are held: between two fits that the data hardly tell apart it is the likelier one.
+    """
+    credit = np.log(fit.equations) if held.count <= fit.orders.count else 0.0
+    return bool(bic_of(held) <= _bic(fit) + credit)
 
 
 def _grown(orders: Orders, last: Fit | None) -> list[np.ndarray]:
@@ -208,23 +224,6 @@ def _grown(orders: Orders, last: Fit | None) -> list[np.ndarray]:
     a, b = (np.pad(each, (0, size - len(each))) for each, size in ((model.a, orders.na + 1), (model.b, end)))
     c = a if orders.structure == "oe" else np.pad(model.c, (0, orders.nc + 1 - len(model.c)))
     return [orders.theta(replace(model, a=a, b=b, c=c))]
-
-
-def _as_sampled(fit: Fit, stretches: Sequence[Stretch], skip: int, initial: bool) -> Fit:
-    """The fit with as many coefficients of B as poles, as a sampled continuous system has, at the best delay near."""
-
-    def at(delay: int, last: Fit) -> Fit | None:
-        orders = replace(fit.orders, nb=fit.orders.na, delay=delay)
-        if delay < 0 or orders.past > skip:
-            return None
-        model = replace(last.orders.polynomials(last.theta), b=np.zeros(delay + orders.nb), delay=delay)
-        return estimate(orders, stretches, skip, initial, with_best_numerator(orders, stretches, skip, initial, model))
-
-    best = at(fit.orders.delay, fit) or fit
-    for step in (-1, 1):
-        while (near := at(best.orders.delay + step, best)) is not None and near.cost < best.cost:
-            best = near
-    return best
 
 
 def _bic(fit: Fit) -> float:
