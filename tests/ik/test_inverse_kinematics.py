@@ -11,7 +11,7 @@ import armwright as aw
 from armwright.errors import ModelError, ShapeError
 from ik.arms import arm_of, samples
 
-COUNT = 2000
+COUNT = 10_000
 TOLERANCE = 1e-8
 
 
@@ -38,6 +38,8 @@ def test_reachable_poses_are_solved_within_the_limits(name, tmp_path):
     assert (q >= low).all()
     assert (q <= high).all()
     assert found.iterations.mean() < 60.0
+    assert (found.attempts == 1).mean() > 0.6
+    assert (found.attempts <= found.iterations).all()
 
 
 def test_the_bits_of_a_target_depend_on_nothing_else():
@@ -127,6 +129,53 @@ def test_out_of_reach_says_how_far_and_where_the_nearest_pose_is():
     assert found.position_error[0] == pytest.approx(best, rel=1e-4)
     assert f"{1e3 * found.position_error[0]:.4g} mm" in str(found)
     assert "1 of 2 solved" in str(found)
+
+
+@pytest.mark.parametrize("name", ["puma560", "iiwa"])
+def test_the_nearest_reachable_pose_is_that_of_brute_force(name, tmp_path):
+    """Bounded least squares of SciPy from 40 starts, on poses out of reach: by as much, in √(distance² + (w angle)²)."""
+    from scipy.optimize import least_squares
+    from scipy.spatial.transform import Rotation
+
+    from armwright.kinematics.reach import reach
+
+    arm = arm_of(name, tmp_path)
+    dyn, weight = aw.compile(arm), reach(arm) / 3.0
+    starts, targets = samples(arm, 44, seed=9)
+    targets = targets[40:]
+    targets[:, :3, 3] *= (reach(arm) * np.linspace(1.05, 1.6, 4) / np.linalg.norm(targets[:, :3, 3], axis=1))[:, None]
+    found = aw.inverse_kinematics(arm, targets)
+    assert not found.success.any()
+    low, high = np.array([body.limits.position for body in arm.bodies]).T
+    assert ((found.q >= low) & (found.q <= high)).all()
+    distance, angle = off(arm, found.q, targets)
+    assert np.allclose(distance, found.position_error)
+    assert np.allclose(angle, found.angle_error)
+    for k in range(4):
+
+        def residual(q, target=targets[k]):
+            pose = dyn.forward_kinematics(q)
+            turn = Rotation.from_matrix(target[:3, :3] @ pose[:3, :3].T).as_rotvec()
+            return np.concatenate([target[:3, 3] - pose[:3, 3], weight * turn])
+
+        best = min(np.sqrt(2.0 * least_squares(residual, q, bounds=(low, high)).cost) for q in starts[:40])
+        assert np.hypot(distance[k], weight * angle[k]) <= best * (1.0 + 1e-3)
+
+
+def test_the_joint_that_holds_a_target_back_is_named():
+    arm = aw.load("puma560")
+    beyond = aw.compile(arm).forward_kinematics(np.array([0.1, 0.2, 0.3, 0.2, 1.9, 0.1]))  # joint 5 ends at 1.745
+    found = aw.inverse_kinematics(arm, beyond)
+    assert not found.success
+    low, high = np.array([body.limits.position for body in arm.bodies]).T
+    meets = found.branches.q[found.branches.position_error < TOLERANCE]
+    excess = np.maximum(low - meets, meets - high).max(axis=1).min()  # of the branch that is least beyond
+    assert 0.0 < excess <= 1.9 - high[4] + 1e-9
+    assert f"joint {arm.names[4]} {excess:.4g} rad beyond its limit" in str(found)
+    numeric = aw.inverse_kinematics(arm, beyond, method="numeric")
+    assert numeric.at_limit[4]
+    assert f"with {arm.names[4]} at its limit" in str(numeric)
+    assert numeric.at_limit.sum() == 1
 
 
 def test_a_frame_that_no_joint_moves_is_refused():

@@ -19,6 +19,7 @@ from armwright.scalar import Array, Scalar
 DAMPING, DECREASE, INCREASE = 1e-3, 0.1, 4.0  # at first [m²]; factors after a step that helped and one that did not
 LEAST, MOST = 1e-12, 1e6  # of the damping; with more of it an attempt is given up
 SLOW = 0.9  # share of the squared error that a step leaves where an attempt is given up
+STEADY, LONG = 1.0 - 1e-9, 400  # the same, and iterations, of a patient descent
 ITERATIONS, CLOSE, PATIENCE = (
     24,
     1e-4,
@@ -37,7 +38,7 @@ class Layout:
     def sizes(self) -> dict[str, int]:
         """Entries by name, in order."""
         n = self.n
-        scalars = dict.fromkeys(("cost", "damping", "iterations", "least", "spent"), 1)
+        scalars = dict.fromkeys(("cost", "damping", "iterations", "least", "spent", "attempts"), 1)
         return {"q": n, "trial": n, "best": n, "slope": n, "normal": n * (n + 1) // 2, **scalars}
 
     def split(self, state: Array) -> dict[str, Array]:
@@ -56,16 +57,18 @@ class Layout:
         return sum(self.sizes.values())
 
 
-def descent(arms: Chain | Family, tolerance: float, near: bool) -> Program:
+def descent(arms: Chain | Family, tolerance: float, near: bool, patient: bool = False) -> Program:
     """Program  task, attempt, fresh, state → state_next, over, fresh_next, result  of one iteration.
 
     task: what `Chain.task` makes of a pose, and the joint positions to begin with where `near`. attempt: a start's row, as
-    `Chain.starts` has it. result: joint positions, squared error [m²], iterations.
+    `Chain.starts` has it. result: joint positions, squared error [m²], iterations,
+    attempts.
 
     Args:
         arms: the arm, or all arms of a structure.   tolerance: on the error where a descent ends [m | rad].
-        near: the first attempt begins there.
+        near: the first attempt begins there.   patient: a slow descent goes on, to the nearest pose of a target out of reach.
     """
+    share, iterations_at_most = (STEADY, LONG) if patient else (SLOW, ITERATIONS)
     layout, n = Layout(arms.n), arms.n
     weight = float(arms.weight)
     solved, close = (tolerance * min(1.0, weight)) ** 2, (CLOSE * weight) ** 2
@@ -80,7 +83,7 @@ def descent(arms: Chain | Family, tolerance: float, near: bool) -> Program:
         error, slope = chain.error(trial, task)
         cost = error @ error
         better = scalar.where(new, 1.0, scalar.less(cost, old["cost"][0]))
-        slow = scalar.where(new, 0.0, scalar.less(SLOW * old["cost"][0], cost))
+        slow = scalar.where(new, 0.0, scalar.less(share * old["cost"][0], cost))
         normal, gradient = slope.T @ slope, slope.T @ error
         entries = scalar.array([normal[i, j] for i in range(n) for j in range(i + 1)])
         q = chosen(better, trial, old["q"])
@@ -91,21 +94,23 @@ def descent(arms: Chain | Family, tolerance: float, near: bool) -> Program:
         damping = scalar.where(new, DAMPING, scalar.maximum(changed, LEAST))
         iterations = scalar.where(new, 1.0, old["iterations"][0] + 1.0)
         spent = scalar.where(first, 1.0, old["spent"][0] + 1.0)
+        attempts = scalar.where(first, 1.0, old["attempts"][0] + new)
         least = scalar.where(first, np.inf, old["least"][0])
         leads = scalar.less(now, least)
         least = scalar.where(leads, now, least)
         best = chosen(leads, q, old["best"])
         stuck = scalar.where(better, slow, 0.0) + scalar.less(MOST, damping)
         most = scalar.where(
-            scalar.less(now, close), float(PATIENCE), float(ITERATIONS)
+            scalar.less(now, close), float(max(PATIENCE, iterations_at_most)), float(iterations_at_most)
         )  # a singular pose takes its time
         failed = stuck + scalar.less_equal(most, iterations)
         over = scalar.where(scalar.less(least, solved), 2.0, scalar.where(scalar.less(0.0, failed), 1.0, 0.0))
         following = chain.within(q + _step(chain, q, held, downhill, damping))
         parts = {"q": q, "trial": following, "best": best, "slope": downhill, "normal": held}
         numbers = {"cost": now, "damping": damping, "iterations": iterations, "least": least, "spent": spent}
+        numbers["attempts"] = attempts
         state_next = layout.joined(parts | {name: scalar.array([value]) for name, value in numbers.items()})
-        result = scalar.array([*chain.wrapped(best), least, spent])
+        result = scalar.array([*chain.wrapped(best), least, spent, attempts])
         return state_next, scalar.array([over]), scalar.zeros(1), result
 
     shapes = {"task": (arms.task_size + n * near,), "attempt": (n + 1,), "fresh": (1,), "state": (layout.size,)}

@@ -87,7 +87,13 @@ def best_different(
             order = np.abs(q - wanted).max(axis=1)
     order = np.where(solved, order, np.inf)
     shape = candidates.shape[:2]
-    return _different(chain, q.reshape(candidates.shape), order.reshape(shape), off.reshape(shape), count)
+    kept = _different(chain, q.reshape(candidates.shape), order.reshape(shape), count)
+    off = np.where(np.isfinite(off), off, np.inf).reshape(shape)
+    missed = np.isnan(kept[:, 0]).any(axis=1) & np.isfinite(off).any(axis=1)
+    if missed.any():
+        closest = q.reshape(candidates.shape)[missed, off[missed].argmin(axis=1)]
+        kept[missed, 0] = solver.nearest(poses[missed], closest)
+    return kept
 
 
 def _ranks(descent: int) -> np.ndarray:
@@ -95,7 +101,7 @@ def _ranks(descent: int) -> np.ndarray:
     return ((NEAREST_OF + RANKED * descent + np.arange(RANKED)) % STARTS).astype(float)
 
 
-def _different(chain: Chain, q: np.ndarray, order: np.ndarray, off: np.ndarray, count: int) -> np.ndarray:
+def _different(chain: Chain, q: np.ndarray, order: np.ndarray, count: int) -> np.ndarray:
     """(k, count, n): of solutions (k, d, n) with finite order, those that differ, in that order; NaN behind them."""
     rows = np.arange(len(q))
     kept = np.full((len(q), count, chain.n), np.nan)
@@ -108,7 +114,4 @@ def _different(chain: Chain, q: np.ndarray, order: np.ndarray, off: np.ndarray, 
         apart = np.where(chain.turns_around, apart - TURN * np.round(apart / TURN), apart)
         order[np.abs(apart).max(axis=2) < DIFFERENT] = np.inf
         order[rows, best] = np.inf
-    off = np.where(np.isfinite(off), off, np.inf)
-    missed = np.isnan(kept[:, 0]).any(axis=1) & np.isfinite(off).any(axis=1)
-    kept[missed, 0] = q[rows, off.argmin(axis=1)][missed]
     return kept

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armwright.model import Model
+
 
 @dataclass(frozen=True, eq=False)
 class PoseBranches:
@@ -53,7 +55,8 @@ class PoseSolutions:
         success: (…,) True where the pose is met within the tolerance and the limits.
         position_error: (…,) [m].   angle_error: (…,) [rad]; 0 where the rotation does not count.
         margin: (…,) least distance to a joint limit, as a share of that joint's range; 1/2 in the middle of all.
-        iterations: (…,) of all attempts together, 0 of closed forms and several.   tolerance: on both errors, [m] and [rad].
+        iterations: (…,) of all attempts together, 0 of closed forms and several.
+        attempts: (…,) starts that were tried, counted likewise.   tolerance: on both errors, [m] and [rad].   arm: whose joints.
         method: "numeric", or the closed form.   branches: all of the closed form's; None of numeric solutions.
         branch: (…,) number of the branch that is `q`, -1 where it is numeric; None where all are.
         several: True where the last axis of `…` is that of different solutions.
@@ -65,7 +68,9 @@ class PoseSolutions:
     angle_error: np.ndarray
     margin: np.ndarray
     iterations: np.ndarray
+    attempts: np.ndarray
     tolerance: float
+    arm: Model
     method: str = "numeric"
     branches: PoseBranches | None = None
     branch: np.ndarray | None = None
@@ -74,8 +79,10 @@ class PoseSolutions:
     def __str__(self) -> str:
         """Counts, largest errors, and the first targets that were not solved with how far off they stay."""
         if self.several:
-            first = (self.success, self.position_error, self.angle_error, self.margin, self.iterations)
-            best = PoseSolutions(self.q[..., 0, :], *(each[..., 0] for each in first), tolerance=self.tolerance)
+            first = (self.success, self.position_error, self.angle_error, self.margin, self.iterations, self.attempts)
+            best = PoseSolutions(
+                self.q[..., 0, :], *(each[..., 0] for each in first), tolerance=self.tolerance, arm=self.arm
+            )
             counts = self.success.sum(axis=-1)[best.success]
             return f"{best}\n{counts.mean() if counts.size else 0.0:.3g} different solutions of a target on average"
         solved, of = int(self.success.sum()), self.success.size
@@ -91,7 +98,9 @@ class PoseSolutions:
                 lines.append(f"target {', '.join(map(str, place)) or 0}: {why}")
                 continue
             off = f"{1e3 * self.position_error[k]:.4g} mm and {1e3 * self.angle_error[k]:.4g} mrad"
-            lines.append(f"target {', '.join(map(str, place)) or 0}: not reached, the nearest pose is {off} off")
+            lines.append(
+                f"target {', '.join(map(str, place)) or 0}: not reached, the nearest pose is {off} off{self._limits(k)}"
+            )
         if of - solved > SHOWN:
             lines.append(f"and {of - solved - SHOWN} more")
         return "\n".join(lines)
@@ -105,6 +114,28 @@ class PoseSolutions:
             return many
         return f"in {self.method}" + (f", {numeric} of them numerically, {many}" if numeric else "")
 
+    @property
+    def at_limit(self) -> np.ndarray:
+        """(…, n) True for joints within a millionth of their range of a limit: they hold back a target that is not reached."""
+        low, high = np.array([body.limits.position for body in self.arm.coordinates]).T
+        with np.errstate(invalid="ignore"):
+            near = np.minimum(self.q - low, high - self.q) <= AT_LIMIT * (high - low)
+        return near & np.isfinite(high - low)
+
+    def _limits(self, k: tuple[int, ...]) -> str:
+        """Joints whose limits keep a target from being reached, in words."""
+        if self.branches is not None:
+            met = np.maximum(self.branches.position_error[k], self.branches.angle_error[k]) <= self.tolerance
+            if met.any():
+                best = int(np.where(met, self.branches.margin[k], -np.inf).argmax())
+                low, high = np.array([body.limits.position for body in self.arm.coordinates]).T
+                beyond = np.maximum(low - self.branches.q[k][best], self.branches.q[k][best] - high)
+                joint = int(np.argmax(beyond / (high - low)))
+                return f"; it would be met with joint {self.arm.names[joint]} {beyond[joint]:.4g} rad beyond its limit"
+        names = [name for name, there in zip(self.arm.names, self.at_limit[k], strict=True) if there]
+        return f", with {', '.join(names)} at {'its limit' if len(names) == 1 else 'their limits'}" if names else ""
+
 
 SHOWN = 5  # targets that are listed
+AT_LIMIT = 1e-6  # of a joint's range
 UNREACHABLE = "no joint positions reach it"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -45,18 +45,18 @@ class Solver:
         n, task = chain.n, chain.task_size + chain.n * near
         ranked = RANKED + near  # the first attempt is the given start
         program = descent(chain, self.tolerance, near)
-        self._loop = Loop((Exchange(task, n + 1, n + 2, attempts, ranked), Call(program)), self.target)
+        self._loop = Loop((Exchange(task, n + 1, n + 3, attempts, ranked), Call(program)), self.target)
 
     def solve(
         self, poses: np.ndarray, near: np.ndarray | None, threads: int, ranks: np.ndarray | None = None
     ) -> np.ndarray:
-        """(k, n + 2): joint positions, squared error [m²] and iterations for poses (k, 4, 4).
+        """(k, n + 3): joint positions, squared error [m²], iterations and attempts for poses (k, 4, 4).
 
         Args:
             poses: where to.   near: (k, n) positions to begin with, of a solver that takes them.
             threads: for large batches.   ranks: (RANKED,) starts to try first, in place of those nearest to each pose.
         """
-        results = np.empty((len(poses), self.chain.n + 2))
+        results = np.empty((len(poses), self.chain.n + 3))
         parts = [slice(first, first + CHUNK) for first in range(0, len(poses), CHUNK)]
 
         def part(which: slice) -> None:
@@ -69,6 +69,20 @@ class Solver:
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(part, parts))
         return results
+
+    @cached_property
+    def _patient(self) -> Loop:
+        """One long descent from given positions."""
+        n, task = self.chain.n, self.chain.task_size + self.chain.n
+        program = descent(self.chain, self.tolerance, near=True, patient=True)
+        return Loop((Exchange(task, n + 1, n + 3, 1, 1), Call(program)), self.target)
+
+    def nearest(self, poses: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """(k, n) positions as near to poses out of reach as a long descent from positions (k, n) comes."""
+        results = np.empty((len(q), self.chain.n + 3))
+        tasks = np.concatenate([self.chain.tasks(poses), q], axis=1)
+        self._run(self._patient, tasks, np.zeros((len(q), 1)), results)
+        return results[:, : self.chain.n]
 
     def errors(self, q: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distance (k,) [m] and angle (k,) [rad] from where positions (k, n) bring the frame to poses (k, 4, 4)."""
@@ -96,12 +110,15 @@ class Solver:
         ranks = self.starts.ranked(tasks, poses) if given is None else np.tile(given, (len(tasks), 1))
         if near is not None:
             tasks, ranks = np.concatenate([tasks, near], axis=1), np.concatenate([ranks[:, :1], ranks], axis=1)
-        lanes = self._loop.lanes(self.target.width)
+        self._run(self._loop, tasks, ranks, results)
+
+    def _run(self, loop: Loop, tasks: np.ndarray, ranks: np.ndarray, results: np.ndarray) -> None:
+        lanes = loop.lanes(self.target.width)
         lanes.blocks["over"].fill(2.0)
         lanes.blocks["task_number"].fill(-1.0)
         queue = np.array([0, len(tasks)])
         work = Tasks(queue, np.ascontiguousarray(tasks), self.starts.rows, np.ascontiguousarray(ranks), results)
-        self._loop.run(lanes, 0.0, (0, 2**62), tasks=work)
+        loop.run(lanes, 0.0, (0, 2**62), tasks=work)
 
 
 @lru_cache(maxsize=16)
@@ -202,7 +219,9 @@ def inverse_kinematics(
             "branches": branches.reshaped(shape),
             "branch": branch.reshape(shape),
         }
-    return PoseSolutions(*(each.reshape((*shape, *each.shape[1:])) for each in values), tolerance=limit, **more)
+    return PoseSolutions(
+        *(each.reshape((*shape, *each.shape[1:])) for each in values), tolerance=limit, arm=arm, **more
+    )
 
 
 Method = Literal["auto", "closed-form", "numeric"]
@@ -224,10 +243,10 @@ def _closed_form(arm: Model, frame: str | None, aim: Aim, method: Method, near: 
 
 
 def _of_branches(best: np.ndarray) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    """Positions, success, errors, margins and iterations (k, …) of the best branches, and their numbers (k,)."""
+    """Positions, success, errors, margins, iterations and attempts (k, …) of the best branches, and their numbers (k,)."""
     n, branch = best.shape[1] - 4, best[:, -1].astype(int)
-    iterations = np.zeros(len(best), int)
-    return (best[:, :n], branch >= 0, best[:, n], best[:, n + 1], best[:, n + 2], iterations), branch
+    none = np.zeros((2, len(best)), int)
+    return (best[:, :n], branch >= 0, best[:, n], best[:, n + 1], best[:, n + 2], *none), branch
 
 
 def _numeric(
@@ -240,16 +259,19 @@ def _numeric(
     weight: float | None,
     threads: int,
 ) -> tuple[np.ndarray, ...]:
-    """Positions, success, errors, margins and iterations (k, …) by descent."""
+    """Positions, success, errors, margins, iterations and attempts (k, …) by descent."""
     chosen = solver(arm, frame, aim, tolerance, starts is not None, weight)
     found = chosen.solve(poses, starts, threads)
     q = found[:, : arm.n]
+    missed = np.flatnonzero(found[:, arm.n] >= (chosen.tolerance * min(1.0, chosen.chain.weight)) ** 2)
+    if len(missed):
+        q[missed] = chosen.nearest(poses[missed], q[missed])
     if starts is not None:
         q = chosen.chain.nearest_turns(q, starts)
     position, angle = chosen.errors(q, poses)
     margin = limit_margin(arm, q)
     success = (position <= tolerance) & (angle <= tolerance) & (margin >= 0.0)
-    return q, success, position, angle, margin, found[:, -1].astype(int)
+    return q, success, position, angle, margin, *found[:, -2:].astype(int).T
 
 
 def _several(
@@ -266,10 +288,10 @@ def _several(
     position, angle = solver.errors(flat, targets)
     margin = limit_margin(solver.chain.model, flat)
     success = (position <= tolerance) & (angle <= tolerance) & (margin >= 0.0)  # False of nan
-    values = (flat, success, position, angle, margin, np.zeros(len(flat), int))
+    values = (flat, success, position, angle, margin, *np.zeros((2, len(flat)), int))
     lead = shape if solutions is None else (*shape, count)
     shaped = (each.reshape((*lead, *each.shape[1:])) for each in values)
-    return PoseSolutions(*shaped, tolerance=tolerance, several=solutions is not None)
+    return PoseSolutions(*shaped, tolerance=tolerance, arm=solver.chain.model, several=solutions is not None)
 
 
 def _check_choice(goal: Goal | None, near: bool, solutions: int | None, weight: float | None) -> None:

@@ -56,7 +56,7 @@ class _Native:
         self.family, self._target = Family(form, ANGLE_WEIGHT), select_target()
         n, size = self.family.n, self.family.task_size
         program = descent(self.family, TOLERANCE, near=False)
-        self._loop = Loop((Exchange(size, n + 1, n + 2, ATTEMPTS, 1), Call(program)), self._target)
+        self._loop = Loop((Exchange(size, n + 1, n + 3, ATTEMPTS, 1), Call(program)), self._target)
 
         def pose(q: Array, task: Array) -> np.ndarray:
             return forward_kinematics(self.family.of(task).model, q)
@@ -69,7 +69,7 @@ class _Native:
         lanes.blocks["over"].fill(2.0)
         lanes.blocks["task_number"].fill(-1.0)
         attempts = np.concatenate([starts, np.zeros((count, 1))], axis=1)
-        results = np.empty((count, self.family.n + 2))
+        results = np.empty((count, self.family.n + 3))
         work = Tasks(np.array([0, count]), tasks, attempts, np.arange(float(count)), results)
         self._loop.run(lanes, 0.0, (0, 2**62), tasks=work)
         return results[:, : self.family.n]
