@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ENDINGS = (".png", ".svg", ".pdf", ".html")
-CELLS = 160  # of a map along its longer side
+CELLS = 110  # of a map along its longer side
 BINS = 120  # of a histogram
 COLOURS = "viridis"
 BAR = "#3B6EA8"
@@ -45,7 +45,7 @@ def draw(dataset: xr.Dataset) -> Figure:
     """Four panels: mean manipulability from above and from the side, and how often distances and measures occur."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11.5, 8.6), dpi=150, layout="constrained", facecolor="white")
+    figure = Figure(figsize=(11.5, 8.6), dpi=100, layout="constrained", facecolor="white")
     (above, side), (reach, measure) = figure.subplots(2, 2, height_ratios=(2.1, 1.0))
     position, w = dataset.position.values, dataset.manipulability.values
     unit = dataset.manipulability.attrs["units"]
