@@ -56,7 +56,7 @@ def test_a_loop_that_is_too_slow(tmp_path):
         (("--phase-margin", "200"), SCENARIO, "phase_margin"),
         (("--poses", "0"), SCENARIO, "poses"),
         (("--plot", "loops.gif"), SCENARIO, ".gif"),
-        ((), 'robot = "two-link"\nduration_s = 1.0\ncommands = [0, 0]\n', "loop"),
+        ((), 'robot = "two-link"\nduration_s = 1.0\n[commands]\nconstant = [0, 0]\n', "loop"),
     ],
 )
 def test_refused(tmp_path, arguments, text, words):
