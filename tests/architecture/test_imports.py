@@ -18,6 +18,7 @@ ORDER = (
     ("scalar",),
     ("program",),  # traced functions; it knows no robots
     ("interpolation",),  # tables that trace
+    ("matrix_exponential",),
     ("expressions",),
     ("output", "reading", "named_file"),
     ("signals",),  # named layouts of vectors

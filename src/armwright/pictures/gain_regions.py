@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -47,7 +47,7 @@ def draw_regions(figure: Figure, regions: Sequence[Sequence[GainRegion]], delays
         axis.set_facecolor("none")
         for spine in axis.spines.values():
             spine.set_color(ink)
-    marks = [
+    marks: list[Any] = [
         Patch(color=colour, label=f"{1e3 * delay:.3g} ms of delay")
         for colour, delay in zip(COLOURS, delays, strict=False)
     ]

@@ -5,11 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.linalg import expm
 from scipy.signal import cont2discrete
 
 from armwright.control.analysis import sampled_system, zero_order_hold
-from armwright.control.analysis.hold import matrix_exponential
 from armwright.errors import ScenarioError
 
 DELAYS = [0.0, 0.3, 1.0, 1.25, 2.999, 3.0]
@@ -37,13 +35,6 @@ def test_first_order(periods):
     assert held.new[0, 0] == pytest.approx(gain / pole * (1 - np.exp(-pole * (1 - part) * h)), abs=1e-12)
     expected = gain / pole * (np.exp(-pole * (1 - part) * h) - np.exp(-pole * h))
     assert held.old[0, 0] == pytest.approx(expected, abs=1e-12)
-
-
-@pytest.mark.parametrize("size", [1e-9, 0.1, 3.0, 60.0])
-def test_matrix_exponential(size):
-    a = size * np.random.default_rng(2).normal(size=(6, 5, 5)) / 5
-    expected = expm(a)
-    assert np.abs(matrix_exponential(a) - expected).max() <= 1e-12 * np.abs(expected).max()
 
 
 def test_scipy_s_discretisation_without_delay():

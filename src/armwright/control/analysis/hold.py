@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ScenarioError
+from armwright.matrix_exponential import matrix_exponential
 from armwright.simulation.checks import check_time
 from armwright.simulation.loop.timing import WHOLE
-
-TERMS, NORM = 14, 0.25  # of the series, whose error is below rounding for matrices of that norm
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,21 +71,6 @@ def _transition(a: np.ndarray, b: np.ndarray, t: float) -> tuple[np.ndarray, np.
     block[..., :size, :size], block[..., :size, size:] = a, b
     power = matrix_exponential(t * block)
     return power[..., :size, :size], power[..., :size, size:]
-
-
-def matrix_exponential(a: np.ndarray) -> np.ndarray:
-    """e^A of matrices (…, k, k), by scaling, a Taylor series, and squaring, all matrices at once.  [MolerVanLoan2003]
-
-    As `scipy.linalg.expm`, which takes them one by one and a hundred times as long for many small ones.
-    """
-    halvings = max(0, int(np.ceil(np.log2(max(np.abs(a).sum(axis=-1).max(initial=0.0), 1e-300) / NORM))))
-    part = a / 2.0**halvings
-    power = np.eye(a.shape[-1]) + part / TERMS
-    for k in range(TERMS - 1, 0, -1):  # Horner's rule
-        power = np.eye(a.shape[-1]) + part @ power / k
-    for _ in range(halvings):
-        power = power @ power
-    return power
 
 
 def sampled_system(a: Any, b: Any, c: Any, period: float, delay: float = 0.0) -> Any:

@@ -260,10 +260,10 @@ def _estimate(fit: ArmFit, covariance: np.ndarray, method: str, sha256: str, nam
     """The payload's numbers from base parameters, possible ones where the free ones are not."""
     first = len(fit.base.columns) - PER_LINK
     rows = np.flatnonzero(fit.base.independent >= first)
-    A = fit.base.matrix[np.ix_(rows, np.arange(first, first + PER_LINK))]
+    A = fit.base.matrix[rows, first : first + PER_LINK]
     mixed = np.any(np.delete(fit.base.matrix[rows], np.s_[first:], axis=1) != 0) if first else False
     assert not mixed  # the payload's columns are those of one log alone
-    beta, C = fit.values[rows], covariance[np.ix_(rows, rows)]
+    beta, C = fit.values[rows], covariance[rows][:, rows]
     told = np.zeros(PER_LINK, dtype=bool)
     for row in A:
         told |= (row != 0) & (np.count_nonzero(row) == 1)

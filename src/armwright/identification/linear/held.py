@@ -14,11 +14,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import expm
 
 from armwright.identification.linear.levenberg_marquardt import descended
 from armwright.identification.linear.prediction_error import Fit, Orders, admissible, errors_of, largest_radius
 from armwright.identification.linear.records import Stretch
+from armwright.matrix_exponential import matrix_exponential
 
 MOST_POLES = 10  # of which coefficients in s still say something in doubles
 NEAR = 1  # delays that are tried on either side of the best one
@@ -58,7 +58,7 @@ def held_polynomials(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     companion[..., range(n - 1), range(1, n)] = 1.0
     companion[..., n - 1, :n] = -p[..., ::-1]
     companion[..., n - 1, n] = 1.0
-    step = expm(companion)
+    step = matrix_exponential(companion)
     matrix, response = step[..., :n, :n], step[..., :n, n]
     a, power = [np.ones(p.shape[:-1])], np.broadcast_to(np.eye(n), matrix.shape)
     for k in range(1, n + 1):  # Faddeev and LeVerrier
