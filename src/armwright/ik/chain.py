@@ -55,16 +55,22 @@ class Chain:
         """Lowest and highest positions (n,) [rad | m], ±inf where there are none."""
         if self.bounds is not None:
             return self.bounds
-        low, high = np.array([body.limits.position for body in self.model.bodies]).T
+        low, high = np.array([body.limits.position for body in self.model.coordinates]).T
         return low, high
 
     @cached_property
     def turns_around(self) -> np.ndarray:
-        """(n,) True for revolute joints that reach every angle: descents need no limits there."""
+        """(n,) True for revolute joints that reach every angle and move no other: descents need no limits there."""
         if self.bounds is not None:
             return np.zeros(self.n, dtype=bool)
         low, high = self.limits
-        return np.array([body.kind == "revolute" for body in self.model.bodies]) & (high - low >= TURN)
+        turns = np.array([body.kind == "revolute" for body in self.model.coordinates]) & (high - low >= TURN)
+        mimics = self.model.mimics
+        if mimics is None:
+            return turns
+        return turns & (
+            np.bincount(mimics.coordinate, minlength=self.n) == 1
+        )  # a turn of the others moves their followers
 
     @cached_property
     def low(self) -> Array:
@@ -80,7 +86,7 @@ class Chain:
     def base(self) -> tuple[np.ndarray, np.ndarray] | None:
         """Axes and origin of the first joint where it is revolute and the chain begins with it; else None.
 
-        Also None for an arm of symbols, whose starts are not turned.
+        Also None where other joints follow the first, and for an arm of symbols, whose starts are not turned.
 
         Raises:
             ModelError: a frame that no joint moves.
@@ -92,7 +98,9 @@ class Chain:
             raise ModelError(
                 "no joint moves it", place="frame", value=self.frame, expected="a frame of a link that moves"
             )
-        if path[0] != 0 or self.model.bodies[0].kind != "revolute":
+        mimics = self.model.mimics
+        alone = mimics is None or (mimics.drivers[0] == 0 and mimics.coordinate.count(0) == 1)
+        if path[0] != 0 or self.model.bodies[0].kind != "revolute" or not alone:
             return None
         placed = body_placements(self.model, np.zeros(self.n))[0]
         return np.asarray(placed.rotation, dtype=float), np.asarray(placed.position, dtype=float)
