@@ -10,7 +10,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("numpy", "casadi", "llvmlite", "pin", "mujoco")
+PACKAGES = ("numpy", "casadi", "llvmlite", "pin", "mujoco", "eaik", "roboticstoolbox-python", "toppra")
 TOPOLOGY = Path("/sys/devices/system/cpu")
 
 

@@ -91,6 +91,21 @@ def _time(timing: Record | None) -> str:
     return f"{number(timing['median'])} ({number(timing['best'])})"
 
 
+def _plan(head: str, column: str) -> Column:
+    """Median time of all points together [ms], in brackets the least, and whether the median is as little as is wanted."""
+
+    def cell(r: Record) -> str:
+        timing = r["timings"].get(column)
+        if timing is None or not timing["passed"]:
+            return _time(timing)
+        median, best = (1e-6 * timing[key] * r["labels"]["points"] for key in ("median", "best"))
+        most = r["facts"].get("at_most", {}).get(column)
+        verdict = "" if most is None else f" {'✓' if median <= most else '✗'} ≤ {most:g}"
+        return f"{number(median)} ({number(best)}){verdict}"
+
+    return Column(head, cell)
+
+
 def _least(head: str, part: str) -> Column:
     """The best of the samples, and whether it is as little as is wanted, if anything is."""
 
@@ -214,7 +229,20 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
         "Inverse kinematics, ns per pose",
         (
             *(label("arm", "arm"), label("work", "work"), label("poses", "states"), time("ours", "ours")),
-            *(time("EAIK", "eaik"), ratio("EAIK ÷ ours", "eaik"), worst("error")),
+            *(time("EAIK", "eaik"), ratio("EAIK ÷ ours", "eaik")),
+            *(time("Robotics Toolbox C++, tol 1e-6", "toolbox"), ratio("tol 1e-6 ÷ ours", "toolbox")),
+            *(time("tol 1e-16", "toolbox fine"), ratio("tol 1e-16 ÷ ours", "toolbox fine"), worst("error")),
+        ),
+    ),
+    "planning": (
+        "Planning of motions, ms a plan",
+        (
+            *(label("arm", "arm"), label("joints", "joints"), label("work", "work"), label("points", "points")),
+            *(_plan("ours", "ours"), _plan("toppra", "toppra"), ratio("toppra ÷ ours", "toppra")),
+            _plan("SciPy's spline alone", "scipy"),
+            fact("our motion, s", "motion", "{:.4g}".format),
+            fact("toppra's motion, s", "toppra's motion", "{:.4g}".format),
+            worst("error"),
         ),
     ),
     "compile": (

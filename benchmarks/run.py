@@ -31,6 +31,7 @@ MODULES = (
     "rows_control",
     "rows_identification",
     "rows_ik",
+    "rows_planning",
     "rows_scaling",
     "rows_start",
 )

@@ -22,6 +22,7 @@ CHAPTERS = (
     "batch size",
     "threads",
     "ik",
+    "planning",
     "start",
     "compile",
 )

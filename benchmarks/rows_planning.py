@@ -1,0 +1,187 @@
+"""Planning of motions: time-optimal along a path, beside toppra, and through a thousand waypoints, beside SciPy's spline."""
+
+# toppra is optional and has no stubs.
+# pyright: reportMissingImports=false, reportMissingTypeStubs=false
+
+from __future__ import annotations
+
+import importlib.util
+from functools import partial
+from typing import Any
+
+import numpy as np
+from records import Record, Task, record
+from scipy.interpolate import CubicSpline
+from timing import Check, Contestant, Entry, race
+
+import armwright as aw
+
+GRID, QUICK_GRID = 500, 100
+WAYPOINTS, QUICK_WAYPOINTS = 1_000, 50
+MOST = {"time-optimal": 2000.0, "waypoints": 1000.0}  # [ms] a plan
+AS_TOPPRA = 0.01  # relative, between the two durations
+KEPT = 1e-6  # relative, that a limit may be exceeded by
+ACCELERATION = 10.0  # [rad/s²] of all joints of the waypoints' arm, whose record has no limits of it
+TOPPRA_SWING = 1e-3  # [rad] its path from the last waypoint
+
+
+def tasks(quick: bool) -> list[Task]:
+    """Three plans."""
+    grid, count = (QUICK_GRID, QUICK_WAYPOINTS) if quick else (GRID, WAYPOINTS)
+    return [
+        Task("planning", "planning time-optimal rigid panda", partial(rigid_records, "panda", grid)),
+        Task("planning", "planning time-optimal motors cmu-dd", partial(motor_records, "cmu-dd", grid)),
+        Task("planning", "planning waypoints panda", partial(waypoint_records, "panda", count)),
+    ]
+
+
+def rigid_records(name: str, grid: int, repetitions: int) -> list[Record]:
+    """Limits of velocity and of a rigid body's torque, which toppra can have too."""
+    arm = aw.load(name).replace(friction=None, efficiency=None)
+    path, limits = random_path(arm), aw.MotionLimits.of(arm, voltage=np.inf)
+    plan, contestants, facts = partial(aw.time_optimal, arm, path, limits, grid=grid), {}, {}
+    if importlib.util.find_spec("toppra") is not None:
+        solve = by_toppra(path.parameter, path.waypoints, limits, np.linspace(0.0, path.length, grid + 1), arm)
+        duration, expected = plan().duration, float(solve().duration)
+        facts = {"motion": duration, "toppra's motion": expected}
+        contestants["toppra"] = Contestant("toppra", solve, grid, partial(check_duration, duration))
+        same = partial(check_duration, expected)
+    else:
+        same = None
+    ours = Contestant("ours", plan, grid, partial(check_plan, arm, limits, same))
+    labels = {"arm": name, "joints": arm.n, "work": "time-optimal: velocity, rigid torque", "points": grid}
+    return raced(labels, {"ours": ours} | contestants, repetitions, "time-optimal", facts)
+
+
+def motor_records(name: str, grid: int, repetitions: int) -> list[Record]:
+    """All limits of the arm's drives: voltage and friction too."""
+    arm = aw.load(name)
+    path, limits = random_path(arm), aw.MotionLimits.of(arm)
+    plan = partial(aw.time_optimal, arm, path, limits, grid=grid)
+    ours = Contestant("ours", plan, grid, partial(check_plan, arm, limits, None))
+    labels = {"arm": name, "joints": arm.n, "work": "time-optimal: with friction and voltage", "points": grid}
+    return raced(labels, {"ours": ours}, repetitions, "time-optimal", {"motion": plan().duration})
+
+
+def waypoint_records(name: str, count: int, repetitions: int) -> list[Record]:
+    """A cubic spline through waypoints with optimised times; SciPy's with these times given, and toppra along a spline."""
+    arm = aw.load(name)
+    limits = aw.MotionLimits.of(arm, acceleration=ACCELERATION, torque=np.inf, voltage=np.inf)
+    points = waves(limits, count)
+    plan = partial(aw.Waypoints, points, limits)
+    motion = plan()
+    times = motion.polynomial.knots
+    curve = partial(CubicSpline, times, points, bc_type="clamped")
+    contestants = {
+        "ours": Contestant("ours", plan, count, partial(check_spline, arm, limits, curve())),
+        "scipy": Contestant("SciPy", curve, count, partial(check_curve, motion)),
+    }
+    facts = {"motion": motion.duration}
+    if importlib.util.find_spec("toppra") is not None:
+        knots = np.linspace(0.0, 1.0, count)
+        solve = by_toppra(knots, points, limits, knots)
+        facts["toppra's motion"] = float(solve().duration)
+        contestants["toppra"] = Contestant("toppra", solve, count, partial(check_end, points[-1]))
+    labels = {"arm": name, "joints": arm.n, "work": "waypoints: cubic, optimised times", "points": count}
+    return raced(labels, contestants, repetitions, "waypoints", facts)
+
+
+def raced(
+    labels: dict[str, Any], contestants: dict[str, Contestant], repetitions: int, work: str, facts: dict[str, Any]
+) -> list[Record]:
+    """The row, and how long a whole plan may take."""
+    facts = {**facts, "at_most": {"ours": MOST[work]}}
+    beside = {column: "ours" for column in contestants if column == "toppra"}
+    return [record(row) for row in race([Entry(labels, contestants, beside, facts=facts)], repetitions)]
+
+
+def random_path(arm: aw.Model) -> aw.JointPath:
+    """Through five random poses well within the position limits."""
+    low, high = np.clip([body.limits.position for body in arm.coordinates], -2.0, 2.0).T
+    return aw.JointPath(np.random.default_rng(0).uniform(0.6 * low, 0.6 * high, (5, arm.n)))
+
+
+def waves(limits: aw.MotionLimits, count: int) -> np.ndarray:
+    """(count, n) poses along sines of different frequency, within half of the position limits."""
+    draw = np.random.default_rng(0)
+    low, high = np.clip(limits.position, -np.pi, np.pi).T
+    angles = np.linspace(0.0, 1.0, count)[:, None] * draw.uniform(2.0, 8.0, limits.n) + draw.uniform(0.0, 1.0, limits.n)
+    return 0.5 * (low + high) + 0.25 * (high - low) * np.sin(2.0 * np.pi * angles)
+
+
+def by_toppra(knots: np.ndarray, points: np.ndarray, limits: aw.MotionLimits, grid: np.ndarray, arm: Any = None) -> Any:
+    """toppra's work along the natural spline through points at `knots`: its default solver, rest at both ends."""
+    import toppra
+    from toppra import algorithm, constraint
+
+    toppra.setup_logging("ERROR")
+    both_ends, kept = constraint.DiscretizationType.Interpolation, []
+    if np.isfinite(limits.velocity).all():
+        kept.append(constraint.JointVelocityConstraint(symmetric(limits.velocity)))
+    if np.isfinite(limits.acceleration).all():
+        kept.append(constraint.JointAccelerationConstraint(symmetric(limits.acceleration), both_ends))
+    if arm is not None:
+        torques = aw.compile(arm).inverse_dynamics
+        kept.append(
+            constraint.JointTorqueConstraint(torques, symmetric(limits.torque), np.zeros(arm.n), both_ends),
+        )
+
+    def solve() -> Any:
+        curve = toppra.SplineInterpolator(knots, points, bc_type="natural")
+        planner = algorithm.TOPPRA(kept, curve, gridpoints=grid, parametrizer="ParametrizeConstAccel")
+        return planner.compute_trajectory(0.0, 0.0)
+
+    return solve
+
+
+def symmetric(limit: np.ndarray) -> np.ndarray:
+    """(n, 2) from minus the limit to the limit."""
+    return np.stack([-limit, limit], axis=1)
+
+
+def check_duration(expected: float, found: Any) -> Check:
+    """Difference of a motion's duration from the other's, relative."""
+    return Check(abs(float(found.duration) / expected - 1.0) if found is not None else float("nan"), AS_TOPPRA)
+
+
+def check_plan(arm: aw.Model, limits: aw.MotionLimits, same: Any, found: Any) -> Check:
+    """Excess of limits on a dense grid, and the other's duration where there is one."""
+    if not aw.limits_report(arm, found, limits, samples=10).kept:
+        return Check(float("nan"), KEPT)
+    return same(found) if same is not None else Check(max(float(found.excess), 0.0), KEPT)
+
+
+def check_spline(arm: aw.Model, limits: aw.MotionLimits, curve: CubicSpline, found: aw.Waypoints) -> Check:
+    """Difference from SciPy's spline at the same times [rad]; NaN where a limit is exceeded."""
+    kept = aw.limits_report(arm, found, limits, samples=10).kept
+    return Check(difference(found, curve) if kept else float("nan"), KEPT)
+
+
+def check_curve(motion: aw.Waypoints, found: CubicSpline) -> Check:
+    """Difference from our spline [rad]."""
+    return Check(difference(motion, found), KEPT)
+
+
+def difference(motion: aw.Waypoints, curve: CubicSpline) -> float:
+    """Largest difference of positions [rad], four times between waypoints."""
+    knots = motion.polynomial.knots
+    t = np.linspace(knots[0], knots[-1], 4 * len(knots))
+    return float(np.abs(motion.at(t)[0] - curve(t)).max())
+
+
+def check_end(goal: np.ndarray, found: Any) -> Check:
+    """Distance of the motion's end from the last waypoint [rad]."""
+    return Check(float(np.abs(found(found.duration) - goal).max()) if found is not None else float("nan"), TOPPRA_SWING)
+
+
+def notes(quick: bool) -> dict[str, list[str]]:
+    """What the rows say."""
+    lines = [
+        "time-optimal: a natural spline through five random poses, rest at both ends; ours is judged on a ten times denser grid "
+        "through the compiled inverse dynamics, and made again where a limit is exceeded, toppra's on its grid alone "
+        "(Interpolation); toppra's torques are by our compiled inverse dynamics, one call a point. Both durations agree to 1 %",
+        f"waypoints: velocity limits of the record and {ACCELERATION:g} rad/s²; SciPy: `CubicSpline` alone, with the times that "
+        "ours found: the same curve, and the floor of any planner; toppra: the fastest motion along a spline through them, "
+        "a grid point at each waypoint, accelerations that jump where ours are continuous",
+    ]
+    return {"planning": lines}
