@@ -75,13 +75,18 @@ def read_scenario(path: str | os.PathLike[str], *, allow: Iterable[str | os.Path
     return parse_scenario(document, str(path), FolderFiles(path.parent, folders), text)
 
 
-def parse_scenario(tables: dict[str, Any], place: str, files: Files, text: str) -> Scenario:
-    """The scenario in a parsed TOML document, whose text is kept with it; `place` is what errors call its file."""
+def parse_scenario(tables: dict[str, Any], place: str, files: Files, text: str, lanes: range | None = None) -> Scenario:
+    """The scenario in a parsed TOML document, whose text is kept with it.
+
+    Args:
+        tables: parsed.   place: what errors call the file.   files: that it names.   text: of the document.
+        lanes: only these; of draws there are as many as are asked for. By default all.
+    """
     if "faults" in tables:
         raise ScenarioError(FAULTS, place="faults", file=place)
     table = validated(ScenarioTable, tables, file=place, error=ScenarioError)
     try:
-        scenario = _scenario(table, files)
+        scenario = _scenario(table, files, lanes)
     except ArmwrightError as error:
         raise error.renamed(key_in_file, keys_in_text).within(file=place) from None
     document = files.document(text)
@@ -96,13 +101,13 @@ def parse_scenario(tables: dict[str, Any], place: str, files: Files, text: str) 
     return scenario
 
 
-def _scenario(table: ScenarioTable, files: Files) -> Scenario:
+def _scenario(table: ScenarioTable, files: Files, lanes: range | None) -> Scenario:
     arm = build_model(files.robot(table.robot))
     if table.without:
         arm = arm.replace(**dict.fromkeys(table.without))
     parts = _parts(table, arm, files)
     if table.lanes is not None:
-        for name, column in table.lanes.columns().items():
+        for name, column in table.lanes.columns(lanes).items():
             vary(name, column, arm, parts)
     inputs = parts["inputs"] | {"payload": [Payload(**fields) for fields in parts["inputs"]["payload"]] or None}
     return Scenario(
@@ -115,7 +120,9 @@ def _scenario(table: ScenarioTable, files: Files) -> Scenario:
         solver=Solver(**parts["solver"]),
         recording=Recording(**parts["recording"]),
         vary=parts["vary"],
+        lanes=None if lanes is None else len(lanes),
         seed=table.seed,
+        first_lane=0 if lanes is None else lanes.start,
     )
 
 

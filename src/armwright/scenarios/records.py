@@ -315,21 +315,33 @@ class Lanes(Record):
             raise ValueError(f"a grid of {math.prod(lengths.values()):.3g} lanes; expected at most {MOST_LANES:.0e}")
         return self
 
-    def columns(self) -> Mapping[str, np.ndarray]:
-        """(lanes,) values of every name, in the order of the file. A name's draws depend on the seed, the name and the lane."""
+    def columns(self, lanes: range | None = None) -> Mapping[str, np.ndarray]:
+        """(lanes,) values of every name, in the order of the file. A name's draws depend on the seed, the name and the lane.
+
+        Args:
+            lanes: only these, which of draws may be beyond `count`; by default all.
+        Raises:
+            ScenarioError: a lane that lists or a grid do not have, or a value that is not finite.
+        """
+        listed = [values.size for values in self.vary.values() if not values.drawn]
+        most = math.prod(listed) if self.kind == "grid" else min(listed, default=math.inf)
+        lanes = range(self.count or int(most)) if lanes is None else lanes
+        if lanes.stop > most:
+            raise ScenarioError(place="lanes", value=lanes.stop, expected=f"{most:.0f} at most, as the file lists")
         if self.kind == "grid":
-            axes = [values.listed() for values in self.vary.values()]
-            grid = np.meshgrid(*axes, indexing="ij")
-            return {name: part.ravel() for name, part in zip(self.vary, grid, strict=True)}
+            shape = tuple(listed)
+            at = np.unravel_index(np.arange(lanes.start, lanes.stop), shape)
+            return {name: each.listed()[k] for (name, each), k in zip(self.vary.items(), at, strict=True)}
         columns: dict[str, np.ndarray] = {}
         for name, values in self.vary.items():
             with np.errstate(over="ignore"):
-                drawn = values.draw().batch(self.seed or 0, name, range(self.count or 1)) if values.drawn else None
-                columns[name] = values.listed() if drawn is None else drawn.values
+                drawn = values.draw().batch(self.seed or 0, name, lanes) if values.drawn else None
+                columns[name] = values.listed()[lanes.start : lanes.stop] if drawn is None else drawn.values
             beyond = ~np.isfinite(columns[name])
             if beyond.any():
                 lane = int(np.argmax(beyond))
-                place, value = f"lanes.vary[{name!r}] of lane {lane}", float(columns[name][lane])
+                value, lane = float(columns[name][lane]), lanes.start + lane
+                place = f"lanes.vary[{name!r}] of lane {lane}"
                 raise ScenarioError(place=place, value=value, expected="a narrower distribution")
         return columns
 
