@@ -107,6 +107,8 @@ if TYPE_CHECKING:
     from armwright.simulation.sensitivity import sensitivities
     from armwright.simulation.simulation import Simulation, simulate
     from armwright.simulation.step_study import step_study
+    from armwright.sweeps.store import load_sweep
+    from armwright.sweeps.sweep import Sweep, sweep
     from armwright.trajectory import (
         Cubic,
         Fourier,
@@ -212,6 +214,8 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.simulation.sensitivity": ("sensitivities",),
     "armwright.simulation.simulation": ("Simulation", "simulate"),
     "armwright.results.statistics": ("statistics",),
+    "armwright.sweeps.store": ("load_sweep",),
+    "armwright.sweeps.sweep": ("Sweep", "sweep"),
     "armwright.simulation.loop.timing": ("Timing",),
     "armwright.trajectory": (
         "Cubic",
@@ -317,6 +321,7 @@ __all__ = [
     "SphereObstacle",
     "Start",
     "Step",
+    "Sweep",
     "Timing",
     "ToolPathSolution",
     "Trajectory",
@@ -373,6 +378,7 @@ __all__ = [
     "load",
     "load_motion",
     "load_run",
+    "load_sweep",
     "longest_period",
     "manipulability",
     "mass_matrix",
@@ -406,6 +412,7 @@ __all__ = [
     "statistics",
     "step_study",
     "stored_verdict",
+    "sweep",
     "time_optimal",
     "to_toml",
     "validate",

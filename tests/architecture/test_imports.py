@@ -46,7 +46,7 @@ ORDER = (
     ("export",),
     ("pictures",),  # arms drawn, in any pose and moving; plots to explore
     ("robotfiles",),  # check, compare, convert
-    ("sweep",),
+    ("sweeps",),
     (PACKAGE,),  # __init__.py: the public names
     ("terminal",),  # what writes to it
     ("session",),  # the report's `sim`, in the public names

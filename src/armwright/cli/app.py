@@ -36,6 +36,7 @@ from armwright.cli.show import show
 from armwright.cli.sim import sim
 from armwright.cli.simulate import simulate
 from armwright.cli.step_study import step_study
+from armwright.cli.sweep import sweep
 from armwright.cli.validate import validate
 from armwright.cli.workspace import workspace
 from armwright.errors import ArmwrightError
@@ -151,6 +152,7 @@ for command in (
     workspace,
     plan,
     simulate,
+    sweep,
     plot,
     animate,
     step_study,

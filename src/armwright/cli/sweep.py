@@ -1,0 +1,75 @@
+"""`armwright sweep`: millions of lanes, on one machine or many, that may be stopped and go on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armwright.cli.arguments import SCENARIO, Allow, as_options, option
+from armwright.errors import ScenarioError
+from armwright.terminal import console, say
+
+if TYPE_CHECKING:
+    from armwright.sweeps.sweep import Sweep
+
+
+def sweep(
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A .scenario.toml, whose lanes are drawn.")],
+    lanes: Annotated[float, option("--lanes", "N", "How many lanes, such as 1e7.")],
+    output: Annotated[Path, option("--output -o", "STORE", "Where results go: a folder that ends in .zarr.")],
+    scheduler: Annotated[
+        str | None, option("--scheduler", "ADDRESS", "A Dask scheduler, tcp://host:8786; default: this machine alone.")
+    ] = None,
+    chunk: Annotated[int | None, option("--chunk", "K", "Lanes in a task, by default up to 10,000.")] = None,
+    retries: Annotated[int, option("--retries", "K", "How often a chunk is tried again after an error.")] = 2,
+    rows: Annotated[bool, typer.Option("--rows", help="Store recorded rows too, not only what is reduced.")] = False,
+    allow: Allow = None,
+) -> None:
+    """Simulate many lanes of a scenario in chunks, and store what they are reduced to.
+
+    Where the store is there already, only what is missing is simulated: after Ctrl-C, or any kill, the same command goes
+    on. Results are the same bits whatever the chunks, the workers and their order. `aw.load_sweep` reads them.
+
+    Exit code 0: all lanes are there; 1: chunks failed; 2: bad input, or the store cannot be written.
+
+    \b
+    Examples:
+      armwright sweep robust.scenario.toml --lanes 1e6 -o runs.zarr
+      armwright sweep robust.scenario.toml --lanes 1e7 -o runs.zarr --scheduler tcp://node1:8786
+    """
+    import armwright as aw
+    from armwright.cli.progress import progress
+    from armwright.scenarios.records import key_in_file, keys_in_text
+
+    if not scenario.name.endswith(SCENARIO):
+        raise ScenarioError(place="SCENARIO", value=str(scenario), expected=f"a file that ends in {SCENARIO}")
+    made = aw.read_scenario(scenario, allow=allow or ())
+    try:
+        with as_options("lanes", "chunk", "retries"), progress(f"sweeping {made.arm.name}", "lanes") as tell:
+            done = aw.sweep(
+                made, output, lanes=lanes, client=scheduler, chunk=chunk, rows=rows, retries=retries, progress=tell
+            )
+    except ScenarioError as error:  # of the run, which does not know the file
+        raise error.renamed(key_in_file, keys_in_text).within(file=scenario) from None
+    except KeyboardInterrupt:
+        say("armwright: stopped; finished chunks are kept, and the same command goes on", err=True)
+        raise typer.Exit(130) from None
+    _show(done)
+    if done.failed:
+        raise typer.Exit(1)
+
+
+def _show(done: Sweep) -> None:
+    from armwright.cli.progress import rate
+
+    kept = f", {done.kept:,} were there" if done.kept else ""
+    speed = rate(done.done / max(done.seconds, 1e-9), "lanes") if done.done else "nothing to do"
+    console(soft_wrap=True).print(
+        f"{done.path}: {done.done:,} of {done.lanes:,} lanes{kept}; {done.seconds:.1f} s, {speed}"
+    )
+    for which, reason in list(done.failed.items())[:3]:
+        say(f"armwright: chunk {which} failed: {reason}", err=True)
+    if len(done.failed) > 3:
+        say(f"armwright: and {len(done.failed) - 3} chunks more, see attribute failed_chunks", err=True)

@@ -1,0 +1,90 @@
+"""Cluster of a sweep: the one that is given, or one on this machine for the time of the sweep."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+from collections.abc import Iterator
+from typing import Any
+
+from armwright.errors import ScenarioError
+
+PATIENCE = 10  # [s] until a scheduler is taken to be absent
+LOG_LEVEL = "DASK_LOGGING__DISTRIBUTED"  # environment variable that Dask's programs read
+
+
+@contextlib.contextmanager
+def connected(client: Any = None) -> Iterator[Any]:
+    """A Dask client for the time of the block.
+
+    Args:
+        client: a `distributed.Client`, which stays open; the address of a scheduler; or None: a cluster on this machine, with a
+            process for each processor.
+    Raises:
+        ScenarioError: no scheduler there, or the extra `sweep` is not installed.
+    """
+    try:
+        import distributed
+    except ImportError:
+        raise ScenarioError(
+            "needs distributed, which is not installed", expected="pip install armwright[sweep]"
+        ) from None
+    if isinstance(client, distributed.Client):
+        yield client
+        return
+    if client is not None and not isinstance(client, str):
+        expected = "a distributed.Client, or an address such as 'tcp://host:8786'"
+        raise ScenarioError(place="client", value=client, expected=expected)
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(_quiet())
+        address = stack.enter_context(local_cluster()) if client is None else client
+        try:
+            joined = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+        except (OSError, ValueError, TimeoutError) as error:
+            what = f"cannot be reached: {' '.join(str(error).split())[:200]}"
+            raise ScenarioError(
+                what, place="scheduler", value=client, expected="the address of a Dask scheduler"
+            ) from None
+        yield stack.enter_context(joined)
+
+
+def local_cluster(workers: int | None = None) -> Any:
+    """A Dask cluster on this machine, with one thread in each worker's process; a worker that dies is started again.
+
+    The workers are started by a program of their own, so that a script needs no `if __name__ == "__main__"`.
+
+    Args:
+        workers: how many; default: one for each processor.
+    """
+    import distributed
+
+    count = workers or os.cpu_count() or 1
+    if os.name == "nt":
+        return distributed.LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=":0")
+    from distributed import SpecCluster
+    from distributed.deploy.subprocess import SubprocessWorker
+
+    options = {"nthreads": 1, "death_timeout": PATIENCE, "dashboard": False, "host": "127.0.0.1"}
+    worker = {"cls": SubprocessWorker, "options": {"worker_kwargs": options}}
+    scheduler = {
+        "cls": distributed.Scheduler,
+        "options": {"host": "127.0.0.1", "port": 0, "dashboard": False, "dashboard_address": "127.0.0.1:0"},
+    }
+    return SpecCluster(workers=dict.fromkeys(range(count), worker), scheduler=scheduler, silence_logs=False)
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keeps the log of Dask, here and in processes that start meanwhile, from the terminal; the sweep reports what matters."""
+    logger = logging.getLogger("distributed")
+    level, before = logger.level, os.environ.get(LOG_LEVEL)
+    logger.setLevel(logging.CRITICAL)
+    os.environ[LOG_LEVEL] = "critical"
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+        os.environ.pop(LOG_LEVEL)
+        if before is not None:
+            os.environ[LOG_LEVEL] = before

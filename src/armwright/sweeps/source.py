@@ -1,0 +1,190 @@
+"""Sources of a sweep's lanes: a scenario file with all it names, or a scenario made in Python.
+
+A source gives any range of its lanes as a scenario of its own, in which every lane is as it is among the others.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import pickle
+import tomllib
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Set
+from dataclasses import dataclass, fields, is_dataclass, replace
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armwright.errors import ScenarioError
+from armwright.parameters import batches
+from armwright.scenarios.file import parse_scenario, read_scenario
+from armwright.scenarios.files import Document, KeptFiles
+from armwright.simulation.scenario import WITH_LANES, Scenario
+
+
+class Source(ABC):
+    """Lanes of a scenario.
+
+    Attributes:
+        document: the scenario file with all that it names, as JSON; "" of a scenario made in Python.
+    """
+
+    document: str
+
+    @property
+    @abstractmethod
+    def digest(self) -> str:
+        """Checksum of everything that decides a lane."""
+
+    @abstractmethod
+    def part(self, lanes: range) -> Scenario:
+        """The scenario of some lanes.
+
+        Raises:
+            ScenarioError: lanes that the scenario does not have.
+        """
+
+    def sent(self, lanes: range) -> Source:
+        """The source that a worker needs for some lanes; without the values of other lanes."""
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class FileSource(Source):
+    """Lanes of a scenario file, from its document alone.
+
+    Args:
+        path: of the file, for errors.   document: as `Scenario.document`.
+    """
+
+    path: str
+    document: str
+
+    @property
+    def digest(self) -> str:
+        """Checksum of the document."""
+        return hashlib.sha256(self.document.encode()).hexdigest()
+
+    def part(self, lanes: range) -> Scenario:
+        """The scenario of some lanes, whose draws are drawn here."""
+        kept = Document.model_validate(json.loads(self.document))
+        text = kept.scenario.checked("content of the scenario", self.path)
+        return parse_scenario(tomllib.loads(text), self.path, KeptFiles(Path(self.path), kept), text, lanes)
+
+
+@dataclass(frozen=True, eq=False)
+class PythonSource(Source):
+    """Lanes of a scenario made in Python.
+
+    Args:
+        scenario: the scenario; its own `lanes` count only where `Batch`es say how many there are.
+    """
+
+    scenario: Scenario
+    document = ""
+
+    @property
+    def digest(self) -> str:
+        """Checksum of all fields but the number of lanes."""
+        hashed = hashlib.sha256()
+        for piece in _pieces(replace(self.scenario, lanes=range(1)), frozenset()):
+            hashed.update(piece + b"\n")
+        return hashed.hexdigest()
+
+    def part(self, lanes: range) -> Scenario:
+        """The scenario of some lanes."""
+        if self.scenario.first_lane == lanes.start and self.scenario.lanes == len(lanes):
+            return self.scenario
+        return replace(self.scenario, lanes=lanes)
+
+    def sent(self, lanes: range) -> Source:
+        """The scenario, or with batches, whose rows of these lanes alone are sent, the resolved one of these lanes."""
+        parts = (getattr(self.scenario, name) for name in WITH_LANES)
+        batched = any(True for part in parts for _ in batches(part, ""))
+        return PythonSource(self.part(lanes).resolved) if batched else self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        values = {each.name: getattr(self.scenario, each.name) for each in fields(Scenario) if each.init}
+        return _unpickled, (values,)  # without what the scenario has computed from its fields
+
+
+def _unpickled(values: dict[str, Any]) -> PythonSource:
+    return PythonSource(Scenario(**values))
+
+
+def source_of(scenario: Scenario | str | os.PathLike[str]) -> Source:
+    """The source of a scenario's lanes.
+
+    Args:
+        scenario: made in Python, read from a file, or the path of a file.
+    Raises:
+        ScenarioError: a scenario whose file could not be kept, or that cannot be sent to another process.
+    """
+    path = "scenario"
+    if not isinstance(scenario, Scenario):
+        path, scenario = os.fspath(scenario), read_scenario(scenario)
+    if scenario.document is not None:
+        return FileSource(path, scenario.document)
+    source = PythonSource(scenario)
+    try:
+        import cloudpickle
+
+        cloudpickle.dumps(source)
+    except (pickle.PicklingError, TypeError, AttributeError) as error:
+        what = f"cannot be sent to another process: {' '.join(str(error).split())}"
+        raise ScenarioError(what, place="scenario", expected="parts that pickle") from None
+    return source
+
+
+def _pieces(value: Any, within: frozenset[int]) -> Iterator[bytes]:
+    """Bytes that are equal for equal values in every process; pickles are not."""
+    if id(value) in within:
+        yield b"itself"
+        return
+    yield type(value).__qualname__.encode()
+    inner = within | {id(value)}
+    if value is None or isinstance(value, (bool, int, float, complex, str, bytes, Path, range)):
+        yield repr(value).encode()
+    elif isinstance(value, Enum):
+        yield value.name.encode()
+    elif isinstance(value, (np.ndarray, np.generic)) and value.dtype != object:
+        yield f"{value.dtype.str} {value.shape}".encode()
+        yield np.ascontiguousarray(value).tobytes()
+    elif isinstance(value, (list, tuple, np.ndarray)):
+        yield str(len(value)).encode()
+        for each in value:
+            yield from _pieces(each, inner)
+    elif isinstance(value, Set):
+        yield from sorted(b"".join(_pieces(each, inner)) for each in value)
+    else:
+        yield from _pieces_of_object(value, inner)
+
+
+def _pieces_of_object(value: Any, within: frozenset[int]) -> Iterator[bytes]:
+    """Bytes of a mapping, a dataclass, a function or another object, by its fields."""
+    if isinstance(value, Mapping):
+        items = {str(key): each for key, each in value.items()}
+    elif isinstance(value, type):
+        items = {"module": value.__module__, "name": value.__qualname__}
+    elif is_dataclass(value):
+        items = {each.name: getattr(value, each.name) for each in fields(value)}
+    elif hasattr(value, "__code__"):
+        closed = [cell.cell_contents for cell in value.__closure__ or ()]
+        constants = [each for each in value.__code__.co_consts if not hasattr(each, "co_code")]
+        items = {"code": value.__code__.co_code, "constants": constants, "closed": closed, "of": value.__defaults__}
+    elif hasattr(value, "model_dump"):
+        items = value.model_dump()
+    elif hasattr(value, "__func__"):
+        items = {"method": value.__func__, "of": value.__self__}
+    else:
+        items = dict(getattr(value, "__dict__", {}))
+        if not items:
+            items = {"pickle": pickle.dumps(value, protocol=5)}
+    yield str(len(items)).encode()
+    for name, each in items.items():
+        yield name.encode()
+        yield from _pieces(each, within)

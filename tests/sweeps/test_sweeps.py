@@ -1,0 +1,301 @@
+"""Sweeps: the bits of one run whatever the chunks, resumption after kills, and refusals."""
+
+import os
+import signal
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+import armwright as aw
+from armwright.cli.app import app
+from armwright.errors import OutputError, RunError, ScenarioError
+from armwright.scenarios.file import parse_scenario
+
+distributed = pytest.importorskip("distributed", reason="the extra sweep is not installed")
+zarr = pytest.importorskip("zarr", reason="the extra sweep is not installed")
+
+LANES = 500  # no multiple of the chunks that are tried, nor of a tile
+SCENARIO = """
+robot = "two-link"
+duration_s = 0.05
+seed = 5
+
+[solver]
+integrator = "rk4"
+
+[loop]
+period_s = 1e-3
+controller = { kind = "joint_pid", kp = 60.0, kd = 4.0 }
+reference = { kind = "step", start = [0.0, 0.0], goal = [0.5, 0.2] }
+timing = { jitter_s = 2e-4, measurement_loss = 0.05 }
+
+[recording]
+reduce = ["rms_error", "overshoot"]
+
+[lanes]
+kind = "draws"
+count = 3
+seed = 7
+vary = { "forearm.mass_kg" = { normal = [1.0, 0.1] }, "start.q[0]" = { uniform = [-1.0, 1.0] } }
+"""
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Any]:
+    """Two workers in this process: a cluster that starts at once."""
+    with distributed.Client(
+        processes=False, n_workers=2, threads_per_worker=1, dashboard_address=":0", set_as_default=False
+    ) as client:
+        yield client
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "arm.scenario.toml"
+    path.write_text(SCENARIO)
+    return path
+
+
+def python_scenario(**changes: Any) -> aw.Scenario:
+    arm = aw.load("two-link")
+    given = {
+        "duration": 0.05,
+        "loop": aw.Loop(aw.JointPID(60.0, kd=4.0), aw.Step([0.0, 0.0], [0.5, 0.2]), 1e-3),
+        "start": aw.Start(aw.Draw.uniform([-1.0, -1.0], [1.0, 1.0])),
+        "solver": aw.Solver("rk4"),
+        "recording": aw.Recording(reduce=["rms_error", "overshoot"]),
+        "lanes": 1,
+    }
+    return aw.Scenario(arm, **{**given, **changes})
+
+
+def assert_same(stored: xr.Dataset, run: xr.Dataset) -> None:
+    """Every result of a lane has the same bits; at least the reducers are there."""
+    names = [name for name in stored.data_vars if "lane" in stored[name].dims and name != "finished"]
+    assert {"rms_error", "overshoot", "diverged_at"} <= set(names)
+    for name in names:
+        np.testing.assert_array_equal(stored[name].values, run[name].values, err_msg=str(name))
+
+
+@pytest.fixture(scope="module")
+def whole() -> xr.Dataset:
+    """All lanes of the file's scenario in one run."""
+    import tomllib
+
+    from armwright.scenarios.files import FolderFiles
+
+    parsed = parse_scenario(tomllib.loads(SCENARIO), "test", FolderFiles(Path()), SCENARIO, range(LANES))
+    return aw.simulate(parsed)
+
+
+@pytest.mark.parametrize("chunk", [7 * 13, LANES])
+def test_a_file_in_chunks_has_the_bits_of_one_run(
+    chunk: int, file: Path, tmp_path: Path, client: Any, whole: xr.Dataset
+) -> None:
+    done = aw.sweep(file, tmp_path / "runs.zarr", lanes=LANES, chunk=chunk, client=client)
+    assert (done.done, done.kept, done.failed) == (LANES, 0, {})
+    stored = done.load()
+    assert stored["finished"].values.all()
+    assert stored["joint"].values.tolist() == ["shoulder", "elbow"]
+    assert_same(stored, whole)
+
+
+def test_draws_of_a_file_do_not_depend_on_the_count(file: Path, whole: xr.Dataset) -> None:
+    few = aw.simulate(aw.read_scenario(file))
+    np.testing.assert_array_equal(few["rms_error"].values, whole["rms_error"].values[:3])
+
+
+def test_a_python_scenario_with_draws_and_batches(tmp_path: Path, client: Any) -> None:
+    masses = aw.Batch(np.linspace(0.8, 1.2, LANES))
+    scenario = python_scenario(vary={"forearm.mass_kg": masses}, lanes=LANES)
+    done = aw.sweep(scenario, tmp_path / "runs.zarr", lanes=LANES, chunk=123, client=client)
+    assert_same(done.load(), aw.simulate(scenario))
+    with pytest.raises(ScenarioError, match="lane"):
+        aw.sweep(scenario, tmp_path / "more.zarr", lanes=LANES + 1, client=client)
+
+
+def test_rows_are_stored_where_they_are_asked_for(tmp_path: Path, client: Any) -> None:
+    scenario = python_scenario(recording=aw.Recording(every=10, what="state", reduce=["rms_error", "overshoot"]))
+    done = aw.sweep(scenario, tmp_path / "runs.zarr", lanes=20, chunk=7, rows=True, client=client)
+    run = aw.simulate(replace(scenario, lanes=20))
+    assert done.load()["q"].shape == (20, 6, 2)
+    np.testing.assert_array_equal(done.load()["q"].values, run["q"].values)
+    assert_same(done.load(), run)
+
+
+def test_resumption_does_only_what_is_missing(file: Path, tmp_path: Path, client: Any, whole: xr.Dataset) -> None:
+    """Killed between a chunk's data and its mark: the mark is not there, and the data may be half written."""
+    path = tmp_path / "runs.zarr"
+    aw.sweep(file, path, lanes=LANES, chunk=100, client=client)
+    (path / "chunk_mark" / "c" / "1").unlink()
+    (path / "chunk_mark" / "c" / "3").unlink()
+    (path / "rms_error" / "c" / "1" / "0").write_bytes(b"half")
+    (path / "overshoot" / "c" / "3" / "0").unlink()
+    half = aw.load_sweep(path)
+    assert half.attrs["lanes_finished"] == 300
+    assert not half["finished"].values[100:200].any()
+    assert np.isnan(half["steps_tried" if "steps_tried" in half else "overshoot"].values[300:400]).all()
+    done = aw.sweep(file, path, lanes=LANES, client=client)  # the store keeps its chunks of 100
+    assert (done.done, done.kept, done.chunk) == (200, 300, 100)
+    assert_same(done.load(), whole)
+    assert aw.sweep(file, path, lanes=LANES, client=client).done == 0
+
+
+def test_damage_is_found_when_it_is_read(file: Path, tmp_path: Path, client: Any) -> None:
+    path = tmp_path / "runs.zarr"
+    aw.sweep(file, path, lanes=20, chunk=10, client=client)
+    part = path / "rms_error" / "c" / "1" / "0"
+    data = bytearray(part.read_bytes())
+    data[len(data) // 2] ^= 1
+    part.write_bytes(data)
+    with pytest.raises(ValueError, match="checksum"):
+        aw.load_sweep(path)["rms_error"].values  # noqa: B018
+
+
+def test_other_sweeps_are_refused(file: Path, tmp_path: Path, client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "runs.zarr"
+    aw.sweep(file, path, lanes=20, client=client)
+    with pytest.raises(OutputError, match=r"runs\.zarr: .*lanes = 20"):
+        aw.sweep(file, path, lanes=30, client=client)
+    file.write_text(SCENARIO.replace("kp = 60.0", "kp = 61.0"))
+    with pytest.raises(OutputError, match="another scenario"):
+        aw.sweep(file, path, lanes=20, client=client)
+    file.write_text(SCENARIO)
+    about = zarr.open_group(path, mode="r+")
+    about.attrs["armwright_sweep"] = str(about.attrs["armwright_sweep"]).replace('"numpy": "', '"numpy": "0.')
+    with pytest.raises(OutputError, match="made with numpy 0"):
+        aw.sweep(file, path, lanes=20, client=client)
+    other = tmp_path / "other.zarr"
+    other.mkdir()
+    with pytest.raises(OutputError, match="no store of a sweep"):
+        aw.sweep(file, other, lanes=20, client=client)
+    with pytest.raises(RunError, match="no such folder"):
+        aw.load_sweep(tmp_path / "none.zarr")
+    with pytest.raises(RunError, match="cannot be read"):
+        aw.load_sweep(other)
+
+
+def test_checksums_of_python_scenarios_tell_them_apart() -> None:
+    from armwright.sweeps.source import source_of
+
+    same = [source_of(python_scenario(lanes=lanes)).digest for lanes in (1, 2)]
+    assert same[0] == same[1]
+    others = [
+        python_scenario(seed=1),
+        python_scenario(duration=0.06),
+        python_scenario(start=aw.Start(aw.Draw.uniform([-1.0, -1.0], [1.0, 1.1]))),
+        python_scenario(vary={"forearm.mass_kg": 1.1}),
+        replace(python_scenario(), arm=aw.load("two-link").replace(friction=None)),
+    ]
+    assert len({same[0], *(source_of(each).digest for each in others)}) == 1 + len(others)
+
+
+@pytest.mark.parametrize(
+    ("changes", "match"),
+    [({"lanes": 0}, "lanes = 0"), ({"lanes": 2.5}, "lanes = 2.5"), ({"chunk": 0}, "chunk"), ({"client": 3}, "client")],
+)
+def test_bad_arguments(changes: dict[str, Any], match: str, file: Path, tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=match):
+        aw.sweep(file, tmp_path / "runs.zarr", **{"lanes": 5, **changes})
+
+
+def test_a_scenario_that_reduces_nothing(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"recording\.reduce"):
+        aw.sweep(python_scenario(recording=aw.Recording()), tmp_path / "runs.zarr", lanes=5)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_full_disk_keeps_what_is_done(
+    file: Path, tmp_path: Path, client: Any, whole: xr.Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from armwright.sweeps.store import SweepStore
+
+    path, mark, left = tmp_path / "runs.zarr", SweepStore._mark, [2]
+
+    def full(store: SweepStore, chunk: int, value: int) -> None:
+        if not left[0]:
+            raise OSError(28, "No space left on device")
+        left[0] -= 1
+        mark(store, chunk, value)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(SweepStore, "_mark", full)
+        with pytest.raises(OutputError, match=r"No space left.*kept"):
+            aw.sweep(file, path, lanes=LANES, chunk=100, client=client)
+    done = aw.sweep(file, path, lanes=LANES, client=client)
+    assert done.kept == 200
+    assert_same(done.load(), whole)
+
+
+def test_a_chunk_that_fails_is_marked_and_tried_again(tmp_path: Path, client: Any) -> None:
+    """One lane's mass is drawn below 0, which no simulation takes; the chunks without it are done."""
+    vary = {"forearm.mass_kg": aw.Draw.normal(1.0, 0.4)}
+    scenario = python_scenario(vary=vary)
+    done = aw.sweep(scenario, tmp_path / "runs.zarr", lanes=300, chunk=60, retries=1, client=client)
+    assert 0 < len(done.failed) < 5
+    assert all("mass" in reason for reason in done.failed.values())
+    stored = done.load()
+    assert stored.attrs["lanes_finished"] == 300 - 60 * len(done.failed) == done.done
+    assert stored.attrs["failed_chunks"].count("\n") == len(done.failed) - 1
+    again = aw.sweep(scenario, tmp_path / "runs.zarr", lanes=300, retries=0, client=client)
+    assert (again.done, set(again.failed)) == (0, set(done.failed))
+
+
+def test_workers_that_are_killed(file: Path, tmp_path: Path) -> None:
+    """SIGKILL for a worker in the middle of its chunk: another one simulates the chunk, and no bit differs."""
+    if not hasattr(signal, "SIGKILL"):
+        pytest.skip("no SIGKILL here")
+    from armwright.sweeps.cluster import connected, local_cluster
+
+    path = tmp_path / "runs.zarr"
+    killed: list[int] = []
+    with local_cluster(2) as cluster, connected(cluster.scheduler_address) as client:
+        client.wait_for_workers(2, timeout=60)
+
+        def kill(done: int, lanes: int) -> None:
+            if not killed:
+                busy = client.run(os.getpid)
+                killed.append(next(iter(busy.values())))
+                os.kill(killed[0], signal.SIGKILL)
+
+        done = aw.sweep(file, path, lanes=1500, chunk=100, client=client, progress=kill)
+    assert killed
+    assert (done.done, done.failed) == (1500, {})
+    import tomllib
+
+    from armwright.scenarios.files import FolderFiles
+
+    run = aw.simulate(parse_scenario(tomllib.loads(SCENARIO), "t", FolderFiles(Path()), SCENARIO, range(1500)))
+    assert_same(done.load(), run)
+
+
+def test_no_scheduler(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("armwright.sweeps.cluster.PATIENCE", 0.5)
+    store = tmp_path / "runs.zarr"
+    arguments = ["sweep", str(file), "--lanes", "20", "-o", str(store), "--scheduler", "tcp://127.0.0.1:9"]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 2
+    assert "cannot be reached" in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_the_command(file: Path, tmp_path: Path, client: Any) -> None:
+    store = tmp_path / "runs.zarr"
+    aw.sweep(file, store, lanes=20, chunk=10, client=client)
+    result = CliRunner().invoke(app, ["sweep", str(file), "--lanes", "2e1", "-o", str(store)])
+    assert result.exit_code == 0, result.stderr
+    assert "0 of 20 lanes, 20 were there" in result.stdout
+    for arguments, message in (
+        ([str(file), "--lanes", "21"], "lanes = 20"),
+        ([str(file), "--lanes", "0.5"], "--lanes"),
+        (["two-link", "--lanes", "5"], ".scenario.toml"),
+    ):
+        result = CliRunner().invoke(app, ["sweep", *arguments, "-o", str(store)])
+        assert result.exit_code == 2
+        assert message in result.stderr
