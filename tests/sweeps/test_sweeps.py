@@ -264,14 +264,14 @@ def test_workers_that_are_killed(file: Path, tmp_path: Path) -> None:
                 killed.append(next(iter(busy.values())))
                 os.kill(killed[0], signal.SIGKILL)
 
-        done = aw.sweep(file, path, lanes=1500, chunk=100, client=client, progress=kill)
+        done = aw.sweep(file, path, lanes=600, chunk=50, client=client, progress=kill)
     assert killed
-    assert (done.done, done.failed) == (1500, {})
+    assert (done.done, done.failed) == (600, {})
     import tomllib
 
     from armwright.scenarios.files import FolderFiles
 
-    run = aw.simulate(parse_scenario(tomllib.loads(SCENARIO), "t", FolderFiles(Path()), SCENARIO, range(1500)))
+    run = aw.simulate(parse_scenario(tomllib.loads(SCENARIO), "t", FolderFiles(Path()), SCENARIO, range(600)))
     assert_same(done.load(), run)
 
 

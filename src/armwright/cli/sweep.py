@@ -22,7 +22,7 @@ def sweep(
     scheduler: Annotated[
         str | None, option("--scheduler", "ADDRESS", "A Dask scheduler, tcp://host:8786; default: this machine alone.")
     ] = None,
-    chunk: Annotated[int | None, option("--chunk", "K", "Lanes in a task, by default up to 10,000.")] = None,
+    chunk: Annotated[int | None, option("--chunk", "K", "Lanes in a task, by default up to 100,000.")] = None,
     retries: Annotated[int, option("--retries", "K", "How often a chunk is tried again after an error.")] = 2,
     rows: Annotated[bool, typer.Option("--rows", help="Store recorded rows too, not only what is reduced.")] = False,
     allow: Allow = None,

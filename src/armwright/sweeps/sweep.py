@@ -29,8 +29,11 @@ from armwright.sweeps.store import About, SweepStore, by_lane, difference, impor
 if TYPE_CHECKING:
     import xarray as xr
 
-LEAST, MOST = 256, 10_000  # lanes in a chunk by default: above, a task takes seconds; below, most of it is overhead
-CHUNKS = 64  # of a small sweep, so that several workers have some each
+LEAST, MOST = (
+    1000,
+    100_000,
+)  # lanes in a chunk by default: a task begins with 1 s of compilation, and lanes take 0.1 ms or more
+CHUNKS = 16  # of a small sweep, so that several workers have some each
 AHEAD = 3  # tasks for each thread of the cluster that wait or run, so that memory stays bounded
 Result = tuple[dict[str, np.ndarray], dict[str, str]]
 
@@ -79,7 +82,7 @@ def sweep(
         scenario: what to run, or the path of a scenario file. Its draws are drawn for as many lanes as are asked for here.
         path: of the store, a folder that ends in .zarr.   lanes: of the whole sweep.
         client: a `distributed.Client`, or the address of a Dask scheduler; default: a cluster on this machine.
-        chunk: lanes in a task, by default up to 10,000; a store that is there keeps its own.
+        chunk: lanes in a task, by default up to 100,000; a store that is there keeps its own.
         rows: whether recorded rows are stored too; else only what the scenario reduces.
         retries: how often a chunk is tried again after an error before it is marked as failed.
         progress: called now and then with the lanes done and those there are.
