@@ -2,6 +2,7 @@
 
 from armwright.control.cascade import Cascade
 from armwright.control.computed_torque import ComputedTorque
+from armwright.control.feed_forward import FeedForward
 from armwright.control.joint_pid import JointPID
 
-__all__ = ["Cascade", "ComputedTorque", "JointPID"]
+__all__ = ["Cascade", "ComputedTorque", "FeedForward", "JointPID"]

@@ -146,7 +146,7 @@ def _parts(table: ScenarioTable, arm: Model, files: Files) -> dict[str, dict[str
     if table.loop is not None:
         loop, filter_ = table.loop, table.loop.command_filter.model_dump()
         parts["loop"] = {
-            "controller": _fields("loop.controller", loop.controller, arm),
+            "controller": _controller("loop.controller", loop.controller, arm),
             "reference": _reference("loop", loop.reference, arm, files),
             "period": loop.period_s,
             "sensors": loop.sensors.model_dump(),
@@ -266,6 +266,8 @@ def _kinds(home: str) -> dict[str, type]:
         classes = {name: kind for name, kind in classes.items() if issubclass(kind, Motion)}
         for name in ("PiecewisePolynomial", "Joined"):  # of files of motions
             classes.pop(name)
+    if home == "controller":
+        classes = {name: kind for name, kind in classes.items() if hasattr(kind, "step")}
     return {
         re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", n).lower(): kind for n, kind in classes.items()
     }
@@ -289,13 +291,29 @@ def _fields(place: str, table: Kind, arm: Model) -> dict[str, Any]:
     return fields
 
 
+def _controller(place: str, table: Kind, arm: Model) -> dict[str, Any]:
+    """Fields of a controller; those of one around another hold the inner one, made."""
+    inner = (table.model_extra or {}).get("inner")
+    if inner is None:
+        return _fields(place, table, arm)
+    made = _inner(f"{place}.inner", inner, arm)
+    outer = Kind(kind=table.kind, **{name: value for name, value in table.fields().items() if name != "inner"})
+    return {"inner": made, **_fields(place, outer, arm)}
+
+
+def _inner(place: str, table: Any, arm: Model) -> Any:
+    """The controller in a table of another one."""
+    kind = validated(Kind, table, place=place, error=ScenarioError)
+    return _built("controller", kind.kind, _controller(place, kind, arm), arm, place.removesuffix(".inner"), "inner")
+
+
 def _is_matrix(value: Any) -> bool:
     return isinstance(value, list) and bool(value) and all(isinstance(row, list) for row in value)
 
 
-def _built(home: str, kind: str, values: Mapping[str, Any], arm: Model, place: str = "loop") -> Any:
-    """A controller or a trajectory from its fields."""
-    kinds, place = _kinds(home), f"{place}.{home}"
+def _built(home: str, kind: str, values: Mapping[str, Any], arm: Model, place: str = "loop", key: str = "") -> Any:
+    """A controller or a trajectory from its fields; `key` is where it stands in its place, by default its home."""
+    kinds, place = _kinds(home), f"{place}.{key or home}"
     if kind not in kinds:
         extra = ["pose", "schedule", "motion", "expression"] if home == "reference" else []
         raise ScenarioError("unknown", place=f"{place}.kind", value=kind, choices=[*kinds, *extra])

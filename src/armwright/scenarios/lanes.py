@@ -83,7 +83,7 @@ def _vary_gain(name: str, fields: Fields, key: str, entry: int | None, column: n
         choices = [f"loop.controller.{each}" for each in fields]
         raise ScenarioError("unknown", place="lanes", value=name, choices=choices)
     whole = fields[key]
-    if isinstance(whole, (str, bool)):
+    if isinstance(whole, (str, bool)) or hasattr(whole, "step"):
         raise ScenarioError("cannot differ by lane", place="lanes", value=name, expected="a number of the controller")
     if entry is None:
         fields[key] = Batch(column)

@@ -147,7 +147,9 @@ class PayloadTable(Record):
 class LoopTable(Record):
     """A sampled loop; see `armwright.Loop`."""
 
-    controller: Kind = Field(description="kind = 'joint_pid', 'cascade', 'computed_torque' and its gains.")
+    controller: Kind = Field(
+        description="kind = 'joint_pid', 'cascade', 'computed_torque' and its gains, or one around an inner table."
+    )
     reference: Kind | None = Field(
         default=None,
         description="kind = 'pose', 'schedule', 'motion', 'expression' or a named trajectory; absent: the initial pose.",

@@ -208,8 +208,12 @@ class SmallSignal:
 
 
 def cycle_of(control: Any) -> int:
-    """Ticks after which a controller does the same again: the least common multiple of its fields `…_every`."""
+    """Ticks after which a controller does the same again: the least common multiple of its fields `…_every`.
+
+    Those of the controller inside it count too.
+    """
     if not is_dataclass(control):
         return 1
-    rates = [getattr(control, each.name) for each in fields(control) if each.name.endswith("_every")]
-    return math.lcm(*(int(rate) for rate in rates)) if rates else 1
+    rates = [int(getattr(control, each.name)) for each in fields(control) if each.name.endswith("_every")]
+    inner = [getattr(control, each.name) for each in fields(control) if each.name in ("inner", "controller")]
+    return math.lcm(*rates, *map(cycle_of, inner))
