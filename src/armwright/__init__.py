@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from armwright.actuators import motor_current, motor_torque, motor_voltage
     from armwright.collision import BoxObstacle, PlaneObstacle, SphereObstacle, clearance
-    from armwright.control import Cascade, ComputedTorque, FeedForward, JointPID
+    from armwright.control import Cascade, ComputedTorque, FeedForward, Filtered, JointPID, LowPass, Notch
     from armwright.control.analysis.analyse import LoopAnalysis, analyse_loops
     from armwright.control.analysis.hold import sampled_system, zero_order_hold
     from armwright.control.analysis.linear_loop import LinearLoop, Margins
@@ -146,7 +146,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.control.analysis.linear_loop": ("LinearLoop", "Margins"),
     "armwright.control.analysis.regions": ("GainRegion", "gain_region", "longest_period"),
     "armwright.control.analysis.workspace": ("JointInertias", "joint_inertias"),
-    "armwright.control": ("Cascade", "ComputedTorque", "FeedForward", "JointPID"),
+    "armwright.control": ("Cascade", "ComputedTorque", "FeedForward", "Filtered", "JointPID", "LowPass", "Notch"),
     "armwright.description": ("RobotDescription", "builtin_names"),
     "armwright.modules.assemble": ("assemble",),
     "armwright.modules.assembly": ("read_modules",),
@@ -268,6 +268,7 @@ __all__ = [
     "Estimate",
     "Excitation",
     "FeedForward",
+    "Filtered",
     "Fourier",
     "FrequencyResponse",
     "GainRegion",
@@ -286,6 +287,7 @@ __all__ = [
     "Loop",
     "LoopAnalysis",
     "LoopState",
+    "LowPass",
     "Manipulability",
     "Margins",
     "Measurement",
@@ -295,6 +297,7 @@ __all__ = [
     "MotionLimits",
     "MotorFit",
     "MotorGuess",
+    "Notch",
     "PathMotion",
     "Payload",
     "PiecewisePolynomial",

@@ -3,6 +3,7 @@
 from armwright.control.cascade import Cascade
 from armwright.control.computed_torque import ComputedTorque
 from armwright.control.feed_forward import FeedForward
+from armwright.control.filters import Filtered, LowPass, Notch
 from armwright.control.joint_pid import JointPID
 
-__all__ = ["Cascade", "ComputedTorque", "FeedForward", "JointPID"]
+__all__ = ["Cascade", "ComputedTorque", "FeedForward", "Filtered", "JointPID", "LowPass", "Notch"]

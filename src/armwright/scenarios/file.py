@@ -40,9 +40,10 @@ from armwright.trajectory.motion import Motion
 from armwright.trajectory.motion_rows import parse_motion
 from armwright.validation import validated
 
-HOMES = {"controller": "armwright.control", "reference": "armwright.trajectory"}
+HOMES = {"controller": "armwright.control", "filter": "armwright.control", "reference": "armwright.trajectory"}
 CONFIGURED = {
-    "controller": ("arm", "model", "signs", "period"),
+    "controller": ("arm", "model", "signs", "period", "sections"),
+    "filter": (),
     "reference": ("arm", "model", "limits"),
 }  # what no file tells
 OTHERS = {"limit": np.inf, "rate": np.inf, "speed_limit": np.inf, "effort_limit": np.inf, "voltage_limit": np.inf}
@@ -266,8 +267,9 @@ def _kinds(home: str) -> dict[str, type]:
         classes = {name: kind for name, kind in classes.items() if issubclass(kind, Motion)}
         for name in ("PiecewisePolynomial", "Joined"):  # of files of motions
             classes.pop(name)
-    if home == "controller":
-        classes = {name: kind for name, kind in classes.items() if hasattr(kind, "step")}
+    else:
+        part = "step" if home == "controller" else "polynomials"
+        classes = {name: kind for name, kind in classes.items() if hasattr(kind, part)}
     return {
         re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", n).lower(): kind for n, kind in classes.items()
     }
@@ -292,19 +294,20 @@ def _fields(place: str, table: Kind, arm: Model) -> dict[str, Any]:
 
 
 def _controller(place: str, table: Kind, arm: Model) -> dict[str, Any]:
-    """Fields of a controller; those of one around another hold the inner one, made."""
-    inner = (table.model_extra or {}).get("inner")
-    if inner is None:
-        return _fields(place, table, arm)
-    made = _inner(f"{place}.inner", inner, arm)
-    outer = Kind(kind=table.kind, **{name: value for name, value in table.fields().items() if name != "inner"})
-    return {"inner": made, **_fields(place, outer, arm)}
+    """Fields of a controller, with the controller and the filters that it holds made."""
+    made, fields = {}, table.fields()
+    if "inner" in fields:
+        made["inner"] = _part("controller", place, "inner", fields.pop("inner"), arm)
+    if isinstance(fields.get("filters"), list):
+        rows = fields.pop("filters")
+        made["filters"] = [_part("filter", place, f"filters[{k}]", each, arm) for k, each in enumerate(rows)]
+    return made | _fields(place, Kind(kind=table.kind, **fields), arm)
 
 
-def _inner(place: str, table: Any, arm: Model) -> Any:
-    """The controller in a table of another one."""
-    kind = validated(Kind, table, place=place, error=ScenarioError)
-    return _built("controller", kind.kind, _controller(place, kind, arm), arm, place.removesuffix(".inner"), "inner")
+def _part(home: str, place: str, key: str, table: Any, arm: Model) -> Any:
+    """The controller or filter in a table of a controller."""
+    kind = validated(Kind, table, place=f"{place}.{key}", error=ScenarioError)
+    return _built(home, kind.kind, _controller(f"{place}.{key}", kind, arm), arm, place, key)
 
 
 def _is_matrix(value: Any) -> bool:

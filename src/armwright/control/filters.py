@@ -1,0 +1,147 @@
+"""Second-order filters in a command's path, discretised by Tustin's rule.  [AstromWittenmark1997]
+
+The rule is prewarped at the filter's own frequency f, where the sampled filter has the gain and phase of the continuous one:
+
+    s = 2π f / tan(π f T) · (z - 1) / (z + 1)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+
+from armwright import scalar
+from armwright.control.gains import check_time
+from armwright.control.wrapper import Wrapper
+from armwright.errors import ScenarioError
+from armwright.interfaces import JointReference, Measurement
+from armwright.model import Model
+from armwright.scalar import Array
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """H(s) = ω² / (s² + 2 ζ ω s + ω²),  ω = 2π hz.
+
+    Args:
+        hz: the natural frequency, below half of the sampling rate.   damping: ζ; by default Butterworth's, 1/√2.
+    Raises:
+        ScenarioError: names the field, its value and what was expected.
+    """
+
+    hz: float
+    damping: float = math.sqrt(0.5)
+
+    def __post_init__(self) -> None:
+        check_time("LowPass", "hz", self.hz)
+        check_time("LowPass", "damping", self.damping)
+
+    @property
+    def polynomials(self) -> tuple[list[float], list[float]]:
+        """Numerator and denominator in s/ω, highest power first."""
+        return [0.0, 0.0, 1.0], [1.0, 2.0 * self.damping, 1.0]
+
+
+@dataclass(frozen=True)
+class Notch:
+    """H(s) = (s² + depth Δ s + ω²) / (s² + Δ s + ω²),  ω = 2π hz,  Δ = 2π width_hz.
+
+    Args:
+        hz: the frequency that is taken out, below half of the sampling rate.
+        width_hz: of the band in which, with depth 0, the gain is below 1/√2.   depth: the gain at hz, from 0 to below 1.
+    Raises:
+        ScenarioError: names the field, its value and what was expected.
+    """
+
+    hz: float
+    width_hz: float
+    depth: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_time("Notch", "hz", self.hz)
+        check_time("Notch", "width_hz", self.width_hz)
+        depth = scalar.real_number(self.depth)
+        if depth is None or not 0.0 <= depth < 1.0:
+            raise ScenarioError(place="Notch.depth", value=self.depth, expected="a gain from 0 to below 1")
+
+    @property
+    def polynomials(self) -> tuple[list[float], list[float]]:
+        """Numerator and denominator in s/ω, highest power first."""
+        width = self.width_hz / self.hz
+        return [1.0, self.depth * width, 1.0], [1.0, width, 1.0]
+
+
+KINDS = (LowPass, Notch)
+
+
+def sampled(filter_: LowPass | Notch, period: float) -> tuple[np.ndarray, np.ndarray]:
+    """Numerator and denominator (3,) in powers of 1/z, by Tustin's rule; the denominator begins with 1.
+
+    Args:
+        filter_: the continuous one.   period: [s].
+    Raises:
+        ScenarioError: a frequency of half of the sampling rate or more.
+    """
+    if not filter_.hz * period < 0.5:
+        place, expected = f"{type(filter_).__name__}.hz", f"below half of the sampling rate, {0.5 / period:g}"
+        raise ScenarioError(place=place, value=filter_.hz, expected=expected)
+    k = math.tan(math.pi * filter_.hz * period)
+    # s/ω = (1 - z⁻¹) / (k (1 + z⁻¹)), both sides times k² (1 + z⁻¹)²
+    powers = np.array([[1.0, -2.0, 1.0], [k, 0.0, -k], [k * k, 2.0 * k * k, k * k]])
+    b, a = (np.array(each) @ powers for each in filter_.polynomials)
+    return b / a[0], a / a[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Filtered(Wrapper):
+    """u = the inner command of every joint through filters, one after the other.
+
+    They begin in steady state at the commands that were in force.
+
+    Args:
+        inner: any controller.   filters: `LowPass` and `Notch`, in order.
+    Raises:
+        ScenarioError: names the field, its value and what was expected.
+    """
+
+    filters: Sequence[LowPass | Notch]
+    sections: tuple[tuple[np.ndarray, np.ndarray], ...] = ()  # numerator and denominator of each, set by `configure`
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        several = isinstance(self.filters, (list, tuple)) and len(self.filters) > 0
+        if not several or not all(isinstance(each, KINDS) for each in self.filters):
+            expected = "a list of aw.LowPass(hz) and aw.Notch(hz, width_hz, depth)"
+            raise ScenarioError(place="Filtered.filters", value=self.filters, expected=expected)
+
+    def configure(self, arm: Model, period: float) -> Self:
+        """The law for an arm and a sample period [s].
+
+        Args:
+            arm: the model.   period: [s].
+        Raises:
+            ScenarioError: a filter that is too fast for the period.
+        """
+        sections = tuple(sampled(each, period) for each in self.filters)
+        return replace(super().configure(arm, period), sections=sections)
+
+    def memory(self, arm: Model, y: Measurement) -> Array:
+        """Two numbers of each filter and joint, in steady state."""
+        rows: list[Any] = []
+        for b, a in self.sections:
+            rows += [(b[1] + b[2] - a[1] - a[2]) * y.applied, (b[2] - a[2]) * y.applied]
+        return scalar.array(np.concatenate(rows))
+
+    def changed(self, r: JointReference, y: Measurement, u: Array, s: Array) -> tuple[Array, Array]:
+        """The command through all filters, each in transposed direct form II."""
+        rows: list[Any] = []
+        states = s.reshape(-1, 2, len(u))
+        for (b, a), (first, second) in zip(self.sections, states, strict=True):
+            out = b[0] * u + first
+            rows += [b[1] * u - a[1] * out + second, b[2] * u - a[2] * out]
+            u = out
+        return u, np.concatenate(rows)
