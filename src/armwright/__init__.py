@@ -112,6 +112,7 @@ if TYPE_CHECKING:
     from armwright.trajectory import (
         Cubic,
         Fourier,
+        InputShaper,
         Joined,
         MinimumJerk,
         Motion,
@@ -220,6 +221,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.trajectory": (
         "Cubic",
         "Fourier",
+        "InputShaper",
         "Joined",
         "MinimumJerk",
         "Motion",
@@ -272,6 +274,7 @@ __all__ = [
     "Fourier",
     "FrequencyResponse",
     "GainRegion",
+    "InputShaper",
     "Inputs",
     "Joined",
     "JointInertias",

@@ -355,7 +355,12 @@ def _reference(part: str, table: Kind | None, arm: Model, files: Files) -> Any:
     place, fields = f"{part}.reference", table.fields()
     key = {"pose": "q", "schedule": "file", "motion": "file", "expression": "q"}.get(table.kind)
     if key is None:
-        return _built("reference", table.kind, _fields(place, table, arm), arm, part)
+        inner = {}
+        if "reference" in fields:  # of one that shapes another
+            motion = validated(Kind, fields.pop("reference"), place=f"{place}.reference", error=ScenarioError)
+            inner["reference"] = _reference(place, motion, arm, files)
+        rest = _fields(place, Kind(kind=table.kind, **fields), arm)
+        return _built("reference", table.kind, inner | rest, arm, part)
     for name in fields:
         if name != key:
             raise ScenarioError(f"no key of a {table.kind}", place=place, value=name, choices=[key])

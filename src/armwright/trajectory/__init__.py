@@ -2,6 +2,7 @@
 
 from armwright.trajectory.cubic import Cubic
 from armwright.trajectory.fourier import Fourier
+from armwright.trajectory.input_shaper import InputShaper
 from armwright.trajectory.joined import Joined
 from armwright.trajectory.limits import MotionLimits, limits_report
 from armwright.trajectory.minimum_jerk import MinimumJerk
@@ -19,6 +20,7 @@ from armwright.trajectory.waypoints import Waypoints
 __all__ = [
     "Cubic",
     "Fourier",
+    "InputShaper",
     "Joined",
     "MinimumJerk",
     "Motion",
