@@ -15,7 +15,16 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from armwright.actuators import motor_current, motor_torque, motor_voltage
     from armwright.collision import BoxObstacle, PlaneObstacle, SphereObstacle, clearance
-    from armwright.control import Cascade, ComputedTorque, FeedForward, Filtered, JointPID, LowPass, Notch
+    from armwright.control import (
+        Cascade,
+        ComputedTorque,
+        DisturbanceObserver,
+        FeedForward,
+        Filtered,
+        JointPID,
+        LowPass,
+        Notch,
+    )
     from armwright.control.analysis.analyse import LoopAnalysis, analyse_loops
     from armwright.control.analysis.hold import sampled_system, zero_order_hold
     from armwright.control.analysis.linear_loop import LinearLoop, Margins
@@ -147,7 +156,16 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.control.analysis.linear_loop": ("LinearLoop", "Margins"),
     "armwright.control.analysis.regions": ("GainRegion", "gain_region", "longest_period"),
     "armwright.control.analysis.workspace": ("JointInertias", "joint_inertias"),
-    "armwright.control": ("Cascade", "ComputedTorque", "FeedForward", "Filtered", "JointPID", "LowPass", "Notch"),
+    "armwright.control": (
+        "Cascade",
+        "ComputedTorque",
+        "DisturbanceObserver",
+        "FeedForward",
+        "Filtered",
+        "JointPID",
+        "LowPass",
+        "Notch",
+    ),
     "armwright.description": ("RobotDescription", "builtin_names"),
     "armwright.modules.assemble": ("assemble",),
     "armwright.modules.assembly": ("read_modules",),
@@ -266,6 +284,7 @@ __all__ = [
     "ComputedTorque",
     "Controller",
     "Cubic",
+    "DisturbanceObserver",
     "Draw",
     "Estimate",
     "Excitation",

@@ -2,8 +2,18 @@
 
 from armwright.control.cascade import Cascade
 from armwright.control.computed_torque import ComputedTorque
+from armwright.control.disturbance_observer import DisturbanceObserver
 from armwright.control.feed_forward import FeedForward
 from armwright.control.filters import Filtered, LowPass, Notch
 from armwright.control.joint_pid import JointPID
 
-__all__ = ["Cascade", "ComputedTorque", "FeedForward", "Filtered", "JointPID", "LowPass", "Notch"]
+__all__ = [
+    "Cascade",
+    "ComputedTorque",
+    "DisturbanceObserver",
+    "FeedForward",
+    "Filtered",
+    "JointPID",
+    "LowPass",
+    "Notch",
+]
