@@ -5,6 +5,7 @@ from armwright.control.computed_torque import ComputedTorque
 from armwright.control.disturbance_observer import DisturbanceObserver
 from armwright.control.feed_forward import FeedForward
 from armwright.control.filters import Filtered, LowPass, Notch
+from armwright.control.friction_compensation import FrictionCompensation
 from armwright.control.joint_pid import JointPID
 
 __all__ = [
@@ -13,6 +14,7 @@ __all__ = [
     "DisturbanceObserver",
     "FeedForward",
     "Filtered",
+    "FrictionCompensation",
     "JointPID",
     "LowPass",
     "Notch",
