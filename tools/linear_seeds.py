@@ -37,6 +37,7 @@ def main() -> None:
     """Prints one line for each kind of model."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--family", choices=FAMILIES, default="discrete")
     parser.add_argument("--noise", type=float, default=0.1, help="share of the output's standard deviation")
     parser.add_argument("--models", nargs="+", choices=FITS, default=["oe"])
@@ -45,7 +46,7 @@ def main() -> None:
     print(f"{'model':8}{'select':8}" + "".join(f"{head:>14}" for head in HEADS))
     for name in options.models:
         rows = []
-        for seed in range(options.seeds):
+        for seed in range(options.first, options.first + options.seeds):
             truth = FAMILIES[options.family](seed, noise=options.noise)
             rows.append(measures(name, options.select, truth, options.noise))
         means = dict(zip(HEADS, np.mean(rows, axis=0), strict=True))

@@ -13,7 +13,7 @@ from armwright.errors import ScenarioError
 from armwright.identification.experiments.columns import DRIVES, BaseRegressor
 from armwright.identification.experiments.excitation import Problem
 from armwright.identification.experiments.information import condition_number, criterion_function
-from armwright.identification.experiments.limits import motion_limits
+from armwright.identification.experiments.limits import excitation_limits
 from physics.arms import arm
 
 LIMITS = {"velocity": [2.0, 3.0], "torque": [60.0, 30.0], "position": 2.5}
@@ -59,7 +59,7 @@ def test_limits_of_motion_hold_whatever_they_are(first, second, acceleration, ha
 
 
 def test_it_beats_a_random_search(designed):
-    limits = motion_limits(arm("two-link"), **LIMITS)
+    limits = excitation_limits(arm("two-link"), **LIMITS)
     problem = Problem.of(limits, BaseRegressor.of(arm("two-link"), DRIVES, np.full(2, 0.01)), 5.0, 4)
     draw = np.random.default_rng(1)
     best = min(
@@ -126,7 +126,7 @@ def test_the_tip_stays_in_its_box():
 def test_estimates_are_better_than_from_a_random_motion(designed):
     model = arm("two-link")
     regressor = BaseRegressor.of(model, DRIVES, np.full(2, 0.01))
-    problem = Problem.of(motion_limits(model, **LIMITS), regressor, 5.0, 4)
+    problem = Problem.of(excitation_limits(model, **LIMITS), regressor, 5.0, 4)
     draw = np.random.default_rng(3)
     t = np.linspace(0.0, 5.0, 500, endpoint=False)
     truth = draw.normal(size=len(regressor))

@@ -27,7 +27,7 @@ from armwright.identification.experiments.information import (
     condition_number,
     criterion_function,
 )
-from armwright.identification.experiments.limits import MotionLimits, motion_limits
+from armwright.identification.experiments.limits import ExcitationLimits, excitation_limits
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.model import Model, check_arm
 from armwright.model.joint_signals import joint_units
@@ -61,7 +61,7 @@ class Excitation:
         reasons: sentences: what was minimised, what is not honoured and why.
     """
 
-    limits: MotionLimits
+    limits: ExcitationLimits
     trajectory: Fourier
     condition: float
     condition_si: float
@@ -156,7 +156,7 @@ def design_excitation(
     given = {
         "position": position, "velocity": velocity, "acceleration": acceleration, "torque": torque, "voltage": voltage,
     }  # fmt: skip
-    limits = motion_limits(arm, box, **given)
+    limits = excitation_limits(arm, box, **given)
     problem = Problem.of(
         limits, BaseRegressor.of(arm, drives, _smoothing(limits, period, harmonics)), period, harmonics
     )
@@ -194,7 +194,7 @@ def _check(period: Any, harmonics: Any, starts: Any, criterion: Any, scaling: An
             raise ScenarioError("unknown", place=name, value=value, choices=known)
 
 
-def _smoothing(limits: MotionLimits, period: float, harmonics: int) -> np.ndarray:
+def _smoothing(limits: ExcitationLimits, period: float, harmonics: int) -> np.ndarray:
     """(n,) speed that smooths Coulomb's sign: the record's, or a part of the largest speed."""
     natural = 0.5 * (limits.high - limits.low) * 2.0 * np.pi / period * harmonics
     usual = SMALLEST_SPEED * np.minimum(limits.most["velocity"], natural)
@@ -211,7 +211,7 @@ class Problem:
         rest: (2 harmonics, K - 1) coefficients that start and end at rest.   scale: (n,) of a joint's unknowns.
     """
 
-    limits: MotionLimits
+    limits: ExcitationLimits
     columns: BaseRegressor
     period: float
     harmonics: int
@@ -219,7 +219,7 @@ class Problem:
     scale: np.ndarray
 
     @classmethod
-    def of(cls, limits: MotionLimits, columns: BaseRegressor, period: float, harmonics: int) -> Problem:
+    def of(cls, limits: ExcitationLimits, columns: BaseRegressor, period: float, harmonics: int) -> Problem:
         """The problem of an arm with its limits."""
         rest = np.asarray(block_diag(*(null_space(row[None]) for row in rest_rows(harmonics))))
         slow = limits.most["velocity"] * period / (2.0 * np.pi)  # amplitude at the speed limit

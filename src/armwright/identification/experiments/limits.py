@@ -22,8 +22,8 @@ MOTION = ("position", "velocity", "acceleration")
 
 
 @dataclass(frozen=True, eq=False)
-class MotionLimits:
-    """Limits that a motion has to keep; infinite where there is none.
+class ExcitationLimits:
+    """Limits that a designed motion has to keep, with the model that checks them; infinite where there is none.
 
     Attributes:
         arm: the model.   low, high: (n,) positions.
@@ -90,7 +90,7 @@ class MotionLimits:
         return float(max((self.box[0] - tip).max(), (tip - self.box[1]).max(), 0.0))
 
 
-def motion_limits(arm: Model, box: Any = None, **given: Any) -> MotionLimits:
+def excitation_limits(arm: Model, box: Any = None, **given: Any) -> ExcitationLimits:
     """Limits of the record, or those that are given.
 
     Args:
@@ -117,7 +117,7 @@ def motion_limits(arm: Model, box: Any = None, **given: Any) -> MotionLimits:
             f"nothing bounds the speed of {', '.join(map(repr, free))}", place=arm.name,
             expected="a velocity, acceleration, torque or voltage limit, in the record or as an argument",
         )  # fmt: skip
-    return MotionLimits(arm, low, high, most, _box(box), tuple(reasons))
+    return ExcitationLimits(arm, low, high, most, _box(box), tuple(reasons))
 
 
 def _current_torque(body: Body) -> float:
