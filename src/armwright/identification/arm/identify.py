@@ -27,7 +27,7 @@ from armwright.identification.arm.remarks import (
     unpredicted,
     verdict_of,
 )
-from armwright.identification.arm.samples import Samples, samples_of
+from armwright.identification.arm.samples import Samples, check_efforts, samples_of
 from armwright.identification.arm.separating import sentences
 from armwright.identification.arm.spring_record import SPRINGS
 from armwright.identification.arm.torque_model import USUAL_FRICTION, TorqueModel, torque_model
@@ -167,6 +167,7 @@ def identify_arm(
             "missing", place="robot", expected="an arm, or kinematics alone, here or in the log's file"
         )
     runs = list(log.fit if runs is None else runs)
+    check_efforts(log, arm.names, runs)
     gears = None if log.gears is None or len(log.gears) != arm.n else log.gears
     model = torque_model(
         arm, friction=friction, springs=springs, lacks=_lacks(log, lacks), stribeck_speed=stribeck_speed, gears=gears

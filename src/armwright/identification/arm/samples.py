@@ -163,6 +163,30 @@ def torque_source(log: Log) -> str:
     raise IdentificationError("no torques", place="signals", expected=expected, file=log.path)
 
 
+def check_efforts(log: Log, names: Sequence[str], runs: Sequence[str]) -> None:
+    """Refuses a joint that moves while its torque, current or voltage never changes: an offset alone would explain it.
+
+    Raises:
+        IdentificationError: with the joint.
+    """
+    source = torque_source(log)
+    for name, joint in zip(names, joints_of(log, names), strict=True):
+        q, effort = (_extremes(log, signal, joint, runs) for signal in ("q", source))
+        if q[0] < q[1] and effort[0] == effort[1]:
+            what = f"never changes while joint {name!r} moves: it says nothing about inertia and friction"
+            raise IdentificationError(what, place=f"signal {source}", expected="efforts that move it", file=log.path)
+
+
+def _extremes(log: Log, signal: str, joint: int, runs: Sequence[str]) -> tuple[float, float]:
+    """Lowest and highest value of a joint's signal over some runs; NaN if it is not measured."""
+    joints = log.layout[signal].joints or ()
+    censuses = [census for name in runs if (census := log.run(name).census) is not None]
+    if joint not in joints or not censuses:
+        return np.nan, np.nan
+    k, counted = joints.index(joint), [census.signals[signal] for census in censuses]
+    return min(float(each.low[k]) for each in counted), max(float(each.high[k]) for each in counted)
+
+
 def _full(log: Log, name: str, values: np.ndarray) -> np.ndarray:
     """A signal (rows, joints of the log), NaN for joints that do not have it."""
     source = name if name in log.layout else "qd" if name == "qdd" and "qd" in log.layout else "q"
