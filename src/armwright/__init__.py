@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from armwright.control.analysis.linear_loop import LinearLoop, Margins
     from armwright.control.analysis.regions import GainRegion, gain_region, longest_period
     from armwright.control.analysis.workspace import JointInertias, joint_inertias
+    from armwright.control.comparison.compare import Comparison, compare_controllers
     from armwright.description import RobotDescription, builtin_names
     from armwright.description.writer import to_toml, write_toml
     from armwright.dynamics import (
@@ -168,6 +169,8 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
         "LowPass",
         "Notch",
     ),
+    "armwright.control.comparison.compare": ("Comparison", "compare_controllers"),
+    "armwright.control": ("Cascade", "ComputedTorque", "JointPID"),
     "armwright.description": ("RobotDescription", "builtin_names"),
     "armwright.modules.assemble": ("assemble",),
     "armwright.modules.assembly": ("read_modules",),
@@ -282,6 +285,7 @@ __all__ = [
     "Cascade",
     "Circle",
     "CommandFilter",
+    "Comparison",
     "CompiledArm",
     "ComputedTorque",
     "Controller",
@@ -367,6 +371,7 @@ __all__ = [
     "check",
     "choose_preparation",
     "clearance",
+    "compare_controllers",
     "compare_experiments",
     "compile",
     "composite_body",

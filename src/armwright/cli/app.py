@@ -17,6 +17,7 @@ from armwright import __version__
 from armwright.cli.animate import animate
 from armwright.cli.assemble import assemble
 from armwright.cli.check import check
+from armwright.cli.compare_controllers import compare_controllers
 from armwright.cli.convert import convert
 from armwright.cli.diff import diff
 from armwright.cli.dynamics import forward_dynamics, inverse_dynamics
@@ -159,6 +160,7 @@ for command in (
     reproduce,
     assemble,
     loops,
+    compare_controllers,
     log,
     validate,
     sim,

@@ -1,0 +1,1 @@
+"""Controllers compared on the same motions: errors, path accuracy, settling, repeatability."""

@@ -1,0 +1,340 @@
+"""Controllers compared: the same arm on the same motions with the same payloads and noise, and what became of them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armwright.control.comparison.measures import (
+    POINTS,
+    PathErrors,
+    ToolPath,
+    attained_points,
+    last_direction,
+    overshoot,
+    path_errors,
+    settling_time,
+    tool_path,
+)
+from armwright.errors import ScenarioError
+from armwright.kernels.compiled import compile_arm
+from armwright.model import Model
+from armwright.parameters import Batch
+from armwright.simulation.checks import check_time, check_whole
+from armwright.simulation.inputs.payload import Payload
+from armwright.simulation.scenario import Scenario
+from armwright.simulation.scenario_parts import Loop, Recording, Start
+from armwright.simulation.simulation import simulate
+from armwright.trajectory.motion import Motion
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+INSTANTS = 400  # of the largest errors over time, in equal parts of a run
+DENSE = 4001  # samples of a commanded path
+CASE = ("controller", "motion", "payload")
+OF_JOINTS = {  # variable → unit ("q": that of the position) and meaning
+    "rms_error": ("q", "root mean square of the joint's error while the motion lasts, over all runs"),
+    "largest_error": ("q", "largest error of the joint in any run"),
+    "settling_time": ("s", "time after the motion's end until the joint stays within the band, of the slowest run"),
+    "overshoot": ("q", "how far the joint went past the motion's end, in the worst run"),
+    "peak_share": (
+        "-",
+        "largest voltage, current or torque that the drive was commanded and did, in parts of its limit",
+    ),
+    "saturation": ("-", "share of ticks in which the drive did less than was commanded"),
+}
+OF_TOOL = {
+    "path_mean": "mean distance of the tool from its path",
+    "path_largest": "largest distance of the tool from its path",
+    "path_accuracy": "largest distance of the mean path from the commanded one, AT_p of ISO 9283",
+    "path_repeatability": "spread of the runs about their mean path, RT_p of ISO 9283",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Results of `compare_controllers`.
+
+    Attributes:
+        data: dataset along controller, motion and payload, and joint where a measure is one of a joint; units and meanings in
+            attributes. `deviation` (…, point) [m] is the largest distance from the path of any run along the path,
+            `error` (…, instant, joint) the largest error over time, `watched` (controller, motion) [s] how long a run lasts,
+            `failed` the number of runs that diverged or ran out of steps: a case with one has no measures.
+        band: (n,) [rad | m] of the settling time.   runs: in each case.
+    """
+
+    data: xr.Dataset
+    band: np.ndarray
+    runs: int
+
+    def joint_rows(self) -> tuple[tuple[str, ...], list[list[str]]]:
+        """Heads and rows of a table of joints and drives: the worst joint of every case; — where nothing is known."""
+        errors = [(name, unit) for unit in ("rad", "m") for name in ("rms_error", "largest_error", "overshoot")]
+        heads = tuple(f"{name.replace('_', ' ')} [{unit}]" for name, unit in errors)
+
+        def cells(case: xr.Dataset) -> list[str]:
+            of_kind = [_worst(case[name].values[case["unit"].values == unit]) for name, unit in errors]
+            shares = [_worst(case[name].values, 100.0, " %") for name in ("peak_share", "saturation")]
+            return [*of_kind, _worst(case["settling_time"].values), *shares, str(int(case["failed"]) or "—")]
+
+        more = ("settling [s]", "peak of limit", "saturated", "failed runs")
+        return (*CASE, *heads, *more), [[*names, *cells(case)] for names, case in self._cases()]
+
+    def tool_rows(self) -> tuple[tuple[str, ...], list[list[str]]]:
+        """Heads and rows of a table of the tool's distances from its path; — where there is no path."""
+        heads = ("mean [mm]", "largest [mm]", "AT_p [mm]", "RT_p [mm]")
+        rows = [[*names, *(_worst(case[each].values, 1e3) for each in OF_TOOL)] for names, case in self._cases()]
+        return (*CASE, *heads), rows
+
+    def _cases(self) -> Iterator[tuple[list[str], xr.Dataset]]:
+        """Names and measures of every case, controllers of the same motion and payload below each other."""
+        data = self.data
+        for motion, payload, controller in itertools.product(
+            *(range(data.sizes[name]) for name in (*CASE[1:], CASE[0]))
+        ):
+            place = {"controller": controller, "motion": motion, "payload": payload}
+            yield [str(data[name].values[place[name]]) for name in CASE], data.isel(place)
+
+
+def compare_controllers(
+    scenario: Scenario,
+    controllers: Mapping[str, Any],
+    motions: Mapping[str, Any],
+    payloads: Mapping[str, Any] | Sequence[Any] = (None,),
+    runs: int = 8,
+    *,
+    band: Any = 1e-3,
+    settle: float = 1.0,
+) -> Comparison:
+    """Errors, path accuracy, settling, overshoot and effort of controllers that follow the same motions.
+
+    Each controller follows each motion with each payload in one compiled simulation, whose lanes are runs that differ in
+    noise, jitter, losses and draws alone. Measures as in [ISO9283]; the tool's place follows from the joints' by the record.
+
+    Args:
+        scenario: the arm with its loop: period, sensors, timing, solver. Its duration, start, reference and rows are replaced.
+        controllers: by name a controller for the scenario's loop, or a `Scenario` of the same arm with a loop of its own.
+        motions: by name a `Motion`, or an `aw.Plan` with what it carries.
+        payloads: by name or in a row, in the hand of all motions: a `Payload`, several, or None for what a motion or its scenario
+            has.
+        runs: seeds of noise, 1 or more; the repeatability needs 2.   band: [rad | m] of the settling time, one number or (n,).
+        settle: [s] that a run goes on after the motion's end.
+    Returns:
+        comparison: its dataset, and the rows of a table.
+    Raises:
+        ScenarioError: no controllers or motions, another arm, a motion of other joints or without an end; as `simulate`.
+    """
+    arm = scenario.arm
+    check_whole("runs", runs, 1)
+    check_time("settle", settle)
+    widths = _band(arm, band)
+    loops = {name: _scenario_of(scenario, name, each) for name, each in _named("controllers", controllers).items()}
+    paths = {name: _Course.of(arm, name, each) for name, each in _named("motions", motions).items()}
+    hands = _payloads(payloads, any(each.payloads for each in paths.values()))
+    dyn = compile_arm(arm) if arm.tip is not None else None
+    cases = [
+        [[_case(loop, course, hand, runs, widths, settle, dyn) for hand in hands.values()] for course in paths.values()]
+        for loop in loops.values()
+    ]
+    return Comparison(_dataset(arm, cases, (list(loops), list(paths), list(hands))), widths, runs)
+
+
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """A motion with what it carries, and the path of the tool."""
+
+    motion: Motion
+    payloads: tuple[Payload, ...]
+    path: ToolPath | None
+    direction: np.ndarray
+    end: float
+
+    @classmethod
+    def of(cls, arm: Model, name: str, given: Any) -> _Course:
+        """The motion of a name, with the path of the tool.
+
+        Raises:
+            ScenarioError: no motion, one of other joints, or one without an end.
+        """
+        motion, place = getattr(given, "motion", given), f"motions[{name!r}]"
+        if not isinstance(motion, Motion):
+            raise ScenarioError(place=place, value=given, expected="a motion of armwright.trajectory, or an aw.Plan")
+        if motion.n != arm.n:
+            raise ScenarioError(
+                f"a motion of {motion.n} joints", place=place, expected=f"{arm.n}: {', '.join(arm.names)}"
+            )
+        end = float(motion.time + motion.duration)
+        if not np.isfinite(end):
+            raise ScenarioError("does not end", place=place, expected="a motion with a duration")
+        t = np.union1d(np.linspace(float(motion.time), end, DENSE), motion.breaks)
+        q, qd, _ = motion.at(t)
+        path = tool_path(t, tool_positions(compile_arm(arm), q)) if arm.tip is not None else None
+        return cls(motion, tuple(getattr(given, "payloads", ())), path, last_direction(qd), end)
+
+
+def tool_positions(dyn: Any, q: np.ndarray) -> np.ndarray:
+    """(…, 3) [m] of the tip at joint positions q (…, n), in base axes."""
+    return np.asarray(dyn.forward_kinematics(q))[..., :3, 3]
+
+
+def _case(
+    loop: Scenario, course: _Course, hand: Any, runs: int, band: np.ndarray, settle: float, dyn: Any
+) -> dict[str, Any]:
+    """Measures of one controller on one motion with one payload."""
+    scenario = _followed(loop, course, hand, runs, settle)
+    run = simulate(scenario)
+    t, q = run["time"].values, run["q"].values
+    n, failed = q.shape[-1], 0
+    for name in ("diverged_at", "stalled_at"):
+        failed += int(run[name].notnull().sum()) if name in run else 0
+    case: dict[str, Any] = {"failed": failed, "watched": float(t[-1])}
+    if failed:
+        nothing = dict.fromkeys(OF_JOINTS, np.full(n, np.nan)) | dict.fromkeys(OF_TOOL, np.nan)
+        return case | nothing | {"deviation": np.full(POINTS, np.nan), "error": np.full((INSTANTS, n), np.nan)}
+    error = q - course.motion.at(t)[0]
+    moving = (t >= course.motion.time) & (t <= course.end)
+    after, goal = t >= course.end, course.motion.at(course.end)[0]
+    case |= {
+        "rms_error": np.sqrt((error[:, moving] ** 2).mean(axis=(0, 1))),
+        "largest_error": np.abs(error).max(axis=(0, 1)),
+        "settling_time": settling_time(t, error, course.end, band).max(axis=0),
+        "overshoot": overshoot(q[:, after], goal, course.direction).max(axis=0),
+        "peak_share": _peak_share(loop.arm, run),
+        "saturation": run["saturation"].values.mean(axis=0),
+        "error": np.maximum.reduceat(np.abs(error).max(axis=0), np.arange(INSTANTS) * len(t) // INSTANTS, axis=0),
+    }
+    tool, deviation = PathErrors(np.nan, np.nan, np.nan, np.nan), np.full(POINTS, np.nan)
+    if course.path is not None:
+        attained = attained_points(course.path, t, tool_positions(dyn, q))
+        tool = path_errors(course.path, attained)
+        deviation = np.linalg.norm(attained - course.path.points, axis=2).max(axis=0)
+    return case | {name: getattr(tool, name.removeprefix("path_")) for name in OF_TOOL} | {"deviation": deviation}
+
+
+def _followed(loop: Scenario, course: _Course, hand: Any, runs: int, settle: float) -> Scenario:
+    """The scenario of one case: as many lanes as runs, from the beginning of the motion until it has settled."""
+    assert loop.loop is not None
+    ticks = math.ceil((course.end + settle) / loop.tick - 1e-9)
+    q, qd, _ = course.motion.at(0.0)
+    carried = hand if hand is not None else list(course.payloads) or loop.inputs.payload
+    return replace(
+        loop,
+        duration=ticks * loop.tick,
+        loop=replace(loop.loop, reference=course.motion),
+        inputs=replace(loop.inputs, payload=carried),
+        start=Start(Batch(np.tile(q, (runs, 1))), Batch(np.tile(qd, (runs, 1)))),
+        recording=Recording(what="state", reduce=("saturation", *sorted(set(_peaks(loop.arm))))),
+        lanes=runs,
+    )
+
+
+def command_limits(arm: Model) -> np.ndarray:
+    """(n,) [V | A | N m | N] largest command that each drive can do; infinite where the record has no limit."""
+    found = []
+    for body in arm.coordinates:
+        drive, limits = body.drive, body.limits
+        per_ampere = abs(float(drive.gear_ratio) * float(drive.torque_constant or 0.0))
+        if drive.command == "current" and per_ampere:
+            found.append(min(limits.current, limits.torque / per_ampere))
+        elif drive.command == "torque" and per_ampere:
+            found.append(min(limits.torque, limits.current * per_ampere))
+        else:
+            found.append(getattr(limits, drive.command))
+    return np.array(found, dtype=float)
+
+
+def _peaks(arm: Model) -> list[str]:
+    """Name of the reducer of each joint's command."""
+    return [f"peak_{body.drive.command}" for body in arm.coordinates]
+
+
+def _peak_share(arm: Model, run: xr.Dataset) -> np.ndarray:
+    """(n,) largest command that each drive did in any run, in parts of its limit; NaN where there is no limit."""
+    peaks = np.array([float(run[name].values[:, j].max()) for j, name in enumerate(_peaks(arm))])
+    limits = command_limits(arm)
+    return np.where(np.isfinite(limits), peaks / limits, np.nan)
+
+
+def _named(place: str, given: Any) -> dict[str, Any]:
+    if not isinstance(given, Mapping) or not given:
+        raise ScenarioError(place=place, value=given, expected="at least one, by name: {'name': …}")
+    return {str(name): each for name, each in given.items()}
+
+
+def _scenario_of(base: Scenario, name: str, given: Any) -> Scenario:
+    """The scenario that a controller stands for."""
+    place = f"controllers[{name!r}]"
+    if not isinstance(given, Scenario):
+        loop = base.loop or Loop()
+        return replace(base, command=None, loop=replace(loop, controller=given, reference=None))
+    if given.arm.record != base.arm.record:
+        what = f"{given.arm.name}, with another record"
+        raise ScenarioError(what, place=place, expected=f"{base.arm.name}, so that controllers alone differ")
+    if given.controller is None:
+        raise ScenarioError("has no controller", place=place, expected="a scenario whose loop has one")
+    return given
+
+
+def _payloads(given: Any, planned: bool) -> dict[str, Any]:
+    """Payloads by name; without names they are called by their masses."""
+    if isinstance(given, Mapping):
+        return _named("payloads", given)
+    if not isinstance(given, Sequence) or not given:
+        raise ScenarioError(
+            place="payloads", value=given, expected="payloads, or None for an empty hand, by name or in a row"
+        )
+    found: dict[str, Any] = {}
+    for each in given:
+        bodies = [each] if isinstance(each, Payload) else each or []
+        name = ", ".join("batch" if isinstance(one.mass, Batch) else f"{one.mass:g} kg" for one in bodies)
+        name = name or ("as planned" if planned else "none")
+        found[name if name not in found else f"{name} ({len(found) + 1})"] = each
+    return found
+
+
+def _band(arm: Model, band: Any) -> np.ndarray:
+    try:
+        widths = np.broadcast_to(np.asarray(band, dtype=float), (arm.n,))
+    except (ValueError, TypeError):
+        widths = np.zeros(1)
+    if not (np.isfinite(widths) & (widths > 0.0)).all():
+        raise ScenarioError(place="band", value=band, expected=f"a number above 0 [rad | m], or {arm.n} of them")
+    return widths
+
+
+def _dataset(arm: Model, cases: list[Any], names: tuple[list[str], ...]) -> xr.Dataset:
+    """The dataset of all cases."""
+    import xarray as xr
+
+    from armwright.model.joint_signals import joint_units
+
+    units = joint_units(arm, "q")
+    shown = " | ".join(dict.fromkeys(units))
+
+    def variable(name: str, more: tuple[str, ...], unit: str, about: str) -> tuple[Any, ...]:
+        values = np.array([[[case[name] for case in row] for row in rows] for rows in cases])
+        return (*CASE, *more), values, {"units": shown if unit == "q" else unit, "long_name": about}
+
+    found = {name: variable(name, ("joint",), unit, about) for name, (unit, about) in OF_JOINTS.items()}
+    found |= {name: variable(name, (), "m", about) for name, about in OF_TOOL.items()}
+    found["deviation"] = variable("deviation", ("point",), "m", "largest distance from the path in any run")
+    found["error"] = variable("error", ("instant", "joint"), "q", "largest error in any run")
+    found["watched"] = variable("watched", (), "s", "duration of a run")
+    found["failed"] = variable("failed", (), "-", "runs that diverged or ran out of steps")
+    coordinates = dict(zip(CASE, names, strict=True)) | {"joint": list(arm.names), "unit": ("joint", list(units))}
+    coordinates["point"] = (np.arange(POINTS) + 0.5) / POINTS
+    coordinates["instant"] = (np.arange(INSTANTS) + 0.5) / INSTANTS
+    return xr.Dataset(found, coords=coordinates)
+
+
+def _worst(values: Any, factor: float = 1.0, ending: str = "") -> str:
+    """The largest known value in words; — where none is known."""
+    values = np.atleast_1d(values) * factor
+    values = values[~np.isnan(values)]
+    return f"{values.max():.3g}{ending}".replace("inf", "∞") if len(values) else "—"
