@@ -147,6 +147,7 @@ if TYPE_CHECKING:
     from armwright.trajectory.online import ReferenceFilter
     from armwright.trajectory.path import JointPath
     from armwright.trajectory.time_optimal import PathMotion, time_optimal
+    from armwright.tuning import TuningResult, tune
 
 __version__ = "0.1.0"
 
@@ -270,6 +271,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.pictures.workspace_maps": ("draw_workspace",),
     "armwright.ik.workspace": ("workspace",),
     "armwright.trajectory.time_optimal": ("PathMotion", "time_optimal"),
+    "armwright.tuning": ("TuningResult", "tune"),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 _CALLED = {"compile": "compile_arm"}  # inside, nothing is called like Python's own
@@ -359,6 +361,7 @@ __all__ = [
     "ToolPathSolution",
     "Trajectory",
     "Trapezoid",
+    "TuningResult",
     "Validation",
     "Waypoints",
     "analyse_loops",
@@ -449,6 +452,7 @@ __all__ = [
     "sweep",
     "time_optimal",
     "to_toml",
+    "tune",
     "validate",
     "workspace",
     "write_into",

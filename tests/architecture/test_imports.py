@@ -47,6 +47,7 @@ ORDER = (
     ("pictures",),  # arms drawn, in any pose and moving; plots to explore
     ("robotfiles",),  # check, compare, convert
     ("sweeps",),
+    ("tuning",),  # gains searched for over simulations
     (PACKAGE,),  # __init__.py: the public names
     ("terminal",),  # what writes to it
     ("session",),  # the report's `sim`, in the public names

@@ -38,6 +38,7 @@ from armwright.cli.sim import sim
 from armwright.cli.simulate import simulate
 from armwright.cli.step_study import step_study
 from armwright.cli.sweep import sweep
+from armwright.cli.tune import tune
 from armwright.cli.validate import validate
 from armwright.cli.workspace import workspace
 from armwright.errors import ArmwrightError
@@ -161,6 +162,7 @@ for command in (
     assemble,
     loops,
     compare_controllers,
+    tune,
     log,
     validate,
     sim,

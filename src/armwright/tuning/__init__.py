@@ -1,0 +1,6 @@
+"""Gains of a scenario's controller, searched for over many simulations under a margin constraint."""
+
+from armwright.tuning.result import TuningResult
+from armwright.tuning.tune import tune
+
+__all__ = ["TuningResult", "tune"]

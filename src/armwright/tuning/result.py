@@ -1,0 +1,126 @@
+"""Result of a tuning: gains, what they are worth on held-out lanes, and the scenario file with them."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tomlkit
+
+from armwright.description.toml_file import read_text
+from armwright.errors import ScenarioError
+from armwright.output import check_destination, whole_file
+from armwright.scenarios.file import parse_scenario, read_scenario
+from armwright.scenarios.files import FolderFiles
+from armwright.simulation.scenario import Scenario
+
+HEADS = ("joint", "gain", "start", "tuned", "factor")
+
+
+@dataclass(frozen=True, eq=False)
+class TuningResult:
+    """Gains of a controller after a search.
+
+    Attributes:
+        scenario: with the gains.   gains, start: (n,) by name, the returned ones and the scenario's own.
+        improved: whether the tuned gains beat the start on held-out lanes; else `gains` are the start's, unless those do not
+            keep the margins.
+        start_keeps: whether the start keeps the margins.   score: of the start and of `gains` on held-out lanes; less is better.
+        held_out: (2, n) by reducer, its mean over the held-out lanes at the start and with `gains`; inf where runs fail.
+        history: (generations + 1,) best score on the tuned lanes.   lanes: tuned in, and held out.   simulations: how many runs.
+        asked: gain and phase margin [rad] that are kept.   poses: at how many.
+    """
+
+    scenario: Scenario
+    gains: dict[str, np.ndarray]
+    start: dict[str, np.ndarray]
+    improved: bool
+    start_keeps: bool
+    score: tuple[float, float]
+    held_out: dict[str, np.ndarray]
+    history: np.ndarray
+    lanes: tuple[int, int]
+    simulations: int
+    asked: tuple[float, float]
+    poses: int
+
+    def __repr__(self) -> str:
+        return f"TuningResult({self.sentences()[0]!r})"
+
+    def rows(self) -> list[list[str]]:
+        """A row for each gain and joint, as `HEADS`."""
+        return [
+            [joint, name, f"{old:.4g}", f"{new:.4g}", f"{new / old:.3g}" if old > 0.0 else "—"]
+            for name, values in self.gains.items()
+            for joint, old, new in zip(self.scenario.arm.names, self.start[name], values, strict=True)
+        ]
+
+    def judged(self) -> list[list[str]]:
+        """A row for each joint and reducer: joint, reducer, at the start, with the gains; means over the held-out lanes."""
+        return [
+            [joint, name, f"{old:.4g}", f"{new:.4g}"]
+            for name, (before, after) in self.held_out.items()
+            for joint, old, new in zip(self.scenario.arm.names, before, after, strict=True)
+        ]
+
+    def sentences(self) -> list[str]:
+        """What was found, in words."""
+        (before, after), (tuned, held) = self.score, self.lanes
+        gain, phase = self.asked
+        asked = f"a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}°"
+        if self.improved:
+            first = f"tuned: the score on {held} held-out lanes goes from {before:.4g} to {after:.4g}"
+        elif self.start_keeps:
+            first = f"the start is returned: nothing found beats it on {held} held-out lanes (score {before:.4g})"
+        else:
+            first = f"tuned for the margins: the score on {held} held-out lanes goes from {before:.4g} to {after:.4g}"
+        lines = [
+            first,
+            f"{self.simulations} simulations in {len(self.history) - 1} generations, {tuned} lanes tuned in",
+        ]
+        if not self.start_keeps:
+            lines.append(f"the start gains do not keep {asked}")
+        lines.append(
+            f"the gains keep {asked} at {self.poses} extreme poses of the record's arm; between them nothing is proven"
+        )
+        return lines
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        source: str | os.PathLike[str],
+        allow: tuple[str | os.PathLike[str], ...] = (),
+    ) -> None:
+        """Writes the scenario file `source` with these gains in place of its own; all else, comments too, stays.
+
+        Args:
+            path: of the new file; where `source` names files, in the same folder.   source: that the scenario was read from.
+            allow: further folders that it may name files in.
+        Raises:
+            ArmwrightError: a file that cannot be written, or does not give these gains when it is read.
+        """
+        path = check_destination(path, (".toml",), read=(source,))
+        text = tuned_text(read_text(Path(source)), self.gains)
+        files = FolderFiles(path.parent, [Path(folder) for folder in allow])
+        try:
+            again = parse_scenario(tomlkit.parse(text).unwrap(), str(path), files, text)
+        except ScenarioError:
+            read_scenario(source, allow=allow)  # its own errors come first
+            raise
+        for name, values in self.gains.items():
+            if not np.array_equal(np.asarray(getattr(again.controller, name)), values):
+                what = f"the file does not give the tuned {name}"
+                raise ScenarioError(what, file=str(source), expected="a scenario file whose gains differ in no lane")
+        with whole_file(path, (".toml",)) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+
+
+def tuned_text(text: str, gains: dict[str, np.ndarray]) -> str:
+    """A scenario file's text with gains (n,) by name in [loop.controller]; comments and order stay."""
+    document = tomlkit.parse(text)
+    controller = document["loop"]["controller"]  # type: ignore[index]
+    for name, values in gains.items():
+        controller[name] = [float(value) for value in values]  # type: ignore[index]
+    return tomlkit.dumps(document)
