@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from armwright.tuning.result import TuningResult
 
 SAME = 1  # the exit code where nothing better than the start was found
-JUDGED = ("joint", "held-out lanes", "start", "tuned")
+JUDGED = ("joint", "measure", "start", "tuned")
 
 
 def tune(
@@ -140,7 +140,12 @@ def _report(path: Path, title: str, result: TuningResult) -> None:
     def history(figure: Any) -> None:
         axes = figure.subplots()
         axes.plot(result.history, color=INK, drawstyle="steps-post")
-        axes.set(xlabel="generation", ylabel="best score on the tuned lanes")
+        axes.set_facecolor("none")
+        axes.set_xlabel("generation", color=INK)
+        axes.set_ylabel("best score on the tuned lanes", color=INK)
+        axes.tick_params(colors=INK)
+        for edge in axes.spines.values():
+            edge.set_color(INK)
 
     svg = page_svg(history, (9.2, 3.2), "constrained")
     sections = [
