@@ -171,7 +171,6 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
         "Notch",
     ),
     "armwright.control.comparison.compare": ("Comparison", "compare_controllers"),
-    "armwright.control": ("Cascade", "ComputedTorque", "JointPID"),
     "armwright.description": ("RobotDescription", "builtin_names"),
     "armwright.modules.assemble": ("assemble",),
     "armwright.modules.assembly": ("read_modules",),
