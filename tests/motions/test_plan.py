@@ -145,6 +145,10 @@ def test_a_moving_end_is_taken_over(tmp_path):
         (MOVE.format("duration_s = -1"), r"segments\[0\].*duration_s = -1: expected greater than 0"),
         (MOVE.format("speed = 2"), r"segments\[0\].*speed = 2"),
         (MOVE.format("sped = 1"), r"segments\[0\].*sped.*unknown key; did you mean speed"),
+        (
+            MOVE.format('curve = "ruckig"\ngoal_velocity = { joint1 = 0.1 }'),
+            r"segments\[0\]: ends while joint1 is moving; expected a last segment",
+        ),
         (MOVE.format("goal_velocity = 0.1"), r"segments\[0\].goal_velocity: with curve = 's_curve'"),
         ('[[segments]]\nkind = "release"\n', r"segments\[0\].release: the hand is empty"),
         ('[[segments]]\nkind = "dwell"\nduration_s = 0\n', "duration_s = 0"),

@@ -97,8 +97,10 @@ class Clearance:
         the capsule's axis from it less the radius, so never less than -radius.
 
         Raises:
-            ShapeError: arrays of another shape.
+            ShapeError: arrays of another shape.   ScenarioError: positions that are not finite.
         """
+        if not np.isfinite(scalar.real_numbers(q)).all():
+            raise ScenarioError("is not finite", place="q", expected=f"positions (…, {self.arm.n}) [rad | m]")
         if not self.pairs:
             return np.full((*np.shape(q)[:-1], 0), np.inf)
         return self._kernel(q)
@@ -112,7 +114,8 @@ class Clearance:
         found = self.distances(q)
         distances = found.reshape(int(np.prod(found.shape[:-1])), len(self.pairs))
         if not distances.size:
-            raise ScenarioError("there is no pair whose distance could be told", place=repr(self))
+            what = "has no poses" if self.pairs else "has no pair of links or obstacles that could meet"
+            raise ScenarioError(what, place="q" if self.pairs else repr(self))
         row, pair = np.unravel_index(np.argmin(distances), distances.shape)
         return Nearest(float(distances[row, pair]), self.pairs[pair], int(row))
 
@@ -141,7 +144,9 @@ def clearance(
         ScenarioError: what is no obstacle.
         ModelError: a link without shapes and without radius, or a name that is no link.   RunError: a mesh that cannot be read.
     """
-    obstacles = tuple(obstacles)
+    if not isinstance(arm, Model):
+        raise ModelError(place="arm", value=arm, expected="an arm, as aw.load(name) gives")
+    obstacles = (obstacles,) if isinstance(obstacles, Obstacle) else tuple(obstacles)
     for obstacle in obstacles:
         if not isinstance(obstacle, Obstacle):
             expected = "a PlaneObstacle, BoxObstacle or SphereObstacle"

@@ -88,7 +88,7 @@ class PoseSolutions:
         solved, of = int(self.success.sum()), self.success.size
         lines = [f"{solved} of {of} solved"]
         if solved:
-            lines[0] += f", {self._way()}"
+            lines[0] += f", {way}" if (way := self._way()) else ""
             far, turned = self.position_error[self.success].max(), self.angle_error[self.success].max()
             lines[0] += f", within {far:.1e} m and {turned:.1e} rad"
         for place in np.argwhere(~self.success)[:SHOWN]:

@@ -238,7 +238,10 @@ def _closed_form(arm: Model, frame: str | None, aim: Aim, method: Method, near: 
     found = closed_form(arm, frame, near) if aim == "pose" and method != "numeric" else None
     if found is None and method == "closed-form":
         expected = "six joints whose axes meet or are parallel as one needs, a frame of the last link and whole poses"
-        raise ModelError(f"{arm.name} has no closed form", place="method", value=method, expected=expected)
+        what = (
+            f"{arm.name} has no closed form" if aim == "pose" else f"a closed form needs whole poses, not aim = {aim!r}"
+        )
+        raise ModelError(what, place="method", value=method, expected=expected)
     return found
 
 

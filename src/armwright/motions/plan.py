@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -139,9 +140,13 @@ def plan_document(tables: dict[str, Any], place: str, files: Files) -> Plan:
             try:
                 run.add(segment)
             except ArmwrightError as error:
-                raise error.renamed(lambda each: each.partition(".")[2] or each).within(f"segments[{k}]") from None
+                raise error.renamed(_without_type).within(f"segments[{k}]") from None
     except ArmwrightError as error:
         raise error.within(file=place) from None
+    if run.motions and run.qd.any():
+        joint = arm.names[int(np.argmax(np.abs(run.qd)))]
+        what, expected = f"ends while {joint} is moving", "a last segment that ends at rest"
+        raise ScenarioError(what, place=f"segments[{len(table.segments) - 1}]", expected=expected, file=place)
     if not run.motions:
         raise ScenarioError("nothing moves", place="segments", expected="a move, waypoints or a dwell", file=place)
     motion, payloads = Joined(run.motions), tuple(run.payloads)
@@ -153,6 +158,11 @@ def plan_document(tables: dict[str, Any], place: str, files: Files) -> Plan:
     return Plan(
         arm, limits, motion, tuple(run.kinds), tuple(run.begins), payloads, report, nearest, place, table.title or ""
     )
+
+
+def _without_type(place: str) -> str:
+    """A place in a motion's type, `Quintic.duration` or `segment.goal`, as a key of the segment: `duration`."""
+    return re.sub(r"^([A-Z][A-Za-z]*|segment)\.(?=\w)", "", place)
 
 
 @dataclass

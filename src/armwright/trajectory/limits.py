@@ -343,8 +343,8 @@ def _shares(limits: MotionLimits, quantity: str, rows: np.ndarray) -> np.ndarray
     most = getattr(limits, quantity)
     if quantity == "position":
         low, high = most.T
-        middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        finite = np.isfinite(half)
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore"):  # of a joint without limits
+            middle, half = 0.5 * (low + high), 0.5 * (high - low)
+            finite = np.isfinite(half)
             return np.where(finite, np.abs(rows - np.where(finite, middle, 0.0)) / np.where(finite, half, 1.0), np.nan)
     return np.where(np.isfinite(most), np.abs(rows) / np.where(np.isfinite(most), most, 1.0), np.nan)

@@ -139,6 +139,30 @@ def test_refused(make, place):
     assert error.value.problems[0].place.startswith(place)
 
 
+@pytest.mark.parametrize(
+    ("call", "place"),
+    [
+        (lambda: LinearLoop(3), "scenario"),
+        (lambda: LinearLoop(scenario(CONTROLLERS["pd"]), 0.0), "period"),
+        (lambda: LinearLoop(scenario(CONTROLLERS["pd"]), np.nan), "period"),
+        (lambda: LinearLoop(scenario(CONTROLLERS["pd"])).radius([0.2]), "q"),
+        (lambda: LinearLoop(scenario(CONTROLLERS["pd"])).radius([np.nan, 0.2]), "q"),
+    ],
+)
+def test_bad_poses_and_periods(call, place):
+    with pytest.raises(ScenarioError) as error:
+        call()
+    assert error.value.problems[0].place == place
+
+
+def test_a_large_gain_margin_is_found():
+    """PD with tiny gains: the upper margin of one joint alone is 2 H_jj / (kd T) of a first-order sampled speed loop."""
+    loop = LinearLoop(scenario(aw.JointPID(kp=1e-6, kd=1.0, gravity=True), "ideal"))
+    held = loop.margins(np.array([0.1, np.pi / 2 - 0.1]), held=True).gain_up
+    inertia = np.diag(aw.mass_matrix(small_signal_arm(aw.load("two-link")), np.array([0.1, np.pi / 2 - 0.1])))
+    assert held == pytest.approx(2 * inertia / PERIOD, rel=2e-2)
+
+
 def test_several_rates_have_no_single_sensitivity():
     with pytest.raises(ScenarioError):
         LinearLoop(scenario(CONTROLLERS["three rates"])).sensitivity(POSE)

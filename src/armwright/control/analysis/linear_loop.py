@@ -20,10 +20,11 @@ import numpy as np
 from armwright.control.analysis.hold import Held, split_delay, zero_order_hold
 from armwright.control.analysis.small_signal import LEFT_OUT, Slopes, SmallPlant, SmallSignal
 from armwright.errors import ScenarioError
+from armwright.simulation.checks import check_time
 from armwright.simulation.loop.timing import Delays
 from armwright.simulation.scenario import Scenario
 
-GAINS = np.geomspace(1.0, 1e3, 31)  # factors among which the first unstable one is looked for
+GAINS = np.geomspace(1.0, 1e6, 61)  # factors among which the first unstable one is looked for
 ANGLES = np.linspace(0.0, np.pi, 31)
 HALVINGS = 24  # of the interval where a margin ends
 
@@ -63,6 +64,12 @@ class LinearLoop:
         Raises:
             ScenarioError: a scenario without a controller, or one that cannot be traced.
         """
+        if not isinstance(scenario, Scenario):
+            raise ScenarioError(
+                place="scenario", value=scenario, expected="an aw.Scenario with a loop and its controller"
+            )
+        if period is not None:
+            check_time("period", period)
         loop = scenario.loop
         if loop is None or loop.controller is None:
             raise ScenarioError("has no controller", place="loop", expected="a scenario with a loop and its controller")
@@ -90,6 +97,10 @@ class LinearLoop:
         Args:
             q: poses.   gains: in place of the controller's batches.   joint: its loop alone, all other joints held still.
         """
+        q, n = np.asarray(q, dtype=float), len(self.names)
+        if q.shape[-1:] != (n,) or not np.isfinite(q).all():
+            what = f"shape {q.shape}" if q.shape[-1:] != (n,) else "is not finite"
+            raise ScenarioError(what, place="q", expected=f"finite poses (…, {n})")
         slopes = self._small.slopes(q, gains)
         if joint is not None:
             slopes = slopes.alone(joint, self._states_of(joint))
