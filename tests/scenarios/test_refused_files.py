@@ -60,7 +60,7 @@ def read(folder, text):
             BASE + '[loop.reference]\nkind = "quintic"\ngoal = ["a", 0]\nduration = 1\n',
             r"reference.goal = \['a', 0\]: expected",
         ),
-        (BASE + '[loop.reference]\nkind = "schedule"\nfile = 5\n', "file = 5: expected the name of a CSV file"),
+        (BASE + '[loop.reference]\nkind = "schedule"\nfile = 5\n', "file = 5: expected the name of a file"),
         (BASE + '[loop.reference]\nkind = "expression"\nq = ["9**9**9**9", "0"]\n', "too large"),
         (BASE + "[loop.sensors]\ncounts = [1, 2, 3]\n", r"sensors\.counts = \[1\.0, 2\.0, 3\.0\]"),
         (BASE + '[loop.sensors]\ncounts = "a"\n', "loop.sensors.counts = 'a': expected a finite number$"),

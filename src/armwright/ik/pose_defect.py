@@ -12,6 +12,7 @@ from armwright.kernels.target import select_target
 from armwright.program import trace
 from armwright.scalar import Array
 
+LARGEST = 1e100  # [m] of a position: squares stay within the range of floats
 NO_POSE = 2.0  # of mirrors and infinite positions
 
 
@@ -32,7 +33,7 @@ def pose_defect(pose: Array) -> np.ndarray:
     volume = volume + x[2] * (y[0] * z[1] - y[1] * z[0])
     finite = 1.0
     for entry in pose[:3, 3]:
-        finite = finite * scalar.less(scalar.abs(entry), np.inf)  # 0 of NaN too
+        finite = finite * scalar.less(scalar.abs(entry), LARGEST)  # 0 of NaN too
     return scalar.array(scalar.where(finite * scalar.less(0.0, volume), most, scalar.maximum(most, NO_POSE)))
 
 

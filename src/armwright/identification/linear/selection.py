@@ -251,6 +251,8 @@ def _simplest(tried: Sequence[Candidate], scores: dict[Orders, np.ndarray], vari
     """The first structure whose held-out error is no more than a standard error of the difference above the best."""
     best = min(tried, key=lambda each: each.cv).orders
     for each in tried:
+        if scores[each.orders].shape != scores[best].shape:  # a part too short for one of the two
+            continue
         difference = scores[each.orders] - scores[best]
         if not np.isfinite(difference).all():
             continue
