@@ -23,7 +23,7 @@ def test_deviations_are_those_of_the_fits(numerator, denominator, least, most):
     """A level and a slow wave in noise: deviations of least squares as stated, by the spread over draws."""
     rng = np.random.default_rng(0)
     jacobian = np.column_stack([np.ones(ROWS), np.sin(2 * np.pi * np.arange(ROWS) / 500)])
-    problem = SimpleNamespace(targets=[np.zeros((ROWS, 1))], stretches=[SimpleNamespace(t=np.arange(ROWS))])
+    problem = SimpleNamespace(prior=None, targets=[np.zeros((ROWS, 1))], stretches=[SimpleNamespace(t=np.arange(ROWS))])
     fits, stated = [], []
     for _ in range(DRAWS):
         noise = lfilter(numerator, denominator, rng.standard_normal(ROWS))

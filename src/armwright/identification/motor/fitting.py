@@ -64,7 +64,8 @@ def fitted(
     if jacobian is not None and np.isfinite(jacobian).all():
         _hold(done, jacobian[0] * sizes(record, data, problem, labels, first), first)
     begin = starts(problem, [first], count, seed)
-    if all(k in done.held or each.nuisance for k, each in enumerate(problem.unknowns)):
+    wanted = [k for k, each in enumerate(problem.unknowns) if not each.nuisance] or range(len(problem.unknowns))
+    if all(k in done.held for k in wanted):
         names = [labels[k].split(":")[-1] for k in done.held]
         expected = "another log, or more that is known, by fixed=…"
         raise ModelError("the log tells none of what is to be fitted", place="free", value=names, expected=expected)
