@@ -142,7 +142,7 @@ def test_refused(make, place):
 @pytest.mark.parametrize(
     ("call", "place"),
     [
-        (lambda: LinearLoop(3), "scenario"),
+        (lambda: LinearLoop(CONTROLLERS.get("none")), "scenario"),  # type: ignore[arg-type]
         (lambda: LinearLoop(scenario(CONTROLLERS["pd"]), 0.0), "period"),
         (lambda: LinearLoop(scenario(CONTROLLERS["pd"]), np.nan), "period"),
         (lambda: LinearLoop(scenario(CONTROLLERS["pd"])).radius([0.2]), "q"),
