@@ -128,7 +128,7 @@ def clearance(
     ignore: Iterable[tuple[str, str]] = (),
     most: int = 3,
 ) -> Clearance:
-    """What tells how far an arm's links are from each other and from obstacles.
+    """Distances between an arm's links, and from them to obstacles, as a function of its positions.
 
     Links are held in capsules (`link_capsules`), so that a distance is never larger than the true one between the record's
     shapes. Not looked at are links that are joined to each other, and pairs that overlap in each of 2000 poses drawn within

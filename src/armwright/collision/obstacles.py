@@ -1,4 +1,4 @@
-"""What stands around an arm: planes, boxes and spheres in base axes."""
+"""Obstacles around an arm: planes, boxes and spheres in base axes."""
 
 from __future__ import annotations
 

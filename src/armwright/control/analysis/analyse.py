@@ -19,7 +19,7 @@ FURTHER = 24  # poses drawn evenly beside the extreme ones
 
 @dataclass(frozen=True, eq=False)
 class LoopAnalysis:
-    """What the loops of a scenario keep over the workspace.
+    """Inertias, margins and sample periods of a scenario's loops over the workspace.
 
     Attributes:
         loop: linear, about a pose.   inertias: at all sampled poses.   poses: (k, n) at which loops were analysed: those where
@@ -69,7 +69,7 @@ class LoopAnalysis:
         return rows
 
     def sentences(self) -> list[str]:
-        """What it comes to, in words: what is computed for each pose, and what is only sampled."""
+        """The result in sentences, with what is computed for each pose and what is only sampled."""
         loop, (gain, phase) = self.loop, self.asked
         worst = int(self.radius.argmax())
         pose = ", ".join(f"{value:.3g}" for value in self.poses[worst])

@@ -22,7 +22,7 @@ GAIN, PHASE = 2.0, np.radians(30.0)  # the margins that are usually asked for
 
 @dataclass(frozen=True, eq=False)
 class GainRegion:
-    """Which pairs of gains of one joint keep the margins at every pose, the other joints held still.
+    """Pairs of gains of one joint that keep the margins at every pose, the other joints held still.
 
     Attributes:
         joint: its name.   names: of the two gains.   values: of each, (rows,) and (columns,).

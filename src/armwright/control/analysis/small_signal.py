@@ -81,7 +81,7 @@ class Slopes:
 
 
 class SmallPlant:
-    """What gives the slopes of an arm with its drives at poses at rest, whatever commands it.
+    """Linear model of an arm with its drives about poses at rest, whatever commands it.
 
     Attributes:
         arm: as `small_signal_arm`.   plant: of the arm.
@@ -110,7 +110,7 @@ class SmallPlant:
 
 
 class SmallSignal:
-    """What gives the slopes of a sampled loop at poses at rest.
+    """Linear model of a sampled loop about poses at rest: plant, sensors and controller.
 
     Attributes:
         plant: of the arm.   period: [s].   cycle: ticks after which a controller of several rates repeats itself.

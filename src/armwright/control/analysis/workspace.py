@@ -18,7 +18,7 @@ from armwright.scalar import Array
 
 @dataclass(frozen=True, eq=False)
 class JointInertias:
-    """What each joint's motor has to move, at sampled poses.
+    """Inertia, gravity and coupling of each joint at sampled poses.
 
     Attributes:
         q: (poses, n) [rad | m].   held: (poses, n) H_jj, the others held still [kg m² | kg], rotors included.
