@@ -13,11 +13,11 @@ DEMO   := simulate cmu-dd --schedule examples/cmu-dd-feedforward.csv --q0 0,0.35
 ARGS   :=
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check frozen fuzz bench docs pictures lock clean
+.PHONY: help demo test check frozen fuzz bench docs reference pictures lock clean
 .DELETE_ON_ERROR:
 
 help:  ## print this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 demo: $(VENV)/.core  ## set up the core and move the built-in CMU arm
 	@mkdir -p build/demo
@@ -46,6 +46,9 @@ bench: $(VENV)/.all  ## time the kernels beside their peers
 
 docs: $(VENV)/.all  ## build the site into build/docs
 	$(BIN)/python -m sphinx -W --keep-going -b html docs build/docs
+
+reference: $(VENV)/.all  ## write the generated parts of docs anew, from docstrings, commands, keys of files and benchmarks
+	$(BIN)/python docs/ext/armwright_pages.py
 
 pictures: $(VENV)/.all  ## make the pictures of the README and the docs anew
 	PYTHONPATH=tests $(BIN)/python -m pictures.gallery
