@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -10,8 +11,11 @@ from armwright.printable import printable
 
 LONGEST = 60  # characters of a value that a sentence repeats
 LONGEST_PATH = 600  # of a file or a place
+MOST = 100  # problems that one sentence a line shows
 LONGEST_LIST = 1000  # of names that exist, of what is wrong and of what was expected
 UNKNOWN_KEY = "unknown key"  # `what` of a problem whose choices stand for the last key of its place, not for its value
+TO_FILL_IN = "to be filled in"  # `what` of a value that a new file leaves to its user
+MISSING = "missing"  # `what` of a key that a table must have
 ABSENT: Any = type("Absent", (), {"__repr__": lambda self: "ABSENT", "__bool__": lambda self: False})()
 
 
@@ -45,6 +49,12 @@ class Problem:
             reasons.append(nearest(name, self.choices))
         parts = (_shortened(self.file, LONGEST_PATH), subject, "; ".join(filter(None, reasons)))
         return printable(": ".join(part for part in parts if part))  # Python itself shows errors that nobody caught
+
+    @property
+    def line(self) -> float:
+        """The line of the file, inf where it is not known."""
+        _, _, number = self.file.rpartition(":")
+        return float(number) if number.isdecimal() else math.inf
 
     def within(self, place: str = "", file: Any = "") -> Problem:
         """The problem as seen from outside: `place` is put before its own place, a missing `file` is filled in."""
@@ -81,7 +91,7 @@ class ArmwrightError(Exception):
         what, place, value, expected, choices, file: as in `Problem`.   others: further problems of the same input.
 
     Attributes:
-        problems: all that is wrong, the most telling first; `str` shows the first and how many more there are.
+        problems: all that is wrong, the most telling first; `str` shows one a line, in the order of the file's lines.
     """
 
     def __init__(
@@ -104,6 +114,10 @@ class ArmwrightError(Exception):
         error = cls(first.what)
         error.problems = (first, *others)
         return error
+
+    def joined(self, *others: Problem) -> Self:
+        """The same error with further problems, for the caller to raise."""
+        return self.of(*self.problems, *others)
 
     def within(self, place: str = "", file: Any = "") -> Self:
         """The same error seen from outside, for the caller to raise: see `Problem.within`."""
@@ -152,8 +166,16 @@ class ArmwrightError(Exception):
         return self.problems[0].file
 
     def __str__(self) -> str:
-        rest = f" (and {len(self.problems) - 1} more)" if len(self.problems) > 1 else ""
-        return f"{self.problems[0]}{rest}"
+        if len(self.problems) == 1:
+            return str(self.problems[0])
+        ordered = sorted(self.problems, key=lambda problem: problem.line)
+        shown_lines = [f"  {problem}" for problem in ordered[:MOST]]
+        left_out = [f"  and {len(ordered) - MOST} more"] if len(ordered) > MOST else []
+        path, colon, number = self.file.rpartition(":")
+        file = printable(_shortened(path if colon and number.isdecimal() else self.file, LONGEST_PATH))
+        word = "values to fill in" if all(each.what == TO_FILL_IN for each in ordered) else "mistakes"
+        summary = f"{file}{': ' if file else ''}{len(ordered)} {word}"
+        return "\n".join([summary, *shown_lines, *left_out])
 
 
 class DescriptionError(ArmwrightError):

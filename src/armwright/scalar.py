@@ -441,13 +441,12 @@ def jacobian(function: Callable[[np.ndarray], Array], x: Array) -> np.ndarray:
     value = np.asarray(function(inner), dtype=object)
     columns = [casadi.vertcat(*(_sx(entry) for entry in array.flat)) for array in (value, inner)]
     modes: list[Any] = [{"helper_options": {"ad_weight": weight}} for weight in (0.0, 1.0)]
-    slopes = [casadi.densify(casadi.jacobian(columns[0], columns[1], mode)) for mode in modes]
+    slopes = [casadi.jacobian(columns[0], columns[1], mode) for mode in modes]
     outer = casadi.vertcat(*(_sx(entry) for entry in np.asarray(x, dtype=object)))
     placed = min((casadi.cse(casadi.substitute(slope, columns[1], outer)) for slope in slopes), key=casadi.n_nodes)
     entries = zeros(value.size, len(x))
-    for index in np.ndindex(*entries.shape):
-        element = placed[index]
-        entries[index] = np.float64(element) if element.is_constant() else Symbol(element)
+    for row, column, element in zip(*placed.sparsity().get_triplet(), placed.nonzeros(), strict=True):
+        entries[row, column] = np.float64(element) if element.is_constant() else Symbol(element)
     return array(entries.reshape(*value.shape, len(x)))
 
 

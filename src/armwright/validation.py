@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import pydantic
 
-from armwright.errors import ABSENT, UNKNOWN_KEY, ArmwrightError, DescriptionError, Problem
+from armwright.errors import ABSENT, MISSING, UNKNOWN_KEY, ArmwrightError, DescriptionError, Problem
 from armwright.lazy_schema import Later
 
 Location = tuple[int | str, ...]
@@ -25,20 +27,26 @@ LISTS = {  # whose tables are called by their names, not by their numbers
     "parts": "part",
     "sections": "section",
 }
+# Names of joints and links:
+NAMEABLE = r'^[^\s"\[\]\p{Cc}\p{Zl}\p{Zp}]([^"\[\]\p{Cc}\p{Zl}\p{Zp}]*[^\s"\[\]\p{Cc}\p{Zl}\p{Zp}])?$'
+MOST_ROUNDS = 4  # in which a table is read again without the keys that are wrong
 TAGS = ("type", "shape", "kind")  # keys that name the kind of a table
 SCALAR = ("float_type", "float_parsing", "int_type", "int_parsing", "string_type", "bool_type")  # no list, no table
 EXPECTED = {  # by pydantic's kinds of errors
     **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "a table"),
     **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "a whole number"),
     **dict.fromkeys(("float_type", "float_parsing", "finite_number"), "a finite number"),
-    "string_pattern_mismatch": "a name without spaces, dots and brackets",
     "string_type": "text",
     "string_too_short": "text that is not empty",
 }
 
 
 class Invalid(ValueError):
-    """Error that a record's validator raises; `place` is seen from the record, and empty for the validated field itself."""
+    """Error that a record's validator raises; `place` is seen from the record, and empty for the validated field itself.
+
+    Attributes:
+        problems: all that the validator found.
+    """
 
     def __init__(
         self,
@@ -49,15 +57,15 @@ class Invalid(ValueError):
         expected: str = "",
         choices: Iterable[str] = (),
     ):
-        self.problem = Problem(what, place, value, expected, tuple(choices))
-        super().__init__(str(self.problem))
+        self.problems: tuple[Problem, ...] = (Problem(what, place, value, expected, tuple(choices)),)
+        super().__init__(str(self.problems[0]))
 
     @classmethod
-    def of(cls, problem: Problem) -> Invalid:
-        """One that reports this problem."""
-        return cls(
-            problem.what, place=problem.place, value=problem.value, expected=problem.expected, choices=problem.choices
-        )
+    def of(cls, *problems: Problem) -> Invalid:
+        """One that reports these problems, one at least."""
+        error = cls(problems[0].what)
+        error.problems = problems
+        return error
 
 
 def validated(
@@ -81,7 +89,118 @@ def validated(
     try:
         return record.model_validate(data, context={"folder": folder})
     except pydantic.ValidationError as invalid:
-        raise error.of(*problems(invalid, data, record)).within(place, file) from None
+        found = problems(invalid, data, record)
+        found += _hidden(invalid, data, record, folder, found)
+        raise error.of(*found).within(place, file) from None
+
+
+def readable(record: type[AnyRecord], data: Mapping[str, Any], folder: Path | None = None) -> AnyRecord | None:
+    """The record without the keys that are wrong, in which further mistakes are looked for; None where it needs them.
+
+    Args:
+        record: its type.   data: what `validated` refuses.   folder: as there.
+    """
+    for _ in range(MOST_ROUNDS):
+        try:
+            return record.model_validate(data, context={"folder": folder})
+        except pydantic.ValidationError as invalid:
+            errors = invalid.errors()
+            tables = [each["loc"][:-1] for each in errors if each["type"] in ("missing", "union_tag_invalid")]
+            data = _without(data, [at for each in errors for at in _wrong_keys(each)])
+            data = _without(data, tables, tables=True)
+    return None
+
+
+def _hidden(
+    invalid: pydantic.ValidationError,
+    data: Mapping[str, Any],
+    record: type[pydantic.BaseModel],
+    folder: Path | None,
+    known: list[Problem],
+) -> list[Problem]:
+    """Problems that pydantic looks for only where a table has no other ones: those of its keys together.
+
+    They show when the table is read again without the keys that are wrong; what then lacks one of these keys is not reported.
+    """
+    found: list[Problem] = []
+    left_out: set[str] = set()
+    for _ in range(MOST_ROUNDS):
+        locations = [location for each in invalid.errors() for location in _wrong_keys(each)]
+        pruned = _without(data, locations)
+        if pruned is data:
+            break
+        left_out |= {str(key) for location in locations for key in location[-1:]}
+        left_out |= {name for each in (*known, *found) for at in _meant(each.place, each) for name in [_last(at)]}
+        data = pruned
+        try:
+            record.model_validate(data, context={"folder": folder})
+            break
+        except pydantic.ValidationError as error:
+            invalid = error
+        places = {each.place for each in (*known, *found)}
+        found += [
+            each
+            for each in problems(invalid, data, record)
+            if each.what != MISSING
+            and not left_out & _words(each)
+            and not (each.place and any(at.startswith(each.place) for at in places))  # which lacks what was left out
+            and each.place not in places
+        ]
+    return found
+
+
+def _words(problem: Problem) -> set[str]:
+    """The keys that a problem may be about: the words of its sentence, and the last one of its place."""
+    return {*re.findall(r"\w+", f"{problem.what} {problem.expected}"), _last(problem.place)}
+
+
+def _last(place: str) -> str:
+    """The last key of a place."""
+    return place.replace(" ", ".").rpartition(".")[2]
+
+
+def _wrong_keys(error: Any) -> list[Location]:
+    """Locations of the keys that one of pydantic's errors is about."""
+    location, raised = error["loc"], error["ctx"]["error"] if error["type"] == "value_error" else None
+    if isinstance(raised, Invalid) and isinstance(error["input"], Mapping):
+        keys = [re.split(r"[.\[ ]", each.place)[0] for each in raised.problems]
+        return [(*location, key) for key in keys if key in error["input"]]
+    return [] if error["type"] == "missing" else [location]
+
+
+def _without(data: Any, locations: Iterable[Location], *, tables: bool = False) -> Any:
+    """The data without the last keys of locations, and without what is not there; tables of a list stay unless they are meant."""
+    steps = dict.fromkeys(_steps_to(data, location, tables) for location in locations)
+    for each in sorted(steps, key=lambda keys: [str(key).zfill(9) for key in keys], reverse=True):  # last items first
+        data = _removed(data, each) if each else data
+    return data
+
+
+def _steps_to(data: Any, location: Location, tables: bool) -> Location:
+    """The keys of a location that are the data's, not pydantic's own, to the last key of a table; () for a table of a list."""
+    steps: list[Any] = []
+    at: Any = data
+    key: Any
+    for key in location:
+        is_item = isinstance(at, list) and isinstance(key, int) and key < len(at)
+        if is_item or (isinstance(at, Mapping) and key in at):
+            steps.append(key)
+            at = at[key]
+    if isinstance(at, Mapping) and steps and isinstance(steps[-1], int):
+        return tuple(steps) if tables else ()
+    while steps and isinstance(steps[-1], int):  # one of several numbers: all of them
+        steps.pop()
+    return tuple(steps)
+
+
+def _removed(data: Any, steps: Location) -> Any:
+    """A copy of the data, as far as it changes, without what is at the end of the steps."""
+    first, rest = steps[0], steps[1:]
+    if not isinstance(data, (list, Mapping)):
+        return data
+    if isinstance(data, list):
+        return [_removed(item, rest) if k == first else item for k, item in enumerate(data) if rest or k != first]
+    return {key: _removed(item, rest) if key == first else item for key, item in data.items() if rest or key != first}
 
 
 def problems(error: pydantic.ValidationError, data: Any, record: type[pydantic.BaseModel]) -> list[Problem]:
@@ -90,8 +209,8 @@ def problems(error: pydantic.ValidationError, data: Any, record: type[pydantic.B
     Args:
         error: what validating `data` as a `record` raised.
     """
-    errors = error.errors()
-    places = [_place(e["loc"], data, is_missing=e["type"] == "missing") for e in errors]
+    errors = [each for each in error.errors() if not _counts_only_good_items(each)]
+    places = [place_of(e["loc"], data, is_missing=e["type"] == "missing") for e in errors]
     first = next((k for k, e in enumerate(errors) if e["type"] == "extra_forbidden"), 0)  # why another key is missing
     if errors[first]["type"] in SCALAR and isinstance(errors[first]["input"], (list, tuple, dict)):
         # of several kinds that a value may have, the one that was recognised further down was meant
@@ -100,11 +219,42 @@ def problems(error: pydantic.ValidationError, data: Any, record: type[pydantic.B
     for k, at in enumerate(places):
         if not places[first] or not (at.startswith(places[first]) or places[first].startswith(at)):
             chosen.setdefault(at, k)
-    return [_problem(errors[k], data, record).within(at) for at, k in chosen.items()]
+    found = {at: _problems(errors[k], data, record) for at, k in chosen.items()}
+    misspelt = [key for at in found for key in _meant(at, found[at][0])]
+    return [
+        each.within(at)
+        for at, each_at in found.items()
+        for each in each_at
+        if each.what != MISSING or at not in misspelt
+    ]
 
 
-def _problem(error: Any, data: Any, record: type[pydantic.BaseModel]) -> Problem:
-    """One of pydantic's errors, seen from its place."""
+def _counts_only_good_items(error: Any) -> bool:
+    """True where pydantic calls a list too short because its items are wrong, which it reports for each of them."""
+    return error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]
+
+
+def _meant(place: str, problem: Problem) -> list[str]:
+    """The places that a misspelt key was probably meant for, whose absence is not worth another problem."""
+    if problem.what != UNKNOWN_KEY:
+        return []
+    import difflib  # only those who err need it
+
+    table, dot, key = place.rpartition("." if "." in place else " ")
+    return [f"{table}{dot}{near}" for near in difflib.get_close_matches(key, problem.choices, n=3, cutoff=0.6)]
+
+
+def _problems(error: Any, data: Any, record: type[pydantic.BaseModel]) -> list[Problem]:
+    """What one of pydantic's errors reports, seen from its place: a validator of ours may have found several things."""
+    raised = error["ctx"]["error"] if error["type"] == "value_error" else None
+    if not isinstance(raised, Invalid):
+        return [_problem(error, record)]
+    value = _plain(error["input"])
+    return [each if each.place or each.value is not ABSENT else replace(each, value=value) for each in raised.problems]
+
+
+def _problem(error: Any, record: type[pydantic.BaseModel]) -> Problem:
+    """One of pydantic's own errors, seen from its place."""
     kind, location = error["type"], error["loc"]
     value = _plain(error["input"])
     if kind == "extra_forbidden":
@@ -113,11 +263,9 @@ def _problem(error: Any, data: Any, record: type[pydantic.BaseModel]) -> Problem
         return Problem(value=value, expected=f"more numbers than {len(error['input'])}")
     if kind == "missing":
         name = str(location[-1])
-        return Problem("missing", expected=_expected(name, _fields_at(location, record).get(name)))
+        return Problem(MISSING, expected=_expected(name, _fields_at(location, record).get(name)))
     if kind == "value_error":
-        raised = error["ctx"]["error"]
-        problem = raised.problem if isinstance(raised, Invalid) else Problem(str(raised))
-        return problem if problem.place or problem.value is not ABSENT else Problem(**{**vars(problem), "value": value})
+        return Problem(str(error["ctx"]["error"]), value=value)
     if kind in ("union_tag_not_found", "union_tag_invalid"):
         return _wrong_tag(error, record)
     if kind == "tuple_type":
@@ -125,6 +273,10 @@ def _problem(error: Any, data: Any, record: type[pydantic.BaseModel]) -> Problem
     if kind == "too_short":
         least, length = error["ctx"]["min_length"], error["ctx"]["actual_length"]
         return Problem(value=value, expected=f"{least} or more, not {length}")
+    if kind == "string_pattern_mismatch":
+        with_dots = error["ctx"]["pattern"] == NAMEABLE
+        rest = "brackets, quotation marks and spaces at its ends" if with_dots else "spaces, dots and brackets"
+        return Problem(value=value, expected=f"a name without {rest}")
     if kind == "literal_error":
         return Problem(value=value, expected=error["ctx"]["expected"])
     message = error["msg"].removeprefix("Input should be ")  # pydantic's own words, which end in what it expects
@@ -137,7 +289,7 @@ def _wrong_tag(error: Any, record: type[pydantic.BaseModel]) -> Problem:
     kinds = [tag for tag in map(_tag, _records_at((*error["loc"], key), record)) if tag]
     expected = f"{', '.join(kinds[:-1])} or {kinds[-1]}"
     if error["type"] == "union_tag_not_found":
-        return Problem("missing", place=key, expected=expected)
+        return Problem(MISSING, place=key, expected=expected)
     return Problem(place=key, value=_plain(error["input"].get(key)), expected=expected)
 
 
@@ -149,10 +301,14 @@ def _plain(value: Any) -> Any:
     return value if all(isinstance(item, (str, int, float, bool)) for item in items) else ABSENT
 
 
-def _place(location: Location, data: Any, *, is_missing: bool) -> str:
+def place_of(location: Location, data: Any, *, is_missing: bool = False) -> str:
     """A place in the file in its reader's words: `joint 'elbow' motor.resistance_ohm`.
 
     Pydantic puts names of its own into a location (the branch of a union, a validator): what is no key there is left out.
+
+    Args:
+        location: keys and numbers of list items, from the document on.   data: the document.
+        is_missing: whether the last key may be absent there.
     """
     head, words, at, collection = "", [], data, ""
     for k, key in enumerate(location):
@@ -168,6 +324,17 @@ def _place(location: Location, data: Any, *, is_missing: bool) -> str:
             words.append(key if key.replace("-", "_").isidentifier() else repr(key))
             at, collection = at.get(key), key
     return " ".join(part for part in (head, ".".join(words)) if part)
+
+
+def described_field(location: Location, record: type[pydantic.BaseModel]) -> tuple[str, str]:
+    """What the field at a location may hold, and its description; those of the table around it where it has none."""
+    while location:
+        key = location[-1]
+        field = _fields_at(location, record).get(key) if isinstance(key, str) else None
+        if field is not None and (field.description or len(location) == 1):
+            return _expected(str(key), field), field.description or ""
+        location = location[:-1]
+    return "a value", ""
 
 
 def _fields_at(location: Location, record: type[pydantic.BaseModel]) -> dict[str, Any]:
@@ -197,7 +364,8 @@ def _expected(name: str, field: Any) -> str:
     """A description of what a missing field should hold, from its type."""
     if name in LISTS or field is None:
         return f"[[{name}]] tables" if name in LISTS else "a value"
-    notes = [note.expected for note in field.metadata if hasattr(note, "expected")]
+    kinds = (field.metadata, *(getattr(kind, "__metadata__", ()) for kind in getattr(field.annotation, "__args__", ())))
+    notes = [note.expected for notes in kinds for note in notes if hasattr(note, "expected")]
     if notes:
         return notes[0]
     if getattr(field.annotation, "__origin__", None) is dict:

@@ -34,7 +34,8 @@ def inertial(mass, com, tensor):
 def warnings(tmp_path, moved, more=""):
     """What loading a robot with that link says of it; a joint 0.2 m on bears a light hand."""
     hand = link("hand", inertial(0.2, (0.01, 0, 0), (1e-4, 1e-4, 1e-4))) + joint("j2", "upper", "hand")
-    return aw.load(written(tmp_path, one_joint(moved=moved, more=hand + more)), on_impossible="warn").warnings
+    path = written(tmp_path, one_joint(moved=moved, more=hand + more))
+    return aw.load(path, tip="upper", on_impossible="warn").warnings
 
 
 ROD = (1e-3, 0.02, 0.02)  # 1.5 kg, 0.4 m long
@@ -108,7 +109,7 @@ def test_units_of_joints():
 
 def test_a_joint_far_from_a_base_without_mass(tmp_path):
     path = written(tmp_path, one_joint().replace('xyz="0.2 0 0"', 'xyz="0 0 400"'))
-    (told,) = aw.load(path).warnings
+    (told,) = aw.load(path, tip="upper").warnings
     assert told == "joint 'j1' frame.xyz_m = [0.0, 0.0, 400.0]: 400 m away: millimetres for metres?"
 
 
@@ -159,7 +160,7 @@ def test_copied_efforts(tmp_path):
             joint(f"j{k}", names[k], names[k + 1], f'{AXIS}<limit lower="-1" upper="1" effort="{e}" velocity="1"/>')
             for k, e in enumerate(efforts)
         )
-        return aw.load(written(tmp_path, robot(*parts, *joints)))
+        return aw.load(written(tmp_path, robot(*parts, *joints)), tip="l0")
 
     (told,) = arm(efforts).warnings
     assert "'j0', 'j1', 'j2', 'j3', 'j4', 'j5' limits = [370.0, " in told

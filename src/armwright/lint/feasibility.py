@@ -23,39 +23,62 @@ def check_bodies(robot: RobotDescription, on_impossible: str) -> list[Problem]:
     """Warnings about links that no real body can be, where they are accepted.
 
     Raises:
-        DescriptionError: names the link and by how much its pseudo-inertia fails to be positive semidefinite.
+        DescriptionError: names the links and by how much their moments of inertia fail.
     """
-    warnings = []
-    _check_sizes(robot)
-    for link in impossible_links(robot):
-        eigenvalues = np.linalg.eigvalsh(_body(link))
-        fault = (
-            f"an impossible inertia: its pseudo-inertia has the eigenvalue {eigenvalues[0]:.4g}, "
-            f"{-eigenvalues[0] / max(abs(eigenvalues[-1]), 1e-300):.2g} of the largest below 0"
+    errors = body_problems(robot) if on_impossible == "error" else oversized(robot)
+    if errors:
+        raise DescriptionError.of(*errors)
+    return [
+        Problem(f"{_fault(link)}{'; accepted: ' if reason else ''}{reason}", f"link {link.name!r}")
+        for link in impossible_links(robot)
+        for reason in [link.accept_impossible or ""]
+    ]
+
+
+def body_problems(robot: RobotDescription) -> list[Problem]:
+    """Numbers too large to compute with, or else links that no real body can be and that no reason accepts."""
+    expected = 'a real body, or accept_impossible = "reason" in the link, or on_impossible="warn"'
+    return oversized(robot) or [
+        Problem(_fault(link), f"link {link.name!r} inertia_kg_m2", expected=expected)
+        for link in impossible_links(robot)
+        if link.accept_impossible is None
+    ]
+
+
+def _fault(link: Link) -> str:
+    """Why no real body has the mass properties of a link: for its three moments, whichever is too large and by how much."""
+    says, tensor = "an impossible inertia:", link.inertia_kg_m2.matrix()
+    moments, axes = np.linalg.eigh(tensor)
+    name = ["the least principal moment", "the middle one", "the largest principal moment"]
+    if np.abs(tensor - np.diag(np.diag(tensor))).max() <= SAME * np.abs(tensor).max():  # the user's own three numbers
+        name = [f"{'xyz'[k]}{'xyz'[k]}" for k in np.abs(axes).argmax(axis=0)]
+    if moments[0] < -IMPOSSIBLE * abs(moments[2]):
+        return f"{says} {name[0]} = {moments[0]:.6g} kg m² is negative"
+    most = moments[0] + moments[1]
+    if moments[2] > most * (1 + IMPOSSIBLE):
+        return (
+            f"{says} {name[2]} = {moments[2]:.6g} > {name[0]} + {name[1]} = {most:.6g} kg m², by {moments[2] - most:.3g}; "
+            f"{most:.6g} at most is possible"
         )
-        place = f"link {link.name!r}"
-        if link.accept_impossible is not None:
-            warnings.append(Problem(f"{fault}; accepted: {link.accept_impossible}", place))
-        elif on_impossible == "warn":
-            warnings.append(Problem(fault, place))
-        else:
-            expected = 'a real body, or accept_impossible = "reason" in the link, or on_impossible="warn"'
-            raise DescriptionError(fault, place=place, expected=expected)
-    return warnings
+    eigenvalues = np.linalg.eigvalsh(_body(link))
+    share = -eigenvalues[0] / max(abs(eigenvalues[-1]), 1e-300)
+    return f"{says} its pseudo-inertia has the eigenvalue {eigenvalues[0]:.4g}, {share:.2g} of the largest below 0"
 
 
-def _check_sizes(robot: RobotDescription) -> None:
-    """Refuses numbers whose squares and products would leave the range of floats, and places beyond the Moon's orbit."""
+def oversized(robot: RobotDescription) -> list[Problem]:
+    """Numbers whose squares and products would leave the range of floats, and places beyond the Moon's orbit."""
+    found = []
     for path, quantity, _ in quantities(robot):
         values = np.abs(np.asarray(quantity.value, dtype=float))
         most = FARTHEST if values.max() > FARTHEST and unit_at(path) == "m" else LARGEST
         if values.max() > most:
-            raise DescriptionError(place=path, value=quantity.value, expected=f"numbers of a robot, {most:g} at most")
+            found.append(Problem(place=path, value=quantity.value, expected=f"numbers of a robot, {most:g} at most"))
+    return found
 
 
 def impossible_links(robot: RobotDescription) -> list[Link]:
     """The links that no real body can be, accepted or not."""
-    return [link for link in robot.links if not is_possible(_body(link))]
+    return [link for link in robot.links if link.mass_kg is not None and not is_possible(_body(link))]
 
 
 def _body(link: Link) -> np.ndarray:
@@ -187,3 +210,13 @@ def check_drives(robot: RobotDescription) -> list[Problem]:
             )
             warnings.append(Problem(what, f"{place}.basis", motor.basis))
     return warnings
+
+
+def senses_of_gears(robot: RobotDescription) -> list[Problem]:
+    """Notes about negative gear ratios, which are right where a motor is mounted so that it turns against its joint."""
+    what = "negative: the motor turns against the joint"
+    return [
+        Problem(what, f"joint {joint.name!r} motor.gear_ratio", float(joint.motor.gear_ratio))
+        for joint in robot.joints
+        if not isinstance(joint, FixedJoint) and joint.motor is not None and float(joint.motor.gear_ratio) < 0.0
+    ]

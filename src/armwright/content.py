@@ -1,0 +1,74 @@
+"""Checksums of values by their content: equal in every process for values that are equal."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from collections.abc import Iterator, Mapping, Set
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+
+def checksum(value: Any) -> str:
+    """SHA-256 of all that a value holds: numbers, texts, arrays, containers, fields of objects, code of functions.
+
+    Of a class its name alone counts, and of a function not what it uses from its module.
+    """
+    hashed = hashlib.sha256()
+    for piece in _pieces(value, frozenset()):
+        hashed.update(piece + b"\n")
+    return hashed.hexdigest()
+
+
+def _pieces(value: Any, within: frozenset[int]) -> Iterator[bytes]:
+    """Bytes that are equal for equal values in every process; pickles are not."""
+    if id(value) in within:
+        yield b"itself"
+        return
+    yield type(value).__qualname__.encode()
+    inner = within | {id(value)}
+    if value is None or isinstance(value, (bool, int, float, complex, str, bytes, Path, range)):
+        yield repr(value).encode()
+    elif isinstance(value, Enum):
+        yield value.name.encode()
+    elif isinstance(value, (np.ndarray, np.generic)) and value.dtype != object:
+        yield f"{value.dtype.str} {value.shape}".encode()
+        yield np.ascontiguousarray(value).tobytes()
+    elif isinstance(value, (list, tuple, np.ndarray)):
+        yield str(len(value)).encode()
+        for each in value:
+            yield from _pieces(each, inner)
+    elif isinstance(value, Set):
+        yield from sorted(b"".join(_pieces(each, inner)) for each in value)
+    else:
+        yield from _pieces_of_object(value, inner)
+
+
+def _pieces_of_object(value: Any, within: frozenset[int]) -> Iterator[bytes]:
+    """Bytes of a mapping, a dataclass, a function or another object, by its fields."""
+    if isinstance(value, Mapping):
+        items = {str(key): each for key, each in value.items()}
+    elif isinstance(value, type):
+        items = {"module": value.__module__, "name": value.__qualname__}
+    elif is_dataclass(value):
+        items = {each.name: getattr(value, each.name) for each in fields(value)}
+    elif hasattr(value, "__code__"):
+        closed = [cell.cell_contents for cell in value.__closure__ or ()]
+        constants = [each for each in value.__code__.co_consts if not hasattr(each, "co_code")]
+        items = {"code": value.__code__.co_code, "constants": constants, "closed": closed, "of": value.__defaults__}
+    elif hasattr(value, "model_dump"):
+        items = value.model_dump()
+    elif hasattr(value, "__func__"):
+        items = {"method": value.__func__, "of": value.__self__}
+    else:
+        items = dict(getattr(value, "__dict__", {}))
+        if not items:
+            items = {"pickle": pickle.dumps(value, protocol=5)}
+    yield str(len(items)).encode()
+    for name, each in items.items():
+        yield name.encode()
+        yield from _pieces(each, within)

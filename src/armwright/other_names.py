@@ -1,0 +1,68 @@
+"""Names that Pinocchio, MuJoCo, the Robotics Toolboxes and Drake have for what is called otherwise here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+OTHERS = {  # the name here → theirs, in small letters and without underscores
+    "inverse_dynamics": "rnea rne mjinverse calcinversedynamics id",
+    "forward_dynamics": "aba accel fdyn mjforward fd calcforwarddynamics",
+    "mass_matrix": "crba inertia mjfullm calcmassmatrix",
+    "gravity_torques": "gravload gravitytorque computegeneralizedgravity calcgravitygeneralizedforces",
+    "bias_torques": "nonlineareffects nle qfrcbias velocityproduct calcbiasterm",
+    "coriolis_matrix": "coriolis computecoriolismatrix",
+    "forward_kinematics": "fkine fk gettransform framesforwardkinematics calcrelativetransform",
+    "inverse_kinematics": "ikine ik iklm ikgn ikine6s ikinelm",
+    "jacobian": "jacob0 jacobe geometricjacobian computeframejacobian computejointjacobians mjjac calcjacobianspatialvelocity",
+    "inverse_dynamics_derivatives": "computernederivatives computerneaderivatives",
+    "forward_dynamics_derivatives": "computeabaderivatives mjdtransitionfd",
+    "regressor": "computejointtorqueregressor",
+    "operational_inertia": "opspaceinertia",
+    "energy": "computetotalenergy",
+    "centre_of_mass": "centerofmass com",
+    "load": "buildmodelfromurdf importrobot loadrobot rigidbodytree seriallink ertdhrobot robot",
+    "compile": "compilearm",
+    "simulate": "mjstep",
+    "manipulability": "maniplty",
+    "show": "teach plotrobot meshcatvisualizer",
+    "Trapezoid": "lspb trapveltraj trapezoidal",
+    "Quintic": "jtraj quinticpoly quinticpolytraj",
+    "Cubic": "cubicpolytraj",
+}  # fmt: skip
+KEYWORDS = {  # likewise, of arguments by keyword: the name here → theirs
+    "near": "q0 q_init qinit initial_guess guess seed x0 start",
+    "tolerance": "tol eps atol",
+    "frame": "end ee link endeffector tool",
+    "aim": "mask we weights",
+    "targets": "pose poses target t goal_pose",
+}  # fmt: skip
+HERE = {other: name for name, others in OTHERS.items() for other in (*others.split(), name.replace("_", "").lower())}
+
+
+def advice(name: str, known: Container[str]) -> str:
+    """The end of a sentence about a name that is not there: what it is called here, or nothing."""
+    here = HERE.get(name.replace("_", "").lower(), "")
+    return f"; here it is {here}" if here in known else ""
+
+
+def answering(function: Callable[P, R]) -> Callable[P, R]:
+    """The function, whose unknown keywords of other toolboxes are answered with the name here.
+
+    Raises:
+        TypeError: such a keyword; names the one here.
+    """
+    here = {other: name for name, others in KEYWORDS.items() for other in others.split()}
+
+    @wraps(function)
+    def answered(*args: P.args, **kwargs: P.kwargs) -> R:
+        for name in kwargs:
+            if name in here:
+                raise TypeError(f"{function.__name__}() has no argument {name!r}; here it is {here[name]!r}")
+        return function(*args, **kwargs)
+
+    return answered

@@ -1,0 +1,59 @@
+"""Names of other toolboxes are answered with the name here."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+import armwright as aw
+from armwright.kernels.signatures import SIGNATURES
+from armwright.other_names import HERE, OTHERS
+
+
+def test_every_name_that_is_told_is_there():
+    assert set(OTHERS) <= {*aw.__all__, *SIGNATURES}
+    assert len(HERE) == sum(len(others.split()) + 1 for others in OTHERS.values())  # none stands for two things
+
+
+@pytest.mark.parametrize(
+    ("name", "here"),
+    [
+        ("fkine", "forward_kinematics"),
+        ("ikine_LM", "inverse_kinematics"),
+        ("buildModelFromUrdf", "load"),
+        ("inverseDynamics", "inverse_dynamics"),
+        ("SerialLink", "load"),
+    ],
+)
+def test_public_names(name, here):
+    with pytest.raises(AttributeError, match=f"has no attribute '{name}'; here it is {here}$"):
+        getattr(aw, name)
+
+
+@pytest.mark.parametrize(
+    ("name", "here"), [("rnea", "inverse_dynamics"), ("crba", "mass_matrix"), ("jacob0", "jacobian")]
+)
+def test_kernels(name, here):
+    with pytest.raises(AttributeError, match=f"no kernel is called '{name}'; here it is {here}$"):
+        getattr(aw.compile(aw.load("two-link")), name)
+
+
+def test_names_that_nobody_has():
+    with pytest.raises(AttributeError, match=r"has no attribute 'xyzzy'$"):
+        _ = aw.xyzzy
+    with pytest.raises(AttributeError, match="there is bias_torques, centre_of_mass"):
+        _ = aw.compile(aw.load("two-link")).xyzzy
+
+
+@pytest.mark.parametrize("line", ["aw.forward_kinematic", "aw.compile(aw.load('two-link')).forward_kinematic"])
+def test_python_names_the_nearest(line):
+    done = subprocess.run(
+        [sys.executable, "-c", f"import armwright as aw\n{line}"], capture_output=True, text=True, check=False
+    )
+    assert "Did you mean: 'forward_kinematics'?" in done.stderr
+
+
+def test_only_public_names_are_listed():
+    assert dir(aw) == sorted([*aw.__all__, "__version__"])
