@@ -229,6 +229,8 @@ REFUSED = [  # place in the joint, and some of what the error says
      'command = "current" or "torque": a voltage needs no current loop'),
     ({"motor": {**MOTOR, "pwm": "coast"}}, "motor.pwm", "needs limits.voltage_v or [supply], the voltage that is switched"),
     ({"motor": {**MOTOR, "pwm": "coast"}, "command": "current"}, "motor.pwm", 'command = "voltage", not \'current\''),
+    ({"motor": {**MOTOR, "dead_zone_v": 0.5}, "command": "current"}, "motor.dead_zone_v",
+     'command = "voltage", not \'current\''),
     ({"motor": {**MOTOR, "pwm": "coast", "inductance_h": 1e-3}}, "motor.pwm",
      "goes without inductance_h: its law is of a current that dies away in"),
     ({"motor": {**MOTOR, "coupling": [{"joint": "hing", "ratio": 1}]}}, "motor.coupling[0].joint", "hinge"),

@@ -89,7 +89,7 @@ def test_gear_ratio_of_the_transmission(tmp_path, reduction, own, ratio):
 
 
 def test_a_reduction_without_a_motor_is_told(tmp_path):
-    (told,) = aw.load(written(tmp_path, one_joint(more=REDUCTION.format("50")))).warnings
+    (told,) = aw.load(written(tmp_path, one_joint(more=REDUCTION.format("50"))), tip="upper").warnings
     assert told.startswith("joint 'j1': gear ratio 50 of its transmission is not used")
 
 

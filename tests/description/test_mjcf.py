@@ -59,7 +59,7 @@ def test_the_dynamics_are_mujocos(tmp_path):
     """Several joints of one body, anchors off the origin, references, unnamed bodies, rotated and off-diagonal tensors."""
     path = written(tmp_path, ARM, "arm.xml")
     arm = aw.load(path)
-    assert arm.names == ["j1", "j2", "j_3"]
+    assert arm.names == ["j1", "j2", "j 3"]
     rng = np.random.default_rng(4)
     for _ in range(5):
         q, qd, qdd = rng.normal(size=(3, 3))
@@ -189,3 +189,51 @@ def test_without_mujoco(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(DescriptionError, match=r"not installed: pip install armwright\[bench\]"):
         read_mjcf(written(tmp_path, mjcf(), "a.xml"))
+
+
+DRIVE = """
+source = "datasheet"
+command = "current"
+tip = "camera"
+[joints.j1]
+motor = { gear_ratio = 50, torque_constant_n_m_per_a = 0.05 }
+limits = { current_a = 8.0 }
+[joints.j2]
+motor = { gear_ratio = 100, rotor_inertia_kg_m2 = 2e-5, torque_constant_n_m_per_a = 0.04 }
+friction = { viscous_n_m_s_per_rad = 2.0 }
+[joints."j 3"]
+motor = { gear_ratio = 400, rotor_inertia_kg_m2 = 0, torque_constant_n_m_per_a = 0.04 }
+"""
+
+
+def test_a_drive_file_beside_it(tmp_path):
+    """Its motors, with the armature where it names no rotor inertia; friction and tip in place of the file's."""
+    path = written(tmp_path, ARM, "arm.xml")
+    written(tmp_path, DRIVE, "arm.drive.toml")
+    arm = aw.load(path)
+    one, two, three = (body.drive for body in arm.bodies)
+    assert (one.gear_ratio, two.gear_ratio, three.gear_ratio, arm.tip) == (50, 100, 400, "camera")
+    assert one.armature == pytest.approx(0.5, rel=1e-15)  # n² J_m, as MuJoCo has it
+    assert two.armature == pytest.approx(0.2, rel=1e-15)
+    assert arm.provenance("j1.motor.rotor_inertia_kg_m2").kind == "import"
+    assert arm.provenance("j1.motor.torque_constant_n_m_per_a").kind == "datasheet"
+    assert arm.bodies[1].friction is not None
+    assert arm.bodies[1].friction.viscous == 2.0
+    assert aw.load(path, tip="attachment_site").tip == "attachment_site"
+    written(
+        tmp_path,
+        DRIVE.replace("gear_ratio = 50", "gear_ratio = 60").replace("[joints.j2]", "[joints.j9]"),
+        "other.toml",
+    )
+    with pytest.raises(DescriptionError) as refused:
+        aw.load(path, drive=tmp_path / "other.toml")
+    places = [(problem.place, problem.line) for problem in refused.value.problems]
+    assert places == [("joints.j1.motor.gear_ratio", 6), ("joints.j9", 8)]
+
+
+def test_an_armature_without_a_gear_is_that_of_the_rotor_behind_the_gear_of_the_drive_file(tmp_path):
+    path = written(tmp_path, ARM.replace('gear="50"', ""), "arm.xml")
+    motor = "motor = { gear_ratio = 80, torque_constant_n_m_per_a = 0.05 }"
+    drive = written(tmp_path, f'source = "datasheet"\n[joints.j1]\n{motor}\n', "j1.toml")
+    drive_of_j1 = aw.load(path, drive=drive).bodies[0].drive
+    assert (drive_of_j1.gear_ratio, drive_of_j1.armature) == (80, pytest.approx(0.5, rel=1e-15))

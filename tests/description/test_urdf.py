@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import armwright as aw
 from armwright.description.urdf import read_urdf
-from armwright.errors import DescriptionError
+from armwright.errors import DescriptionError, ModelError
 from description.reports import check_report
 from description.urdf_files import AXIS, INERTIAL, LIMIT, joint, link, one_joint, robot, written
 
@@ -61,7 +61,7 @@ def test_friction(tmp_path, kind, unit):
     """Damping is viscous, friction Coulomb's either way: it sticks, or is smoothed over the caller's speed."""
     path = written(tmp_path, one_joint(AXIS + LIMIT + '<dynamics damping="0.5" friction="0.25"/>', kind))
     for options, sticks in (({}, True), ({"smoothing": 0.01}, False)):
-        arm = aw.load(path, **options)
+        arm = aw.load(path, tip="upper", **options)
         friction = arm.bodies[0].friction
         assert friction is not None
         assert (friction.viscous, friction.coulomb_positive, friction.coulomb_negative) == (0.5, 0.25, 0.25)
@@ -140,15 +140,17 @@ def test_tags_of_a_transmission_may_be_ignored(tmp_path):
 
 
 def test_names(tmp_path):
-    """A robot file's names have no dots and spaces; what is renamed is told."""
+    """Names stay as the file has them, but for brackets and quotation marks; what is renamed is told."""
     description = read_urdf(written(tmp_path, one_joint().replace('"upper"', '"link_1.0 tip"')))
-    assert description.joints[0].child == "link_1_0_tip"
+    assert description.joints[0].child == "link_1.0 tip"
+    description = read_urdf(written(tmp_path, one_joint().replace('"upper"', '"link_1.0[2]"')))
+    assert description.joints[0].child == "link_1.0_2_"
     assert description.notes is not None
-    assert "link_1.0 tip → link_1_0_tip" in description.notes
-    text = robot(link("base", ""), link("a.b"), link("a_b"), joint("j1", "base", "a.b"), joint("j2", "a.b", "a_b"))
+    assert "link_1.0[2] → link_1.0_2_" in description.notes
+    text = robot(link("base", ""), link("a[b"), link("a_b"), joint("j1", "base", "a[b"), joint("j2", "a[b", "a_b"))
     with pytest.raises(DescriptionError) as refused:
         read_urdf(written(tmp_path, text))
-    check_report(refused.value, "link 'a_b'", "this and 'a.b' (line 3) would both be called 'a_b'")
+    check_report(refused.value, "link 'a_b'", "this and 'a[b' (line 3) would both be called 'a_b'")
     assert refused.value.file.endswith("arm.urdf:4")
 
 
@@ -337,6 +339,53 @@ def test_files_that_are_none(tmp_path):
 def test_an_impossible_inertia(tmp_path):
     """Refused with the link and by how much; the caller may load it."""
     path = written(tmp_path, one_joint(moved=INERTIAL.replace('ixx="0.01"', 'ixx="0.1"')))
-    with pytest.raises(DescriptionError, match=r"link 'upper': an impossible inertia: .* of the largest below 0"):
+    with pytest.raises(DescriptionError, match=r"link 'upper' inertia_kg_m2: an impossible inertia: xx = 0.1 > yy"):
         aw.load(path)
     assert any("impossible inertia" in told for told in aw.load(path, on_impossible="warn").warnings)
+
+
+def test_the_tip_of_a_chain_is_told_and_may_be_named(tmp_path):
+    text = robot(
+        link("base", ""), link("upper"), link("hand"), joint("j1", "base", "upper"), joint("j2", "upper", "hand")
+    )
+    path = written(tmp_path, text)
+    arm = aw.load(path)
+    (told,) = arm.warnings
+    assert (arm.tip, "it is 'hand', the last link of the chain" in told) == ("hand", True)
+    named = aw.load(path, tip="upper")
+    assert (named.tip, named.warnings) == ("upper", ())
+    written(tmp_path, 'tip = "upper"', "arm.drive.toml")
+    named = aw.load(path)
+    assert (named.tip, named.warnings) == ("upper", ())
+    with pytest.raises(DescriptionError) as refused:
+        aw.load(path, tip="hnad")
+    check_report(refused.value, "tip", "hand")
+    assert aw.load("cmu-dd", tip="link3").tip == "link3"
+
+
+def test_a_tree_needs_a_tip(tmp_path):
+    text = robot(
+        link("base", ""), link("left"), link("right"), joint("j1", "base", "left"), joint("j2", "base", "right")
+    )
+    arm = aw.load(written(tmp_path, text))
+    assert (arm.tip, arm.warnings) == (None, ())
+    with pytest.raises(ModelError, match="right"):
+        aw.jacobian(arm, [0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    "name", ["package://ur/meshes/a.stl", "file:///home/else/ur/meshes/a.stl", "../ur/meshes/a.stl"]
+)
+def test_meshes_are_found_in_the_folder_that_the_caller_names(tmp_path, name):
+    (tmp_path / "robot").mkdir()
+    (tmp_path / "store" / "meshes").mkdir(parents=True)
+    mesh = (tmp_path / "store" / "meshes" / "a.stl").resolve()
+    mesh.write_bytes(b"solid a\nendsolid a\n")
+    visual = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
+    path = written(tmp_path / "robot", one_joint(moved=INERTIAL + visual))
+    arm = aw.load(path, meshes=tmp_path / "store")
+    (found,) = arm.description.links[0].visuals
+    assert found.solid.path == mesh
+    with pytest.raises(DescriptionError) as refused:
+        aw.load(path, meshes=tmp_path / "nowhere")
+    check_report(refused.value, "meshes", "no such folder")

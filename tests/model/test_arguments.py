@@ -43,6 +43,11 @@ def test_another_shape_is_refused(name, shape):
         assert error.value.expected == f"(6,), one number for each joint of puma560{batch}"
 
 
+def test_a_transposed_batch_is_recognised():
+    with pytest.raises(ShapeError, match=r"which takes \(…, 6\): \.T\?$"):
+        aw.mass_matrix(arm("puma560"), np.zeros((6, 100)))
+
+
 @pytest.mark.parametrize("name", PLAIN)
 def test_something_else_than_an_arm_is_refused(name):
     with pytest.raises(ModelError, match=r"'puma560': expected an arm; load it first: aw\.load"):

@@ -52,7 +52,7 @@ def test_errors_name_the_file(tmp_path):
     path = tmp_path / "mine.toml"
     text = (resources.files("armwright.robots") / "puma560.toml").read_text(encoding="utf-8")
     path.write_text("\n".join(line for line in text.splitlines() if "accept_impossible" not in line), encoding="utf-8")
-    with pytest.raises(DescriptionError, match=r"mine\.toml: link 'link1': an impossible inertia"):
+    with pytest.raises(DescriptionError, match=r"mine\.toml:49: link 'link1' inertia_kg_m2: an impossible inertia"):
         load(path)
     assert len(load(path, on_impossible="warn").warnings) == 2
 

@@ -114,7 +114,7 @@ def test_two_payloads_need_two_names():
         ((1.0, [0, 0], TENSOR), r"\.com = .*: expected 3 numbers, not 2"),
         ((1.0, [0, 0, 0], np.eye(2)), "expected a symmetric"),
         ((1.0, [0, 0, 0], [[1, 1, 0], [0, 1, 0], [0, 0, 1]]), "expected a symmetric"),
-        ((1.0, [0, 0, 0], [1.0, 0.1, 0.1]), "link 'payload': an impossible inertia"),
+        ((1.0, [0, 0, 0], [1.0, 0.1, 0.1]), "link 'payload' inertia_kg_m2: an impossible inertia"),
         ((1.0, [0, 0, 0], TENSOR, "flang"), r"\.frame = 'flang': unknown; did you mean flange"),
     ],
 )
@@ -204,7 +204,7 @@ def test_values():
         ({"link6.mass_kg": -2.0}, "expected a number of 0 or more"),
         ({"link6.mass_kg": "heavy"}, "expected a number"),
         ({"link6.com_m[3]": 0.0}, r"'link6.com_m\[3\]': no such entry"),
-        ({"link6.mass_kg": 2.0, "link6.inertia_kg_m2.xx": 1e3}, "link 'link6': an impossible inertia"),
+        ({"link6.mass_kg": 2.0, "link6.inertia_kg_m2.xx": 1e3}, "link 'link6' inertia_kg_m2: an impossible inertia"),
         ({"joint1.limits.position_rad": [1.0, -1.0]}, "with_values: joint1.limits"),
         ({"joint1.friction.smoothing_rad_per_s": 0.0}, "expected a number above 0, or no such key"),
     ],

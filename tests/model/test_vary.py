@@ -239,7 +239,7 @@ def test_a_flat_body_may_be_in_a_lane_what_it_may_be_in_a_record(zz, fits):
         return
     with pytest.raises(ModelError, match=r"parameters\[5\] link 'rod': an impossible inertia"):
         varied.check(rows)
-    with pytest.raises(DescriptionError, match="link 'rod': an impossible inertia"):
+    with pytest.raises(DescriptionError, match="link 'rod' inertia_kg_m2: an impossible inertia"):
         build_model(disc(zz))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 import armwright as aw
@@ -45,7 +47,10 @@ def test_every_check_finds_what_it_looks_for(tmp_path):
     assert "link2" in found["plausibility"]
     assert "link5" in found["shapes"]
     assert report.findings[0].level == "error"
-    assert aw.check(parse(data, "workshop")).errors == report.errors
+    (same,), (error,) = aw.check(parse(data, "workshop")).errors, report.errors
+    assert replace(same.problem, file=error.problem.file) == error.problem
+    lines = path.read_text(encoding="utf-8").split("\n")[int(error.problem.line) - 1 :]
+    assert lines[:2] == ["[[links]]", 'name = "link1"']
 
 
 def test_what_loading_doubts_of_cylinders_is_a_finding():
@@ -76,4 +81,13 @@ def test_a_file_that_is_no_record(tmp_path):
     path.write_text("name = 3", encoding="utf-8")
     with pytest.raises(DescriptionError) as caught:
         aw.check(path)
-    assert caught.value.file == str(path)
+    assert caught.value.file == f"{path}:1"
+
+
+def test_negative_gear_ratios_are_noted_and_no_warnings():
+    report = aw.check("puma560")
+    notes = [finding.problem for finding in report.findings if finding.level == "note"]
+    joints = [joint for joint in aw.load("puma560").description.joints if float(joint.motor.gear_ratio) < 0]
+    assert [note.place for note in notes] == [f"joint {joint.name!r} motor.gear_ratio" for joint in joints]
+    assert all(float(note.value) < 0 for note in notes)
+    assert not {finding.problem for finding in report.warnings} & set(notes)

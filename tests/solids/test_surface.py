@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
+from armwright.errors import DescriptionError
 from armwright.solids.shapes import SHAPES, Solid
 from armwright.solids.surface import extruded, surface
 
@@ -83,3 +84,11 @@ def test_polygons_are_covered_once(name, turn):
         assert len(lid) == len(outline) - 2
         (a, b, c) = np.moveaxis(lid[..., :2], 1, 0)
         assert (np.linalg.det(np.stack([b - a, c - a], axis=1)) >= -1e-12 * area).all()
+
+
+def test_a_collada_mesh_asks_for_its_extra(tmp_path, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    (tmp_path / "a.dae").write_text("<COLLADA/>")
+    solid = TypeAdapter(Solid).validate_python({"shape": "mesh", "file": str(tmp_path / "a.dae"), "scale": [1, 1, 1]})
+    with pytest.raises(DescriptionError, match=r"pip install armwright\[meshes\]"):
+        surface(solid)

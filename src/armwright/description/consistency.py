@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
 from armwright.description.drive import COMMAND_NEEDS
 from armwright.description.friction import BY_TEMPERATURE
-from armwright.description.paths import quantities
+from armwright.description.paths import quantities, split_path
+from armwright.errors import Problem
 from armwright.quantity import SourceKind
 from armwright.validation import Invalid
 
@@ -33,40 +34,58 @@ def check_robot(robot: Any) -> None:
     Args:
         robot: a RobotDescription.
     Raises:
-        Invalid: names the joint, link or frame, the key and what it needs.
+        Invalid: names the joint, link or frame, the key and what it needs, for everything that is wrong.
     """
-    _check_names(robot)
-    _check_tree(robot)
-    _check_cylinders(robot)
+    found = list(robot_problems(robot))
+    if found:
+        raise Invalid.of(*found)
+
+
+def robot_problems(robot: Any, unread: Collection[str] = ()) -> Iterator[Problem]:
+    """What does not go together in a robot.
+
+    Args:
+        robot: a RobotDescription.   unread: joints of which only the names of their links are known.
+    """
+    basic = [*_names(robot)] or [*_tree(robot)]
+    yield from basic or _cylinders(robot)
     moving = [joint for joint in robot.joints if joint.type != "fixed"]
     independent = [joint.name for joint in moving if joint.mimic is None]
-    for joint in moving:
-        try:
-            _check_command(robot, joint)
-            if joint.mimic is not None:
-                _check_mimic(joint, {other.name: other for other in moving})
-            _check_effects(robot, joint)
-            _check_coupling(joint, independent)
-        except Invalid as error:
-            raise Invalid.of(error.problem.within(f"joint {joint.name!r}")) from None
-    _check_motors_move_joints([joint for joint in moving if joint.mimic is None])
-    check_sources(robot)
-    _check_fits(robot)
+    of_joints = [
+        problem.within(f"joint {joint.name!r}")
+        for joint in moving
+        if joint.name not in unread
+        for problem in _joint(robot, joint, moving, independent)
+    ]
+    yield from of_joints
+    if not of_joints and not unread:
+        yield from _singular_motors([joint for joint in moving if joint.mimic is None])
+    yield from source_problems(robot)
+    yield from _fits(robot)
 
 
-def _check_fits(robot: Any) -> None:
-    """Refuses a fit whose numbers or whose source are not in the file."""
+def _joint(robot: Any, joint: Any, moving: list[Any], independent: list[str]) -> Iterator[Problem]:
+    """What does not go together in a joint that moves, seen from there."""
+    yield from _command(robot, joint)
+    if joint.mimic is not None:
+        yield from _mimic(joint, {other.name: other for other in moving})
+    yield from _effects(robot, joint)
+    yield from _coupling(joint, independent)
+
+
+def _fits(robot: Any) -> Iterator[Problem]:
+    """Fits whose numbers or whose source are not in the file."""
     if not robot.fits:
         return
     paths = {path for path, _, _ in quantities(robot)}
     for key, fit in robot.fits.items():
         if fit.source not in robot.sources:
-            raise Invalid(
+            yield Problem(
                 "no key of [sources]", place=f"fits.{key}.source", value=fit.source, choices=tuple(robot.sources)
             )
         for path in fit.names:
             if path.partition("[")[0] not in paths:
-                raise Invalid("no number has this path", place=f"fits.{key}.names", value=path, choices=tuple(paths))
+                yield Problem("no number has this path", place=f"fits.{key}.names", value=path, choices=tuple(paths))
 
 
 def check_sources(robot: Any) -> None:
@@ -75,79 +94,100 @@ def check_sources(robot: Any) -> None:
     Raises:
         Invalid: names the number.
     """
+    found = list(source_problems(robot))
+    if found:
+        raise Invalid.of(*found)
+
+
+def source_problems(robot: Any) -> Iterator[Problem]:
+    """Sources that are missing, once for each joint, link or other table, and names that are not in [sources], once each."""
+    known, reported = (*robot.sources, *KINDS), set()
+    expected = "source = ... beside it, in its table or for the whole file"
     for path, _, source in quantities(robot):
+        subject = split_path(path)[0] if source is None else source
+        if source in known or subject in reported:
+            continue
+        reported.add(subject)
         if source is None:
-            raise Invalid(
-                "has no source", place=path, expected="source = ... beside it, in its table or for the whole file"
-            )
-        if source not in robot.sources and source not in KINDS:
-            raise Invalid("no key of [sources]", place=f"{path} source", value=source, choices=(*robot.sources, *KINDS))
+            yield Problem("has no source", place=path, expected=expected)
+        else:
+            yield Problem("no key of [sources]", place=f"{path} source", value=source, choices=known)
 
 
-def _check_names(robot: Any) -> None:
+def _names(robot: Any) -> Iterator[Problem]:
     if not robot.joints:
-        raise Invalid(place="joints", expected="at least one joint")
-    check_unique("joints", [joint.name for joint in robot.joints])
+        yield Problem(place="joints", expected="at least one joint")
+    yield from twice("joints", [joint.name for joint in robot.joints])
     if any(joint.name == "t" for joint in robot.joints):
-        raise Invalid("the time in schedules", place="joint 't' name", value="t", expected="another name")
+        yield Problem("the time in schedules", place="joint 't' name", value="t", expected="another name")
     links = [link.name for link in robot.links]
-    check_unique("links", links)
-    check_unique("frames or links", [*links, *(frame.name for frame in robot.frames), robot.base])
+    yield from twice("links", links)
+    yield from twice("frames or links", [*dict.fromkeys(links), *(frame.name for frame in robot.frames), robot.base])
     with_base = [*links, robot.base]
     for joint in robot.joints:
-        _check_known(f"joint {joint.name!r} parent", joint.parent, with_base)
-        _check_known(f"joint {joint.name!r} child", joint.child, links)
+        yield from _unknown(f"joint {joint.name!r} parent", joint.parent, with_base)
+        yield from _unknown(f"joint {joint.name!r} child", joint.child, links)
     for frame in robot.frames:
-        _check_known(f"frame {frame.name!r} link", frame.link, with_base)
+        yield from _unknown(f"frame {frame.name!r} link", frame.link, with_base)
     if robot.tip is not None:
-        _check_known("tip", robot.tip, [*with_base, *(frame.name for frame in robot.frames)], "no frame or link")
+        yield from _unknown("tip", robot.tip, [*with_base, *(frame.name for frame in robot.frames)], "no frame or link")
 
 
 def check_unique(kind: str, names: list[str]) -> None:
     """Refuses a name that occurs twice; `kind` is the plural of the things."""
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise Invalid(f"two {kind} have this name", place="name", value=twice[0], expected="every name once")
+    found = list(twice(kind, names))
+    if found:
+        raise Invalid.of(*found)
 
 
-def _check_known(place: str, name: str, known: Iterable[str], what: str = "no link") -> None:
+def twice(kind: str, names: list[str]) -> Iterator[Problem]:
+    """Names that occur twice; `kind` is the plural of the things."""
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        yield Problem(f"two {kind} have this name", place="name", value=name, expected="every name once")
+
+
+def _unknown(place: str, name: str, known: Iterable[str], what: str = "no link") -> Iterator[Problem]:
     if name not in known:
-        raise Invalid(what, place=place, value=name, choices=known)
+        yield Problem(what, place=place, value=name, choices=tuple(known))
 
 
-def _check_tree(robot: Any) -> None:
-    parent = {}
+def _tree(robot: Any) -> Iterator[Problem]:
+    """Links that are moved by two joints, by none, or carry themselves."""
+    parent: dict[str, Any] = {}
     for joint in robot.joints:
         if joint.child in parent:
-            raise Invalid("moved by two joints: closed chains are not offered", place=f"link {joint.child!r}")
+            yield Problem("moved by two joints: closed chains are not offered", place=f"link {joint.child!r}")
         parent[joint.child] = joint.parent
     for link in robot.links:
         if link.name not in parent:
-            raise Invalid(
+            yield Problem(
                 "hangs on no joint", place=f"link {link.name!r}", expected="every link to be the child of one"
             )
     for link in robot.links:
-        seen, at = {link.name}, parent[link.name]
-        while at != robot.base:
-            if at in seen:
-                raise Invalid("carries itself", place=f"link {at!r}", expected=f"a tree that starts at {robot.base!r}")
+        seen, at = {link.name}, parent.get(link.name, robot.base)
+        while at != robot.base and at not in seen:
             seen.add(at)
-            at = parent[at]
+            at = parent.get(at, robot.base)
+        if at == link.name:
+            yield Problem("carries itself", place=f"link {at!r}", expected=f"a tree that starts at {robot.base!r}")
+            return
 
 
-def _check_cylinders(robot: Any) -> None:
+def _cylinders(robot: Any) -> Iterator[Problem]:
     """Cylinders have names of their own and ends that move with respect to each other."""
     taken = [thing.name for things in (robot.joints, robot.links, robot.frames) for thing in things]
-    check_unique("cylinders", [cylinder.name for cylinder in robot.cylinders])
+    yield from twice("cylinders", [cylinder.name for cylinder in robot.cylinders])
     for cylinder in robot.cylinders:
         place = f"cylinder {cylinder.name!r}"
         if cylinder.name in (*taken, robot.base):
-            raise Invalid("a joint, link or frame has this name", place="cylinders name", value=cylinder.name)
+            yield Problem("a joint, link or frame has this name", place="cylinders name", value=cylinder.name)
         for key in ("link_a", "link_b"):
-            _check_known(f"{place} {key}", getattr(cylinder, key), [*(link.name for link in robot.links), robot.base])
+            yield from _unknown(
+                f"{place} {key}", getattr(cylinder, key), [*(link.name for link in robot.links), robot.base]
+            )
         if carrier(robot, cylinder.link_a) == carrier(robot, cylinder.link_b):
             what = f"does not move with respect to {cylinder.link_a!r}"
-            raise Invalid(what, place=f"{place} link_b", value=cylinder.link_b, expected="a link that does")
+            yield Problem(what, place=f"{place} link_b", value=cylinder.link_b, expected="a link that does")
 
 
 def carrier(robot: Any, link: str) -> str:
@@ -158,30 +198,37 @@ def carrier(robot: Any, link: str) -> str:
     return link
 
 
-def _check_command(robot: Any, joint: Any) -> None:
+def _command(robot: Any, joint: Any) -> Iterator[Problem]:
     """The numbers of the motor that a command needs, and the units of its gear's table."""
     motor, friction = joint.motor, joint.friction
     command = joint.command or robot.command if joint.mimic is None else "torque"
     if command is None:
-        raise Invalid("missing", place="command", expected="voltage, current or torque")
-    for key in COMMAND_NEEDS.get(command, ()):
+        yield Problem("missing", place="command", expected="voltage, current or torque")
+    for key in COMMAND_NEEDS.get(command or "", ()):
         if motor is None or getattr(motor, key) is None:
-            raise Invalid(f"needs motor.{key}", place="command", value=command)
+            yield Problem(f"needs motor.{key}", place="command", value=command)
     if motor is None and friction is not None and friction.side == "motor":
-        raise Invalid("needs a [joints.motor] with its gear_ratio", place="friction.side", value="motor")
+        yield Problem("needs a [joints.motor] with its gear_ratio", place="friction.side", value="motor")
     if motor is not None and motor.gear_efficiency_table is not None:
-        motor.gear_efficiency_table.check_units("motor.gear_efficiency_table", joint.type == "prismatic")
+        try:
+            motor.gear_efficiency_table.check_units("motor.gear_efficiency_table", joint.type == "prismatic")
+        except Invalid as error:
+            yield from error.problems
 
 
-def _check_mimic(joint: Any, moving: dict[str, Any]) -> None:
+def _mimic(joint: Any, moving: dict[str, Any]) -> Iterator[Problem]:
     """A joint follows one that moves, not itself, and has no drive: only friction and a rotor that is carried along."""
     others = [name for name in moving if name != joint.name]
     if joint.mimic.joint not in moving:
-        raise Invalid("does not move or is not there", place="mimic.joint", value=joint.mimic.joint, choices=others)
+        yield Problem(
+            "does not move or is not there", place="mimic.joint", value=joint.mimic.joint, choices=tuple(others)
+        )
+        return
     seen, master = {joint.name}, moving[joint.mimic.joint]
     while master.mimic is not None and master.mimic.joint in moving:
         if master.name in seen:
-            raise Invalid("the joint follows itself", place="mimic", expected="a chain that ends at a driven joint")
+            yield Problem("the joint follows itself", place="mimic", expected="a chain that ends at a driven joint")
+            return
         seen.add(master.name)
         master = moving[master.mimic.joint]
     wrong = [key for key in OF_A_DRIVE if getattr(joint, key) is not None]
@@ -197,59 +244,61 @@ def _check_mimic(joint: Any, moving: dict[str, Any]) -> None:
         wrong += ["friction.law"] if friction.law == "lugre" else []
     if wrong:
         what = f"the joint mimics {joint.mimic.joint!r} and has no drive"
-        raise Invalid(what, place=wrong[0], expected="only friction and a motor's gear_ratio and rotor_inertia_kg_m2")
+        yield Problem(what, place=wrong[0], expected="only friction and a motor's gear_ratio and rotor_inertia_kg_m2")
 
 
-def _check_effects(robot: Any, joint: Any) -> None:
+def _effects(robot: Any, joint: Any) -> Iterator[Problem]:
     """Effects of a drive need what they rest on."""
     motor, friction, command = joint.motor, joint.friction, joint.command or robot.command
     limit = "position_rad" if joint.type == "revolute" else "position_m"
     if joint.stops is not None and getattr(joint.limits, limit) is None:
-        raise Invalid(f"needs limits.{limit}, where they stand", place="stops")
+        yield Problem(f"needs limits.{limit}, where they stand", place="stops")
     if joint.elasticity is not None and (motor is None or float(motor.rotor_inertia_kg_m2) == 0):
-        raise Invalid("needs motor.rotor_inertia_kg_m2 above 0: the mass before the spring", place="elasticity")
+        yield Problem("needs motor.rotor_inertia_kg_m2 above 0: the mass before the spring", place="elasticity")
     if joint.brake is not None and joint.brake.side == "motor" and motor is None:
-        raise Invalid("needs a [joints.motor] with its gear_ratio", place="brake.side", value="motor")
+        yield Problem("needs a [joints.motor] with its gear_ratio", place="brake.side", value="motor")
     on_slide = joint.brake is not None and joint.type == "prismatic" and joint.brake.side == "joint"
     if on_slide and hasattr(joint.brake, "holding_torque_n_m"):
         expected = 'side = "motor", or keys in N'
-        raise Invalid("in N m on a prismatic joint, it is its motor's", place="brake", expected=expected)
+        yield Problem("in N m on a prismatic joint, it is its motor's", place="brake", expected=expected)
     by_temperature = [key for key in BY_TEMPERATURE if getattr(friction, key, None) is not None]
     if by_temperature and (motor is None or motor.thermal is None):
-        raise Invalid("needs motor.thermal, which knows the temperature", place=f"friction.{by_temperature[0]}")
+        yield Problem("needs motor.thermal, which knows the temperature", place=f"friction.{by_temperature[0]}")
     if motor is None:
         return
     if abs(float(motor.gear_ratio)) > LARGEST_RATIO:
         expected = f"a number of at most {LARGEST_RATIO:g} in size"
-        raise Invalid(place="motor.gear_ratio", value=float(motor.gear_ratio), expected=expected)
+        yield Problem(place="motor.gear_ratio", value=float(motor.gear_ratio), expected=expected)
     if robot.supply is not None and motor.basis != "dc":
         what = "[supply] goes with basis = 'dc': the bus clips DC-equivalent volts"
-        raise Invalid(what, place="motor.basis", value=motor.basis)
+        yield Problem(what, place="motor.basis", value=motor.basis)
     if motor.current_loop_hz is not None and command == "voltage":
         expected = 'command = "current" or "torque": a voltage needs no current loop'
-        raise Invalid(place="motor.current_loop_hz", expected=expected)
+        yield Problem(place="motor.current_loop_hz", expected=expected)
+    if motor.dead_zone_v is not None and command != "voltage":
+        yield Problem(place="motor.dead_zone_v", expected=f'command = "voltage", not {command!r}')
     if motor.pwm == "coast":
         if command != "voltage":
-            raise Invalid(place="motor.pwm", value="coast", expected=f'command = "voltage", not {command!r}')
+            yield Problem(place="motor.pwm", value="coast", expected=f'command = "voltage", not {command!r}')
         if robot.supply is None and joint.limits.voltage_v is None:
             what = "needs limits.voltage_v or [supply], the voltage that is switched"
-            raise Invalid(what, place="motor.pwm", value="coast")
+            yield Problem(what, place="motor.pwm", value="coast")
 
 
-def _check_coupling(joint: Any, names: list[str]) -> None:
+def _coupling(joint: Any, names: list[str]) -> Iterator[Problem]:
     """Motors are coupled to other joints that move by themselves, each once."""
     others = [] if joint.motor is None else [coupling.joint for coupling in joint.motor.coupling]
     for k, other in enumerate(others):
         place = f"motor.coupling[{k}].joint"
         if other not in names:
-            raise Invalid("does not move by itself or is not there", place=place, value=other, choices=names)
+            yield Problem("does not move by itself or is not there", place=place, value=other, choices=tuple(names))
         if other == joint.name:
-            raise Invalid("the joint itself, whose share is gear_ratio", place=place, value=other)
+            yield Problem("the joint itself, whose share is gear_ratio", place=place, value=other)
         if others.count(other) > 1:
-            raise Invalid("named twice", place=place, value=other)
+            yield Problem("named twice", place=place, value=other)
 
 
-def _check_motors_move_joints(joints: list[Any]) -> None:
+def _singular_motors(joints: list[Any]) -> Iterator[Problem]:
     """The speeds of coupled motors, N q̇, say those of the joints: N is not singular, nor nearly so."""
     coupled = [joint for joint in joints if joint.motor is not None and joint.motor.coupling]
     if not coupled:
@@ -264,7 +313,7 @@ def _check_motors_move_joints(joints: list[Any]) -> None:
     for axis in (1, 0):  # units and sizes of motors and joints do not count
         ratios /= np.abs(ratios).max(axis=axis, keepdims=True)
     if not np.linalg.cond(ratios) < WORST_COUPLING:
-        raise Invalid(
+        yield Problem(
             "these motors cannot turn every joint by itself: their ratios depend on each other",
             place=f"joint {coupled[0].name!r} motor.coupling",
             expected="gear_ratio and coupling that make an invertible matrix",

@@ -8,13 +8,17 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from armwright.description.consistency import robot_problems
+from armwright.description.readable import readable_robot
 from armwright.description.robot import RobotDescription
-from armwright.description.toml_file import read_document
-from armwright.errors import DescriptionError
+from armwright.description.todo import todo_problems
+from armwright.description.toml_file import toml_tables
+from armwright.errors import UNKNOWN_KEY, DescriptionError
 from armwright.validation import validated
 
 XML_ENDINGS = (".urdf", ".xml", ".mjcf", ".xacro")
 
+OTHER_FILES = {"segments": ("motion", "plan"), "duration_s": ("scenario", "simulate"), "": ("log", "log")}  # by a key
 LONGEST = 2000  # letters of a path
 NAME_OR_PATH = "the name of a built-in arm, or the path of a TOML, URDF or MJCF file"
 
@@ -30,18 +34,42 @@ def builtin_names() -> list[str]:
     return sorted(name.removesuffix(".toml") for name in names if name.count(".") == 1)  # cmu-dd.parts.toml is no arm
 
 
-def read_description(name_or_path: str | os.PathLike[str], **reading: Any) -> RobotDescription:
+def read_description(
+    name_or_path: str | os.PathLike[str], *, tip: str | None = None, **reading: Any
+) -> RobotDescription:
     """The description of a built-in arm (by name), of a TOML database, a URDF or an MJCF (by path).
 
     A built-in name is that arm, whatever else in the working directory is called so; `./panda` is the file.
 
     Args:
-        name_or_path: what to read.   reading: options of `read_urdf` or `read_mjcf`, where it is such a file; of a TOML
-            database `kinematics_only`.
+        name_or_path: what to read.   tip: name of the frame or link that kinematics and wrench are about, in place of the file's.
+        reading: options of `read_urdf` or `read_mjcf`, where it is such a file; of a TOML database `kinematics_only`.
     Raises:
         DescriptionError: no such robot, no such file, or a file that cannot be believed; one line that names file,
             place, value and what was expected.
     """
+    robot = _read(name_or_path, reading)
+    if tip is not None:
+        names = [robot.base, *(each.name for each in (*robot.links, *robot.frames))]
+        if tip not in names:
+            raise DescriptionError("no frame or link", place="tip", value=tip, choices=names, file=name_or_path)
+        return robot.model_copy(update={"tip": tip})
+    end = end_of_chain(robot) if robot.tip is None and Path(name_or_path).suffix.lower() in XML_ENDINGS else None
+    if end is None:
+        return robot
+    remark = f"no tip is named: it is {end!r}, the last link of the chain; tip = … names another frame or link"
+    return robot.model_copy(update={"remarks": (*robot.remarks, remark)})
+
+
+def end_of_chain(robot: RobotDescription) -> str | None:
+    """The last link of a chain; None of a tree."""
+    parents = {joint.parent for joint in robot.joints}
+    ends = [link.name for link in robot.links if link.name not in parents]
+    return ends[0] if len(ends) == 1 else None
+
+
+def _read(name_or_path: str | os.PathLike[str], reading: dict[str, Any]) -> RobotDescription:
+    """The description as the file has it."""
     text = os.fspath(name_or_path) if isinstance(name_or_path, (str, os.PathLike)) else None
     if not isinstance(text, str):
         raise DescriptionError(value=name_or_path, expected=NAME_OR_PATH)
@@ -87,10 +115,14 @@ def read_toml(path: Path, kinematics_only: bool = False) -> RobotDescription:
     Args:
         path: of the file.   kinematics_only: links that state no mass property are massless, with a remark.
     """
-    document = read_document(path)
-    if kinematics_only:
-        _without_masses(document)
-    return parse(document, str(path), folder=path.parent)
+    with toml_tables(path, DescriptionError) as tables:
+        if "robot" in tables and "joints" not in tables:
+            kind, command = next(each for key, each in OTHER_FILES.items() if key in tables or not key)
+            expected = f"a robot file; `armwright {command} {path}` takes a {kind}"
+            raise DescriptionError(f"is a {kind}", place="robot", value=tables["robot"], expected=expected)
+        if kinematics_only:
+            _without_masses(tables)
+        return parse(tables, str(path), folder=path.parent)
 
 
 MASS_PROPERTIES = {
@@ -126,4 +158,20 @@ def parse(data: dict[str, Any], place: str, folder: Path | None = None) -> Robot
     Args:
         data: the document.   place: its file, for errors.   folder: where the paths of meshes start, and stay.
     """
-    return validated(RobotDescription, data, file=place, folder=folder)
+    left = {problem.place: problem.within(file=place) for problem in todo_problems(data)}
+    try:
+        robot = validated(RobotDescription, data, file=place, folder=folder)
+    except DescriptionError as refused:
+        error = refused
+        if left:  # whatever else was said of these values
+            for each in error.problems:
+                if each.what == UNKNOWN_KEY:
+                    left.pop(each.place, None)
+            found = [each for each in error.problems if not each.place.startswith(tuple(left))]
+            error = DescriptionError.of(*left.values(), *found)
+        known = {problem.place for problem in error.problems}
+        further = [problem.within(file=place) for problem in robot_problems(*readable_robot(data, folder))]
+        raise error.joined(*(problem for problem in further if problem.place not in known)) from None
+    if left:
+        raise DescriptionError.of(*left.values())
+    return robot

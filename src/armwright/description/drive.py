@@ -89,6 +89,10 @@ class Motor(Record):
         description='What the bridge does while it is off: "brake" shorts the motor, "coast" opens it, and the back-EMF '
         "acts only while on. Absent: brake.",
     )
+    dead_zone_v: NotNegative | None = Field(
+        default=None,
+        description="Commands of voltage within it, either way, give nothing, and all others that much less; absent: none.",
+    )
     thermal: Thermal | None = Field(default=None, description="Absent: the motor stays as it was measured.")
     cogging: Cogging | None = Field(default=None, description="Absent: none.")
     coupling: tuple[Coupling, ...] = Field(default=(), description="Other joints that turn this motor.")

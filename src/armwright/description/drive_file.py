@@ -24,10 +24,12 @@ from typing import Any
 from pydantic import Field
 
 from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
-from armwright.description.toml_file import read_document
-from armwright.errors import DescriptionError
+from armwright.description.paths import path_name
+from armwright.description.toml_file import read_text, toml_tables
+from armwright.errors import DescriptionError, Problem
 from armwright.quantity import Positive, Record, Source, Vector3
 from armwright.reading import real_path
+from armwright.toml_text import TomlText
 from armwright.validation import validated
 
 ENDING = ".drive.toml"
@@ -92,7 +94,8 @@ def read_drive_file(path: Path) -> DriveFile:
     Raises:
         DescriptionError: no such file, no TOML, an unknown key.
     """
-    return validated(DriveFile, read_document(path), file=path)
+    with toml_tables(path, DescriptionError) as tables:
+        return validated(DriveFile, tables, file=path)
 
 
 def add_drives(path: Path, drives: DriveFile, robot: dict[str, Any], reductions: dict[str, float]) -> None:
@@ -107,29 +110,19 @@ def add_drives(path: Path, drives: DriveFile, robot: dict[str, Any], reductions:
             than the other file's, a number without a source.
     """
     moving = {joint["name"]: joint for joint in robot["joints"] if joint["type"] != "fixed"}
+    wrong: list[Problem] = []
     for name, drive in drives.joints.items():
-        if name not in moving:
-            raise DescriptionError("does not move or is not there", place=f"joints.{name}", choices=moving, file=path)
-        joint, source = moving[name], drive.source or drives.source
-        slides = joint["type"] == "prismatic"
-        if drive.command is not None:
-            joint["command"] = drive.command
-        if drive.bus_period_s is not None:
-            joint |= _sourced({"bus_period_s": drive.bus_period_s}, source)
-        if drive.motor is not None:
-            motor = _with_reduction(path, name, drive.motor, reductions.get(name), robot["source"])
-            joint["motor"] = _part(path, f"joints.{name}.motor", Motor, motor, source)
-        if drive.friction is not None:
-            on_motor = drive.friction.get("side") == "motor"
-            kind = LinearFriction if slides and not on_motor else RotaryFriction
-            joint["friction"] = _part(path, f"joints.{name}.friction", kind, drive.friction, source)
-        if drive.limits is not None:
-            place, kind = f"joints.{name}.limits", LinearLimits if slides else RotaryLimits
-            limits = _part(path, place, kind, drive.limits, source)
-            joint["limits"] = {**joint.get("limits", {}), **_sourced(limits, source)}
-        for part in PARTS:
-            if getattr(drive, part) is not None:
-                joint[part] = _table(path, f"joints.{name}.{part}", getattr(drive, part), source)
+        try:
+            if name not in moving:
+                place = f"joints.{path_name(name)}"
+                raise DescriptionError("does not move or is not there", place=place, choices=moving, file=path)
+            source, ratio = drive.source or drives.source, reductions.get(name)
+            _add_drive(path, f"joints.{path_name(name)}", moving[name], drive, source, ratio, robot["source"])
+        except DescriptionError as error:
+            wrong += error.problems
+    if wrong:
+        text = TomlText(read_text(path), path)
+        raise DescriptionError.of(*map(text.with_line, wrong))
     if drives.cylinders:
         robot["cylinders"] = [_table(path, "cylinders", cylinder, drives.source) for cylinder in drives.cylinders]
     if drives.supply is not None:
@@ -144,8 +137,39 @@ def add_drives(path: Path, drives: DriveFile, robot: dict[str, Any], reductions:
         robot["gravity_m_s2"] = _sourced({"g": drives.gravity_m_s2}, drives.source)["g"]
 
 
+def _add_drive(
+    path: Path,
+    place: str,
+    joint: dict[str, Any],
+    drive: JointDrive,
+    source: str | None,
+    reduction: float | None,
+    imported: str,
+) -> None:
+    """Puts the drive of one joint into its record; `imported` is the source of the other file's numbers."""
+    slides = joint["type"] == "prismatic"
+    if drive.command is not None:
+        joint["command"] = drive.command
+    if drive.bus_period_s is not None:
+        joint |= _sourced({"bus_period_s": drive.bus_period_s}, source)
+    if drive.motor is not None:
+        motor = _with_reduction(path, place, drive.motor, reduction, imported)
+        motor = _with_armature(motor, joint.get("motor"), imported)
+        joint["motor"] = _part(path, f"{place}.motor", Motor, motor, source)
+    if drive.friction is not None:
+        on_motor = drive.friction.get("side") == "motor"
+        kind = LinearFriction if slides and not on_motor else RotaryFriction
+        joint["friction"] = _part(path, f"{place}.friction", kind, drive.friction, source)
+    if drive.limits is not None:
+        limits = _part(path, f"{place}.limits", LinearLimits if slides else RotaryLimits, drive.limits, source)
+        joint["limits"] = {**joint.get("limits", {}), **_sourced(limits, source)}
+    for part in PARTS:
+        if getattr(drive, part) is not None:
+            joint[part] = _table(path, f"{place}.{part}", getattr(drive, part), source)
+
+
 def _with_reduction(
-    path: Path, name: str, motor: dict[str, Any], reduction: float | None, source: str
+    path: Path, place: str, motor: dict[str, Any], reduction: float | None, source: str
 ) -> dict[str, Any]:
     """The motor with the gear ratio that only the other file gives; two that disagree are refused."""
     if reduction is None or reduction == PLACEHOLDER:
@@ -155,9 +179,28 @@ def _with_reduction(
     ratio = motor["gear_ratio"]
     ratio = ratio.get("value") if isinstance(ratio, dict) else ratio
     if ratio != reduction:
-        place, expected = f"joints.{name}.motor.gear_ratio", f"{reduction:g}, as in the transmission"
-        raise DescriptionError(place=place, value=ratio, expected=expected, file=path)
+        expected = f"{reduction:g}, as in the transmission or actuator"
+        raise DescriptionError(place=f"{place}.motor.gear_ratio", value=ratio, expected=expected, file=path)
     return motor
+
+
+def _with_armature(motor: dict[str, Any], known: dict[str, Any] | None, source: str) -> dict[str, Any]:
+    """The motor with the rotor inertia J = armature / n² that only the other file gives, as its armature."""
+    if known is None or not known["rotor_inertia_kg_m2"] or "rotor_inertia_kg_m2" in motor:
+        return motor
+    ratio = motor.get("gear_ratio", known["gear_ratio"])
+    ratio = ratio.get("value") if isinstance(ratio, dict) else ratio
+    if not isinstance(ratio, (int, float)) or ratio == 0:
+        return motor  # refused for that
+    inertia = known["rotor_inertia_kg_m2"] * (known["gear_ratio"] / ratio) ** 2
+    imported = {"gear_ratio": ratio, "rotor_inertia_kg_m2": inertia}
+    return {**{key: {"value": value, "source": source} for key, value in imported.items()}, **motor}
+
+
+def free_key(key: str, drives: DriveFile | None) -> str:
+    """A key of [sources] that a drive file does not use: this one, or this with a number."""
+    taken = {} if drives is None else drives.sources
+    return next(name for name in (key, *(f"{key}_{k}" for k in range(2, len(taken) + 3))) if name not in taken)
 
 
 def _part(path: Path, place: str, kind: type[Record], data: dict[str, Any], source: str | None) -> Any:

@@ -75,6 +75,14 @@ class Fit(Record):
             raise Invalid("is of no random numbers", place="correlation", expected="a positive semidefinite matrix")
         return self
 
+    def without(self, prefixes: tuple[str, ...]) -> Fit:
+        """The fit of its other numbers: those whose path begins so come from elsewhere now."""
+        kept = [k for k, name in enumerate(self.names) if not name.startswith(prefixes)]
+        rows = self.correlation and tuple(tuple(self.correlation[k][j] for j in kept if j < k) for k in kept)
+        names = {key: getattr(self, key) for key in ("names", "at_bound", "unidentified")}
+        names = {key: tuple(each for each in every if not each.startswith(prefixes)) for key, every in names.items()}
+        return self.replace(**names, correlation=rows)
+
     def correlation_matrix(self) -> np.ndarray:
         """(n, n) symmetric matrix of correlations in the order of `names`, 1 on its diagonal."""
         matrix = np.eye(len(self.correlation))

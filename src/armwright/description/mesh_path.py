@@ -31,6 +31,37 @@ def package_folders(file: Path, packages: Iterable[str | os.PathLike[str]] = ())
     return (*folders, *(folder.resolve() for folder in named if folder.is_dir()), *file.resolve().parents)
 
 
+def mesh_folders(meshes: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> tuple[Path, ...]:
+    """Folders where meshes lie, as the user named them.
+
+    Raises:
+        DescriptionError: one of them is no folder.
+    """
+    named = [meshes] if isinstance(meshes, (str, os.PathLike)) else list(meshes)
+    for folder in named:
+        if not isinstance(folder, (str, os.PathLike)) or not os.path.isdir(folder):
+            raise DescriptionError("no such folder", place="meshes", value=folder)
+    return tuple(real_path(Path(folder)) for folder in named)
+
+
+def mesh_below(name: str, folders: tuple[Path, ...]) -> Path | None:
+    """The file below one of the folders that the longest end of a mesh's path means; None where there is none.
+
+    `package://ur/meshes/visual/base.stl` is ur/meshes/visual/base.stl, or else meshes/visual/base.stl, … or base.stl there.
+    """
+    parts = [part for part in unquote(name.rpartition("://")[2]).replace("\\", "/").split("/") if part not in ("", ".")]
+    while parts[:1] == [".."]:  # ../meshes/base.stl: the folders named take the place of what that starts from
+        del parts[0]
+    if "\0" in name or ".." in parts:
+        return None
+    for k in range(len(parts)):
+        for folder in folders:
+            path = real_path(folder.joinpath(*parts[k:]))
+            if path.is_relative_to(folder) and os.path.isfile(path):
+                return path
+    return None
+
+
 def find_mesh(element: Element, name: str, file: Path, folders: tuple[Path, ...]) -> Path | None:
     """The file that `name` means; None where there is none. Nothing is opened.
 

@@ -1,11 +1,34 @@
-"""Numbers of a record by dotted path: `link3.mass_kg`, `joint2.friction.viscous_n_m_s_per_rad`, `gravity_m_s2`."""
+"""Numbers of a record by dotted path: `link3.mass_kg`, `joint2.friction.viscous_n_m_s_per_rad`, `gravity_m_s2`.
+
+A name with dots or spaces stands in quotes, as in TOML: `"joint_0.0".motor.gear_ratio`.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any, get_args
 
 from armwright.quantity import Quantity, Reading, Record
+
+UNNAMEABLE = re.compile(r'["\[\]\x00-\x1f\x7f-\x9f\u2028\u2029\ufeff]')  # what readers of other formats replace by _
+PLAIN = re.compile(r"[^\s.]+")  # names that stand without quotes
+HEAD = re.compile(r'"(?P<quoted>[^"]+)"(?=\.|$)|(?P<plain>[^.]*)')
+
+
+def path_name(name: str) -> str:
+    """A name as paths have it: in quotes where it holds dots or spaces."""
+    return name if PLAIN.fullmatch(name) else f'"{name}"'
+
+
+def split_path(path: str) -> tuple[str, str]:
+    """The name that a path begins with, without its quotes, and the rest behind the dot.
+
+    `split_path('"joint_0.0".motor.gear_ratio')` → ("joint_0.0", "motor.gear_ratio").
+    """
+    head = HEAD.match(path)
+    assert head is not None
+    return head["quoted"] or head["plain"], path[head.end() + 1 :]
 
 
 def quantities(record: Record, *, pictures: bool = True) -> Iterator[tuple[str, Quantity, str | None]]:
@@ -49,7 +72,8 @@ UNITS = {
 
 def unit_at(path: str) -> str:
     """The unit that a key states: `unit_at("joint2.friction.viscous_n_m_s_per_rad")` → "N m s/rad"; "1" where it states none."""
-    for key in reversed(path.split("[")[0].split(".")):
+    rest = split_path(path)[1] or path  # names of joints and links state no unit
+    for key in reversed(rest.split("[")[0].split(".")):
         over, _, under = key.partition("_per_")
         words, units = over.split("_"), []
         while len(words) > 1 and words[-1] in UNITS:
@@ -77,7 +101,9 @@ def _fields(value: Any, wanted: str, path: str) -> Iterator[tuple[Record, str]]:
         if isinstance(child, Quantity):
             if name == wanted:
                 yield value, name.rsplit(".", 1)[-1]
-        else:
+        elif wanted.startswith(name) or not isinstance(
+            child, Record
+        ):  # lists are not named in the paths of their items
             yield from _fields(child, wanted, name)
 
 
@@ -88,5 +114,5 @@ def below(value: Any, path: str) -> Iterator[tuple[str, Any]]:
             yield f"{path}.{name}" if path else name, getattr(value, name)
     elif isinstance(value, tuple):
         for k, item in enumerate(value):
-            named = getattr(item, "name", None) if "." not in path else None
-            yield named or f"{path}[{k}]", item
+            own = getattr(item, "name", None) if "." not in path else None
+            yield (f"{path}[{k}]" if own is None else path_name(own)), item

@@ -20,7 +20,7 @@ from armwright.description.paths import quantities
 from armwright.errors import DescriptionError
 from armwright.lazy_schema import imported_later
 from armwright.quantity import Direction, NotNegative, NotZero, Number, Positive, Record, Source, Vector3
-from armwright.validation import Invalid
+from armwright.validation import NAMEABLE, Invalid
 
 if TYPE_CHECKING:
     from armwright.description.built_from import BuiltFrom
@@ -49,6 +49,7 @@ else:
     (Visual,) = imported_later("armwright.solids.visual", "Visual")
 
 Name = Annotated[str, Field(min_length=1, pattern=r"^[^\s.\[\]]+$")]
+FileName = Annotated[str, Field(min_length=1, pattern=NAMEABLE)]  # of joints, links and frames, as their file has it
 MASTER = "The joint that it follows; that may follow another in turn."
 MULTIPLIER = "How far it moves by the master's 1 rad or m, in its own unit."
 
@@ -121,9 +122,9 @@ class LinearMimic(Record):
 
 class _Joint(Record):
     source: str | None = None
-    name: Name = Field(description="What q, schedules and results call it; not t, which is the time.")
-    parent: Name = Field(description="The link that carries the joint.")
-    child: Name = Field(description="The link that the joint moves.")
+    name: FileName = Field(description="What q, schedules and results call it; not t, which is the time.")
+    parent: FileName = Field(description="The link that carries the joint.")
+    child: FileName = Field(description="The link that the joint moves.")
     frame: JointFrame | None = Field(default=None, description="Where the joint stands: this, dh or modified_dh.")
 
     @model_validator(mode="after")
@@ -241,7 +242,7 @@ class Link(Record):
     """A body. Its frame is that of the joint that moves it: after the motion (frame, modified DH), or the DH frame."""
 
     source: str | None = None
-    name: Name = Field(description="What joints and errors call it.")
+    name: FileName = Field(description="What joints and errors call it.")
     mass_kg: NotNegative = Field(description="0 is allowed where it is written.")
     com_m: Vector3 = Field(description="Centre of mass in the link's frame.")
     inertia_kg_m2: Inertia = Field(description="About the centre of mass, in link axes.")
@@ -255,8 +256,8 @@ class NamedFrame(Record):
     """A frame of interest, such as the tool: fixed in a link."""
 
     source: str | None = None
-    name: Name = Field(description="What tip and errors call it.")
-    link: Name = Field(description="The link (or the base) that carries it.")
+    name: FileName = Field(description="What tip and errors call it.")
+    link: FileName = Field(description="The link (or the base) that carries it.")
     xyz_m: Vector3 = Field(description="Origin in the link's frame.")
     rpy_rad: Vector3 = Field(description="Angles about the link's fixed x, then y, then z.")
 
@@ -264,18 +265,18 @@ class NamedFrame(Record):
 class RobotDescription(Record):
     """A robot arm on paper: joints and links in a tree, drives, limits, frames; each number with its source."""
 
-    name: Name = Field(description="What the arm is called.")
+    name: FileName = Field(description="What the arm is called.")
     title: str | None = Field(default=None, description="One line for the catalogue.")
     notes: str | None = Field(default=None, description="What a user should know, in a few sentences.")
     source: str | None = Field(default=None, description="Source of every number below that names none of its own.")
     sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: where numbers come from.")
     gravity_m_s2: Vector3 | None = Field(default=None, description="In base axes; absent: standard gravity along -z.")
-    base: Name = Field(default="base", description="What the joints' parents call the base.")
+    base: FileName = Field(default="base", description="What the joints' parents call the base.")
     command: Command | None = Field(default=None, description="What drives the joints that do not say it themselves.")
     supply: Supply | None = Field(
         default=None, description="What feeds all drives of the simulator; absent: one that never sags."
     )
-    tip: Name | None = Field(
+    tip: FileName | None = Field(
         default=None,
         description="The frame or link that kinematics and wrench are about; absent: the last link of a chain.",
     )
@@ -286,7 +287,7 @@ class RobotDescription(Record):
     remarks: tuple[str, ...] = Field(
         default=(), description="What was left out or doubtful where it was read from another format; told on load."
     )
-    without_masses: tuple[Name, ...] = Field(
+    without_masses: tuple[FileName, ...] = Field(
         default=(),
         description="Links whose mass properties are not known and stand as 0: dynamics are refused.",
     )

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from armwright.description.robot import Name
+from armwright.description.robot import FileName
 from armwright.quantity import Increasing, NotNegative, Number, Numbers, Positive, Record, Vector3, check_together
 from armwright.validation import Invalid
 
@@ -82,10 +82,10 @@ class Cylinder(Record):
     """
 
     source: str | None = None
-    name: Name = Field(description="What errors and parameters call it.")
-    link_a: Name = Field(description="The link (or the base) that carries one end.")
+    name: FileName = Field(description="What errors and parameters call it.")
+    link_a: FileName = Field(description="The link (or the base) that carries one end.")
     anchor_a_m: Vector3 = Field(description="That end, in the link's frame.")
-    link_b: Name = Field(
+    link_b: FileName = Field(
         description="The link (or the base) that carries the other end; it moves with respect to link_a."
     )
     anchor_b_m: Vector3 = Field(description="That end, in the link's frame.")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
-from armwright.errors import DescriptionError
+from armwright.errors import ArmwrightError, DescriptionError
 from armwright.quantity import Record
 from armwright.reading import read_file
+from armwright.toml_text import TomlText
 from armwright.validation import validated
 
 Read = TypeVar("Read", bound=Record)
@@ -31,18 +33,23 @@ def read_text(path: Path) -> str:
         raise DescriptionError(f"not TOML: byte {error.start} is no UTF-8 text", file=path) from None
 
 
-def read_document(path: Path, text: str | None = None) -> dict[str, Any]:
-    """The tables of a TOML file, unchecked.
+@contextmanager
+def toml_tables(path: Path, error: type[ArmwrightError], text: str | None = None) -> Iterator[dict[str, Any]]:
+    """The tables of a TOML file, for a block that makes something of them.
+
+    Errors of the block are raised with the lines of the file, beside all that is no TOML; see `TomlText`.
 
     Args:
-        path: of the file.   text: what is in it, where that was read before.
+        path: of the file.   error: what is raised where it cannot be read.   text: what is in it, where that was read before.
     Raises:
-        DescriptionError: no such file, or no TOML.
+        error: no such file, or no TOML.   ArmwrightError: as the block raised it.
     """
     try:
-        return tomllib.loads(read_text(path) if text is None else text)
-    except (ValueError, RecursionError) as error:  # no TOML, a number of a million digits, a list in a list in a list …
-        raise DescriptionError(f"not TOML: {error}", file=path) from None
+        document = TomlText(read_text(path) if text is None else text, path)
+    except DescriptionError as unreadable:
+        raise error.of(*unreadable.problems) from None
+    with document.checked(error):
+        yield document.tables
 
 
 def read_record(path: Path, record: type[Read]) -> Read:
@@ -51,4 +58,5 @@ def read_record(path: Path, record: type[Read]) -> Read:
     Raises:
         DescriptionError: no such file, or one that is not valid.
     """
-    return validated(record, read_document(path), file=path, folder=Path(path).parent)
+    with toml_tables(path, DescriptionError) as tables:
+        return validated(record, tables, file=path, folder=Path(path).parent)

@@ -106,10 +106,14 @@ class Element:
         Raises:
             DescriptionError: names the attribute and the nearest known one.
         """
-        for name in self.attributes:
-            if name not in known:
-                value = self.attributes[name]
-                raise self.error(UNKNOWN_KEY, place=f"<{self.tag}> {name}", value=value, choices=known)
+        wrong = [
+            problem
+            for name, value in self.attributes.items()
+            if name not in known
+            for problem in self.error(UNKNOWN_KEY, place=f"<{self.tag}> {name}", value=value, choices=known).problems
+        ]
+        if wrong:
+            raise DescriptionError.of(*wrong)
 
 
 class _Builder(ContentHandler):

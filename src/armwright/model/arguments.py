@@ -102,5 +102,6 @@ def _wrong_shape(place: str, model: Model, name: str, value: Any, expected: tupl
     shape = _shape(value)
     entries = f"one number for each joint of {model.name}" if name in JOINTS else "force and moment"
     batch = "; for many states at once see aw.compile" if shape and len(shape) > 1 else ""
+    batch += f", which takes (…, {expected[0]}): .T?" if shape and shape[0] == expected[0] and shape[1:] > (1,) else ""
     what = "rows of unequal length" if shape is None else f"shape {shape}"
     return ShapeError(what, place=place, expected=f"{expected}, {entries}{batch}")

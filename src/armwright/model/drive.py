@@ -137,6 +137,7 @@ class Drive:
     inductance: Scalar | None = None  # L [H]
     current_loop: Scalar | None = None  # bandwidth of the current controller [Hz]
     coasts: bool = False  # the bridge opens while it is off, in place of shorting the motor
+    dead_zone: Scalar | None = None  # commands within give no voltage [V]; None: no such zone
     thermal: Thermal | None = None
     cogging: Cogging | None = None
     coupling: tuple[tuple[str, Scalar], ...] = ()  # other joints that turn the motor [motor rad / rad | rad/m]

@@ -53,6 +53,7 @@ def drive_of(joint: MovingJoint, command: Any) -> Drive:
         inductance=_scaled(motor.inductance_h, factor.impedance),
         current_loop=_number(motor.current_loop_hz),
         coasts=motor.pwm == "coast",
+        dead_zone=None if _lossy(motor.dead_zone_v, 0.0) is None else _scaled(motor.dead_zone_v, factor.voltage),
         thermal=_thermal_of(motor.thermal),
         cogging=None
         if motor.cogging is None
@@ -91,7 +92,7 @@ def _scaled(quantity: Quantity | None, factor: float) -> Scalar | None:
 
 
 def _lossy(quantity: Quantity | None, lossless: float) -> Scalar | None:
-    """Efficiency or load coefficient of a gear; None where it loses no power, so that there is nothing to smooth."""
+    """Number of an effect; None where its value is the one without the effect, so that there is nothing to compute."""
     if quantity is None or (not scalar.is_symbolic(quantity.number) and quantity.number == lossless):
         return None
     return quantity.number
@@ -118,7 +119,7 @@ def _smoothing(joint: MovingJoint) -> Scalar | None:
 def _side_ratio(joint: MovingJoint) -> Scalar:
     """|n| where friction is given on the motor side, else 1."""
     on_motor = joint.friction is not None and joint.friction.side == "motor"
-    return scalar.abs(joint.motor.gear_ratio.number) if on_motor and joint.motor is not None else 1.0
+    return abs(joint.motor.gear_ratio.number) if on_motor and joint.motor is not None else 1.0
 
 
 def friction_of(joint: MovingJoint) -> Friction | None:
@@ -179,7 +180,7 @@ def brake_of(joint: MovingJoint) -> Brake | None:
     if record is None:
         return None
     on_motor = record.side == "motor"
-    n = scalar.abs(joint.motor.gear_ratio.number) if on_motor and joint.motor is not None else 1.0
+    n = abs(joint.motor.gear_ratio.number) if on_motor and joint.motor is not None else 1.0
     if hasattr(record, "holding_torque_n_m"):
         keys = ("holding_torque_n_m", "stiffness_n_m_per_rad", "damping_n_m_s_per_rad")
     else:

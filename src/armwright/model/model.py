@@ -16,6 +16,7 @@ from armwright.model.changes import changed
 from armwright.model.cylinder_lengths import implausible_lengths, is_stretched
 from armwright.model.parameter_table import Parameters, parameters_of
 from armwright.model.tree import Tree
+from armwright.notebook import repr_html
 from armwright.spatial import rotated
 
 
@@ -33,6 +34,7 @@ class Model(Tree):
     changes: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     __repr__ = Tree.__repr__
+    _repr_html_ = repr_html
 
     @property
     def record(self) -> RobotDescription:

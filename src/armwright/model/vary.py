@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.description.paths import quantities, with_values
+from armwright.description.paths import path_name, quantities, split_path, with_values
 from armwright.description.robot import Link, RobotDescription
 from armwright.errors import ModelError
 from armwright.lint.feasibility import IMPOSSIBLE, is_possible
@@ -37,7 +37,7 @@ class Varied:
 
     Attributes:
         arm: as it was loaded.   parameters: what varies, one number each, in the order asked for.
-        nominal: (k,) their values in the record.
+        nominal: (k,) their values in the record.   sizes: how many numbers each of the names asked for stands for.
     """
 
     def __init__(self, arm: Model, names: Sequence[str]):
@@ -59,7 +59,9 @@ class Varied:
         self._cylinders = {cylinder.name for cylinder in arm.description.cylinders}
         self._table = parameters_of(arm.description)
         self._numbers = {path: quantity.value for path, quantity, _ in quantities(arm.description, pictures=False)}
-        self.parameters = tuple(p for name in names for p in self._named(name))
+        named = {name: tuple(self._named(name)) for name in names}
+        self.sizes = {name: len(parameters) for name, parameters in named.items()}
+        self.parameters = tuple(p for name in names for p in named[name])
         twice = next((name for name, count in Counter(self.names).items() if count > 1), None)
         if twice is not None:
             raise ModelError("named twice", place="vary", value=twice)
@@ -92,7 +94,7 @@ class Varied:
                 "no such parameter", place="vary", value=name, expected=self._alternatives(path), file=self.arm.name
             )
         for change, part in TAKEN_AWAY.items():
-            of_cylinder = change == "springs" and path.split(".", 1)[0] in self._cylinders
+            of_cylinder = change == "springs" and split_path(path)[0] in self._cylinders
             if change in self.arm.changes and (part in path or of_cylinder):
                 raise ModelError(
                     f"arm.replace({change}=…) has replaced it", place="vary", value=name, file=self.arm.name
@@ -104,11 +106,12 @@ class Varied:
 
     def _alternatives(self, path: str) -> str:
         """Parameters of the same link or joint, or else the names of links and joints."""
-        head = path.split(".", 1)[0]
-        siblings = [known for known in self._numbers if known.split(".", 1)[0] == head]
+        name = split_path(path)[0]
+        siblings = [known for known in self._numbers if split_path(known)[0] == name]
         if siblings:
+            head = path_name(name)
             return f"{head}.X, X one of {', '.join(known.removeprefix(f'{head}.') for known in siblings)}"
-        return f"a parameter of {', '.join(dict.fromkeys(known.split('.', 1)[0] for known in self._numbers))}"
+        return f"a parameter of {', '.join(dict.fromkeys(path_name(split_path(known)[0]) for known in self._numbers))}"
 
     def model(self, values: Array) -> Model:
         """The arm with these values (k,), numbers or symbols, unchecked; what `arm.replace` changed stays changed."""
@@ -156,7 +159,7 @@ class Varied:
     def _efficiency_tables(self) -> Iterator[tuple[Any, str]]:
         """Efficiency tables of gears with varied numbers, and their paths."""
         for joint in self._record.joints:
-            motor, path = getattr(joint, "motor", None), f"{joint.name}.motor.gear_efficiency_table"
+            motor, path = getattr(joint, "motor", None), f"{path_name(joint.name)}.motor.gear_efficiency_table"
             if motor is not None and any(p.path.startswith(f"{path}.") for p in self.parameters):
                 yield motor.gear_efficiency_table, path
 
@@ -192,7 +195,7 @@ class Varied:
         for link in self._record.links:
             if not _possible(link):
                 continue  # the record itself was accepted so
-            paths = [f"{link.name}.{path}" for path in BODY]
+            paths = [f"{path_name(link.name)}.{path}" for path in BODY]
             if any(path in columns for path in paths):
                 numbers = [
                     link.mass_kg.number,

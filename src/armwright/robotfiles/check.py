@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
-from armwright.description import RobotDescription, read_description
+from armwright.description import RobotDescription
 from armwright.description.record_of import record_of
-from armwright.errors import DescriptionError, Problem
-from armwright.lint.feasibility import check_bodies, check_drives, impossible_links
+from armwright.description.toml_file import read_text
+from armwright.errors import Problem
+from armwright.lint.feasibility import check_bodies, check_drives, impossible_links, senses_of_gears
 from armwright.lint.hulls import implausible_shapes
 from armwright.lint.plausibility import implausible_values
 from armwright.model import Model, build_model
 from armwright.model.build import massless, places_of_joints
 from armwright.model.cylinder_lengths import implausible_lengths
-from armwright.model.load import outdated
+from armwright.model.load import built, described, outdated
+from armwright.toml_text import TomlText
 
 CHECKS = {  # name of a check → its subject
     "reading": "what was left out or guessed when another format was read",
@@ -29,16 +31,19 @@ CHECKS = {  # name of a check → its subject
 }
 
 
+Level = Literal["error", "warning", "note"]
+
+
 @dataclass(frozen=True)
 class Finding:
     """One result of a check.
 
     Attributes:
-        level: "error" for an arm that cannot exist, "warning" for a probable mistake.
+        level: "error" for an arm that cannot exist, "warning" for a probable mistake, "note" for what is right on some arms.
         check: name of the check.   problem: what is wrong, and where.
     """
 
-    level: Literal["error", "warning"]
+    level: Level
     check: str
     problem: Problem
 
@@ -82,12 +87,9 @@ def check(name_or_path: str | os.PathLike[str] | Model | RobotDescription, **rea
     if isinstance(name_or_path, (Model, RobotDescription)):
         robot, aged, file = record_of(name_or_path), [], ""
     else:
-        robot, file = read_description(name_or_path, **reading), os.fspath(name_or_path)
+        robot, file = described(name_or_path, **reading), os.fspath(name_or_path)
         aged = outdated(robot, Path(name_or_path))
-    try:
-        model = build_model(robot, on_impossible="warn")
-    except DescriptionError as error:  # it knows the robot, not the file
-        raise error.within(file=file) from None
+    model = built(robot, file, "warn") if file else build_model(robot, on_impossible="warn")
     refused = {link.name for link in impossible_links(robot) if link.accept_impossible is None}
     bodies = zip(impossible_links(robot), check_bodies(robot, "warn"), strict=True)
     others = {
@@ -101,11 +103,15 @@ def check(name_or_path: str | os.PathLike[str] | Model | RobotDescription, **rea
     findings = [
         *(_finding("mass properties", note, "error" if link.name in refused else "warning") for link, note in bodies),
         *(_finding(name, note) for name, notes in others.items() for note in notes),
+        *(_finding("drives", note, "note") for note in senses_of_gears(robot)),
     ]
-    ordered = sorted(findings, key=lambda finding: finding.level != "error")
+    if file.endswith(".toml"):
+        text = TomlText(read_text(Path(file)), file)
+        findings = [replace(finding, problem=text.with_line(finding.problem)) for finding in findings]
+    ordered = sorted(findings, key=lambda finding: get_args(Level).index(finding.level))
     return Report(robot.name, len(robot.links), model.n, tuple(ordered))
 
 
-def _finding(check: str, note: Problem | str, level: Literal["error", "warning"] = "warning") -> Finding:
+def _finding(check: str, note: Problem | str, level: Level = "warning") -> Finding:
     """A finding; remarks of a file are text."""
     return Finding(level, check, note if isinstance(note, Problem) else Problem(note))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from armwright.description import RobotDescription
-from armwright.description.paths import below
+from armwright.description.paths import below, path_name, split_path
 from armwright.errors import ModelError
 from armwright.model import Model, build_model
 from armwright.model.load import load
@@ -90,11 +90,11 @@ def diff(a: Arm, b: Arm) -> Difference:
     before, after = flattened(first), flattened(second)
     order = ("order of the joints", Leaf(_order(one, other)), Leaf(_order(other, one)))
     rows = [order] + [(path, before.get(path), after.get(path)) for path in dict.fromkeys((*before, *after))]
-    lone = {path for path, old, new in rows if "." not in path and (old is None or new is None)}
+    lone = {path for path, old, new in rows if not split_path(path)[1] and (old is None or new is None)}
     changes = tuple(
         _change(path, old, new, first, second)
         for path, old, new in rows
-        if (path in lone or path.split(".", 1)[0] not in lone) and not _same(old, new, first, second)
+        if (path in lone or path_name(split_path(path)[0]) not in lone) and not _same(old, new, first, second)
     )
     return Difference(_name(a), _name(b), changes, dynamic_effect(one, other))
 
@@ -156,7 +156,7 @@ def flattened(robot: RobotDescription) -> dict[str, Leaf]:
     for name in type(robot).model_fields:
         if name in WHOLE:
             for item in getattr(robot, name):
-                flat[item.name] = Leaf(_summary(item, name), is_whole=True)
+                flat[path_name(item.name)] = Leaf(_summary(item, name), is_whole=True)
                 flat.update(_of_item(item, robot.source))
         elif name == "tip":
             flat[name] = Leaf(tip_of(robot))
@@ -166,7 +166,7 @@ def flattened(robot: RobotDescription) -> dict[str, Leaf]:
 
 
 def _of_item(item: Any, source: str | None) -> Iterator[tuple[str, Leaf]]:
-    for path, value in below(item, item.name):
+    for path, value in below(item, path_name(item.name)):
         key = path.rsplit(".", 1)[-1]
         if key == "visuals":
             yield path, Leaf(f"{len(value)} solids" if value else None, value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import io
 import os
 import struct
@@ -143,6 +144,10 @@ def _read(path: Path, stamp: tuple[int, int]) -> trimesh.Trimesh:
     kind = path.suffix.lower().removeprefix(".")
     if kind not in ("stl", "obj", "ply", "dae"):
         raise DescriptionError("no kind of mesh that is read", expected=".stl, .obj, .ply or .dae")
+    if kind == "dae" and importlib.util.find_spec("collada") is None:
+        raise DescriptionError(
+            "COLLADA is read through pycollada, which is not installed: pip install armwright[meshes]"
+        )
     content = read_file(path, "a mesh", DescriptionError)
     try:
         with _silenced():

@@ -13,7 +13,7 @@ import numpy as np
 from armwright.description.mjcf.drives import masters
 from armwright.description.mjcf.springs import check_tendons
 from armwright.description.xml_tree import NUMBER, Element, read_xml
-from armwright.errors import DescriptionError
+from armwright.errors import DescriptionError, Problem
 from armwright.reading import real_path, refuse_other_entries
 
 FOLDERS = ("meshdir", "texturedir", "assetdir")
@@ -55,16 +55,31 @@ def check_file(path: Path) -> None:
     Raises:
         DescriptionError: names file, line and element.
     """
-    _check_included(path, path.resolve().parent, [])
+    wrong: list[Problem] = []
+    _check_included(path, path.resolve().parent, [], wrong)
+    if wrong:
+        raise DescriptionError.of(*wrong)
 
 
-def _check_included(path: Path, folder: Path, within: list[Path]) -> None:
+def _check_included(path: Path, folder: Path, within: list[Path], wrong: list[Problem]) -> None:
     root = read_xml(path)
     if root.tag not in ("mujoco", "mujocoinclude"):
         raise root.error(expected="an MJCF, whose first element is <mujoco>")
     compilers = [element for element in root.children if element.tag == "compiler"]
     folders = [folder / element.attributes.get(name, "") for element in compilers for name in FOLDERS]
-    _check_element(root, folder, [*within, real_path(path)], [folder, *folders])
+    _check_tree(root, folder, [*within, real_path(path)], [folder, *folders], wrong)
+
+
+def _check_tree(element: Element, folder: Path, within: list[Path], folders: list[Path], wrong: list[Problem]) -> None:
+    """Adds what is wrong with an element, those below it and the files that these include."""
+    try:
+        _check_element(element, folder, within, folders)
+        if element.tag == "include":
+            _check_included(folder / element.word("file"), folder, within, wrong)
+    except DescriptionError as error:
+        wrong += error.problems
+    for child in element.children:
+        _check_tree(child, folder, within, folders, wrong)
 
 
 def _check_element(element: Element, folder: Path, within: list[Path], folders: list[Path]) -> None:
@@ -89,9 +104,6 @@ def _check_element(element: Element, folder: Path, within: list[Path], folders: 
         inner = folder / element.word("file")
         if real_path(inner) in within or len(within) >= MOST_FILES:
             raise element.error("includes itself", value=inner.name, expected="files that end")
-        _check_included(inner, folder, within)
-    for child in element.children:
-        _check_element(child, folder, within, folders)
 
 
 def check_model(file: Path, mujoco: Any, model: Any) -> None:
@@ -101,12 +113,13 @@ def check_model(file: Path, mujoco: Any, model: Any) -> None:
     Args:
         file: for errors.   mujoco: the package.   model: its compiled MjModel.
     Raises:
-        DescriptionError: names the first of them.
+        DescriptionError: names all of them.
     """
+    wrong: list[Problem] = []
 
     def refuse(kind: str, i: int, what: str, expected: str = "") -> None:
         name = mujoco.mj_id2name(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), i) or f"number {i}"
-        raise DescriptionError(what, place=f"{kind} {name!r}", expected=expected, file=file)
+        wrong.append(Problem(what, f"{kind} {name!r}", expected=expected, file=str(file)))
 
     offered = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
     for i, kind in enumerate(model.jnt_type):
@@ -123,11 +136,12 @@ def check_model(file: Path, mujoco: Any, model: Any) -> None:
         if model.body_gravcomp[i] != 0:
             refuse("body", i, f"gravcomp, which is {NOT_OFFERED}")
     if model.opt.density != 0 or model.opt.viscosity != 0 or np.any(model.opt.wind):
-        raise DescriptionError(f"density, viscosity or wind: fluids are {NOT_OFFERED}", place="<option>", file=file)
+        wrong.append(Problem(f"density, viscosity or wind: fluids are {NOT_OFFERED}", "<option>", file=str(file)))
     followers = masters(mujoco, model)
     for k in range(model.neq):
         if int(model.eq_type[k]) != int(mujoco.mjtEq.mjEQ_JOINT) or int(model.eq_obj2id[k]) < 0:
             refuse("equality", k, f"couples bodies or joints, which is {NOT_OFFERED}")
+            continue
         if not model.eq_active0[k]:
             refuse("equality", k, f"not active, which is {NOT_OFFERED}")
         if followers[int(model.eq_obj1id[k])] != k:
@@ -148,11 +162,12 @@ def check_model(file: Path, mujoco: Any, model: Any) -> None:
             refuse("actuator", i, "drives a joint that follows another", "it at the one that is followed")
     for key in SIZES:
         numbers = np.asarray(getattr(model.opt if key == "gravity" else model, key), dtype=float)
-        wrong = numbers[~(np.abs(numbers) <= LARGEST)]
-        if wrong.size:
-            raise DescriptionError(
-                place=key, value=float(wrong[0]), expected="numbers of a robot, in SI units", file=file
-            )
+        beyond = numbers[~(np.abs(numbers) <= LARGEST)]
+        if beyond.size:
+            value, expected = float(beyond[0]), "numbers of a robot, in SI units"
+            wrong.append(Problem(place=key, value=value, expected=expected, file=str(file)))
+    if wrong:
+        raise DescriptionError.of(*wrong)
 
 
 def _any(model: Any, key: str, i: int) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import os
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import inf
@@ -13,10 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from armwright.description.drive_file import DriveFile, add_drives, find_drive_file, free_key, read_drive_file
 from armwright.description.friction import check_smoothing
 from armwright.description.mjcf.checks import check_file, check_model
 from armwright.description.mjcf.drives import Actuation, actuations, masters, mimic_record
 from armwright.description.mjcf.springs import cylinder, joint_spring, springs_are_off
+from armwright.description.paths import UNNAMEABLE
 from armwright.description.robot import RobotDescription
 from armwright.errors import DescriptionError, Findings, Problem
 from armwright.spatial import Placement, roll_pitch_yaw, rotation_to_axis, rotation_z
@@ -26,10 +27,11 @@ SOURCE = "mjcf_file"
 SMOOTHING = "smoothing_argument"
 CHOSEN = "Chosen by whoever read the MJCF: the speed over which Coulomb friction changes its sign"
 TIPS = ("tip", "attachment_site")  # sites that MuJoCo's own models call an arm's end
-UNNAMEABLE = re.compile(r"[\s.\[\]]")
 
 
-def read_mjcf(path: str | os.PathLike[str], *, smoothing: float | None = None) -> RobotDescription:
+def read_mjcf(
+    path: str | os.PathLike[str], *, drive: str | os.PathLike[str] | None = None, smoothing: float | None = None
+) -> RobotDescription:
     """The description in a MuJoCo XML file: bodies, hinges and slides, armature, damping, springs, gears and limits.
 
     Armature becomes the rotor inertia  J = armature / n²  behind the actuator's gear n (1 without one). Sites become frames;
@@ -37,6 +39,7 @@ def read_mjcf(path: str | os.PathLike[str], *, smoothing: float | None = None) -
 
     Args:
         path: the file.
+        drive: the file of the drive train; by default NAME.drive.toml beside NAME.xml, where there is one.
         smoothing: speed [rad/s | m/s] over which frictionloss, which is Coulomb friction, changes its sign, an estimate of the
             caller's; by default it is not smoothed, and sticks in simulation.
     Returns:
@@ -48,6 +51,8 @@ def read_mjcf(path: str | os.PathLike[str], *, smoothing: float | None = None) -
     file = Path(path)
     check_smoothing(smoothing)
     check_file(file)
+    beside = find_drive_file(file, drive)
+    drives = None if beside is None else read_drive_file(beside)
     try:
         mujoco: Any = importlib.import_module("mujoco")
     except ImportError:
@@ -59,7 +64,7 @@ def read_mjcf(path: str | os.PathLike[str], *, smoothing: float | None = None) -
         except (ValueError, mujoco.FatalError, mujoco.UnexpectedError) as error:
             raise DescriptionError(f"MuJoCo refuses it: {' '.join(str(error).split())}", file=file) from None
     check_model(file, mujoco, model)
-    return _Reader(file, mujoco, model, smoothing, warnings).description()
+    return _Reader(file, mujoco, model, smoothing, warnings, beside, drives).description()
 
 
 @contextmanager
@@ -77,8 +82,18 @@ def _warnings_of(mujoco: Any) -> Iterator[list[str]]:
 class _Reader:
     """One compiled model, being read."""
 
-    def __init__(self, file: Path, mujoco: Any, model: Any, smoothing: float | None, warnings: list[str]):
-        self.warnings = warnings
+    def __init__(
+        self,
+        file: Path,
+        mujoco: Any,
+        model: Any,
+        smoothing: float | None,
+        warnings: list[str],
+        drive_file: Path | None,
+        drives: DriveFile | None,
+    ):
+        self.warnings, self.drive_file, self.drives = warnings, drive_file, drives
+        self.source, self.chosen = free_key(SOURCE, drives), free_key(SMOOTHING, drives)
         self.file, self.mujoco, self.model, self.smoothing = file, mujoco, model, smoothing
         self.driven, self.following = actuations(mujoco, model), masters(mujoco, model)
         self.remarks = Findings()
@@ -96,32 +111,37 @@ class _Reader:
         tips = [frame["name"] for frame in frames if frame["name"] in TIPS]
         off = bool(model.opt.disableflags & int(self.mujoco.mjtDisableBit.mjDSBL_GRAVITY))
         record = {
-            "name": UNNAMEABLE.sub("_", self.file.stem),
+            "name": UNNAMEABLE.sub("_", self.file.stem).strip() or "robot",
             "notes": f"Read from {self.file.name} through MuJoCo {self.mujoco.__version__}. Contacts, geoms ({model.ngeom}), "
             f"sensors ({model.nsensor}) and keyframes ({model.nkey}) are no part of an arm and ignored.",
             "base": self.bodies[0],
             "command": "torque",
             "gravity_m_s2": [0.0, 0.0, 0.0] if off else model.opt.gravity.tolist(),
-            "source": SOURCE,
+            "source": self.source,
             "sources": {
-                SOURCE: {"kind": "import", "text": f"read from {self.file.name}, an MJCF, which names no sources"},
-                **({} if self.smoothing is None else {SMOOTHING: {"kind": "estimate", "text": CHOSEN}}),
+                self.source: {"kind": "import", "text": f"read from {self.file.name}, an MJCF, which names no sources"},
+                **({} if self.smoothing is None else {self.chosen: {"kind": "estimate", "text": CHOSEN}}),
             },
-            "remarks": (
-                *(f"MuJoCo warns: {warning}" for warning in self.warnings),
-                *map(str, self.remarks.problems()),
-            ),
             "joints": self.joints,
             "links": self.links,
             "frames": frames,
             "cylinders": self._cylinders(frames),
             **({"tip": tips[0]} if len(tips) == 1 else {}),
         }
-        return validated(RobotDescription, record, file=self.file)
+        file = self.file if self.drives is None else f"{self.file} with its drive file"
+        if self.drive_file is not None and self.drives is not None:
+            ratios = {
+                self._name(self.mujoco.mjtObj.mjOBJ_JOINT, k, "joint"): driven.gear for k, driven in self.driven.items()
+            }
+            add_drives(self.drive_file, self.drives, record, ratios)
+        warnings = (f"MuJoCo warns: {warning}" for warning in self.warnings)
+        return validated(
+            RobotDescription, record | {"remarks": (*warnings, *map(str, self.remarks.problems()))}, file=file
+        )
 
     def _name(self, kind: Any, i: int, word: str) -> str:
         """A body's, joint's or site's name, made where it has none; once each."""
-        name = UNNAMEABLE.sub("_", self.mujoco.mj_id2name(self.model, kind, i) or f"{word}{i}")
+        name = UNNAMEABLE.sub("_", self.mujoco.mj_id2name(self.model, kind, i) or "").strip() or f"{word}{i}"
         if kind != self.mujoco.mjtObj.mjOBJ_JOINT:
             while name in self.taken:
                 name += "_"
@@ -193,7 +213,7 @@ class _Reader:
         if loss and not disabled & int(self.mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS):
             friction |= {f"coulomb_{side}_{force}": loss for side in ("positive", "negative")}
             if self.smoothing is not None:
-                friction[f"smoothing_{length}_per_s"] = {"value": self.smoothing, "source": SMOOTHING}
+                friction[f"smoothing_{length}_per_s"] = {"value": self.smoothing, "source": self.chosen}
         record: dict[str, Any] = {"name": name, "type": "revolute" if hinge else "prismatic", "limits": limits}
         armature, gear = float(model.dof_armature[dof]), actuation.gear
         if armature or gear != 1.0:

@@ -38,15 +38,16 @@ def joint_record(reading: UrdfReading, joint: Element) -> dict[str, Any]:
         end = joint.needed(side, what)
         end.only_attributes("link")
         ends[side] = end.word("link", f"{what} <{side}>")
-    record = {"name": name, "type": TYPES[kind], **ends, "frame": pose(joint.one("origin"))}
+    frame = reading.attempt(pose, joint.one("origin"))
+    record: dict[str, Any] = {"name": name, "type": TYPES[kind], **ends, "frame": frame}
     if kind == "fixed":
         for tag in ("axis", "limit", "dynamics", "mimic"):
             if joint.one(tag) is not None:
                 reading.ignored[f"fixed joint/{tag}"] += 1
         return record
-    record["axis"] = _axis(reading, joint, what)
-    limits = _limits(reading, joint, kind)
-    friction = _friction(reading, joint, record["type"])
+    record["axis"] = reading.attempt(_axis, reading, joint, what)
+    limits = reading.attempt(_limits, reading, joint, kind)
+    friction = reading.attempt(_friction, reading, joint, record["type"])
     return {**record, "limits": limits, **({"friction": friction} if friction else {})}
 
 
@@ -157,7 +158,7 @@ def with_mimic(reading: UrdfReading, joint: Element, record: dict[str, Any]) -> 
         DescriptionError: it follows by a multiplier of 0.
     """
     mimic = joint.one("mimic")
-    if mimic is None or record["type"] == "fixed":
+    if mimic is None or record["type"] == "fixed" or None in (record["frame"], record["axis"]):
         return record
     mimic.only_attributes("joint", "multiplier", "offset")
     master, name = mimic.word("joint"), record["name"]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.description.mesh_path import find_mesh
+from armwright.description.mesh_path import find_mesh, mesh_below
 from armwright.description.urdf.joints import bounded, pose
 from armwright.description.urdf.reading import UrdfReading
 from armwright.description.xml_tree import Element
@@ -36,14 +36,11 @@ def link_record(reading: UrdfReading, link: Element) -> dict[str, Any]:
         reading.remark("link", name, "no inertia is stated: massless")
         return {"name": name, "mass_kg": 0.0, "com_m": [0.0] * 3, "inertia_kg_m2": dict.fromkeys(ENTRIES, 0.0)}
     reading.check_children(inertial)
-    mass_tag, tensor_tag = inertial.needed("mass", what), inertial.needed("inertia", what)
-    mass_tag.only_attributes("value")
+    mass, frame = reading.attempt(_mass, inertial, what), reading.attempt(pose, inertial.one("origin"))
+    tensor_tag = inertial.needed("inertia", what)
     tensor_tag.only_attributes(*(f"i{entry}" for entry in ENTRIES))
-    mass = bounded(mass_tag, [mass_tag.number("value")])[0]
-    if mass < 0:
-        raise mass_tag.error(place=f"{what} mass", value=mass, expected="a number of 0 or more")
     entries = bounded(tensor_tag, [tensor_tag.number(f"i{entry}") for entry in ENTRIES])
-    frame = pose(inertial.one("origin"))
+    frame = frame or pose(None)
     if any(frame["rpy_rad"]):
         entries = _turned(entries, rotation_rpy(*frame["rpy_rad"]))
     entries = [
@@ -56,6 +53,16 @@ def link_record(reading: UrdfReading, link: Element) -> dict[str, Any]:
         raise tensor_tag.error(place=f"{what} inertia", value=moments, expected=expected)
     tensor = dict(zip(ENTRIES, entries, strict=True))
     return {"name": name, "mass_kg": mass, "com_m": frame["xyz_m"], "inertia_kg_m2": tensor}
+
+
+def _mass(inertial: Element, what: str) -> float:
+    """[kg]."""
+    tag = inertial.needed("mass", what)
+    tag.only_attributes("value")
+    mass = bounded(tag, [tag.number("value")])[0]
+    if mass < 0:
+        raise tag.error(place=f"{what} mass", value=mass, expected="a number of 0 or more")
+    return mass
 
 
 def _turned(entries: list[float], rotation: np.ndarray) -> list[float]:
@@ -127,9 +134,11 @@ def _solid(reading: UrdfReading, shape: Element, link: str) -> dict[str, Any] | 
         if Path(name).suffix.lower() not in READ_MESHES:  # never looked for, wherever it lies
             reading.remark("link", link, f"a mesh is no {', '.join(READ_MESHES)}, and is not drawn")
             return None
-        path = find_mesh(shape, name, reading.path, reading.packages)
+        path = mesh_below(name, reading.meshes) or find_mesh(shape, name, reading.path, reading.packages)
         if path is None:
-            reading.remark("link", link, "a mesh is not on the search path, and is not drawn")
+            reading.remark(
+                "link", link, "a mesh is not on the search path, and is not drawn; meshes = FOLDER says where it lies"
+            )
             return None
         return {"shape": "mesh", "file": str(path), "scale": scale}
     if shape.tag == "capsule":

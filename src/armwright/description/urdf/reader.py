@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
 from armwright.description.drive_file import PLACEHOLDER, add_drives, find_drive_file, read_drive_file
 from armwright.description.friction import check_smoothing
-from armwright.description.mesh_path import package_folders
+from armwright.description.mesh_path import mesh_folders, package_folders
+from armwright.description.paths import UNNAMEABLE
 from armwright.description.robot import RobotDescription
 from armwright.description.urdf.joints import check_masters, joint_record, with_mimic
 from armwright.description.urdf.links import colours, link_record, visuals
@@ -22,13 +22,13 @@ from armwright.validation import validated
 
 MIMIC = ("coupled", "independent", "fixed")
 MOST_LINKS = 2000  # a tree of more is no robot, and would keep its checks busy for minutes
-UNNAMEABLE = re.compile(r"[\s.\[\]]")
 
 
 def read_urdf(
     path: str | os.PathLike[str],
     *,
     packages: Iterable[str | os.PathLike[str]] = (),
+    meshes: str | os.PathLike[str] | Iterable[str | os.PathLike[str]] = (),
     drive: str | os.PathLike[str] | None = None,
     smoothing: float | None = None,
     mimic: str = "coupled",
@@ -39,6 +39,7 @@ def read_urdf(
     Args:
         path: the file.
         packages: folders in which `package://` looks first; then ROS_PACKAGE_PATH and the parents of the file.
+        meshes: folder or folders where meshes lie; looked through first, for the longest end of a mesh's path that is there.
         drive: the file of the drive train; by default NAME.drive.toml beside NAME.urdf, where there is one.
         smoothing: speed [rad/s | m/s] over which Coulomb friction changes its sign, an estimate of the caller's; by default
             it is not smoothed, and sticks in simulation.
@@ -59,10 +60,13 @@ def read_urdf(
     drives = None if beside is None else read_drive_file(beside)
     if isinstance(ignore, str):
         raise DescriptionError(place="ignore", value=ignore, expected=f"a list of tags, [{ignore!r}]")
-    reading = UrdfReading(file, package_folders(file, packages), smoothing, mimic, frozenset(ignore), drives)
-    record = _record(reading, robot)
+    folders = package_folders(file, packages)
+    reading = UrdfReading(file, folders, mesh_folders(meshes), smoothing, mimic, frozenset(ignore), drives)
+    record = reading.attempt(_record, reading, robot)
     ratios = reductions(reading, robot)
-    reading.check_ignore()
+    reading.attempt(reading.check_ignore)
+    reading.check_wrong()
+    assert record is not None
     if beside is not None and drives is not None:
         add_drives(beside, drives, record, ratios)
     for joint in record["joints"]:
@@ -85,16 +89,21 @@ def _record(reading: UrdfReading, robot: Element) -> dict[str, Any]:
         raise robot.error("missing", place=f"robot {name!r} <link>", expected="at least one")
     if max(len(robot.all("link")), len(robot.all("joint"))) > MOST_LINKS:
         raise robot.error(f"more than {MOST_LINKS} links or joints", place=f"robot {name!r}", expected="one robot")
-    root = _root(robot)
-    named = colours(robot)
-    joints = [with_mimic(reading, joint, joint_record(reading, joint)) for joint in robot.all("joint")]
-    check_masters(robot.all("joint"), joints)
+    root = reading.attempt(_root, robot) or ""
+    named = reading.attempt(colours, robot) or {}
+    read = [reading.attempt(joint_record, reading, joint) for joint in robot.all("joint")]
+    pairs = [(joint, each) for joint, each in zip(robot.all("joint"), read, strict=True) if each is not None]
+    read = [reading.attempt(with_mimic, reading, *pair) for pair in pairs]
+    joints = [each for each in read if each is not None]
+    if len(joints) == len(robot.all("joint")):
+        reading.attempt(check_masters, robot.all("joint"), joints)
     links = []
     for link in robot.all("link"):
-        seen = visuals(reading, link, named)
-        if link.attributes["name"] == root and link.one("inertial") is None and not seen:
+        seen = reading.attempt(visuals, reading, link, named)
+        if link.attributes.get("name") == root and not link.all("inertial") and not seen:
             continue  # nothing but a name for the base
-        links.append(link_record(reading, link) | ({"visuals": seen} if seen else {}))
+        read_link = reading.attempt(link_record, reading, link)
+        links += [] if read_link is None else [read_link | ({"visuals": seen} if seen else {})]
     base = root
     if any(link["name"] == root for link in links):
         base = _base_for(joints, links)
@@ -186,13 +195,13 @@ def _check_expanded(reading: UrdfReading, element: Element) -> None:
 
 
 def _check_plain(elements: dict[str, Element]) -> None:
-    """Refuses names that would be one, once they are without spaces, dots and brackets."""
+    """Refuses names that would be one, once they are without brackets and quotation marks."""
     first: dict[str, str] = {}
     for name, element in elements.items():
         plain = UNNAMEABLE.sub("_", name)
         if plain in first:
             twin = f"{first[plain]!r} (line {elements[first[plain]].line})"
-            what = f"this and {twin} would both be called {plain!r}, as names hold no spaces, dots and brackets"
+            what = f"this and {twin} would both be called {plain!r}, as names hold no brackets and quotation marks"
             raise element.error(what, place=f"{element.tag} {name!r}", expected="names that stay different")
         first[plain] = name
 
@@ -216,7 +225,7 @@ def _check_gazebo(reading: UrdfReading, robot: Element) -> None:
 
 
 def _validated(reading: UrdfReading, record: dict[str, Any]) -> RobotDescription:
-    """The record with names that a robot file may use, checked as any robot is."""
+    """The record with names that paths of numbers can hold, checked as any robot is."""
     _rename(reading, record)
     record |= {"notes": reading.notes(), "remarks": tuple(map(str, reading.remarks.problems()))}
     file = reading.path if reading.drives is None else f"{reading.path} with its drive file"
@@ -224,7 +233,7 @@ def _validated(reading: UrdfReading, record: dict[str, Any]) -> RobotDescription
 
 
 def _rename(reading: UrdfReading, record: dict[str, Any]) -> None:
-    """Names without spaces, dots and brackets, which the paths of numbers are made of."""
+    """Names without brackets and quotation marks, which paths of numbers need for themselves."""
 
     def plain(name: str) -> str:
         new = UNNAMEABLE.sub("_", name)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, TypeVar
 
-from armwright.description.drive_file import DriveFile, JointDrive
+from armwright.description.drive_file import DriveFile, JointDrive, free_key
 from armwright.description.xml_tree import Element
-from armwright.errors import DescriptionError, Findings, Problem
+from armwright.errors import MOST, DescriptionError, Findings, Problem
+
+Result = TypeVar("Result")
 
 READ: dict[str, tuple[str, ...]] = {
     "robot": ("link", "joint", "transmission", "material", "gazebo"),
@@ -67,6 +70,7 @@ class UrdfReading:
 
     path: Path
     packages: tuple[Path, ...] = ()
+    meshes: tuple[Path, ...] = ()
     smoothing: float | None = None
     mimic: str = "coupled"
     ignore: frozenset[str] = frozenset()
@@ -75,20 +79,38 @@ class UrdfReading:
     remarks: Findings = field(default_factory=Findings)
     renamed: dict[str, str] = field(default_factory=dict)
     dropped: set[str] = field(default_factory=set)  # of `ignore`, what was found
+    wrong: list[Problem] = field(default_factory=list)  # all that makes the file unreadable
 
     @property
     def source(self) -> str:
         """The key of [sources] that the URDF's numbers get: none of the drive file's."""
-        return self._free_key("urdf_file")
+        return free_key("urdf_file", self.drives)
 
     @property
     def smoothing_source(self) -> str:
         """The key of [sources] of a smoothing speed that the caller gave."""
-        return self._free_key("smoothing_argument")
+        return free_key("smoothing_argument", self.drives)
 
-    def _free_key(self, key: str) -> str:
-        taken = {} if self.drives is None else self.drives.sources
-        return next(name for name in (key, *(f"{key}_{k}" for k in range(2, len(taken) + 3))) if name not in taken)
+    def attempt(self, read: Callable[..., Result], *arguments: Any) -> Result | None:
+        """The result of reading one part; None where that is wrong, which is kept with what else is."""
+        try:
+            return read(*arguments)
+        except DescriptionError as error:
+            self._keep(error)
+            return None
+
+    def _keep(self, error: DescriptionError) -> None:
+        """Keeps what is wrong, as far as anybody reads it."""
+        self.wrong += error.problems[: max(MOST - len(self.wrong), 0)]
+
+    def check_wrong(self) -> None:
+        """Refuses the file where parts of it were wrong.
+
+        Raises:
+            DescriptionError: with all that was found.
+        """
+        if self.wrong:
+            raise DescriptionError.of(*(each for k, each in enumerate(self.wrong) if each not in self.wrong[:k]))
 
     def remark(self, kind: str, name: str, what: str) -> None:
         """A remark for the user about a link or joint."""
@@ -101,8 +123,7 @@ class UrdfReading:
     def check_children(self, element: Element) -> None:
         """Counts what is harmless in an element, and refuses what nobody would read.
 
-        Raises:
-            DescriptionError: a tag that is neither read nor known to be harmless.
+        A tag that is neither read nor known to be harmless is kept as wrong.
         """
         read = READ.get(element.tag, ())
         if element.text.strip():
@@ -115,9 +136,10 @@ class UrdfReading:
                 self.leave_out(child.tag, child.tag if element.tag == "robot" else f"{element.tag}/{child.tag}")
             elif child.tag.startswith("xacro:"):
                 what = f"a tag of xacro, a program that writes URDF: run it first, xacro {self.path.name} > robot.urdf"
-                raise child.error(what)
+                self._keep(child.error(what))
             else:
-                raise unknown_tag(child, f"<{element.tag}>", (*read, *HARMLESS.get(element.tag, ())))
+                known = (*read, *HARMLESS.get(element.tag, ()))
+                self._keep(unknown_tag(child, f"<{element.tag}>", known))
 
     def leave_out(self, tag: str, place: str) -> None:
         """Counts a tag as ignored."""
@@ -143,7 +165,7 @@ class UrdfReading:
             parts.append(f"Ignored, as harmless to the dynamics: {', '.join(counted)}.")
         if self.renamed:
             names = (f"{old} → {new}" for old, new in self.renamed.items())
-            parts.append(f"Renamed, as names hold no spaces, dots and brackets: {', '.join(names)}.")
+            parts.append(f"Renamed, as names hold no brackets and quotation marks: {', '.join(names)}.")
         return " ".join(parts)
 
 

@@ -11,40 +11,46 @@ TAGS = ("mechanicalReduction", "mechanical_reduction")
 def reductions(reading: UrdfReading, robot: Element) -> dict[str, float]:
     """Motor radians per joint radian (or metre), by joint; transmissions of several joints are remarked and left out.
 
-    Raises:
-        DescriptionError: a reduction that is no number other than 0, two transmissions for a joint that disagree, or a tag
-            that nobody would read.
+    A reduction that is no number other than 0, two transmissions for a joint that disagree, and tags that nobody would read
+    are kept as wrong.
     """
     by_joint: dict[str, float] = {}
     known = {joint.attributes.get("name") for joint in robot.all("joint")}
     for transmission in robot.all("transmission"):
-        name = transmission.attributes.get("name", "")
-        joints = [joint.attributes.get("name", "") for joint in transmission.all("joint")]
-        ends = [*transmission.all("actuator"), *transmission.all("joint")]
-        _check(reading, transmission, name, read=("joint", "actuator"))
-        for end in ends:
-            _check(reading, end, name)
-        places = (
-            *transmission.all("actuator"),
-            transmission,
-            *transmission.all("joint"),
-        )  # the first that says it holds
-        ratios = [ratio for place in places for ratio in _ratios(place)]
-        strangers = [joint for joint in joints if joint not in known]
-        if strangers:
-            reading.remark("transmission", name, f"its joint {strangers[0]!r} does not exist, and it is not used")
-            continue
-        if len(joints) != 1 or len(transmission.all("actuator")) > 1:
-            if any(abs(ratio) != 1.0 for ratio in ratios):
-                reading.remark("transmission", name, "couples several joints or motors, and is not used")
-            reading.ignored["transmission of several joints"] += 1
-            continue
-        ratio = ratios[0] if ratios else 1.0
-        if by_joint.get(joints[0], ratio) != ratio:
-            expected = f"{by_joint[joints[0]]:g}, as in the transmission before"
-            raise transmission.error(place=f"joint {joints[0]!r} mechanicalReduction", value=ratio, expected=expected)
-        by_joint[joints[0]] = ratio
+        reading.attempt(_add_reduction, reading, transmission, known, by_joint)
     return by_joint
+
+
+def _add_reduction(
+    reading: UrdfReading, transmission: Element, known: set[str | None], by_joint: dict[str, float]
+) -> None:
+    """Adds the reduction of a transmission to those by joint."""
+    name = transmission.attributes.get("name", "")
+    joints = [joint.attributes.get("name", "") for joint in transmission.all("joint")]
+    ends = [*transmission.all("actuator"), *transmission.all("joint")]
+    _check(reading, transmission, name, read=("joint", "actuator"))
+    for end in ends:
+        _check(reading, end, name)
+    places = (
+        *transmission.all("actuator"),
+        transmission,
+        *transmission.all("joint"),
+    )  # the first that says it holds
+    ratios = [ratio for place in places for ratio in _ratios(place)]
+    strangers = [joint for joint in joints if joint not in known]
+    if strangers:
+        reading.remark("transmission", name, f"its joint {strangers[0]!r} does not exist, and it is not used")
+        return
+    if len(joints) != 1 or len(transmission.all("actuator")) > 1:
+        if any(abs(ratio) != 1.0 for ratio in ratios):
+            reading.remark("transmission", name, "couples several joints or motors, and is not used")
+        reading.ignored["transmission of several joints"] += 1
+        return
+    ratio = ratios[0] if ratios else 1.0
+    if by_joint.get(joints[0], ratio) != ratio:
+        expected = f"{by_joint[joints[0]]:g}, as in the transmission before"
+        raise transmission.error(place=f"joint {joints[0]!r} mechanicalReduction", value=ratio, expected=expected)
+    by_joint[joints[0]] = ratio
 
 
 def _check(reading: UrdfReading, element: Element, name: str, read: tuple[str, ...] = ()) -> None:

@@ -41,7 +41,7 @@ def with_values(robot: RobotDescription, values: Mapping[str, Any], source: str 
         try:
             read = reading_at(robot, path)(whole.tolist() if isinstance(whole, np.ndarray) else whole)
         except ValueError as error:
-            problem = replace(error.problem if isinstance(error, Invalid) else Problem(str(error)), value=value)
+            problem = replace(error.problems[0] if isinstance(error, Invalid) else Problem(str(error)), value=value)
             raise DescriptionError.of(problem.within(f"with_values: {name}", robot.name)) from None
         changes[path] = Quantity(**{"source": source, **(read if isinstance(read, dict) else dict(read))})
     fields = {name: _with(getattr(robot, name), changes, name) for name in ("gravity_m_s2", "supply")}

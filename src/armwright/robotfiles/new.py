@@ -1,0 +1,155 @@
+"""A robot file to fill in: geometry and masses of another file, or of none, and every key that the drives need as "TODO"."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from armwright.description import RobotDescription, read_description
+from armwright.description.drive import COMMAND_NEEDS
+from armwright.description.todo import TODO
+from armwright.description.writer import to_toml
+from armwright.errors import DescriptionError, OutputError
+from armwright.output import check_destination, whole_file
+
+MOST_JOINTS = 100
+DATASHEET = f"""
+[sources.datasheet]
+kind = "datasheet"
+text = "{TODO}"
+"""
+COMMANDED = {"voltage": ("voltage_v",), "current": ("current_a",), "torque": ()}  # limits that a command needs
+INERTIA = ", ".join(f'{entry} = "{TODO}"' for entry in ("xx", "xy", "xz", "yy", "yz", "zz"))
+JOINT = f"""
+[[joints]]
+name = "joint{{k}}"
+type = "revolute"
+parent = "{{parent}}"
+child = "link{{k}}"
+frame = {{{{ xyz_m = "{TODO}", rpy_rad = [0, 0, 0] }}}}
+axis = "{TODO}"
+
+[[links]]
+name = "link{{k}}"
+mass_kg = "{TODO}"
+com_m = "{TODO}"
+inertia_kg_m2 = {{{{ {INERTIA} }}}}
+"""
+
+
+def new_robot(
+    path: str | os.PathLike[str],
+    source: str | os.PathLike[str] | None = None,
+    *,
+    joints: int | None = None,
+    command: str = "current",
+    **reading: Any,
+) -> tuple[str, ...]:
+    """Writes a robot file to start from; what is still to be filled in is "TODO", and `check` says where to find each number.
+
+    Args:
+        path: of the TOML file, which must not exist.   source: a URDF, an MJCF or a TOML database, or a built-in name, whose
+            geometry, masses and limits it has.   joints: number of revolute joints without a source.
+        command: "voltage", "current" or "torque": what its drives are told, which says what they need.
+        reading: what a URDF or an MJCF leaves open, as for `load`.
+    Returns:
+        notes: what was left out or doubtful in the source.
+    Raises:
+        DescriptionError: a source that cannot be believed, neither source nor joints.   OutputError: a file that is there.
+    """
+    target = check_destination(path, (".toml",), read=(source,))
+    if target.exists():
+        raise OutputError(
+            "is there already", file=target, expected="a new file; `armwright check` says what is to be done in it"
+        )
+    if command not in COMMAND_NEEDS:
+        raise DescriptionError(place="command", value=command, choices=COMMAND_NEEDS)
+    if (source is None) == (joints is None):
+        what = "not beside a robot file" if source is not None else "missing"
+        raise DescriptionError(what, place="joints", expected="a robot file to start from, or a number of joints")
+    if source is None:
+        if isinstance(joints, bool) or not isinstance(joints, int) or not 1 <= joints <= MOST_JOINTS:
+            raise DescriptionError(place="joints", value=joints, expected=f"a whole number from 1 to {MOST_JOINTS}")
+        text, notes = _empty(target.stem, joints), ()
+    else:
+        robot = read_description(source, **reading)
+        text, notes = _of(robot, target.parent)
+    with whole_file(target) as temporary:
+        temporary.write_text(_with_drives(text, command), encoding="utf-8", newline="\n")
+    return notes
+
+
+def _empty(name: str, joints: int) -> str:
+    """An arm of n joints of which nothing is known."""
+    name = re.sub(r'[\s"\[\]\\]', "_", name)
+    head = f'name = "{name}"\nsource = "datasheet"\n'
+    parents = ("base", *(f"link{k}" for k in range(1, joints)))
+    return head + "".join(JOINT.format(k=k, parent=parent) for k, parent in enumerate(parents, 1))
+
+
+def _of(robot: RobotDescription, folder: Path) -> tuple[str, tuple[str, ...]]:
+    """The text of a description for another folder, and its remarks."""
+    remarks, plain = robot.remarks, robot.model_copy(update={"remarks": (), "built_from": None})
+    try:
+        return to_toml(plain, folder), remarks
+    except OutputError:  # meshes elsewhere
+        links = tuple(link.model_copy(update={"visuals": ()}) for link in robot.links)
+        what = f"visuals are left out: their meshes are not below {os.fspath(folder.resolve())!r}"
+        return to_toml(plain.model_copy(update={"links": links}), folder), (*remarks, what)
+
+
+def _with_drives(text: str, command: str) -> str:
+    """The canonical text of a robot with TODO for all that its drives need and that is not there."""
+    blocks = re.split(r"\n(?=\[)", text.rstrip("\n") + "\n")
+    about = (
+        f'# Fill in each "{TODO}": `armwright check` on this file says what is wanted, and where a datasheet has it.\n'
+    )
+    head = about + "".join(line for line in blocks[0].splitlines(keepends=True) if not line.startswith("command = "))
+    done = [
+        head.rstrip("\n") + f'\ncommand = "{command}"  # or "voltage", "current", "torque"; in a joint for that one\n'
+    ]
+    if not any(block.startswith("[sources.datasheet]") for block in blocks):
+        done.append(DATASHEET.lstrip("\n"))
+    k = 1
+    while k < len(blocks):
+        block, k = blocks[k], k + 1
+        if not block.startswith("[[joints]]"):
+            done.append(block)
+            continue
+        tables = {"": "".join(line for line in block.splitlines(keepends=True) if not line.startswith("command = "))}
+        while k < len(blocks) and blocks[k].startswith("[joints."):
+            tables[blocks[k].partition("]")[0].removeprefix("[joints.")] = blocks[k]
+            k += 1
+        done += _joint(tables, command)
+    return "\n".join(done)
+
+
+def _joint(tables: dict[str, str], command: str) -> Iterator[str]:
+    """The tables of a joint, those of its drive filled up."""
+    own = tables.pop("")
+    yield own
+    if 'type = "fixed"' not in own and "\nmimic = " not in own:
+        for name, keys in _needed(own, command).items():
+            given = tables.get(name)
+            lines = (given or f'[joints.{name}]\nsource = "datasheet"\n').rstrip("\n") + "\n"
+            quoted = f'"{TODO}"' if given is None else f'{{ value = "{TODO}", source = "datasheet" }}'
+            missing = [key for key in keys if f"\n{key} = " not in lines]
+            is_known = name == "friction" and given is not None
+            tables[name] = lines + "".join(f"{key} = {quoted}\n" for key in missing if not is_known)
+    yield from tables.values()
+
+
+def _needed(joint: str, command: str) -> dict[str, tuple[str, ...]]:
+    """Keys of the drive of a joint, by table."""
+    unit, effort, viscous = (
+        ("m", "n", "n_s_per_m") if 'type = "prismatic"' in joint else ("rad", "n_m", "n_m_s_per_rad")
+    )
+    limit = "force_n" if effort == "n" else "torque_n_m"
+    return {
+        "motor": ("gear_ratio", "rotor_inertia_kg_m2", *reversed(COMMAND_NEEDS[command])),
+        "friction": (f"viscous_{viscous}", f"coulomb_positive_{effort}", f"coulomb_negative_{effort}"),
+        "limits": (f"position_{unit}", f"velocity_{unit}_per_s", limit, *COMMANDED[command]),
+    }
