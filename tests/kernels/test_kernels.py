@@ -190,7 +190,7 @@ def test_wrong_arrays(compiled, call, message):
 
 def test_unknown_kernel_and_target(compiled):
     """The nearest names are offered."""
-    with pytest.raises(AttributeError, match="did you mean mass_matrix"):
+    with pytest.raises(AttributeError, match="here it is mass_matrix"):
         compiled["puma560"].massmatrix  # noqa: B018
     with pytest.raises(ModelError) as error:
         aw.compile(aw.load("two-link"), target="x86-64-v9")
@@ -243,3 +243,9 @@ def test_every_method_comes_from_the_table():
         for argument in (*signature.inputs, *signature.optional, *signature.outputs):
             assert f"{argument.name}: (…" in text
             assert f"[{argument.unit}]" in text
+
+
+def test_a_transposed_batch_is_recognised(compiled):
+    with pytest.raises(ShapeError) as refused:
+        compiled["puma560"].mass_matrix(np.zeros((6, 100)))
+    assert refused.value.expected == "(…, 6); .T?"

@@ -104,6 +104,20 @@ def test_a_table_is_read_row_by_row_and_memory_is_kept():
     np.testing.assert_array_equal(found[:, 2, 1], np.cumsum(table[:, 0]))
 
 
+def test_a_row_that_programs_read_in_place_is_no_block():
+    count = trace("count", lambda r, m: m + r[0] * r[1], {"r": (2,), "m": (1,)}, ("m_next",))
+    table = np.random.default_rng(0).normal(size=(7, 2))
+    sums = []
+    for spread in (True, False):
+        loop = Loop((Table("r", 2, spread=spread), Call(count)), select_target())
+        lanes = loop.lanes(11)
+        assert ("r" in lanes.blocks) == spread
+        loop.run(lanes, 0.0, (1, 7), tables={"r": table})
+        sums.append(lanes.get("m"))
+    np.testing.assert_array_equal(*sums)
+    np.testing.assert_allclose(sums[0], table[1:].prod(axis=1).sum())
+
+
 def segments(x, changes, substeps=1):
     """One tick of several held commands: (from, command) pairs in order of time."""
     edges = [*(t for t, _ in changes), H]

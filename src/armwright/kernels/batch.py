@@ -103,14 +103,14 @@ class Kernel:
                     return self._any(arrays, out, threads)
         except (AttributeError, KeyError, TypeError, ValueError, BufferError):
             return self._any(arrays, out, threads)
-        if threads > 1 and count >= 2 * self._least:
+        if threads > 1 and count >= 2 * self.least:
             return self._any(arrays, out, threads)
         if not self._run_separate(count, *addresses):  # an output lies over an input
             return self._any(arrays, out, threads)
         return results[0] if len(results) == 1 else tuple(results)
 
     @property
-    def _least(self) -> int:
+    def least(self) -> int:
         """States that are worth a thread."""
         return TILES_A_THREAD * self.target.width
 
@@ -180,7 +180,7 @@ class Kernel:
             sinks = (address + first * size for address, size in zip(outputs, sizes, strict=True))
             self._run(last - first, *itertools.chain.from_iterable(sources), *sinks)
 
-        parts = min(threads, count // self._least)
+        parts = min(threads, count // self.least)
         if parts <= 1:
             run(0, count)
             return
@@ -311,6 +311,7 @@ def common_lead(place: str, arrays: Sequence[Any], expected: list[tuple[str, tup
         split = array.ndim - len(shape)
         if split < 0 or array.shape[split:] != shape:
             wanted = f"(…, {', '.join(map(str, shape))})"
+            wanted += "; .T?" if len(shape) == 1 and array.ndim == 2 and array.shape[0] == shape[0] else ""
             raise ShapeError(f"shape {array.shape}", place=f"{place}: {name}", expected=wanted)
         leads.append(array.shape[:split])
     if all(lead == leads[0] for lead in leads):

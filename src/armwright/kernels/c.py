@@ -163,13 +163,13 @@ class Unit:
             for e, value in enumerate(values)
         ]
         body = m.text(stores)
-        unread = [f"    (void){ports[k]};" for k in range(len(inputs)) if not _mentions(body, ports[k])]
+        unread = [f"    (void){ports[k]};" for k in range(len(inputs)) if inputs[k] and not _mentions(body, ports[k])]
         return [*unread, body]
 
     def _in_pieces(self, program: Program, name: str, parts: Cut) -> list[str]:
         """A body of calls. Pieces read copies of the inputs, as an output may lie over an input that is read later."""
         ports, real = port_names(program), self.dialect.real
-        sizes = {port: each.size for port, each in zip(ports, program.inputs, strict=False)}
+        sizes = {port: each.size for port, each in zip(ports, program.inputs, strict=False) if each.size}
         work = _unlike("work", ports)
         copies = {port: _unlike(f"copy_of_{port}", [*ports, work]) for port in sizes}
         calls, used = [], set()

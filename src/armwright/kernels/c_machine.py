@@ -99,7 +99,7 @@ class CMachine(Machine):
         """All results of a program's function, through arrays.
 
         A call whose arguments differ from the last one's by nothing but that one's results is the next step of an iteration:
-        it is left out where these are what they were before.
+        it is left out where these are what they were before. A conditional program is left out where it is not needed.
         """
         real, values = self.dialect.real, iter(arguments)
         arrays, lines, results = [], [], []
@@ -114,12 +114,14 @@ class CMachine(Machine):
         for port in program.outputs:
             arrays.append(self._fresh("v"))
             kept = f" = {{{', '.join(returned[first : first + port.size])}}}" if goes_on else ""
+            kept = " = {0}" if program.conditional else kept
             lines.append(f"{real} {arrays[-1]}[{port.size}]{kept};")
             results += [f"{arrays[-1]}[{e}]" for e in range(port.size)]
             first += port.size
         call = f"{name}({', '.join(arrays)});"
         differs = " || ".join(f"{arguments[k]} != {before[k]}" for k in changed)
-        lines.append(f"if ({differs}) {{\n    {call}\n}}" if goes_on else call)
+        differs = f"{arguments[0]} != 0" if program.conditional else differs
+        lines.append(f"if ({differs}) {{\n    {call}\n}}" if goes_on or program.conditional else call)
         self._called[name] = list(arguments), results
         self._lines.append((tuple(arrays), "\n".join(lines)))
         self._fused.update(results)

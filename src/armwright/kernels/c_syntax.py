@@ -95,8 +95,12 @@ def port_names(program: Program) -> list[str]:
 
 
 def parameters(program: Program, real: str, sizes: Sequence[str] | None = None) -> str:
-    """The parameter list of a program's function; `sizes` are what stands in the brackets of every array."""
+    """The parameter list of a program's function; `sizes` are what stands in the brackets of every array.
+
+    A port without entries is left out: C has no such arrays.
+    """
     names, ports = port_names(program), (*program.inputs, *program.outputs)
     sizes = [str(port.size) for port in ports] if sizes is None else sizes
     const = ["const "] * len(program.inputs) + [""] * len(program.outputs)
-    return ", ".join(f"{c}{real} {name}[{size}]" for c, name, size in zip(const, names, sizes, strict=True))
+    rows = zip(const, names, sizes, ports, strict=True)
+    return ", ".join(f"{c}{real} {name}[{size}]" for c, name, size, port in rows if port.size)

@@ -1,24 +1,31 @@
-"""CompiledArm: the kernels of one arm as methods, compiled when first used. The methods are made from the table."""
+"""CompiledArm: the kernels of one arm as methods, compiled when first used."""
 
 from __future__ import annotations
 
 import inspect
 import os
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from types import MethodType
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
-from armwright.errors import ModelError, Problem, ShapeError
+from armwright.errors import ModelError, ShapeError
 from armwright.kernels.format import DOUBLE, select_format
-from armwright.kernels.signatures import PARAMETERS, SIGNATURES, Signature, trace_kernel
+from armwright.kernels.kernel_methods import KernelMethods, Real
+from armwright.kernels.signatures import PARAMETERS, SIGNATURES, trace_kernel
 from armwright.model import Model, check_arm
+from armwright.notebook import repr_html
+from armwright.other_names import advice
+from armwright.progress import automatic
 
 if TYPE_CHECKING:
     from armwright.model.vary import Varied
 
+LIST = ", ".join(sorted(SIGNATURES))
 
-class CompiledArm:
+
+class CompiledArm(KernelMethods[Real]):
     """Kernels for one arm. Arrays are (…, *shape) and broadcast over their leading axes; each method takes `out=`.
 
     A copy, or a pickle that is read elsewhere, is of the same arm and compiles its kernels anew when they are used.
@@ -55,11 +62,15 @@ class CompiledArm:
         self._asked = target
         self._threads = os.cpu_count() or 1
         self._kernels: dict[tuple[Any, ...], Any] = {}
+        self._native: set[str] = set()  # kernels whose native call was asked for
+        self._general: CompiledArm | None = None
 
     def __repr__(self) -> str:
         varying = f", varying {', '.join(self.varied.names)}" if self.varied is not None else ""
         format = "" if self.format is DOUBLE else f" in {self.format.name}"
         return f"<compiled {self.arm.name} for {self.target.cpu}{format}, {self.target.width} states at once{varying}>"
+
+    _repr_html_ = repr_html
 
     def __reduce__(self) -> tuple[Any, ...]:
         vary = () if self.varied is None else self.varied.names
@@ -76,9 +87,16 @@ class CompiledArm:
         if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
             raise ModelError(place="threads", value=count, expected="a whole number, 1 or more")
         self._threads = int(count)
+        if self._general is not None:
+            self._general.threads = count
 
-    def __getattr__(self, name: str) -> Any:
-        raise AttributeError(str(Problem(place="kernel", value=name, choices=tuple(SIGNATURES))))
+    if not TYPE_CHECKING:  # a type checker refuses a kernel that there is not
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("_"):  # Python's own questions
+                raise AttributeError(name)
+            text = f"no kernel is called {name!r}{advice(name, SIGNATURES) or f'; there is {LIST}'}"
+            raise AttributeError(text, name=name, obj=self)  # Python adds the nearest name
 
     def kernel(self, name: str, *optional: str, **options: Any) -> Any:
         """The compiled kernel of that name; compiles it where this is its first use.
@@ -95,7 +113,8 @@ class CompiledArm:
         self._check_form(name, optional, options)
         key = (name, *optional, *sorted(options.items()))
         if key not in self._kernels:
-            self._kernels[key] = self._compiled(name, self._traced(name, optional, options))
+            with automatic(None, f"compiling {name} of {self.arm.name}"):
+                self._kernels[key] = self._compiled(name, self._traced(name, optional, options))
         return self._kernels[key]
 
     def derivative(self, name: str, by: str, *optional: str, **options: Any) -> Any:
@@ -119,7 +138,8 @@ class CompiledArm:
             known = [port.name for port in program.inputs]
             if by not in known:
                 raise ShapeError(place=f"{name}: input", value=by, choices=known)
-            self._kernels[key] = self._compiled(name, derivative(program, by))
+            with automatic(None, f"compiling {name} of {self.arm.name}"):
+                self._kernels[key] = self._compiled(name, derivative(program, by))
         return self._kernels[key]
 
     def _traced(self, name: str, optional: tuple[str, ...], options: dict[str, Any]) -> Any:
@@ -132,6 +152,28 @@ class CompiledArm:
 
         check = None if self.varied is None else _checked(self.varied, len(SIGNATURES[name].inputs))
         return Kernel(program, self.target, check, self.format)
+
+    def _call_natively(self, kernel: Any, method: Callable[..., Any]) -> None:
+        """Puts a native function in the place of a kernel's method, where there can be one.
+
+        It refers to a copy of this arm that has the same kernels and no native functions: if it referred to this one, which
+        refers to it, both would wait for the garbage collector, and their code with them.
+        """
+        name = method.__name__
+        self._native.add(name)
+        if self.varied is not None or getattr(type(self), name, None) is not method:  # a subclass has its own
+            return
+        from armwright.kernels.native_call import native_call
+
+        if self._general is None:
+            copy = object.__new__(CompiledArm)
+            vars(copy).update(vars(self))  # before the copy is an attribute, which would be copied too
+            self._general = copy
+        form = inspect.signature(method)
+        form = form.replace(parameters=[*form.parameters.values()][1:])
+        call = native_call(kernel, self._general, MethodType(method, self._general), str(form))
+        if call is not None:
+            setattr(self, name, call)
 
     @staticmethod
     def _check_form(name: str, optional: tuple[str, ...], options: dict[str, Any]) -> None:
@@ -213,73 +255,34 @@ def _checked(varied: Varied, place: int) -> Callable[[tuple[Any, ...]], None]:
     return check
 
 
-def _method(signature: Signature) -> Callable[..., Any]:
-    inputs = [a.name for a in signature.inputs]
-    optional = [a.name for a in signature.optional]
-    usual = (signature.name,)
-
-    def method(self: CompiledArm, *arrays: Any, out: Any = None, **named: Any) -> Any:
-        required = inputs if self.varied is None else [*inputs, PARAMETERS]
-        count = len(required)
-        if not named and len(arrays) == count and (kernel := self._kernels.get(usual)) is not None:
-            return kernel(*arrays, out=out, threads=self._threads)
-        options = {name: named.pop(name) for name in signature.options if named.get(name) is not None}
-        values = list(arrays)
-        for name in [*required, *optional][len(values) :]:
-            if name in named:
-                values.append(named.pop(name))
-            elif name in required:
-                raise ShapeError("missing", place=f"{signature.name}: {name}", expected=", ".join(required))
-        named = {name: value for name, value in named.items() if name not in signature.options}
-        if named or len(values) > len(required) + len(optional):
-            known = [*required, *optional, *signature.options]
-            if named:
-                raise ShapeError(place=f"{signature.name}: argument", value=next(iter(named)), choices=known)
-            raise ShapeError(f"{len(values)} arrays", place=signature.name, expected=", ".join(known))
-        if len(values) > len(required) and values[-1] is None:
-            values.pop()
-        kernel = self.kernel(signature.name, *optional[: len(values) - len(required)], **options)
-        return kernel(*values, out=out, threads=self._threads)
-
-    kind, keyword = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
-    parameters = [inspect.Parameter("self", kind), *(inspect.Parameter(name, kind) for name in inputs)]
-    parameters += [inspect.Parameter(name, kind, default=None) for name in optional]
-    parameters += [inspect.Parameter(name, keyword, default=None) for name in (*signature.options, "out")]
-    method.__name__ = signature.name
-    method.__qualname__ = f"CompiledArm.{signature.name}"
-    method.__doc__ = _docstring(signature)
-    method.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    return method
+@overload
+def compile_arm(
+    arm: Model,
+    target: str | None = None,
+    vary: Sequence[str] = (),
+    dtype: Literal["float64"] | type[np.float64] | np.dtype[np.float64] = "float64",
+) -> CompiledArm[np.float64]: ...
 
 
-OPTIONS = {"frame": "name of a frame of the arm; by default its tip"}
+@overload
+def compile_arm(
+    arm: Model,
+    target: str | None = None,
+    vary: Sequence[str] = (),
+    *,
+    dtype: Literal["float32"] | type[np.float32] | np.dtype[np.float32],
+) -> CompiledArm[np.float32]: ...
 
 
-def _docstring(signature: Signature) -> str:
-    equation = (signature.function.__doc__ or "").split("\n\n")[0]
-
-    def line(argument: Any) -> str:
-        return f"    {argument.name}: ({', '.join(['…', *map(str, argument.shape)])}) [{argument.unit}]"
-
-    inputs = [line(a) for a in signature.inputs] + [f"{line(a)}, optional" for a in signature.optional]
-    options = [f"    {name}: {OPTIONS[name]}." for name in signature.options]
-    out = "    out: where to write the result, of `dyn.dtype`."
-    if len(signature.outputs) > 1:
-        out = "    out: tuple of arrays to write the results into, of `dyn.dtype`."
-    outputs = [line(a) for a in signature.outputs]
-    raises = ["    ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip."]
-    if signature.most_joints is not None:
-        raises = [f"    ModelError: an arm of more than {signature.most_joints} joints, for which this is not offered."]
-    return "\n".join([equation, "", "Args:", *inputs, *options, out, "Returns:", *outputs, "Raises:", *raises])
-
-
-for _signature in SIGNATURES.values():
-    setattr(CompiledArm, _signature.name, _method(_signature))
+@overload
+def compile_arm(
+    arm: Model, target: str | None = None, vary: Sequence[str] = (), dtype: str | type | np.dtype = DOUBLE.name
+) -> CompiledArm[Any]: ...
 
 
 def compile_arm(
     arm: Model, target: str | None = None, vary: Sequence[str] = (), dtype: str | type | np.dtype = DOUBLE.name
-) -> CompiledArm:
+) -> CompiledArm[Any]:
     """Kernels for an arm, compiled when first used.
 
     Args:

@@ -9,31 +9,41 @@ each section where it finds room, so for it code is made in LLVM's *large* model
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, ClassVar, Protocol
 
 from llvmlite import binding
 
 from armwright.kernels import cache
 from armwright.kernels.target import LIBM, Target
 
-if TYPE_CHECKING:
-    from armwright.kernels.llvm import Module
-
 JITLINK = {"ELF": ("x86_64", "aarch64"), "MachO": ("x86_64", "arm64", "aarch64")}  # format: processors; not on Windows
 LIBRARY = "module"  # a linker has one library, of this name
+NO_SYMBOLS: Mapping[str, int] = MappingProxyType({})
+
+
+class Text(Protocol):
+    """A module that can be printed as LLVM text."""
+
+    def text(self) -> str:
+        """The text."""
+        ...
 
 
 class Engine:
     """Native code of one module. Functions obtained from it must keep it alive: dropping it unmaps the code."""
 
-    def __init__(self, target: Target, build: Callable[..., Module], *ingredients: Any):
+    def __init__(
+        self, target: Target, build: Callable[..., Text], *ingredients: Any, symbols: Mapping[str, int] = NO_SYMBOLS
+    ):
         """The code of `build(target.width, *ingredients)`, from the cache where it is there.
 
         Args:
             target: the processor.
             build: a function at the top level of a file of `kernels`; it sees nothing but its arguments.
             ingredients: programs, stages, numbers and strings that it makes the module of.
+            symbols: addresses of functions that the code calls beside those of `LIBM`, by name.
         """
         linked = linker(binding.get_default_triple())
         machine = binding.Target.from_default_triple().create_target_machine(
@@ -44,7 +54,7 @@ class Engine:
         if code is None:
             code = compiled(build(target.width, *ingredients), machine)
             cache.store(key, code)
-        self._linked = linked(code, machine)
+        self._linked = linked(code, machine, symbols)
 
     def function(self, name: str, *argument_types: type, result: type | None = None):
         """A callable of an exported function; the GIL is released while it runs."""
@@ -53,7 +63,7 @@ class Engine:
         return bound
 
 
-def compiled(module: Module, machine: binding.TargetMachine) -> bytes:
+def compiled(module: Text, machine: binding.TargetMachine) -> bytes:
     """Object code of a module."""
     parsed = binding.parse_assembly(module.text())
     parsed.triple = machine.triple  # both before the passes run, which crash without
@@ -70,10 +80,12 @@ class JitLinked:
 
     CODE: ClassVar[dict[str, Any]] = {"reloc": "pic", "codemodel": "small"}  # of the target machine
 
-    def __init__(self, code: bytes, machine: binding.TargetMachine):
+    def __init__(self, code: bytes, machine: binding.TargetMachine, symbols: Mapping[str, int] = NO_SYMBOLS):
         builder = binding.JITLibraryBuilder().add_object_img(code)
         for name in LIBM:
             builder.import_symbol(name, binding.address_of_symbol(name))
+        for name, address in symbols.items():
+            builder.import_symbol(name, address)
         # A linker each: one that is shared would keep some 10 kB of every module that it has ever seen.
         self._linker = binding.create_lljit_compiler(machine, use_jit_link=True)
         self._parts = [builder.link(self._linker, LIBRARY)]
@@ -90,7 +102,9 @@ class McjitLinked:
 
     CODE: ClassVar[dict[str, Any]] = {"jit": True}  # which is the large model
 
-    def __init__(self, code: bytes, machine: binding.TargetMachine):
+    def __init__(self, code: bytes, machine: binding.TargetMachine, symbols: Mapping[str, int] = NO_SYMBOLS):
+        for name, address in symbols.items():
+            binding.add_symbol(name, address)
         self._engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
         self._engine.add_object_file(binding.ObjectFileRef.from_data(code))
         self._engine.finalize_object()

@@ -7,6 +7,7 @@ one vector of W lanes, so nothing is transposed between them. What Python calls 
 from __future__ import annotations
 
 import functools
+from collections.abc import Set
 from dataclasses import dataclass, field
 
 from armwright.kernels.format import DOUBLE, FORMATS, Format
@@ -40,12 +41,18 @@ class Module:
         """The module."""
         return "\n\n".join([*sorted(self.declarations), *self.definitions.values(), *self.functions.values()])
 
-    def add_block_function(self, program: Program) -> str:
-        """`void name(in0, …, out0, …)` over blocks, not inlined; returns its name."""
+    def add_block_function(self, program: Program, rows: Set[str] = frozenset()) -> str:
+        """`void name(in0, …, out0, …)` over blocks, not inlined; returns its name.
+
+        Inputs named in `rows` are one number an entry, the same for all lanes.
+        """
         name = f"{program.name}.block"
         if name not in self.functions:
             m = self.machine()
-            inputs = [[m.load(f"%in{k}", e) for e in range(p.size)] for k, p in enumerate(program.inputs)]
+            inputs = [
+                [(m.load_spread if p.name in rows else m.load)(f"%in{k}", e) for e in range(p.size)]
+                for k, p in enumerate(program.inputs)
+            ]
             outputs = self._computed(m, program, inputs)
             for k, values in enumerate(outputs):
                 for entry, value in enumerate(values):
@@ -253,12 +260,15 @@ class Module:
         """Printer of calls of block functions for the walk: arguments and results go through the stack.
 
         A call whose arguments differ from the last one's by nothing but that one's results is the next step of an iteration.
-        It is left out where these are what they were before in every lane: the results are then the same as well.
+        It is left out where these are what they were before in every lane: the results are then the same as well. A conditional
+        program is left out where no lane needs it; its results are then 0, and not used.
         """
         last: dict[str, tuple[list[Value], list[str], list[str], list[Value]]] = {}
 
         def call(program: Program, arguments: list[Value]) -> list[Value]:
             name = self.add_block_function(program)
+            if program.conditional:
+                return self._called_where_needed(m, name, program, arguments)
             before, pointers, results, returned = last.get(name, ([], [], [], []))
             places = [(k, entry) for k, port in enumerate(program.inputs) for entry in range(port.size)]
             changed = [k for k, pair in enumerate(zip(arguments, before, strict=False)) if pair[0] != pair[1]]
@@ -268,7 +278,7 @@ class Module:
                 same = [m.int_eq(m.bits(arguments[k]), m.bits(before[k])) for k in changed]
                 m.branch(m.any(m.inverse(functools.reduce(m.both, same))), step, done)
                 m.label(step)
-            else:
+            elif not before:  # later calls set what has changed in the same places
                 changed = list(range(len(places)))
                 pointers = [m.reserve(port.size) for port in program.inputs]
                 results = [m.reserve(port.size) for port in program.outputs]
@@ -284,6 +294,27 @@ class Module:
             return loaded
 
         return call
+
+    def _called_where_needed(self, m: LlvmMachine, name: str, program: Program, arguments: list[Value]) -> list[Value]:
+        """A call behind a branch: results of a conditional program, 0 where no lane needs it."""
+        inputs, results = ([m.reserve(port.size) for port in ports] for ports in (program.inputs, program.outputs))
+        places = [(p, e) for p, port in zip(results, program.outputs, strict=True) for e in range(port.size)]
+        zero, needed = m.constant(0.0), m.any(m.is_true(arguments[0]))
+        step, skip, done = m.fresh("step"), m.fresh("skip"), m.fresh("done")
+        m.branch(needed, step, skip)
+        m.label(step)
+        given = iter(arguments)
+        for pointer, port in zip(inputs, program.inputs, strict=True):
+            for entry in range(port.size):
+                m.store(pointer, entry, next(given))
+        m.lines.append(f"  call void @{name}({', '.join(f'ptr {p}' for p in [*inputs, *results])})")
+        m.jump(done)
+        m.label(skip)
+        for pointer, entry in places:
+            m.store(pointer, entry, zero)
+        m.jump(done)
+        m.label(done)
+        return [m.load(pointer, entry) for pointer, entry in places]
 
     def _define(self, name: str, program: Program, m: LlvmMachine, *extra_parameters: str) -> None:
         parameters = [f"ptr noalias readonly %in{k}" for k in range(len(program.inputs))]

@@ -121,6 +121,13 @@ class LlvmMachine(Machine):
         """An entry of a block."""
         return self.emit(f"load {self.real}, ptr {self.entry(pointer, entry)}, align {self.bytes}")
 
+    def load_spread(self, pointer: str, entry: int) -> Value:
+        """An entry of a row of single numbers, in every lane."""
+        kind = self.format.real
+        place = f"getelementptr {kind}, ptr {pointer}, i64 {entry}"
+        number = self.emit(f"load {kind}, ptr {self.emit(place)}, align {self.format.bytes}")
+        return self.spread(number, kind, self.real)
+
     def store(self, pointer: str, entry: int, value: Value) -> None:
         """Sets an entry of a block."""
         place = self.entry(pointer, entry)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from armwright.kernels.llvm import Module
 from armwright.kernels.llvm_machine import LlvmMachine
 from armwright.kernels.machine import Value
-from armwright.kernels.stages import CURSOR, NEVER, NEXT, SINCE, Rows, Stage, block_sizes
+from armwright.kernels.stages import CURSOR, NEVER, NEXT, SINCE, Rows, Stage, block_sizes, unspread
 from armwright.program import Program
 
 ROWS = ("tick", "offset", "values")  # of all lanes' schedules, one behind another
@@ -16,7 +16,7 @@ class BlockPrinter:
 
     Attributes:
         m: the machine that prints.   w: lanes of a tile.   sizes: entries of every block.   schedules: stages whose rows
-            the integration stops at.
+            the integration stops at.   rows: tables' rows that are no blocks; `%"NAME.at"` is then one number an entry.
     """
 
     def __init__(self, module: Module, plan: tuple[Stage, ...]):
@@ -24,13 +24,14 @@ class BlockPrinter:
         self.m: LlvmMachine = module.machine()
         self.sizes = block_sizes(plan)
         self.schedules = [stage for stage in plan if isinstance(stage, Rows)]
+        self.rows = unspread(plan)
 
     def _out(self, line: str) -> None:
         self.m.lines.append(line)
 
     def _program(self, program: Program) -> None:
         """A program called on blocks."""
-        name = self.module.add_block_function(program)
+        name = self.module.add_block_function(program, self.rows)
         ports = ", ".join(f'ptr %"{port.name}.at"' for port in (*program.inputs, *program.outputs))
         self._out(f"  call void @{name}({ports})")
 

@@ -95,6 +95,9 @@ class _Printer(StepPrinter):
     def _table(self, stage: Table, label: str) -> None:
         m = self.m
         first = m.emit(f"mul i64 %row, {stage.entries}")
+        if not stage.spread:
+            self._out(f'  %"{stage.block}.at" = getelementptr double, ptr %"{stage.block}.table", i64 {first}')
+            return
         for entry in range(stage.entries):
             index = m.emit(f"add i64 {first}, {entry}")
             place = m.emit(f'getelementptr double, ptr %"{stage.block}.table", i64 {index}')

@@ -89,10 +89,17 @@ class Call:
 
 @dataclass(frozen=True)
 class Table:
-    """Row k of a table that all lanes share."""
+    """Row k of a table that all lanes share.
+
+    Attributes:
+        block, entries: what the row is called, and its numbers.
+        spread: each lane gets a copy of the row in its block; else the programs that read it read the row itself, which is
+            faster for a long row that is used once, and no other stage may use it.
+    """
 
     block: str
     entries: int
+    spread: bool = True
 
 
 @dataclass(frozen=True)
@@ -331,4 +338,10 @@ def block_sizes(stages: tuple[Stage, ...]) -> dict[str, int]:
             add("result", stage.result)
         else:
             add(stage.block, stage.entries)
-    return sizes
+    rows = unspread(stages)
+    return {name: entries for name, entries in sizes.items() if name not in rows}
+
+
+def unspread(stages: tuple[Stage, ...]) -> set[str]:
+    """Names of the table rows that programs read in place."""
+    return {stage.block for stage in stages if isinstance(stage, Table) and not stage.spread}

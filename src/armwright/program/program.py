@@ -14,6 +14,9 @@ from armwright.program.operations import by_code
 
 Value = int  # index of an instruction's result; every value is written once
 NO_OPERATIONS = ("INPUT", "OUTPUT", "CONST")  # instructions that compute nothing
+NEEDED = (
+    "needed"  # first input of a program whose results are not used where it is 0: compiled code may then leave it out
+)
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,11 @@ class Program:
     def instructions(self) -> tuple[Instruction, ...]:
         """The operations in order, in single assignment: CasADi's reused work slots are renamed."""
         return tuple(_read(self))
+
+    @property
+    def conditional(self) -> bool:
+        """True for a program that may be left out where its first input is 0."""
+        return bool(self.inputs) and self.inputs[0].name == NEEDED
 
     @cached_property
     def callees(self) -> dict[str, Program]:

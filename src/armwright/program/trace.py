@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -54,6 +55,22 @@ def trace(
     return _program(name, symbols, columns, noinline=noinline)
 
 
+def trace_within(name: str, function: Callable[..., Any], inputs: Mapping[str, Shape]) -> tuple[Program, np.ndarray]:
+    """The program of a function (…) → array that also uses symbols of the trace around it, and these.
+
+    They are its last input, "free", where there are any. It is never inlined, and a hash of its operations is in its name.
+    """
+    symbols = {key: _symbols(key, shape) for key, shape in inputs.items()}
+    result = np.asarray(function(*symbols.values()), dtype=object)
+    known = {entry.sx.element_hash() for array in symbols.values() for entry in array.flat}
+    free = [Symbol(each) for each in casadi.symvar(_column(result)) if each.element_hash() not in known]
+    if free:
+        symbols["free"] = np.array(free, dtype=object)
+    listing = str(_program(name, symbols, {name: result}, noinline=False).instructions)
+    name = f"{name}_{hashlib.sha256(listing.encode()).hexdigest()[:8]}"
+    return _program(name, symbols, {name: result}, noinline=True), np.array(free, dtype=object)
+
+
 def _program(name: str, symbols: dict[str, np.ndarray], results: dict[str, np.ndarray], *, noinline: bool) -> Program:
     graph = casadi.Function(
         name,
@@ -92,7 +109,10 @@ def _column(array: np.ndarray) -> casadi.SX:
     """Row-major entries of an array as one dense SX column."""
     column = casadi.SX.zeros(array.size, 1)
     for k, entry in enumerate(array.flat):
-        column[k] = entry.sx if isinstance(entry, Symbol) else float(entry)
+        if isinstance(entry, Symbol):
+            column[k] = entry.sx
+        elif entry != 0.0 or math.copysign(1.0, entry) < 0.0:  # zeros are there already
+            column[k] = float(entry)
     return casadi.densify(column)
 
 

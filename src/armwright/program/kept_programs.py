@@ -1,0 +1,31 @@
+"""Programs that were traced before, to be used again where the same is asked for."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from typing import TypeVar
+
+Made = TypeVar("Made")
+MOST = 32  # results that are kept: those of a few arms
+_made: OrderedDict[Hashable, object] = OrderedDict()
+_turn = threading.Lock()
+
+
+def kept(key: Hashable, make: Callable[[], Made]) -> Made:
+    """What `make` gave for an equal key before, if that is still kept; else what it gives now.
+
+    Args:
+        key: everything that the result depends on.   make: traces; it may use nothing but what the key holds.
+    """
+    with _turn:
+        if key in _made:
+            _made.move_to_end(key)
+            return _made[key]  # type: ignore[return-value]
+    result = make()
+    with _turn:
+        _made[key] = result
+        while len(_made) > MOST:
+            _made.popitem(last=False)
+    return result
