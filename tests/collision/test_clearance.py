@@ -104,6 +104,26 @@ def test_the_nearest_is_named():
     assert str(nearest).endswith(" mm")
 
 
+@pytest.mark.parametrize("length", [1e-320, 1e-200, 1.0, 1e300])
+def test_a_normal_has_any_length(length):
+    plane = aw.PlaneObstacle((0.0, 0.0, -0.3), (0.0, length, 2.0 * length))
+    a, b = np.array([0.1, 0.2, 0.5]), np.array([0.3, -0.2, 0.4])
+    unit = np.array([0.0, 1.0, 2.0]) / np.sqrt(5.0)
+    expected = min(unit @ (end - [0.0, 0.0, -0.3]) for end in (a, b))
+    assert plane.distance(a, b) == pytest.approx(expected, rel=1e-3 if length < 1e-300 else 1e-12)
+
+
+def test_a_radius_in_millimetres_is_told_from_a_large_one():
+    arm = aw.load("puma560")
+    with pytest.raises(ModelError, match=r"all links overlap in each of 2000 poses.*expected metres, as 0.06"):
+        aw.clearance(arm, radius=60)
+    with pytest.raises(ModelError, match=r"expected a smaller radius, or these pairs in ignore"):
+        aw.clearance(arm, radius=0.8)
+    names = [body.link for body in arm.bodies]
+    every = [(one, two) for one in names for two in names if one < two]
+    assert aw.clearance(arm, (FLOOR,), radius=0.8, ignore=every).pairs == tuple((each, "floor") for each in names)
+
+
 def test_neighbours_are_not_looked_at():
     clear = aw.clearance(aw.load("two-link"), radius=0.02)
     assert clear.pairs == ()
@@ -117,6 +137,7 @@ def test_neighbours_are_not_looked_at():
     [
         (lambda arm: aw.clearance(arm), ModelError, "radius"),
         (lambda arm: aw.clearance(arm, radius=0.0), ModelError, "radius"),
+        (lambda arm: aw.clearance(arm, radius=60), ModelError, "radius"),
         (lambda arm: aw.clearance(arm, radius={"elbow": 1.0}), ModelError, "radius"),
         (lambda arm: aw.clearance(arm, radius={"link1": 0.1}), ModelError, "radius"),
         (lambda arm: aw.clearance(arm, radius=0.1, ignore=[("link1", "link9")]), ModelError, "ignore"),

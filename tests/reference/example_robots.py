@@ -71,8 +71,8 @@ def against_pinocchio(path: Path, arm: Model) -> float:
     model: Any = pin.buildModelFromUrdf(str(path))
     data = model.createData()
     ours = arm.replace(friction=None, gravity=model.gravity.linear)
-    plain = {name.translate(str.maketrans(" .[]", "____")): i for i, name in enumerate(model.names)}
-    joints = [model.joints[plain[name]] for name in arm.tree.names]
+    numbers = {name: i for i, name in enumerate(model.names)}
+    joints = [model.joints[numbers[name]] for name in arm.tree.names]
     assert model.nv == arm.tree.n
     g = projection(arm)
     rng, worst = np.random.default_rng(len(path.name)), 0.0

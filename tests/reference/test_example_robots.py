@@ -54,7 +54,7 @@ def test_what_is_refused_is_refused_truly(verdicts):
             assert ("does not move or is not there" in verdict.refused) == verdict.mimic
             told = verdict.refused if not verdict.mimic else " ".join(verdict.arm.warnings if verdict.arm else ())
             assert ("impossible inertia" in told) == verdict.impossible
-            assert "\n" not in verdict.refused
+            assert all(line.startswith("  ") for line in verdict.refused.splitlines()[1:])
     kinds = Counter((v.refused is not None, v.mimic, v.impossible) for v in verdicts.values())
     assert kinds[False, False, False] + len(REFUSED) < ROBOTS  # some of the files are wrong
     assert kinds[False, False, False] >= 35  # and most are not
@@ -77,7 +77,7 @@ def test_the_old_ur5_wrists_are_named(verdicts):
     for file in ("ur3_robot", "ur10_robot"):
         arm = verdicts[f"ur_description/urdf/{file}.urdf"].arm
         assert arm is not None
-        assert not arm.warnings
+        assert not [told for told in arm.warnings if "no tip is named" not in told]
 
 
 def test_no_mesh_is_opened():

@@ -160,6 +160,7 @@ MANY = {  # an arm for each effect, and one that has them all
     ),
     "thermal": pendulum(motor={**MOTOR, "thermal": THERMAL}, friction={**COULOMB, "viscous_fall_k": 30.0}),
     "cogging": pendulum(motor={**MOTOR, "cogging": COGGING}, friction=COULOMB),
+    "dead zone": pendulum(motor={**MOTOR, "dead_zone_v": 1.5}, friction=COULOMB),
     "coast": pendulum(motor={**MOTOR, "pwm": "coast"}, friction=COULOMB, limits={"voltage_v": 24.0}),
     "lugre": pendulum(motor=MOTOR, friction=LUGRE),
     "load": pendulum(motor={**MOTOR, "gear_efficiency": 0.8}, friction={**COULOMB, "load_coefficient": 0.05}),

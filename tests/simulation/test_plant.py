@@ -68,6 +68,7 @@ def test_states_are_those_of_the_record(name):
         "current loop": ["current"],
         "cogging": [],
         "coast": [],
+        "dead zone": [],
         "load": [],
         "thermal": ["winding_temperature", "housing_temperature"],
         "lugre": ["bristle"],

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+import armwright as aw
+from armwright.actuators import holding_command
 from armwright.simulation.plant.plant import Plant
 from simulation.plants import BRAKE, ELASTIC, LUGRE, MOTOR, STOPS, SUPPLY, THERMAL, pendulum, steps
 
@@ -108,6 +110,24 @@ def test_a_coasting_bridge_keeps_its_current_limit(speed):
     plant = free(motor={**MOTOR, "pwm": "coast"}, limits={"voltage_v": 24.0, "current_a": 3.0})
     for u in (-24.0, -1.0, 2.0, 24.0):
         assert abs(plant.outputs(np.array([0.0, speed]), [u])["current"][0]) <= 3.0 * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("motor", [{}, {"inductance_h": 1e-3}, {"pwm": "coast"}])
+def test_a_dead_zone_takes_its_width_from_every_command(motor):
+    """V = u - sgn(u) width beyond the zone and 0 within, u clipped by the supply first; what is applied is the command."""
+    plant = free(motor={**MOTOR, **motor, "dead_zone_v": 1.5}, limits={"voltage_v": 24.0})
+    x = np.zeros(plant.size)
+    for u, volts in ((0.0, 0.0), (1.4, 0.0), (-1.5, 0.0), (3.5, 2.0), (-10.0, -8.5), (30.0, 22.5)):
+        assert plant.outputs(x, [u])["voltage"] == pytest.approx(volts)
+        assert plant.applied(x, np.array([u])) == pytest.approx(np.clip(u, -24.0, 24.0))
+
+
+def test_a_holding_command_leaves_the_dead_zone():
+    model = pendulum(motor={**MOTOR, "dead_zone_v": 1.5})
+    weight = aw.gravity_torques(model, [0.7])
+    plant, hold = Plant.of(model), holding_command(model, weight)
+    assert abs(hold[0]) == pytest.approx(abs(R * weight[0] / (N * KT)) + 1.5)
+    assert plant.derivative(np.array([0.7, 0.0]), hold)[1] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_nothing_passes_a_gap():

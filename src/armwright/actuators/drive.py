@@ -8,6 +8,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators.coupling import from_joints, shares_of, to_motors
+from armwright.actuators.dead_zone import command_for
 from armwright.actuators.motor import check_command, joint_current, joint_voltage
 from armwright.actuators.winding import driven_winding
 from armwright.model import Model
@@ -65,9 +66,10 @@ def demanded_drive(model: Model, qd: Array, tau: Array) -> DriveOutput:
 
 
 def in_command_units(model: Model, output: DriveOutput) -> np.ndarray:
-    """The drives' output (n,) in the unit of each joint's command [V | A | N m | N]."""
+    """Commands (n,) that make the drives' output, each in its joint's own unit [V | A | N m | N]."""
     parts = {"voltage": output.voltage, "current": output.current, "torque": output.tau}
-    return scalar.array([parts[body.drive.command][i] for i, body in enumerate(model.coordinates)])
+    drives = [body.drive for body in model.coordinates]
+    return scalar.array([command_for(parts[drive.command][i], drive.dead_zone) for i, drive in enumerate(drives)])
 
 
 def holding_command(model: Model, torques: Array) -> np.ndarray:

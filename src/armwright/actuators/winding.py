@@ -2,11 +2,12 @@
 
 With everything referred to the joint, E = n Ke q̇:   L di/dt = V - R i - E,   tau = n Kt i.  Without L:  i = (V - E) / R.
 
-The drive turns its command into a voltage V. A limit of current limits that voltage, V within E ± R i_max: the current that
-follows stays within it, and power balances. Then the supply clips V, even where the current then passes its own limit: a
-motor that is driven back faster than the supply can answer. A drive with a command of current or torque applies the voltage
-that gives it in the end, V = R i* + E; or, with a current controller of bandwidth f,  V = R i + E + 2π f L (i* - i):
-the current follows as di/dt = 2π f (i* - i), which a PI controller with its zero on the winding's pole comes to.
+The drive turns its command into a voltage V; a dead zone of its stage takes that much away (`dead_zone`). A limit of current
+limits that voltage, V within E ± R i_max: the current that follows stays within it, and power balances. Then the supply clips
+V, even where the current then passes its own limit: a motor that is driven back faster than the supply can answer. A drive
+with a command of current or torque applies the voltage that gives it in the end, V = R i* + E; or, with a current controller
+of bandwidth f, V = R i + E + 2π f L (i* - i): the current follows as di/dt = 2π f (i* - i), which a PI controller with its
+zero on the winding's pole comes to.
 The drive turns torques into currents by the constant of the record, whatever the motor's temperature.
 """
 
@@ -17,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armwright import scalar
+from armwright.actuators.dead_zone import beyond
 from armwright.actuators.motor import joint_constant, joint_current, joint_torque, joint_voltage
 from armwright.actuators.pwm import coasting, coasting_limits
 from armwright.model import Body, Drive
@@ -51,6 +53,8 @@ def driven_winding(
         torque = clipped(u, body.limits.torque)
         return Winding(torque, np.nan, np.nan, torque * speed)
     constant, most = joint_constant(drive), current_limit(body)
+    if drive.dead_zone is not None:  # the record has it with a command of voltage only
+        u = beyond(clipped(u, supply), drive.dead_zone)
     if drive.resistance is None:  # commanded by current or torque
         torque = _commanded_torque(body, drive, u, most)
         return Winding(torque, np.nan, joint_current(drive, torque), torque * speed)

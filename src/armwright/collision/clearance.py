@@ -16,6 +16,7 @@ from armwright.collision.distance import segment_to_segment
 from armwright.collision.obstacles import Obstacle
 from armwright.errors import ModelError, ScenarioError
 from armwright.kinematics import body_placements
+from armwright.kinematics.reach import reach
 from armwright.model import BASE, Model
 
 SAMPLES = 2000  # of poses within the joint limits, to find links that always meet
@@ -43,12 +44,19 @@ class Clearance:
     Attributes:
         arm: the arm.   capsules: around its links.   obstacles: what stands around it, in base axes.
         pairs: names (link, link) or (link, obstacle), one for each distance.   ignored: pairs of links that are not looked at.
+        least: [m] distance that planners keep.
     """
 
     def __init__(
-        self, arm: Model, capsules: Sequence[Capsule], obstacles: Sequence[Obstacle], ignored: set[frozenset[str]]
+        self,
+        arm: Model,
+        capsules: Sequence[Capsule],
+        obstacles: Sequence[Obstacle],
+        ignored: set[frozenset[str]],
+        least: float = 0.0,
     ):
         self.arm, self.capsules, self.obstacles, self.ignored = arm, tuple(capsules), tuple(obstacles), ignored
+        self.least = least
         meeting: dict[tuple[str, str], list[tuple[Any, Any]]] = {}
         for one, two in combinations(self.capsules, 2):
             if one.body != two.body and frozenset((one.link, two.link)) not in ignored:
@@ -127,6 +135,7 @@ def clearance(
     radius: float | Mapping[str, float] | None = None,
     ignore: Iterable[tuple[str, str]] = (),
     most: int = 3,
+    least: float = 0.0,
 ) -> Clearance:
     """Distances between an arm's links, and from them to obstacles, as a function of its positions.
 
@@ -137,12 +146,13 @@ def clearance(
     Args:
         arm: the arm.   obstacles: `PlaneObstacle`, `BoxObstacle`, `SphereObstacle`, in base axes; the base itself may touch them.
         radius: [m] of links without shapes, one number or link → number.   ignore: further pairs of links.
-        most: capsules of a link.
+        most: capsules of a link.   least: [m] distance that planners keep which are given this clearance.
     Returns:
         clearance: `distances(q)` and `nearest(q)` for positions q (…, n) [rad | m].
     Raises:
-        ScenarioError: what is no obstacle.
-        ModelError: a link without shapes and without radius, or a name that is no link.   RunError: a mesh that cannot be read.
+        ScenarioError: what is no obstacle, no distance.
+        ModelError: a link without shapes and without radius, a radius with which all links always overlap, or a name that is no
+            link.   RunError: a mesh that cannot be read.
     """
     if not isinstance(arm, Model):
         raise ModelError(place="arm", value=arm, expected="an arm, as aw.load(name) gives")
@@ -151,6 +161,9 @@ def clearance(
         if not isinstance(obstacle, Obstacle):
             expected = "a PlaneObstacle, BoxObstacle or SphereObstacle"
             raise ScenarioError(place="obstacles", value=obstacle, expected=expected)
+    distance = scalar.real_number(least)
+    if distance is None or not 0.0 <= distance < np.inf:
+        raise ScenarioError(place="least", value=least, expected="a distance of 0 or more [m]")
     capsules = link_capsules(arm, radius, most)
     label = {BASE: "base"} | {i: body.link for i, body in enumerate(arm.bodies)}
     ignored = {frozenset((label[body.parent], body.link)) for body in arm.bodies}
@@ -164,5 +177,12 @@ def clearance(
         low, high = np.array([np.clip(body.limits.position, -np.pi, np.pi) for body in arm.coordinates]).T
         poses = np.random.default_rng(0).uniform(low, high, (SAMPLES, arm.n))
         always = np.max(alone.distances(poses), axis=0) < 0.0
+        if radius is not None and always.all():
+            pairs = f"none of their {len(alone.pairs)} pairs can be checked"
+            what = f"with it all links overlap in each of {SAMPLES} poses, and {pairs}"
+            given = max(capsule.radius for capsule in capsules)
+            metres = f"metres, as {given / 1000.0:g}" if arm.tip is not None and given > reach(arm) else ""
+            expected = metres or "a smaller radius, or these pairs in ignore"
+            raise ModelError(what, place="radius", value=radius, expected=expected)
         ignored |= {frozenset(pair) for pair, meets in zip(alone.pairs, always.tolist(), strict=True) if meets}
-    return Clearance(arm, capsules, obstacles, ignored)
+    return Clearance(arm, capsules, obstacles, ignored, distance)

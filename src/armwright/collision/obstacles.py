@@ -30,12 +30,13 @@ class PlaneObstacle:
 
     def __post_init__(self) -> None:
         _numbers(self, "point")
-        if not np.linalg.norm(_numbers(self, "normal")) > 0.0:
+        if not np.any(_numbers(self, "normal")):
             raise ScenarioError(place=f"{self.name}.normal", value=self.normal, expected="a vector that is not 0")
 
     def distance(self, a: Array, b: Array) -> Scalar:
         """Distance [m] of the segment a to b, each (3,) [m] in base axes; negative behind the plane."""
         normal = np.asarray(self.normal, dtype=float)
+        normal = normal / np.abs(normal).max()  # squares of any length but 0 stay within the range of floats
         return segment_to_plane(a, b, np.asarray(self.point, dtype=float), normal / np.linalg.norm(normal))
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from armwright.actuators.coupling import from_joints, shares_of, to_joints, to_m
 from armwright.actuators.friction import motor_friction
 from armwright.actuators.gear import GearLoss, gear_loss
 from armwright.model import Model
-from armwright.program import repeated
+from armwright.program import WhereNeeded, repeated
 from armwright.scalar import Array, Factored, Scalar
 
 MOST = 12  # solves: a million states of random and adversarial arms take up to seven
@@ -203,6 +204,31 @@ def _newton_step(qdd: Array, steps: Scalar, mass: Array, bias: Array, gears: Seq
         ) in gear.loss.knots:  # not by their slopes, which are equal at rest: derivatives need the right side there too
             kept = kept * scalar.equal(scalar.less(t, knot), scalar.less(there, knot))
         pieces.append((gear.loss, gear.turned(move), t, there - t))
+    if not any(loss.jumps for loss, *_ in pieces):
+        part = _lowest_part(qdd, move, steps, mass, bias, pieces)
+    else:  # a step that keeps all lines, as the last one does, needs no search, which is most of the work
+
+        def search(qdd: Array, move: Array, ways: Array) -> np.ndarray:
+            losses = (gear.loss for gear in gears)
+            found = [(loss, *way) for loss, way in zip(losses, np.asarray(ways).reshape(-1, 3), strict=True)]
+            return scalar.array([_lowest_part(qdd, move, steps, mass, bias, found)])
+
+        ways = scalar.array([value for _, *way in pieces for value in way])
+        shapes = {name: np.shape(value) for name, value in (("qdd", qdd), ("move", move), ("ways", ways))}
+        (part,) = WhereNeeded("search", search, shapes)(1.0 - kept, scalar.zeros(1), qdd, move, ways)
+    new = qdd + part * move
+    return scalar.array([*scalar.where(kept, qdd, new), scalar.where(kept, steps, steps + 1.0)])
+
+
+def _lowest_part(
+    qdd: Array, move: Array, steps: Scalar, mass: Array, bias: Array, pieces: Sequence[tuple[Any, ...]]
+) -> Scalar:
+    """Part of the way along `move` (n,) that one of Newton's steps goes, 1 where the function falls all the way.
+
+    Args:
+        qdd: (n,) where it begins.   steps: done before.   mass, bias: without gears.
+        pieces: of every gear its loss, by how much it turns on the way, its torque, and by how much that changes.
+    """
     curvature, start = move @ (mass @ move), move @ (mass @ qdd + bias)
 
     def slope(part: Scalar) -> Scalar:
@@ -227,8 +253,7 @@ def _newton_step(qdd: Array, steps: Scalar, mass: Array, bias: Array, gears: Seq
             bracket = _narrowed(bracket, part, slope(part))
     lowest = _secant(bracket, falling)
     all_the_way = scalar.minimum(1.0, falling + scalar.less(steps, float(bold)))
-    new = qdd + scalar.where(all_the_way, 1.0, lowest) * move
-    return scalar.array([*scalar.where(kept, qdd, new), scalar.where(kept, steps, steps + 1.0)])
+    return scalar.where(all_the_way, 1.0, lowest)
 
 
 def _narrowed(bracket: tuple[Scalar, ...], part: Scalar, value: Scalar) -> tuple[Scalar, ...]:

@@ -7,20 +7,20 @@ from armwright.model import Model
 from armwright.scalar import Array, Scalar
 
 
-def reach(model: Model) -> Scalar:
-    """An upper bound of the tip's distance from the base's origin: the sum of the lengths between the joints' axes.
+def reach(model: Model, frame: str | None = None) -> Scalar:
+    """An upper bound of a frame's distance from the base's origin: the sum of the lengths between the joints' axes.
 
-    Base to the first joint's origin, from there to the next one, …, last joint to tip, as if the arm could be pulled
+    Base to the first joint's origin, from there to the next one, …, last joint to the frame, as if the arm could be pulled
     straight; a sliding joint counts with the longer of its ends. No pose is further out, and most arms come close.
 
     Args:
-        model: the arm.
+        model: the arm.   frame: name; by default the tip.
     Returns:
         length: [m]; infinite where a sliding joint has no limits.
     Raises:
-        ModelError: the arm branches and names no tip.
+        ModelError: no such frame, or an arm that branches and names no tip.
     """
-    tip = model.frame()
+    tip = model.frame(frame)
     total = 0.0
     for i in model.path(tip.body):
         body = model.bodies[i]

@@ -56,7 +56,7 @@ class LoopRunner:
         self.scenario = scenario = scenario.resolved
         self.arm = scenario.arm
         self.count, self.period = scenario.lane_count or 1, scenario.tick
-        self.notes: list[str] = list(scenario.notes)
+        self.notes: list[str] = [*scenario.notes, *scenario.carried_notes]
         limit = StepLimit(self.arm) if loop is None else loop.step_limit
         self._check_step(limit)
         self.rule = auto_rule(limit) if scenario.solver.rule == "auto" else scenario.solver.rule

@@ -14,6 +14,7 @@ from armwright.errors import ArmwrightError, ScenarioError
 from armwright.model import Model
 from armwright.model.joint_signals import joint_signal
 from armwright.model.vary import Varied
+from armwright.notebook import repr_html
 from armwright.parameters import (
     Batch,
     Draw,
@@ -33,7 +34,7 @@ from armwright.simulation.inputs.input_schedule import (
     lane_numbers,
     wrench_schedule,
 )
-from armwright.simulation.inputs.payload import payload_of
+from armwright.simulation.inputs.payload import Payload, carried, payload_of
 from armwright.simulation.loop.controller import configured
 from armwright.simulation.loop.state import LoopState, state_to_continue
 from armwright.simulation.scenario_parts import Inputs, Loop, Recording, Solver, Start, check_part
@@ -59,7 +60,8 @@ class Scenario:
         command: (n,) constant commands, each in its joint's own unit [V | A | N m | N], or a `Schedule` that is held from row
             to row.
         loop: a sampled loop instead: controller, reference, sensors, timing.
-        inputs: what acts on the arm beside commands: wrench, brakes, payloads.
+        inputs: what acts on the arm beside commands: wrench, brakes, payloads. Without payloads the hand carries what the loop's
+            reference does, the motion of a motion file.
         start: (n,) initial positions [rad | m], or a `Start` with speeds too; default 0. Or a run, or the `LoopState` of a
             `Simulation`, that goes on: time, plant, commands on their way, sensors, random numbers, and the controller if it
             is the same one.
@@ -91,6 +93,8 @@ class Scenario:
     first_lane: int = field(default=0, repr=False)
     document: str | None = field(default=None, init=False, repr=False)
     notes: tuple[str, ...] = field(default=(), init=False, repr=False)
+
+    _repr_html_ = repr_html
 
     def __post_init__(self) -> None:
         if not isinstance(self.arm, Model):
@@ -238,6 +242,23 @@ class Scenario:
         return self._inputs[0]
 
     @property
+    def carried(self) -> Any:
+        """Bodies in the hand: those of `inputs`, else those that the loop's reference takes up and puts down; None: none."""
+        return self.inputs.payload if self.inputs.payload is not None else self._carried_by_reference or None
+
+    @property
+    def _carried_by_reference(self) -> list[Payload]:
+        return [] if self.loop is None else list(getattr(self.loop.reference, "payloads", ()))
+
+    @property
+    def carried_notes(self) -> list[str]:
+        """Sentences about bodies that the reference takes up, where it takes up some."""
+        bodies = self._carried_by_reference
+        if self.inputs.payload is not None or not bodies:
+            return ["inputs.payload stands in place of what the reference takes up"] if bodies else []
+        return [f"the hand carries what the reference takes up: {', '.join(map(carried, bodies))}"]
+
+    @property
     def payload_frames(self) -> tuple[str, ...]:
         """Frames that payloads hang on."""
         return self._inputs[1]
@@ -251,8 +272,8 @@ class Scenario:
                 schedules["wrench"] = wrench_schedule(self.arm, self.inputs.wrench)
             if self.inputs.brake is not None:
                 schedules["brake"] = brake_schedule(self.arm, self.inputs.brake)
-            if self.inputs.payload is not None:
-                frames, schedules["payload"] = payload_of(self.arm, self.inputs.payload)
+            if self.carried is not None:
+                frames, schedules["payload"] = payload_of(self.arm, self.carried)
         except ArmwrightError as error:
             raise error.within("inputs") from None
         return schedules, frames
@@ -404,14 +425,13 @@ class Scenario:
         if self.varied is None:
             return np.zeros((1, 0))
         rows = self.lane_count or 1
-        columns = [self._column(name, value) for name, value in self.vary.items()]
+        columns = [self._column(name, value, self.varied.sizes[name]) for name, value in self.vary.items()]
         values = np.concatenate([np.broadcast_to(c, (rows, c.shape[1])) for c in columns], axis=1)
         self.varied.check(values)
         return values
 
-    def _column(self, name: str, value: Any) -> np.ndarray:
+    def _column(self, name: str, value: Any, k: int) -> np.ndarray:
         """(lanes or 1, k) of a varied parameter that is k numbers."""
-        k = len(Varied(self.arm, [name]).parameters)
         expected = "one number" if k == 1 else f"{k} numbers"
         try:
             rows = numbers_by_lane(value)

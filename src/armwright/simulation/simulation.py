@@ -7,13 +7,14 @@ import os
 import time as clock
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement
 from armwright.kernels.loop import ENDLESS, Lanes
+from armwright.progress import automatic
 from armwright.results.provenance import provenance
 from armwright.signals import Values
 from armwright.simulation.batch_runner import Progress, Work, handed_out, run_groups
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 AHEAD = 1024  # ticks whose reference is worked out at once while a loop is stepped
 WATCHED, LEAST_WATCHED = 1000, 50  # ticks in which a step given by hand is looked at, of one tile of lanes and of many
 PRICE = 400  # ticks of a run for one that is looked at
+LATE = 0.1  # [s]: steps in real time that are later do not hurry to make up for it, as after a halt in a debugger
 SLICE = 0.01  # [s] of a run in real time between two looks at the clock
 
 
@@ -59,8 +61,16 @@ class Simulation(LoopRunner):
         super().__init__(scenario, loop=loop)
         self._lanes: Lanes | None = None  # of a loop that is stepped
         self._measured = self.measured_in(self._started)  # whether the tick that comes next has its measurement
+        self._paced: tuple[int, float] | None = None  # tick and clock [s] that steps in real time count from
 
     # Running.
+
+    @property
+    def _remedy(self) -> str:
+        """What may help where a run diverges."""
+        return "smaller gains, if the loop is unstable (armwright loops, aw.analyse_loops)" * (
+            self.scenario.loop is not None
+        )
 
     @property
     def time(self) -> float:
@@ -71,7 +81,7 @@ class Simulation(LoopRunner):
         self,
         duration: float | None = None,
         *,
-        progress: Progress | None = None,
+        progress: Progress | Literal[False] | None = None,
         threads: int | None = None,
         real_time: bool = False,
         keep_state: bool = True,
@@ -80,7 +90,8 @@ class Simulation(LoopRunner):
 
         Args:
             duration: [s]; default: the scenario's.
-            progress: called now and then with the steps done and the steps there are, over all lanes.
+            progress: called now and then with the steps done and the steps there are, over all lanes; by default a bar in
+                terminals and notebooks, once a second has passed; False: none.
             threads: how many share the lanes, by default all cores; the result does not depend on it.
             real_time: whether the run takes as long as the motion.
             keep_state: whether the state at the end is kept, which takes room for many lanes; else the simulation stays where
@@ -136,14 +147,15 @@ class Simulation(LoopRunner):
         in_python = self.untraced is not None or self._solver is not None
         workers = 1 if in_python or real_time else threads or os.cpu_count() or 1
         whole = self._in_python is not None and self.controller.vectorised
-        finished = run_groups(self.count, width, ticks, begin, progress, workers, whole=whole)
+        with automatic(progress, f"simulating {self.arm.name}", "steps") as tell:
+            finished = run_groups(self.count, width, ticks, begin, tell or None, workers, whole=whole)
         if record is not None and not in_python and scenario.solver.rule in INTEGRATORS:
             tiles = -(-self.count // width)
             few = WATCHED if tiles == 1 else max(LEAST_WATCHED, ticks * tiles // PRICE)
             self.note_coarse_step(state, min(ticks, few))
         recorded, end = Recorded(record, every, ticks, finished, status, reduced, origin), None
         if scenario.lane_count is None:
-            status.check(self.arm.name, self.period, self.state_entries, recorded.last_row(self))
+            status.check(self.arm.name, self.period, self.state_entries, recorded.last_row(self), self._remedy)
         if keep_state and not finished.stopped:
             self._started = end = _joined(groups)
             self.tick, self._measured = origin + ticks, False
@@ -189,12 +201,13 @@ class Simulation(LoopRunner):
 
     # Stepping.
 
-    def step(self, command: Any = None) -> None:
+    def step(self, command: Any = None, *, real_time: bool = False) -> None:
         """Takes all lanes through one tick.
 
         Args:
             command: (n,) [V | A | N m | N], or a `Batch` of such: what a simulation without controller, schedule and
                 constant commands takes in this tick. It passes through the command's delays and limits.
+            real_time: whether it returns no earlier than the tick ends by the clock, counted from the first such step.
         Raises:
             ScenarioError: a command beside another one that drives the arm, none where none does, or one of another shape.
             DivergenceError: a single lane left the finite numbers; of several, those that do are frozen.
@@ -215,10 +228,20 @@ class Simulation(LoopRunner):
         room, measured = self._room(1, 2, lanes.width), self._measured
         self.advance(lanes, self.tick, self.tick + 1, self.tick + 2, room, ENDLESS, measured=measured)
         self.tick, self._measured = self.tick + 1, False
+        if real_time:
+            self._wait()
         if self.scenario.lane_count is None and lanes.get("frozen")[0, 0] >= 0.0:
             status = LaneStatus.of(1, len(self.scenario.solver.events))
             status.read(lanes)
-            status.check(self.arm.name, self.period, self.state_entries)
+            status.check(self.arm.name, self.period, self.state_entries, remedy=self._remedy)
+
+    def _wait(self) -> None:
+        """Sleeps until the clock is at the time of the tick that comes next."""
+        now = clock.perf_counter()
+        first, began = (self.tick - 1, now) if self._paced is None else self._paced
+        early = began + (self.tick - first) * self.period - now
+        self._paced = (first, began) if -LATE < early < LATE + self.period else (self.tick, now)
+        clock.sleep(min(max(early, 0.0), self.period))
 
     def _stepped(self) -> Lanes:
         """The lanes of a loop that is stepped, all in one group."""
@@ -316,7 +339,7 @@ class Simulation(LoopRunner):
 def simulate(
     scenario: Scenario,
     *,
-    progress: Progress | None = None,
+    progress: Progress | Literal[False] | None = None,
     threads: int | None = None,
     loop: CompiledLoop | None = None,
 ) -> xarray.Dataset:
@@ -327,7 +350,8 @@ def simulate(
 
     Args:
         scenario: what to run.
-        progress: called now and then with the steps done and the steps there are, over all lanes.
+        progress: called now and then with the steps done and the steps there are, over all lanes; by default a bar in
+            terminals and notebooks, once a second has passed; False: none.
         threads: how many share the lanes, by default all cores; the result does not depend on it.
         loop: a compiled arm to use again, for commands over time alone; by default one is compiled.
     Returns:
@@ -337,9 +361,9 @@ def simulate(
         DivergenceError: a single run left the finite numbers.
         Interrupted: Ctrl-C, a KeyboardInterrupt whose `run` holds the lanes that were finished.
     """
-    return Simulation(scenario, loop=loop).run(
-        progress=progress, threads=threads, keep_state=scenario.recording.what == "all"
-    )
+    with automatic(progress, f"simulating {scenario.arm.name}", "steps") as tell:
+        simulation = Simulation(scenario, loop=loop)
+        return simulation.run(progress=tell, threads=threads, keep_state=scenario.recording.what == "all")
 
 
 def _slices(tick: int, end: int, period: float) -> list[tuple[int, int]]:

@@ -42,6 +42,12 @@ class Payload:
     frame: str | None = None
 
 
+def carried(payload: Payload) -> str:
+    """A body and its time in words, of one lane."""
+    body = f"{float(payload.mass):.4g} kg" if float(payload.mass) > 0.0 else "nothing"
+    return f"{body} from {float(payload.time):.4g} s on"
+
+
 def payload_of(arm: Model, payloads: Any) -> tuple[tuple[str, ...], LaneRows]:
     """Frames that bodies hang on, and for each of them the ten numbers over time, side by side.
 

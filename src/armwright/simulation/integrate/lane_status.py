@@ -60,22 +60,24 @@ class LaneStatus:
             return self
         return LaneStatus(**{each.name: getattr(self, each.name)[lanes] for each in fields(self)})
 
-    def check(self, name: str, tick: float, entries: Sequence[str], last_row: str = "") -> None:
+    def check(self, name: str, tick: float, entries: Sequence[str], last_row: str = "", remedy: str = "") -> None:
         """Refuses a single run that stopped.
 
         Args:
             name: of the arm.   tick: [s].   entries: names of those of the state.   last_row: in words.
+            remedy: what may help besides.
         Raises:
             DivergenceError: with the time, the reason and the last row.
         """
         if self.frozen[0] < 0:
             return
-        what, expected = "the simulation left the finite numbers", ""
+        what, expected = "the simulation left the finite numbers", remedy
         if self.stalled[0]:
             what = (
                 f"the integrator ran out of substeps, as {entries[int(self.stalled_by[0])]} asked for more, in the tick"
             )
             expected = "a looser accuracy or tolerance, a larger max_substeps, or integrator = 'rodas3'"
+            expected += f"; {remedy}" if remedy else ""
         what += f" at t = {self.frozen[0] * tick:g} s{'; ' * bool(last_row)}{last_row}"
         raise DivergenceError(what, expected=expected, file=name)
 

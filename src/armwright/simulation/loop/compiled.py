@@ -46,7 +46,9 @@ class CompiledLoop:
         """
         tick, chosen = make_tick(config), select_target(target)
         stages = [tick.before, tick.after] if tick.untraced is not None else [(*tick.before, *tick.after)]
-        loops = tuple(Loop(part, chosen.doubled()) for part in stages)
+        # What one lane's friction asks for is done in all lanes of its tile: the fewer these are, the less.
+        tile = chosen if config.bare.sticking is not None else chosen.doubled()
+        loops = tuple(Loop(part, tile) for part in stages)
         program, names = plant_outputs(config) if outputs else (None, ())
         kernel = None if program is None else Kernel(program, chosen)
         return cls(config, target, tick, loops, StepLimit(config.arm), kernel, names)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
+from armwright.content import checksum
 from armwright.model import Model
 from armwright.model.add_load import add_load
 from armwright.model.simplify import simplified
@@ -70,6 +73,12 @@ class LoopConfig:
         """Shapes of the blocks that programs of the plant take behind x and u: its inputs, then the varied parameters."""
         varying = {} if self.varied is None else {"p": (len(self.varied.parameters),)}
         return {name: (entries,) for name, entries in self.inputs.items()} | varying
+
+    @cached_property
+    def structure(self) -> tuple[Any, ...]:
+        """All that the plant's programs depend on, but no values of lanes: the arm by its content, what varies, inputs, rule."""
+        names = None if self.varied is None else self.varied.names
+        return checksum(self.arm), names, self.integrator, tuple(self.inputs.items()), self.payload_frames
 
     @property
     def bare(self) -> Plant:

@@ -183,6 +183,10 @@ class Sensors:
             [value if step is None else scalar.floor(value / step + 0.5) * step for value, step in pairs]
         )
 
+    def counts_of(self, arm: Model) -> np.ndarray:
+        """(n,) one count of each encoder, referred to its joint [rad | m]; 0 where positions are not quantised."""
+        return np.array([0.0 if step is None else step for step in self._resolutions(arm)], dtype=float)
+
     def _resolutions(self, arm: Model) -> list[Scalar | None]:
         """One count of each encoder, referred to its joint [rad | m]; None where positions are not quantised."""
         counts: dict[str, Any] = {"turn": self.counts, "metre": self.counts_per_m}

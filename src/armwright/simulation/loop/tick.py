@@ -25,7 +25,7 @@ from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.interfaces import UNTRACEABLE, why
 from armwright.kernels.stages import NEXT, SEEN, Call, Delay, Draw, Integrate, Record, Rows, Stage
-from armwright.program import Program, trace
+from armwright.program import Program, kept, trace
 from armwright.scalar import Array
 from armwright.simulation.integrate import dormand_prince, rosenbrock
 from armwright.simulation.integrate.integrators import INTEGRATORS, ORDER_OF_ERROR, PAIR
@@ -184,10 +184,19 @@ def _integration(config: LoopConfig, seen: tuple[str, ...]) -> list[Stage]:
     if config.integrator == "cvodes":
         return []
     assert config.adaptivity is not None
+    key = ("adaptive", config.structure, config.adaptivity, planned, seen)
+    if config.adaptivity.events:  # functions of the user's, traced each time
+        return [_adaptive(config, watched, planned, seen)]
+    return [kept(key, lambda: _adaptive(config, watched, planned, seen))]
+
+
+def _adaptive(config: LoopConfig, watched: Watched | None, planned: int, seen: tuple[str, ...]) -> Stage:
+    """The stage of a rule that chooses its steps."""
+    assert config.adaptivity is not None
     trial, layout = plant_trial(config, watched), config.bare.layout
-    order = ORDERS.get(config.integrator, ORDER_OF_ERROR)
-    lands = config.bare.sticking is not None
-    return [adaptive_stage(trial, shapes, config.adaptivity, layout, planned, seen, watched, order, lands=lands)]
+    order, lands = ORDERS.get(config.integrator, ORDER_OF_ERROR), config.bare.sticking is not None
+    _, shapes = plant_derivative(config)
+    return adaptive_stage(trial, shapes, config.adaptivity, layout, planned, seen, watched, order, lands=lands)
 
 
 def _plant_call(config: LoopConfig, u: Array, rest: Sequence[Array]) -> tuple[Plant, PlantInputs]:
@@ -212,6 +221,11 @@ def plant_derivative(config: LoopConfig) -> tuple[Callable[..., Array], dict[str
 
 def plant_step(config: LoopConfig, contacts: Mapping[str, tuple[int, ...]] = NOTHING) -> Program:
     """The plant's step, with its inputs and the arm's varied parameters behind x and u, then its contacts, if these are held."""
+    key = ("step", config.structure, tuple(contacts.items()))
+    return kept(key, lambda: _plant_step(config, contacts))
+
+
+def _plant_step(config: LoopConfig, contacts: Mapping[str, tuple[int, ...]]) -> Program:
     rule = INTEGRATORS[config.integrator].paired(speed_pairs(config.bare.layout))
     _, shapes = plant_derivative(config)
 
@@ -279,6 +293,10 @@ def plant_watched(config: LoopConfig) -> Watched | None:
 
 def plant_outputs(config: LoopConfig) -> tuple[Program, tuple[str, ...]]:
     """Outputs from state, commands, inputs and parameters, for all recorded rows at once; and its names."""
+    return kept(("outputs", config.structure, config.sampling is None), lambda: _plant_outputs(config))
+
+
+def _plant_outputs(config: LoopConfig) -> tuple[Program, tuple[str, ...]]:
     names: list[str] = []
 
     def outputs(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:

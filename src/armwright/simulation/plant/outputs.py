@@ -91,14 +91,21 @@ class PlantOutputs(PlantFlow):
         return from_motors(shares, q), from_motors(shares, qd)
 
     def applied(self, x: Array, u: Array) -> np.ndarray:
-        """Torque, voltage and current that the drives produce for their commands, within limits and supply.
+        """Commands that the drives follow: what they produce for theirs, within limits and supply.
+
+        A command within a dead zone is followed: it gives nothing, but no limit has changed it.
 
         Args:
             x: (size,).   u: (n,) commands.
         Returns:
             applied: (n,) [V | A | N m | N], each in its joint's own unit.
         """
-        return in_command_units(self.model, self._done(x, u))
+        applied = list(in_command_units(self.model, self._done(x, u)))
+        for i, body in enumerate(self.model.coordinates):
+            width = body.drive.dead_zone
+            if width is not None:
+                applied[i] = scalar.where(scalar.less_equal(scalar.abs(u[i]), width), u[i], applied[i])
+        return scalar.array(applied)
 
     def _done(self, x: Array, u: Array) -> DriveOutput:
         """Torques, voltages and currents of the motors."""

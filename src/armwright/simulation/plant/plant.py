@@ -122,9 +122,11 @@ class Plant(PlantOutputs):
         inputs = self._held(x, inputs)
         if self.sticking is None:
             return self.settled(self._stepped(rule, x, inputs, h))
-        directions, set_valued, jumps = self.sticking.step(x, inputs, h)
-        moved = self._stepped(rule, x, replace(inputs, directions=directions), h)
-        return self.settled(self.sticking.chosen(moved, set_valued, directions, jumps))
+
+        def moved(directions: Array) -> Any:
+            return self._stepped(rule, x, replace(inputs, directions=directions), h)
+
+        return self.settled(self.sticking.step(x, inputs, h, moved))
 
     def step_with_error(
         self, rule: Integrator, x: Array, inputs: PlantInputs | Array, h: Scalar

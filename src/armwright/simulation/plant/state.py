@@ -52,5 +52,5 @@ def contacts_of(body: Body) -> int:
 def has_effect(body: Body) -> bool:
     """True if a joint's drive has an effect that `forward_dynamics` does not know, be it with a state or without."""
     drive = body.drive
-    effects = (body.elasticity, body.stops, drive.cogging, drive.thermal)
+    effects = (body.elasticity, body.stops, drive.cogging, drive.thermal, drive.dead_zone)
     return drive.coasts or bool(drive.coupling) or any(part is not None for part in effects)

@@ -11,10 +11,11 @@ import numpy as np
 import scipy.linalg
 
 from armwright.actuators.gear import loses_power
+from armwright.content import checksum
 from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.model.vary import Varied
-from armwright.program import Program, interpret, trace
+from armwright.program import Program, interpret, kept, trace
 from armwright.program.program import Port
 from armwright.scalar import Array
 from armwright.simulation.integrate.integrators import Integrator
@@ -33,8 +34,10 @@ FINE = 1.05  # how well its largest step is found, as a ratio
 SLACK = 1e-4  # of a mode's growth in a step: what rounding makes of modes that neither grow nor die
 SINGULAR = 1e-13  # of the largest eigenvalue of the mass matrix
 LOOKED_AT = 256  # lanes, beside those with the least and the most of every parameter
+UNLIKE = 20_000  # lanes of which those with equal values are found
 FULLY = 2  # lanes that are checked in every state, of each kind of mode
 STATES = 10  # in which modes of lanes are compared
+FEW_STATES, ROUGHLY = 3, 12  # in which all lanes are compared at first, and lanes of each kind of mode that remain
 NOTABLE = 1.05  # by how much the step must grow without an effect that is named
 OTHER_STEPS = 'integrator = "auto" or "rodas3", which choose their steps'
 
@@ -90,7 +93,7 @@ class StepLimit:
 
     @cached_property
     def _jacobian(self) -> Program:
-        return self._program or linearised(self.model)
+        return self._program or kept(("linearised", checksum(self.model)), lambda: linearised(self.model))
 
     def _slopes(self, command: np.ndarray) -> tuple[Slopes, np.ndarray]:
         """The plant linearised about those of the states (m, size) that have finite slopes, and these states."""
@@ -227,8 +230,11 @@ def _limit(rates: np.ndarray, integrator: Integrator) -> tuple[float, float, int
     size = np.abs(rates)
     dies = (-np.real(rates) > np.abs(np.imag(rates))) & (size > 0.0)
     reach = np.where(size > 0.0, TURNING, np.inf)  # h |λ| up to which each mode is as it should be
-    z = np.outer(rates[dies] / size[dies], REACH * RAYS)
-    reach[dies] = np.where(integrator.growth(z) > 1.0, REACH * RAYS, np.inf).min(axis=1, initial=np.inf)
+    ways, which = np.unique(
+        rates[dies] / size[dies], return_inverse=True
+    )  # of modes that do not swing all the same one
+    unstable = np.where(integrator.growth(np.outer(ways, REACH * RAYS)) > 1.0, REACH * RAYS, np.inf)
+    reach[dies] = unstable.min(axis=1, initial=np.inf)[which]
     with np.errstate(divide="ignore"):
         steps = reach / size
     if not np.isfinite(steps).any():  # masses alone
@@ -303,35 +309,62 @@ class VariedStepLimit:
         Raises:
             ScenarioError: names the lane, its time constant and the step that would do.
         """
-        slopes = linearised(self.varied.arm, self.varied)
-        for lane in self._fastest(slopes, loads(self.varied.arm, commands)):
+        lanes = self._looked_at()
+        asked = (name, step, checksum(commands), substeps, tuple(whole))
+        kept(  # of what was refused nothing is kept
+            ("steps", *self._key, self.values[lanes].tobytes(), *asked),
+            lambda: self._check(lanes, name, integrator, step, commands, substeps, whole),
+        )
+
+    @cached_property
+    def _key(self) -> tuple[str, tuple[str, ...]]:
+        """The arm by its content, and what varies."""
+        return checksum(self.varied.arm), self.varied.names
+
+    def _check(self, lanes: np.ndarray, name: str, integrator: Integrator, step: float, commands: np.ndarray,
+        substeps: int | None, whole: Sequence[float],
+    ) -> None:  # fmt: skip
+        """`check_step` of the fastest of some lanes."""
+        slopes = kept(("linearised", *self._key), lambda: linearised(self.varied.arm, self.varied))
+        for lane in self._fastest(slopes, lanes, loads(self.varied.arm, commands)):
             values = ", ".join(f"{p} = {v:g}" for p, v in zip(self.varied.names, self.values[lane], strict=True))
             where = f" (in lane {lane}, with {values})" if self.laned else f" (with {values})"
             limit = StepLimit(self.varied.model(self.values[lane]), slopes, self.values[lane])
             limit.check_step(name, integrator, step, commands, substeps, where, whole)
 
-    def _fastest(self, slopes: Program, loaded: list[np.ndarray]) -> list[int]:
-        """Numbers of the lanes whose modes are the fastest, of those that swing or grow as of those that die away."""
+    def _looked_at(self) -> np.ndarray:
+        """Numbers of lanes with unlike values: those with the least and the most of each, and others evenly among all."""
         count = len(self.values)
-        ends = [*np.argmin(self.values, axis=0), *np.argmax(self.values, axis=0)]
-        lanes = np.unique([*ends, *np.linspace(0, count - 1, min(count, LOOKED_AT)).astype(int)])
-        _, first = np.unique(self.values[lanes], axis=0, return_index=True)
-        lanes = lanes[np.sort(first)]
-        if len(lanes) > 2 * FULLY:
-            speeds = []
-            for eigenvalues in (each for command in loaded for each in self._modes(slopes, lanes, command)):
-                swings = -np.real(eigenvalues) <= np.abs(np.imag(eigenvalues))
-                speeds += [np.where(kind, np.abs(eigenvalues), 0.0).max(axis=1) for kind in (swings, ~swings)]
-            lanes = lanes[np.unique([np.argsort(-speed, kind="stable")[:FULLY] for speed in speeds])]
+        lanes = np.arange(count)
+        if count <= UNLIKE:  # candidates of a tuning have the same arms
+            lanes = np.sort(np.unique(self.values, axis=0, return_index=True)[1])
+        rows = self.values[lanes]
+        ends = [*np.argmin(rows, axis=0), *np.argmax(rows, axis=0)]
+        chosen = np.unique([*ends, *np.linspace(0, len(lanes) - 1, min(len(lanes), LOOKED_AT)).astype(int)])
+        _, first = np.unique(rows[chosen], axis=0, return_index=True)
+        return lanes[chosen[np.sort(first)]]
+
+    def _fastest(self, slopes: Program, lanes: np.ndarray, loaded: list[np.ndarray]) -> list[int]:
+        """Numbers of the lanes whose modes are the fastest, of those that swing or grow as of those that die away."""
+        for states, count in (
+            (FEW_STATES, ROUGHLY),
+            (STATES, FULLY),
+        ):  # eigenvalues take time: the slow are left out early
+            if len(lanes) > 2 * count:
+                speeds = []
+                for eigenvalues in (each for command in loaded for each in self._modes(slopes, lanes, command, states)):
+                    swings = -np.real(eigenvalues) <= np.abs(np.imag(eigenvalues))
+                    speeds += [np.where(kind, np.abs(eigenvalues), 0.0).max(axis=1) for kind in (swings, ~swings)]
+                lanes = lanes[np.unique([np.argsort(-speed, kind="stable")[:count] for speed in speeds])]
         return [int(lane) for lane in lanes]
 
-    def _modes(self, slopes: Program, lanes: np.ndarray, command: np.ndarray) -> list[np.ndarray]:
-        """Eigenvalues (lanes, k) [1/s] of the linearised plants in a few states, without what is integrated exactly.
+    def _modes(self, slopes: Program, lanes: np.ndarray, command: np.ndarray, count: int) -> list[np.ndarray]:
+        """Eigenvalues (lanes, k) [1/s] of the linearised plants in some states, without what is integrated exactly.
 
         With a bus also those with its voltage, whose share by the motors' load is not integrated exactly.
         """
         nominal = StepLimit(self.varied.arm)
-        plant, states = nominal.plant, nominal.states[:: max(1, len(nominal.states) // STATES)]
+        plant, states = nominal.plant, nominal.states[:: max(1, len(nominal.states) // count)]
         brakes = [np.ones(len(plant.braked))] if plant.brakes else []
         result = interpret(slopes, states, command, *brakes, self.values[lanes][:, None, :])
         slope = result[0] if isinstance(result, tuple) else result

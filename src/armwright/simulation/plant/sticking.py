@@ -8,7 +8,7 @@ has an equation of its own,  J ẇ = t₊ where w > 0, t₋ where w < 0:  it sti
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -25,12 +25,14 @@ from armwright.dynamics.sticking import (
     DryElement,
     Row,
     Side,
+    at_rest,
     held_accelerations,
     next_speeds,
     present_directions,
 )
 from armwright.errors import ScenarioError
 from armwright.model import Body, Model
+from armwright.program import WhereNeeded
 from armwright.scalar import Array, Scalar
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.joint_drive import DrivenJoint, sticks_on_joint, sticks_on_motor
@@ -38,6 +40,7 @@ from armwright.simulation.plant.joint_drive import DrivenJoint, sticks_on_joint,
 if TYPE_CHECKING:
     from armwright.simulation.plant.flow import PlantFlow
 
+ACTING = ("command", "wrench", "brake", "contacts")  # inputs by which the set-valued laws are solved
 Place = tuple[int, bool]  # of an element: its joint, and whether it is the motor by itself
 
 
@@ -110,8 +113,52 @@ class Sticking:
         together = present_directions(mass, bias, self._unknowns(x), elements, gears) if elements else ()
         return self._merged(together, {i: move for i, (move, _) in self._apart(x, sides, None).items()})
 
-    def step(self, x: Array, inputs: PlantInputs, h: Scalar) -> tuple[np.ndarray, np.ndarray, list[Scalar]]:
-        """Directions (elements,) in a step of h [s], the state (size,) after it by the set-valued laws, and `_jumps`.
+    def step(self, x: Array, inputs: PlantInputs, h: Scalar, moved: Callable[[Array], Array]) -> np.ndarray:
+        """The state (size,) after a step of h [s]: by a rule while all directions are held, where speeds keep to them.
+
+        Where one would turn round within the step, positions and speeds are those of the set-valued laws. These are solved where
+        they are needed: there, and where something is at rest, for the direction in which it begins to move.
+
+        Args:
+            x: (size,).   inputs: without directions.   h: () [s].   moved: directions (elements,) → state (size,) by the rule.
+        """
+        acting = {name: getattr(inputs, name) for name in ACTING if getattr(inputs, name) is not None}
+
+        def function(x: Array, h: Scalar, *values: Array) -> np.ndarray:
+            return self._set_valued(x, replace(inputs, **dict(zip(acting, values, strict=True))), h)
+
+        shapes = {name: np.shape(value) for name, value in {"x": x, "h": h, **acting}.items()}
+        set_valued, arguments = WhereNeeded("set_valued", function, shapes), (x, h, *acting.values())
+        count, standing = len(self.places), self._standing(x)
+        starts = standing[0]
+        for stands in standing[1:]:
+            starts = scalar.maximum(starts, stands)
+        found = set_valued(starts, scalar.zeros(count + self.plant.size), *arguments)
+        directions = scalar.array(
+            [
+                scalar.where(stands, begins, scalar.sign(speed))
+                for stands, begins, speed in zip(standing, found, self.speeds(x), strict=False)
+            ]
+        )
+        after = self._settled(moved(directions), directions)
+        ways = zip(directions, self.speeds(after), self._jumps(x, self._sides(x, inputs)), strict=True)
+        turned = scalar.less(0.0, sum(scalar.less(way * speed, 0.0) * jump for way, speed, jump in ways))
+        found = set_valued(turned * (1.0 - starts), found, *arguments)
+        turns = [scalar.where(turned, by_sets, by_rule) for by_sets, by_rule in zip(found[count:], after, strict=True)]
+        of_motion = [name for name in ("q", "qd", "motor_q", "motor_qd") if name in self.plant.layout]
+        places = {k for name in of_motion for k in range(*self.plant.layout.place(name).indices(self.plant.size))}
+        return scalar.array([turns[k] if k in places else value for k, value in enumerate(after)])
+
+    def _standing(self, x: Array) -> list[Scalar]:
+        """1 for elements at rest."""
+        unknowns, speeds = self._unknowns(x), self.speeds(x)
+        return [
+            at_rest(self._row(place), unknowns) if place in self._together else scalar.equal(speed, 0.0)
+            for place, speed in zip(self.places, speeds, strict=True)
+        ]
+
+    def _set_valued(self, x: Array, inputs: PlantInputs, h: Scalar) -> np.ndarray:
+        """Directions (elements,) in a step of h [s], then the state (size,) after it by the set-valued laws.
 
         The state is of order 1, and of positions and speeds alone: the rest of it is that before the step.
         """
@@ -128,7 +175,7 @@ class Sticking:
             turned = plant.model.coordinates[i].drive.gear_ratio * speed
             moved[q], moved[w] = x[q] + 0.5 * h * (x[w] + turned), turned
         directions = self._merged(together, {i: move for i, (move, _) in apart.items()})
-        return directions, scalar.array(moved), self._jumps(x, sides)
+        return scalar.array([*directions, *moved])
 
     def _jumps(self, x: Array, sides: Sequence[Sequence[DrivenJoint]]) -> list[Scalar]:
         """1 for elements that have something to stick with: 0 of a released brake alone, which turns round as if it were none."""
@@ -145,21 +192,6 @@ class Sticking:
                 forward, backward = (side[i].acceleration / ratios[i] for side in sides)
             jumps.append(scalar.less(forward, backward))
         return jumps
-
-    def chosen(self, moved: Array, set_valued: Array, directions: Array, jumps: Sequence[Scalar]) -> np.ndarray:
-        """The state (size,) after a step: `moved` by a rule while all directions are held, where speeds keep to them.
-
-        Where one would turn round within the step, positions and speeds are those that `step` found.
-        """
-        moved = self._settled(moved, directions)
-        ways = zip(directions, self.speeds(moved), jumps, strict=True)
-        turned = sum(scalar.less(way * speed, 0.0) * jump for way, speed, jump in ways)
-        after = list(moved)
-        for name in ("q", "qd", "motor_q", "motor_qd"):
-            place = self.plant.layout.place(name) if name in self.plant.layout else slice(0)
-            for k in range(place.start or 0, place.stop):
-                after[k] = scalar.where(turned, set_valued[k], moved[k])
-        return scalar.array(after)
 
     def landed(
         self, x: Array, inputs: PlantInputs, moved: Array, error: Array, h: Scalar, others: Sequence[Array] = ()
