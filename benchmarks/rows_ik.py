@@ -7,6 +7,7 @@ within the limits, beside Robotics Toolbox's Levenberg-Marquardt in C++, on the 
 from __future__ import annotations
 
 import importlib.util
+import time
 from functools import partial
 from typing import Any
 
@@ -56,7 +57,9 @@ def closed_records(name: str, quick: bool, repetitions: int) -> list[Record]:
         contestants["eaik"] = Contestant("EAIK", analytic(arm, poses), count, partial(check_peer, arm, poses))
         peer = {"eaik": "ours"}
     labels = {"arm": name, "joints": arm.n, "work": "closed form, all branches", "states": count}
-    return [record(row) for row in race([Entry(labels, contestants, peer, EXPECTED)], repetitions)]
+    return [
+        record(row) for row in race([Entry(labels, contestants, peer, EXPECTED)], repetitions, clock=time.process_time)
+    ]
 
 
 def check(arm: aw.Model, poses: np.ndarray, q: np.ndarray, found: aw.PoseSolutions) -> Check:
@@ -97,15 +100,19 @@ def numeric_records(name: str, quick: bool, repetitions: int) -> list[Record]:
     arm, count = aw.load(name), QUICK_POSES if quick else NUMERIC_POSES
     _, poses = random_poses(arm, count)
     solve = partial(aw.inverse_kinematics, arm, poses, method="numeric")
-    contestants = {"ours": Contestant("ours", solve, count, partial(check_numeric, arm, poses))}
+    checked = partial(check_numeric, arm, poses)
+    contestants = {"ours": Contestant("ours", solve, count, checked)}
+    contestants["default"] = Contestant("ours", partial(aw.inverse_kinematics, arm, poses), count, checked)
     if importlib.util.find_spec("roboticstoolbox") is not None:
         for column, tolerance in TOOLBOX.items():
             checked = partial(check_toolbox, arm, poses, tolerance)
             contestants[column] = Contestant(column, by_toolbox(arm, poses, tolerance), count, checked)
-    peers = [column for column in contestants if column != "ours"]
+    peers = [column for column in contestants if column in TOOLBOX]
+    found = solve()
+    facts = {"iterations": float(found.iterations.mean()), "first start": float((found.attempts == 1).mean())}
     labels = {"arm": name, "joints": arm.n, "work": "numeric, one solution", "states": count}
-    entry = Entry(labels, contestants, dict.fromkeys(peers, "ours"), dict.fromkeys(peers, TIMES))
-    return [record(row) for row in race([entry], repetitions)]
+    entry = Entry(labels, contestants, dict.fromkeys(peers, "ours"), dict.fromkeys(peers, TIMES), facts)
+    return [record(row) for row in race([entry], repetitions, clock=time.process_time)]
 
 
 def check_numeric(arm: aw.Model, poses: np.ndarray, found: aw.PoseSolutions) -> Check:
@@ -152,6 +159,8 @@ def notes(quick: bool) -> dict[str, list[str]]:
         f"{count:,} poses of random positions within the limits, through `aw.inverse_kinematics`: all branches, moved into the "
         "limits, each checked by forward kinematics, and the best one chosen; EAIK by `IK_batched` with one thread: all "
         "branches, without limits",
+        "times are those of the processor, which a busy machine does not lengthen as much",
+        "by default: the same poses without `method`, which solves them in closed form where the arm has one",
         f"numeric: {QUICK_POSES if quick else NUMERIC_POSES:,} such poses, solved to 1e-8 m and rad within the limits; Robotics "
         "Toolbox by `ETS.ik_LM`, its C++ called once a pose, on the same chain with the same limits, from its own random starts: "
         f"at its default `tol` of {TOOLBOX['toolbox']:g}, which bounds half the squared error (pose errors to 1.4e-3), and at "

@@ -113,7 +113,8 @@ def test_several_solutions_are_the_branches_of_a_planar_arm():
     found = aw.inverse_kinematics(arm, targets[:, :3, 3], solutions=5)
     count = found.success.sum(axis=1)
     assert (count <= 2).all()
-    assert (count == 2).mean() > 0.8
+    elbow = np.abs(found.q[:, 0, 1])
+    assert ((count == 2) | (elbow < 0.03)).all()  # closer to straight, the two are one
     two = found.q[count == 2][:, :2, 1]
     assert np.abs(two.sum(axis=1)).max() < 1e-6  # q2 and -q2
 

@@ -110,6 +110,30 @@ def test_the_workspace_of_two_links_is_an_annulus(tmp_path):
         aw.draw_workspace(found, tmp_path / "cloud.txt")
 
 
+@pytest.mark.parametrize(
+    ("axis", "titles"), [("0 0 1", ("From above", "z = 0.3 m")), ("0 1 0", ("xz plane", "y = 0 m"))]
+)
+def test_arms_in_a_plane_are_seen_from_in_front_of_it(axis, titles, tmp_path):
+    from armwright.pictures.workspace_maps import draw, flat_axes
+
+    joints = "".join(
+        f'<joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/><origin xyz="{xyz}"/>'
+        f'<axis xyz="{axis}"/><limit lower="-1.5" upper="1.5" velocity="1" effort="1"/></joint>'
+        for k, xyz in enumerate(("0 0 0.3", "0.5 0 0"))
+    )
+    links = "".join(f'<link name="l{k}"/>' for k in range(4))
+    hand = '<joint name="h" type="fixed"><parent link="l2"/><child link="l3"/><origin xyz="0.4 0 0"/></joint>'
+    path = tmp_path / "planar.urdf"
+    path.write_text(f'<robot name="planar">{links}{joints}{hand}</robot>')
+    found = aw.workspace(aw.load(path, kinematics_only=True), 2000)
+    assert flat_axes(found.position.values) == titles[1][0]
+    left, right, *_ = draw(found).axes
+    assert titles[0] in left.get_title(loc="left")
+    assert titles[1] in right.get_title(loc="left")
+    aw.draw_workspace(found, tmp_path / "planar.html")
+    assert "left out" not in (tmp_path / "planar.html").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize("name", ["examples/scara.toml"])
 def test_sliding_joints_and_few_samples_are_drawn(name, tmp_path):
     found = aw.workspace(aw.load(name), 1)

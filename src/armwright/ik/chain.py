@@ -10,13 +10,16 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import ModelError
+from armwright.kernels.batch import Kernel
+from armwright.kernels.target import select_target
 from armwright.kinematics import forward_kinematics, jacobian
 from armwright.kinematics.forward_kinematics import body_placements
 from armwright.model import Model
+from armwright.program import trace
 from armwright.scalar import Array, Scalar
 
 Aim = Literal["pose", "position", "axis"]
-TURN = 2.0 * np.pi
+TURN = 2.0 * np.pi  # [rad]
 STRAIGHT = 1e-9  # sine of an angle that is taken for its sine
 
 
@@ -162,32 +165,58 @@ class Chain:
         middle = min(max(0.0, low + np.pi), high - np.pi)  # as near to 0 as the limits allow
         return angle - TURN * scalar.floor((angle - middle) / TURN + 0.5)
 
-    def azimuths(self, positions: np.ndarray) -> np.ndarray:
-        """Angles (k,) about the first joint's axis of positions (k, 3); 0 where that joint does not turn the frame."""
-        if self.base is None:
-            return np.zeros(len(positions))
-        rotation, origin = self.base
-        x, y, _ = rotation.T @ (positions - origin).T
-        return np.arctan2(y, x)
+    def placed(self, pose: Array) -> tuple[np.ndarray, np.ndarray]:
+        """The task (13,) of a pose (4, 4), and its features (12,): of the pose turned to azimuth 0, rotations times weight / √2.
+
+        Distances of features are those of poses [m]. The azimuth is 0 where the first joint does not turn the frame.
+        """
+        position, rotation, angle = pose[:3, 3], pose[:3, :3], 0.0
+        counts = {"pose": (1.0, 1.0, 1.0), "position": (0.0, 0.0, 0.0), "axis": (0.0, 0.0, np.sqrt(2.0))}[self.aim]
+        at, turned = position, rotation
+        if self.base is not None:
+            axes, origin = self.base
+            x, y, z = axes.T @ (position - origin)
+            angle = scalar.atan2(y, x)
+            c, s = scalar.cos(angle), scalar.sin(angle)
+            at, turned = scalar.array([c * x + s * y, c * y - s * x, z]), axes.T @ rotation
+            turned = scalar.array([c * turned[0] + s * turned[1], c * turned[1] - s * turned[0], turned[2]])
+        scaled = turned * (np.array(counts) * (self.weight / np.sqrt(2.0)))
+        return scalar.array([*position, *rotation.reshape(-1), angle]), scalar.array([*at, *scaled.reshape(-1)])
+
+    @cached_property
+    def places(self) -> Kernel:
+        """Compiled `placed` of poses (k, 4, 4)."""
+        return Kernel(trace("placed", self.placed, {"pose": (4, 4)}, ("task", "features")), select_target())
 
     def tasks(self, poses: np.ndarray) -> np.ndarray:
         """(k, 13) tasks of poses (k, 4, 4)."""
-        positions = poses[:, :3, 3]
-        return np.concatenate([positions, poses[:, :3, :3].reshape(-1, 9), self.azimuths(positions)[:, None]], axis=1)
+        return self.places(poses)[0]
 
-    def features(self, poses: np.ndarray) -> np.ndarray:
-        """(k, 12): poses turned to azimuth 0, rotations times weight / √2: their distances are those of the poses [m]."""
-        positions, rotations = poses[:, :3, 3], poses[:, :3, :3]
-        if self.base is not None:
-            axes, origin = self.base
-            angle = self.azimuths(positions)
-            c, s, zero = np.cos(angle), np.sin(angle), np.zeros(len(angle))
-            back = np.stack([c, s, zero, -s, c, zero, zero, zero, zero + 1.0], axis=1).reshape(-1, 3, 3)
-            positions = np.einsum("kij,kj->ki", back, (positions - origin) @ axes)
-            rotations = back @ (axes.T @ rotations)
-        counts = {"pose": (1.0, 1.0, 1.0), "position": (0.0, 0.0, 0.0), "axis": (0.0, 0.0, np.sqrt(2.0))}[self.aim]
-        scaled = rotations * (np.array(counts) * (self.weight / np.sqrt(2.0)))
-        return np.concatenate([positions, scaled.reshape(-1, 9)], axis=1)
+    def errors(self, q: Array, target: Array) -> tuple[Scalar, Scalar]:
+        """Distance [m] and angle [rad] from the pose of the frame to its target (4, 4), to all digits where they are small."""
+        pose = forward_kinematics(self.model, q, self.frame)
+        off = pose[:3, 3] - target[:3, 3]
+        distance = scalar.sqrt(off @ off)
+        if self.aim == "position":
+            return distance, 0.0
+        turned, share = (pose[:3, :3] - target[:3, :3]).reshape(-1), 0.125
+        if self.aim == "axis":
+            turned, share = turned[2::3], 0.25
+        square = (turned @ turned) * share  # sin²(angle / 2)
+        return distance, 2.0 * scalar.atan2(scalar.sqrt(square), scalar.sqrt(scalar.maximum(1.0 - square, 0.0)))
+
+    def margin(self, q: Array) -> Scalar:
+        """Least distance to a limit as a share of that joint's range, 1/2 without limits; negative beyond one."""
+        margin = 0.5
+        for x, low, high in zip(q, *self.limits, strict=True):
+            for side in (x - low, high - x):
+                if np.isfinite(high - low) and high > low:
+                    margin = scalar.minimum(margin, side * (1.0 / (high - low)))
+                elif scalar.is_symbolic(side) or np.isfinite(
+                    side
+                ):  # of a joint with one limit, only whether it is kept
+                    margin = scalar.minimum(margin, scalar.where(scalar.less(side, 0.0), side, 0.5))
+        return margin
 
     def start(self, task: Array, attempt: Array) -> np.ndarray:
         """Where an attempt (n + 1: positions, azimuth) begins for a task: turned to the task's azimuth."""

@@ -1,5 +1,10 @@
 """One iteration of the search for joint positions, by damped least squares within joint limits. [Marquardt1963]
 
+    (Jᵀ J + λ |e|² 1) s = Jᵀ e,    q += s
+
+The damping falls with the squared error, so that steps are short far from the target, the last ones are Gauss-Newton's, and
+nothing depends on the size of the arm. [Sugihara2011]
+
 A lane descends from a start to a solution or gives up and takes another start; see `kernels.stages.Exchange`. The error of a
 pose is (p* - p, w φ) with φ the rotation vector from the pose to its target and w a length that turns an angle into one.
 """
@@ -16,15 +21,15 @@ from armwright.ik.family import Family
 from armwright.program import Program, trace
 from armwright.scalar import Array, Scalar
 
-DAMPING, DECREASE, INCREASE = 1e-3, 0.1, 4.0  # at first [m²]; factors after a step that helped and one that did not
-LEAST, MOST = 1e-12, 1e6  # of the damping; with more of it an attempt is given up
+DAMPING, INCREASE = 0.1, 4.0  # λ at first [1/rad² | 1/m²]; its factor after a step that did not help
+MOST = 1e4  # of λ; with more of it an attempt is given up
 SLOW = 0.9  # share of the squared error that a step leaves where an attempt is given up
-STEADY, LONG = 1.0 - 1e-9, 400  # the same, and iterations, of a patient descent
-ITERATIONS, CLOSE, PATIENCE = (
-    24,
-    1e-4,
-    80,
-)  # of one attempt; of one that comes closer than this share of a radian's length
+ITERATIONS = 24  # of one attempt
+# Close to the target, nearer than this share of a radian's length: at a singular pose the last way leads along a curved valley,
+# where errors grow for a step before they fall. So the squared error may grow by this factor, λ falls, and nothing is slow.
+CLOSE, GROWTH, FALL, PATIENCE = 1e-3, 10.0, 0.2, 40
+# The same as SLOW and ITERATIONS, and λ's factor after a step that helped, of a patient descent.
+STEADY, LONG, DECREASE = 1.0 - 1e-9, 400, 0.1
 TINY = 1e-14  # [m²] on the diagonal, so that no direction is without resistance
 
 
@@ -68,7 +73,6 @@ def descent(arms: Chain | Family, tolerance: float, near: bool, patient: bool = 
         arms: the arm, or all arms of a structure.   tolerance: on the error where a descent ends [m | rad].
         near: the first attempt begins there.   patient: a slow descent goes on, to the nearest pose of a target out of reach.
     """
-    share, iterations_at_most = (STEADY, LONG) if patient else (SLOW, ITERATIONS)
     layout, n = Layout(arms.n), arms.n
     weight = float(arms.weight)
     solved, close = (tolerance * min(1.0, weight)) ** 2, (CLOSE * weight) ** 2
@@ -82,16 +86,18 @@ def descent(arms: Chain | Family, tolerance: float, near: bool, patient: bool = 
         trial = chosen(new, start, old["trial"])
         error, slope = chain.error(trial, task)
         cost = error @ error
-        better = scalar.where(new, 1.0, scalar.less(cost, old["cost"][0]))
-        slow = scalar.where(new, 0.0, scalar.less(share * old["cost"][0], cost))
+        before = old["cost"][0]
+        may_be = before if patient else before * scalar.where(scalar.less(before, close), GROWTH, 1.0)
+        better = scalar.where(new, 1.0, scalar.less(cost, may_be))
         normal, gradient = slope.T @ slope, slope.T @ error
         entries = scalar.array([normal[i, j] for i in range(n) for j in range(i + 1)])
         q = chosen(better, trial, old["q"])
         held = chosen(better, entries, old["normal"])
         downhill = chosen(better, gradient, old["slope"])
-        now = scalar.where(better, cost, old["cost"][0])
-        changed = old["damping"][0] * scalar.where(better, DECREASE, INCREASE)
-        damping = scalar.where(new, DAMPING, scalar.maximum(changed, LEAST))
+        now = scalar.where(better, cost, before)
+        is_close = scalar.less(now, close)
+        fall = DECREASE if patient else scalar.where(is_close, FALL, 1.0)
+        damping = scalar.where(new, DAMPING, old["damping"][0] * scalar.where(better, fall, INCREASE))
         iterations = scalar.where(new, 1.0, old["iterations"][0] + 1.0)
         spent = scalar.where(first, 1.0, old["spent"][0] + 1.0)
         attempts = scalar.where(first, 1.0, old["attempts"][0] + new)
@@ -99,13 +105,12 @@ def descent(arms: Chain | Family, tolerance: float, near: bool, patient: bool = 
         leads = scalar.less(now, least)
         least = scalar.where(leads, now, least)
         best = chosen(leads, q, old["best"])
-        stuck = scalar.where(better, slow, 0.0) + scalar.less(MOST, damping)
-        most = scalar.where(
-            scalar.less(now, close), float(max(PATIENCE, iterations_at_most)), float(iterations_at_most)
-        )  # a singular pose takes its time
-        failed = stuck + scalar.less_equal(most, iterations)
+        share = STEADY if patient else scalar.where(is_close, GROWTH, SLOW)
+        slow = scalar.where(new, 0.0, better * scalar.less(share * before, cost))
+        most = float(LONG) if patient else scalar.where(is_close, float(PATIENCE), float(ITERATIONS))
+        failed = slow + scalar.less(MOST, damping) + scalar.less_equal(most, iterations)
         over = scalar.where(scalar.less(least, solved), 2.0, scalar.where(scalar.less(0.0, failed), 1.0, 0.0))
-        following = chain.within(q + _step(chain, q, held, downhill, damping))
+        following = chain.within(q + _step(chain, q, held, downhill, damping * now))
         parts = {"q": q, "trial": following, "best": best, "slope": downhill, "normal": held}
         numbers = {"cost": now, "damping": damping, "iterations": iterations, "least": least, "spent": spent}
         numbers["attempts"] = attempts

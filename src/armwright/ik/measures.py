@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ModelError, ShapeError
+from armwright.ik.targets import checked_array
 from armwright.kernels.batch import Kernel
 from armwright.kernels.target import select_target
 from armwright.kinematics import forward_kinematics
 from armwright.kinematics.manipulability import TASKS, Task, singular_values
 from armwright.model import Model, check_arm
 from armwright.program import trace
-from armwright.scalar import Array, real_number, real_numbers
+from armwright.scalar import Array, real_number
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +83,7 @@ def manipulability(
             branches and names no tip.
     """
     checked_task(arm, aim, length)
-    positions = real_numbers(q)
+    positions = checked_array(q, "q")
     if positions.shape[-1:] != (arm.n,):
         raise ShapeError(place="q", value=positions.shape, expected=f"(…, {arm.n}) joint positions")
     _, sigma = measures(arm, frame, aim, float(length))(positions, threads=threads)

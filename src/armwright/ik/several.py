@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from armwright.ik.solve import Solver
 
 DESCENTS, EACH = 16, 4  # from different starts: at least; for every solution that is asked for
+STRIDE = 5  # rows of the table from the first start of a descent to that of the next
 DIFFERENT = 0.05  # [rad | m]: solutions whose joints are all closer than this are one
 
 
@@ -97,8 +98,11 @@ def best_different(
 
 
 def _ranks(descent: int) -> np.ndarray:
-    """(RANKED,) rows of the table of starts that a further descent tries first, behind those that are ranked by distance."""
-    return ((NEAREST_OF + RANKED * descent + np.arange(RANKED)) % STARTS).astype(float)
+    """(RANKED,) rows of the table of starts that a further descent tries first, behind those that are ranked by distance.
+
+    An odd number apart: every second or fourth point of a Sobol sequence lies in the same half or quarter of all of them.
+    """
+    return ((NEAREST_OF + STRIDE * descent + np.arange(RANKED)) % STARTS).astype(float)
 
 
 def _different(chain: Chain, q: np.ndarray, order: np.ndarray, count: int) -> np.ndarray:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armwright.kinematics.reach import reach
 from armwright.model import Model
 
 
@@ -103,7 +104,16 @@ class PoseSolutions:
             )
         if of - solved > SHOWN:
             lines.append(f"and {of - solved - SHOWN} more")
+        if self._in_millimetres:
+            length = f"{self.arm.name} reaches {reach(self.arm):.3g} m"
+            lines.append(f"note: targets are in metres, and {length}; are these in millimetres?")
         return "\n".join(lines)
+
+    @property
+    def _in_millimetres(self) -> bool:
+        """True where targets lie so far out of reach that their unit may be another one."""
+        off = self.position_error[np.isfinite(self.position_error) & ~self.success]
+        return bool(off.size and self.arm.tip is not None and np.median(off) > FAR * reach(self.arm))
 
     def _way(self) -> str:
         """How targets were solved, in words."""
@@ -137,5 +147,6 @@ class PoseSolutions:
 
 
 SHOWN = 5  # targets that are listed
+FAR = 20.0  # of the reach: targets that far outside of it are thought to be in another unit
 AT_LIMIT = 1e-6  # of a joint's range
 UNREACHABLE = "no joint positions reach it"

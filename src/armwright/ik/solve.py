@@ -9,27 +9,29 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from armwright.errors import ModelError, ShapeError
-from armwright.ik.chain import Aim, Chain, angles_between
-from armwright.ik.closed_form.branches import ClosedForm, closed_form
+from armwright.ik.chain import Aim, Chain
+from armwright.ik.closed_form.branches import ClosedForm
+from armwright.ik.closed_form.nearly import closed_form
 from armwright.ik.descent import descent
 from armwright.ik.goals import GOALS, Goal
-from armwright.ik.measures import limit_margin
-from armwright.ik.pose_defect import pose_defects
 from armwright.ik.several import best_different, descended
 from armwright.ik.solutions import PoseSolutions
 from armwright.ik.starts import RANKED, Starts
+from armwright.ik.targets import checked_array, checked_targets
+from armwright.kernels.batch import Kernel
 from armwright.kernels.compiled import compile_arm
 from armwright.kernels.loop import Loop, Tasks
 from armwright.kernels.stages import Call, Exchange
 from armwright.kernels.target import select_target
 from armwright.kinematics.reach import reach
-from armwright.model import Model
-from armwright.scalar import real_number, real_numbers
+from armwright.model import Model, check_arm
+from armwright.other_names import answering
+from armwright.program import trace
+from armwright.scalar import Array, Scalar, real_number
 
 ATTEMPTS = 1000  # starts of one target, at most
 CHUNK = 8192  # targets of one call of native code
 MOST_SOLUTIONS = 64  # of one target
-ORTHOGONAL = 1e-6  # of the entries of Rᵀ R - 1
 MARGIN = 0.3  # of the tolerance: where a descent ends
 ANGLE_SHARE = 1.0 / 3.0  # of the reach: what a turn by 1 rad counts as
 
@@ -84,30 +86,28 @@ class Solver:
         self._run(self._patient, tasks, np.zeros((len(q), 1)), results)
         return results[:, : self.chain.n]
 
-    def errors(self, q: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distance (k,) [m] and angle (k,) [rad] from where positions (k, n) bring the frame to poses (k, 4, 4)."""
-        reached, aim = self._poses(q), self.chain.aim
-        distance = np.linalg.norm(reached[:, :3, 3] - poses[:, :3, 3], axis=1)
-        if aim == "position":
-            return distance, np.zeros(len(q))
-        if aim == "axis":
-            half = np.linalg.norm(reached[:, :3, 2] - poses[:, :3, 2], axis=1) / 2.0
-            return distance, 2.0 * np.arcsin(np.minimum(half, 1.0))
-        return distance, angles_between(reached[:, :3, :3], poses[:, :3, :3])
+    @cached_property
+    def errors(self) -> Kernel:
+        """Compiled  q (k, n), poses (k, 4, 4) → distance (k,) [m], angle (k,) [rad], margin to the limits (k,)."""
+
+        def errors(q: Array, target: Array) -> tuple[Scalar, Scalar, Scalar]:
+            return *self.chain.errors(q, target), self.chain.margin(q)
+
+        shapes = {"q": (self.chain.n,), "target": (4, 4)}
+        return Kernel(trace("errors", errors, shapes, ("position", "angle", "margin")), self.target)
 
     def solved(self, q: np.ndarray, poses: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
         """(k,) True where positions (k, n) within the limits bring the frame to poses (k, 4, 4); and (k,) [m] how far off it is.
 
         Beyond the limits, or where there are no positions, it is infinitely far off.
         """
-        position, angle = self.errors(q, poses)
-        off = np.hypot(position, self.chain.weight * angle)
-        within = limit_margin(self.chain.model, q) >= 0.0
+        position, angle, margin = self.errors(q, poses)
+        off, within = np.hypot(position, self.chain.weight * angle), margin >= 0.0
         return (position <= tolerance) & (angle <= tolerance) & within, np.where(within, off, np.inf)
 
     def _solve(self, poses: np.ndarray, near: np.ndarray | None, given: np.ndarray | None, results: np.ndarray) -> None:
-        tasks = self.chain.tasks(poses)
-        ranks = self.starts.ranked(tasks, poses) if given is None else np.tile(given, (len(tasks), 1))
+        tasks, features = self.chain.places(poses)
+        ranks = self.starts.ranked(tasks, features) if given is None else np.tile(given, (len(tasks), 1))
         if near is not None:
             tasks, ranks = np.concatenate([tasks, near], axis=1), np.concatenate([ranks[:, :1], ranks], axis=1)
         self._run(self._loop, tasks, ranks, results)
@@ -128,11 +128,12 @@ def solver(
     """The solver of an arm, kept for the next call."""
     if weight is not None:
         return Solver(Chain(model, frame, float(weight), aim), tolerance, near)
-    length = float(reach(model))
+    length = float(reach(model, frame))
     weight = ANGLE_SHARE * length if np.isfinite(length) and length > 0.0 else 1.0
     return Solver(Chain(model, frame, weight, aim), tolerance, near)
 
 
+@answering
 def inverse_kinematics(
     arm: Model,
     targets: Any,
@@ -172,9 +173,11 @@ def inverse_kinematics(
     Returns:
         solutions: of every target; those that are out of reach have the nearest positions and say how far off they are.
     Raises:
-        ShapeError: targets or starts of a wrong shape.   ModelError: no pose (no rotation matrix, NaN), no such frame, a
-            tolerance below 1e-12, an arm that branches and names no tip, or one without the closed form that is asked for.
+        ShapeError: targets or starts of a wrong shape, or rotation matrices alone.   ModelError: no arm, no pose (no rotation
+            matrix, NaN), no such frame, a tolerance below 1e-12, an arm that branches and names no tip, or one without the
+            closed form that is asked for.
     """
+    check_arm(arm)
     poses, shape, aim = checked_targets(targets, aim)
     limit = real_number(tolerance)
     if limit is None or not 1e-12 <= limit < 1.0:
@@ -183,7 +186,7 @@ def inverse_kinematics(
         raise ModelError(place="threads", value=threads, expected="a whole number, 1 or more")
     starts = None
     if near is not None:
-        starts = real_numbers(near)
+        starts = checked_array(near, "near")
         fits = starts.shape[-1:] == (arm.n,) and starts.shape[:-1] in ((), shape)
         if not fits or not np.isfinite(starts).all():
             expected = f"{arm.n} finite numbers, or as many for each target"
@@ -215,7 +218,7 @@ def inverse_kinematics(
             for every, found in zip(values, some, strict=True):
                 every[left] = found
         more = {
-            "method": f"closed form ({closed.geometry.description})",
+            "method": f"{closed.kind} ({closed.geometry.description})",
             "branches": branches.reshaped(shape),
             "branch": branch.reshape(shape),
         }
@@ -263,16 +266,18 @@ def _numeric(
     threads: int,
 ) -> tuple[np.ndarray, ...]:
     """Positions, success, errors, margins, iterations and attempts (k, …) by descent."""
-    chosen = solver(arm, frame, aim, tolerance, starts is not None, weight)
+    chosen = solver(arm, frame, aim, tolerance, starts is not None)
     found = chosen.solve(poses, starts, threads)
     q = found[:, : arm.n]
     missed = np.flatnonzero(found[:, arm.n] >= (chosen.tolerance * min(1.0, chosen.chain.weight)) ** 2)
     if len(missed):
+        if weight is not None:  # which says what is nearest, and must not decide what is found
+            chosen = solver(arm, frame, aim, tolerance, starts is not None, weight)
+            found[missed] = chosen.solve(poses[missed], None if starts is None else starts[missed], threads)
         q[missed] = chosen.nearest(poses[missed], q[missed])
     if starts is not None:
         q = chosen.chain.nearest_turns(q, starts)
-    position, angle = chosen.errors(q, poses)
-    margin = limit_margin(arm, q)
+    position, angle, margin = chosen.errors(q, poses)
     success = (position <= tolerance) & (angle <= tolerance) & (margin >= 0.0)
     return q, success, position, angle, margin, *found[:, -2:].astype(int).T
 
@@ -288,8 +293,7 @@ def _several(
     """Results (…, solutions) of positions (k, solutions, n); without `solutions` the axis is left out."""
     count = q.shape[1]
     flat, targets = q.reshape(-1, q.shape[2]), np.repeat(poses, count, axis=0)
-    position, angle = solver.errors(flat, targets)
-    margin = limit_margin(solver.chain.model, flat)
+    position, angle, margin = solver.errors(flat, targets)
     success = (position <= tolerance) & (angle <= tolerance) & (margin >= 0.0)  # False of nan
     values = (flat, success, position, angle, margin, *np.zeros((2, len(flat)), int))
     lead = shape if solutions is None else (*shape, count)
@@ -313,31 +317,3 @@ def _check_choice(goal: Goal | None, near: bool, solutions: int | None, weight: 
     length = None if weight is None else real_number(weight)
     if weight is not None and (length is None or not 1e-6 <= length <= 1e6):
         raise ModelError(place="weight", value=weight, expected="a number from 1e-6 to 1e6 [m/rad]")
-
-
-def checked_targets(targets: Any, aim: Aim | None) -> tuple[np.ndarray, tuple[int, ...], Aim]:
-    """Targets as poses (k, 4, 4), the shape of their batch, and what of them counts.
-
-    Raises:
-        ShapeError, ModelError: what is no pose; names the first.
-    """
-    array = real_numbers(targets)
-    if aim not in (None, "pose", "position", "axis"):
-        raise ModelError(place="aim", value=aim, choices=("pose", "position", "axis"))
-    if array.shape[-2:] == (4, 4):
-        shape, poses, aim = array.shape[:-2], array.reshape(-1, 4, 4), aim or "pose"
-    elif array.shape[-1:] == (3,) and aim in (None, "position"):
-        shape, aim = array.shape[:-1], "position"
-        poses = np.broadcast_to(np.eye(4), (array.size // 3, 4, 4)).copy()
-        poses[:, :3, 3] = array.reshape(-1, 3)
-    else:
-        expected = "(…, 4, 4) poses" + (" or (…, 3) positions" if aim in (None, "position") else "")
-        raise ShapeError(place="targets", value=array.shape, expected=expected)
-    right = pose_defects(poses) < ORTHOGONAL  # False of NaN
-    wrong = np.flatnonzero(~right)
-    if len(wrong):
-        k = int(wrong[0])
-        place = f"targets[{', '.join(str(i) for i in np.unravel_index(k, shape))}]" if shape else "targets"
-        expected = "a rotation matrix, a finite position, and the row 0 0 0 1"
-        raise ModelError("no pose", place=place, value=poses[k].tolist(), expected=expected)
-    return poses, shape, aim

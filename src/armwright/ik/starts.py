@@ -18,8 +18,8 @@ STARTS = 2048  # rows of the table
 NEAREST_OF = 256  # of them are ranked
 RANKED = 4  # of them, the nearest, are tried first, nearest first
 OUTSIDE = 1e6  # [m²] the distance of a start whose first joint would leave its limits
-FEATURES = 12
-AT_ONCE = 8  # rows of the table that pass by together
+FEATURES = 12  # of a pose: position (3) and rotation (9)
+AT_ONCE = 16  # rows of the table that pass by together
 
 
 def ranking(chain: Chain) -> Program:
@@ -74,22 +74,21 @@ class Starts:
         """Random positions within the limits, the same each time; `poses_at`: (k, n) → (k, 4, 4) of the frame."""
         self.chain = chain
         positions = random_positions(chain, STARTS)
-        poses = poses_at(positions)
-        azimuths = chain.azimuths(poses[:, :3, 3])[:, None]
+        tasks, features = chain.places(poses_at(positions))
+        azimuths = tasks[:, 12:]
         self.rows = np.concatenate([positions, azimuths], axis=1)
-        features = chain.features(poses)
         square = 0.5 * (features**2).sum(axis=1, keepdims=True)
         limits = chain.low[0], chain.high[0]
         middle = 0.5 * sum(limits) if np.isfinite(limits).all() else 0.0
         turns = (positions[:, :1] - azimuths - middle) / TURN
         table = np.concatenate([features, square, turns], axis=1)
         self._table = np.ascontiguousarray(table[:NEAREST_OF])
-        self._loop = Loop((Table("row", AT_ONCE * (FEATURES + 2)), Call(ranking(chain))), target)
+        self._loop = Loop((Table("row", AT_ONCE * (FEATURES + 2), spread=False), Call(ranking(chain))), target)
 
-    def ranked(self, tasks: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    def ranked(self, tasks: np.ndarray, features: np.ndarray) -> np.ndarray:
         """(k, RANKED) numbers of the rows that are nearest to each pose, as floats."""
         lanes = self._loop.lanes(len(tasks))
-        lanes.set("pose", np.concatenate([self.chain.features(poses), tasks[:, 12:13] / TURN], axis=1))
+        lanes.set("pose", np.concatenate([features, tasks[:, 12:] / TURN], axis=1))
         lanes.set("found", np.repeat([np.inf, 0.0], RANKED))
         self._loop.run(lanes, 0.0, (0, len(self._table) // AT_ONCE), tables={"row": self._table})
         return np.ascontiguousarray(lanes.get("found")[:, RANKED:])

@@ -103,7 +103,7 @@ def test_descents_from_many_starts_find_no_other_solution(kind, tmp_path):
 @pytest.mark.parametrize("name", ARMS)
 def test_closed_form_and_descent_agree_where_the_pose_is_regular(name, tmp_path):
     arm = arm_of(name, tmp_path)
-    _, targets = samples(arm, 1000, seed=2)
+    _, targets = samples(arm, COUNT, seed=2)
     closed = aw.inverse_kinematics(arm, targets, method="closed-form")
     numeric = aw.inverse_kinematics(arm, targets, near=closed.q, tolerance=1e-12, method="numeric")
     least = np.linalg.svd(aw.compile(arm).jacobian(closed.q), compute_uv=False)[:, -1]
@@ -260,3 +260,28 @@ def test_a_closed_form_that_is_not_there_is_refused(name, options):
     with pytest.raises(ModelError) as error:
         aw.inverse_kinematics(aw.load(name), np.eye(4), **options)
     assert error.value.place == "method"
+
+
+@pytest.mark.parametrize(("kind", "off_by"), [(kind, 4e-6) for kind in KINDS] + [("three parallel", 6e-4)])
+def test_an_arm_that_is_nearly_of_a_kind_has_all_its_branches(kind, off_by, tmp_path):
+    """As of 1.5708 or 1.57 for π/2: the positions are among the branches, and none that many descents find is missing."""
+    directions, points, tip, turn = axes(kind, 6)
+    rng = np.random.default_rng(0)
+    directions = directions + off_by * rng.uniform(-1.0, 1.0, (6, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    arm = arm_of_axes(tmp_path, directions, points + off_by * rng.uniform(-1.0, 1.0, (6, 3)), tip, turn)
+    q, targets = samples(arm, 1000, seed=3)
+    found = aw.inverse_kinematics(arm, targets, method="closed-form")
+    branches = found.branches
+    assert "polished" in found.method
+    regular = np.linalg.svd(aw.compile(arm).jacobian(q), compute_uv=False)[:, -1] > 0.1
+    apart = np.abs(np.sin((branches.q - q[:, None]) / 2.0)).max(axis=2)
+    assert (np.where(branches.success, apart, 1.0).min(axis=1) < 1e-9)[regular].mean() > 0.998
+    every = np.broadcast_to(targets[:, None], (*branches.success.shape, 4, 4))[branches.success]
+    assert off(arm, branches.q[branches.success], every).max() < TOLERANCE
+    for k in np.flatnonzero(regular)[:3]:
+        starts = np.random.default_rng(0).uniform(-np.pi, np.pi, (400, 6))
+        numeric = aw.inverse_kinematics(arm, np.broadcast_to(targets[k], (400, 4, 4)), near=starts, method="numeric")
+        mine = branches.q[k][branches.success[k]]
+        apart = np.abs(np.sin((numeric.q[numeric.success][:, None] - mine) / 2.0)).max(axis=2)
+        assert apart.min(axis=1).max() < 1e-6

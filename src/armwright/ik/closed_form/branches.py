@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from armwright import scalar
 from armwright.ik.chain import TURN, Chain
-from armwright.ik.closed_form.geometry import Geometry, geometry_of
+from armwright.ik.closed_form.geometry import Geometry
 from armwright.ik.closed_form.subproblems import Turn
 from armwright.ik.solutions import PoseBranches
 from armwright.kernels.batch import Kernel
 from armwright.kernels.target import select_target
-from armwright.kinematics import forward_kinematics
 from armwright.model import Model
 from armwright.program import Program, trace
 from armwright.scalar import Array, Scalar
@@ -39,8 +36,8 @@ def branches_program(chain: Chain, geometry: Geometry, near: bool) -> Program:
         best = scalar.array([*[np.nan] * (n + 3), -1.0])
         for number, turns in enumerate(geometry.positions(pose, instead)):
             q = _within(chain, [turn.angle for turn in turns] - geometry.offsets, wanted)
-            position, angle = _errors(chain, q, target)
-            margin = _margin(chain, q)
+            position, angle = chain.errors(q, target)
+            margin = chain.margin(q)
             met = scalar.less_equal(scalar.maximum(position, angle), tolerance[0])
             solved.append(met * scalar.less_equal(0.0, margin))
             away = q - wanted
@@ -83,32 +80,14 @@ def _turned(angle: Scalar, middle: Scalar) -> Scalar:
     return angle - TURN * scalar.floor((angle - middle) * (1.0 / TURN) + 0.5)
 
 
-def _errors(chain: Chain, q: Array, target: Array) -> tuple[Scalar, Scalar]:
-    """Distance [m] and angle [rad] from the pose of the frame to its target."""
-    pose = forward_kinematics(chain.model, q, chain.frame)
-    off, turned = pose[:3, 3] - target[:3, 3], (pose[:3, :3] - target[:3, :3]).reshape(-1)
-    chord = (turned @ turned) * 0.125  # sin²(angle / 2)
-    angle = 2.0 * scalar.atan2(scalar.sqrt(chord), scalar.sqrt(scalar.maximum(1.0 - chord, 0.0)))
-    return scalar.sqrt(off @ off), angle
-
-
-def _margin(chain: Chain, q: Array) -> Scalar:
-    margin = 0.5
-    for x, low, high in zip(q, *chain.limits, strict=True):
-        for side in (x - low, high - x):
-            if np.isfinite(high - low):
-                margin = scalar.minimum(margin, side * (1.0 / (high - low)))
-            elif scalar.is_symbolic(side) or np.isfinite(side):  # of a joint with one limit, only whether it is kept
-                margin = scalar.minimum(margin, scalar.where(scalar.less(side, 0.0), side, 0.5))
-    return margin
-
-
 class ClosedForm:
     """An arm's closed form for one of its frames in native code.
 
     Attributes:
-        geometry: of its axes.
+        geometry: of its axes.   kind: what it is called.
     """
+
+    kind = "closed form"
 
     def __init__(self, model: Model, frame: str | None, geometry: Geometry, near: bool):
         self.geometry, self.near = geometry, near
@@ -123,10 +102,3 @@ class ClosedForm:
         inputs = [poses, np.array([tolerance])] + ([near] if self.near else [])
         q, position, angle, margin, solved, best = self._kernel(*inputs, threads=threads)
         return PoseBranches(q, solved == 1.0, position, angle, margin, self._limits, self._joints), best
-
-
-@lru_cache(maxsize=16)
-def closed_form(model: Model, frame: str | None, near: bool) -> ClosedForm | None:
-    """The closed form of an arm, kept for the next call; None if there is none."""
-    geometry = geometry_of(model, frame)
-    return None if geometry is None else ClosedForm(model, frame, geometry, near)

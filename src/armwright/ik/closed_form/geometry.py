@@ -26,7 +26,9 @@ JOINTS = 6
 TOLERANCE = (
     1e-9  # angles [rad], and lengths as a share of the arm's reach, within which axes count as parallel or meeting
 )
+NEARLY = 2e-3  # the same of an arm whose branches are polished: the 1.57 or 3.14 that some files have
 TRIED, AGREE = 8, 1e-6  # positions at which a decomposition is tried before it is used; how near it must come
+AGREE_NEARLY = 0.05  # [rad]
 Solve = Callable[[Links, Placement, Sequence[Turn]], list[Turns]]
 
 
@@ -61,13 +63,15 @@ class Geometry:
         return self.links.offsets[::-1] if self.reversed else self.links.offsets
 
 
-def geometry_of(model: Model, frame: str | None = None) -> Geometry | None:
+def geometry_of(model: Model, frame: str | None = None, tolerance: float = TOLERANCE) -> Geometry | None:
     """The closed form of an arm for one of its frames, None if there is none.
 
     The first that fits, of: last three axes meet and axes 2 and 3 are parallel, 1 and 2 meet, 2 and 3 meet, 1 and 2 are
-    parallel; axes 2, 3 and 4 are parallel and 5 and 6 meet; the same counted from the tip. Angles within 1e-9 rad and distances
-    within 1e-9 of the arm's reach count as 0.
+    parallel; axes 2, 3 and 4 are parallel and 5 and 6 meet; the same counted from the tip.
 
+    Args:
+        model: the arm.   frame: which of its frames; by default the tip.
+        tolerance: angles [rad], and lengths as a share of the arm's reach, that count as 0.
     Raises:
         ModelError: no such frame.
     """
@@ -79,9 +83,9 @@ def geometry_of(model: Model, frame: str | None = None) -> Geometry | None:
     if axes is None:
         return None
     for backward in (False, True):
-        for relations, ideal, solve in _decompositions(axes.reversed() if backward else axes):
+        for relations, ideal, solve in _decompositions(axes.reversed() if backward else axes, tolerance):
             geometry = Geometry(_described(relations, backward), links_of(ideal), backward, solve)
-            if _holds(geometry, axes):
+            if _holds(geometry, axes, AGREE if tolerance <= TOLERANCE else AGREE_NEARLY):
                 return geometry
     return None
 
@@ -98,24 +102,24 @@ def _described(relations: Sequence[Relation], backward: bool) -> str:
     return ", ".join(words)
 
 
-def _decompositions(axes: Axes) -> Iterator[tuple[list[Relation], Axes, Solve]]:
+def _decompositions(axes: Axes, tolerance: float) -> Iterator[tuple[list[Relation], Axes, Solve]]:
     """Closed forms that an arm's axes allow, with the axes put exactly where they count as being."""
     centre, off = axes.meeting(3, 4, 5)
-    if off <= TOLERANCE:
-        for relation, ideal, shoulder in _shoulders(axes.through(centre, 3, 4, 5)):
+    if off <= tolerance:
+        for relation, ideal, shoulder in _shoulders(axes.through(centre, 3, 4, 5), tolerance):
             yield [((3, 4, 5), MEET), relation], ideal, spherical_wrist(shoulder)
     direction, tilted = axes.parallel(1, 2, 3)
     point, off = axes.meeting(4, 5)
-    if max(tilted, off) <= TOLERANCE:
+    if max(tilted, off) <= tolerance:
         ideal = axes.along(direction, 1, 2, 3).through(point, 4, 5)
         yield [((1, 2, 3), PARALLEL), ((4, 5), MEET)], ideal, three_parallel
 
 
-def _shoulders(axes: Axes) -> Iterator[tuple[Relation, Axes, Shoulder]]:
+def _shoulders(axes: Axes, tolerance: float) -> Iterator[tuple[Relation, Axes, Shoulder]]:
     """What the first three axes allow, the cheapest first."""
     for which, what, shoulder in SHOULDERS:
         point, off = axes.meeting(*which) if what == MEET else axes.parallel(*which)
-        if off <= TOLERANCE:
+        if off <= tolerance:
             ideal = axes.through(point, *which) if what == MEET else axes.along(point, *which)
             yield (which, what), ideal, shoulder
 
@@ -129,14 +133,14 @@ SHOULDERS = (
 )
 
 
-def _holds(geometry: Geometry, axes: Axes) -> bool:
+def _holds(geometry: Geometry, axes: Axes, agree: float) -> bool:
     """True if the closed form finds the positions again that poses are of: an arm may be degenerate in yet other ways."""
     exact = links_of(axes)
     free = [Turn.by(0.0)] * JOINTS
     for q in np.random.default_rng(0).uniform(-np.pi, np.pi, (TRIED, JOINTS)):
         branches = geometry.positions(_pose(exact, q), free)
         angles = np.array([[turn.angle for turn in turns] for turns in branches]) - geometry.offsets - q
-        if not np.abs(np.sin(angles / 2.0)).max(axis=1).min() < AGREE:
+        if not np.abs(np.sin(angles / 2.0)).max(axis=1).min() < agree:
             return False
     return True
 
