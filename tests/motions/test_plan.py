@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import re
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +44,34 @@ def test_a_seam_is_led_at_a_constant_speed():
     speed = np.linalg.norm(np.gradient(place, t, axis=0), axis=1)
     assert np.ptp(place[:, 2]) < 1e-4  # the seam is level
     np.testing.assert_allclose(speed, 0.04, rtol=2e-3)
+
+
+SEAM = """
+robot = "puma560"
+start = [0.2, -0.8, 0.2, 0, 0.6, 0]
+limits = {{ velocity = 0.15, acceleration = 20.0, jerk = 400.0 }}
+
+[[segments]]
+kind = "tool"
+origin = "start"
+path = [{{ kind = "line", to_m = [0, 0.2, 0] }}]
+speed_m_per_s = 0.1
+acceleration_m_per_s2 = 1.0
+{}
+"""
+
+
+def test_where_a_tool_is_slower_than_asked_is_said(tmp_path):
+    slow, local = (planned(tmp_path, "", SEAM.format(line)) for line in ("", 'slow = "where needed"'))
+    assert local.motion.duration < slow.motion.duration
+    assert re.search(
+        r"segments\[0\] is [\d.]+ times slower than asked: s = .* m: [\d.]+ times too fast, joint", str(slow)
+    )
+    assert re.search(r"segments\[0\] is up to [\d.]+ times slower than asked: s = ", str(local))
+    with pytest.raises(ScenarioError, match=r"segments\[0\].path at s = .*: joint '\w+' would need"):
+        planned(tmp_path, "", SEAM.format("constant = true"))
+    with pytest.raises(ScenarioError, match=r"slow = 'there'"):
+        planned(tmp_path, "", SEAM.format('slow = "there"'))
 
 
 def test_full_speed_is_at_the_motors_limits():
@@ -125,6 +155,10 @@ def test_a_moving_end_is_taken_over(tmp_path):
         planned(tmp_path, text + MOVE.format(""))
 
 
+GRIP = '[[segments]]\nkind = "grip"\nmass_kg = 1\ncom_m = [0, 0, 0]\ninertia_kg_m2 = {}\n{}\n'
+POINTS = '[[segments]]\nkind = "waypoints"\npoints = [[0.3, 0, 0, 0, 0, 0], [0.5, 0, 0, 0, 0, 0]]\n'
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -140,7 +174,7 @@ def test_a_moving_end_is_taken_over(tmp_path):
         ),
         (
             MOVE.format("duration_s = 0.01"),
-            r"segments\[0\].duration = 0.01: expected 0.\d+ s or more, which joint2 needs",
+            r"segments\[0\].duration_s = 0.01: expected 0.\d+ s or more, which joint2 needs",
         ),
         (MOVE.format("duration_s = -1"), r"segments\[0\].*duration_s = -1: expected greater than 0"),
         (MOVE.format("speed = 2"), r"segments\[0\].*speed = 2"),
@@ -152,11 +186,14 @@ def test_a_moving_end_is_taken_over(tmp_path):
         (MOVE.format("goal_velocity = 0.1"), r"segments\[0\].goal_velocity: with curve = 's_curve'"),
         ('[[segments]]\nkind = "release"\n', r"segments\[0\].release: the hand is empty"),
         ('[[segments]]\nkind = "dwell"\nduration_s = 0\n', "duration_s = 0"),
-        ('[[segments]]\nkind = "waypoints"\npoints = [[0.1, 0, 0, 0, 0, 0]]\n', r"points\[1\]: is where waypoint 0 is"),
+        (
+            '[[segments]]\nkind = "waypoints"\npoints = [[0.1, 0, 0, 0, 0, 0]]\n',
+            r"segments\[0\].points\[0\]: is where the waypoint before it is",
+        ),
         ('[[segments]]\nkind = "waypoints"\npoints = [[1, 2]]\n', r"segments\[0\].points\[0\]: 2 numbers; expected 6"),
         (
             '[[segments]]\nkind = "waypoints"\npoints = [[0.3, 0, 0, 0, 0, 0], [0.5, 0, 0, 0, 0, 0]]\ntimes_s = [3, 2]\n',
-            r"segments\[0\].times\[2\] = 2.0: not after 3",
+            r"segments\[0\].times_s\[1\] = 2.0: not after 3; expected times",
         ),
         (
             '[[segments]]\nkind = "tool"\npath = [{ kind = "line", to_m = [5, 0, 0] }]\nspeed_m_per_s = 0.1\n'
@@ -172,6 +209,26 @@ def test_a_moving_end_is_taken_over(tmp_path):
             r"segments\[0\].points\[0\]: 2 numbers; expected 6",
         ),
         ('[[segments]]\nkind = "grip"\nmass_kg = 1\ncom_m = [0, 0, 0]\ninertia_kg_m2 = [0, 0, 0]\n', "nothing moves"),
+        (GRIP.format("[-1, 0, 0]", ""), r"segments\[0\].inertia_kg_m2.xx = -1.0: expected a number of 0 or more"),
+        (GRIP.format("[0, 0, 0]", 'frame = "hand"'), r"segments\[0\].frame = 'hand': unknown; there is base, link1"),
+        (POINTS + "times_s = [-1, 2]\n", r"segments\[0\].times_s\[0\] = -1.0: not after the segment's beginning at 0"),
+        (POINTS + "times_s = [1, 2, 3]\n", r"segments\[0\].times_s: 3 times; expected 2, one a waypoint"),
+        (POINTS + "times_s = [1, 2]\nduration_s = 2\n", r"segments\[0\].duration_s: with times_s; expected either"),
+        (
+            POINTS + "times_s = [0.1, 0.2]\n",
+            r"segments\[0\].times_s: joint\d uses .* limit; expected more time: \d\.\d+ times",
+        ),
+        (POINTS + "duration_s = 0.1\n", r"segments\[0\].duration_s = 0.1: expected 0.\d+ s or more, the shortest"),
+        (POINTS.replace("0.5", "9"), r"segments\[0\].points\[1\] of joint1 = 9.0: 6.033 rad outside its limits"),
+        (POINTS.replace("0.5", "0.3"), r"segments\[0\].points\[1\]: is where the waypoint before it is"),
+        (
+            POINTS.replace("0.5", "0.3").replace("waypoints", "time_optimal"),
+            r"segments\[0\].points\[1\]: is where the waypoint before it is",
+        ),
+        (
+            MOVE.format('curve = "minimum_jerk"\nduration_s = 0.01'),
+            r"segments\[0\].duration_s = 0.01: joint2 would use .* of its jerk limit; expected 0\.877\d+ s or more",
+        ),
     ],
 )
 def test_bad_files_are_refused(tmp_path, text, said):
@@ -187,7 +244,8 @@ def test_bad_files_are_refused(tmp_path, text, said):
         ("acceleration = 3.0", "acceleration = -3.0", r"limits.acceleration = -3.0: expected a number above 0"),
         ("acceleration = 3.0", "acceleration = { elbow = 1.0 }", "no joint of the arm"),
         ("acceleration = 3.0", "speed = 3.0", "limits.speed.*unknown key"),
-        ("jerk = 60.0", "", r"segments\[0\].*no jerk limit of joint2"),
+        ("jerk = 60.0", "", r"toml:6: limits.jerk: no jerk limit of joint2"),
+        ("jerk = 60.0", "jerk = 1e-300", r"limits.jerk = 1e-300: expected a number of 1e-30 or more"),
         ("start = [0.1,", "start = [9,", r"start of joint1 = 9.0: 6.033 rad outside its limits"),
         ("start = [0.1,", "start = [nan,", "finite number"),
         ('title = "there and back"', "title = [", "a.motion.toml"),
@@ -221,6 +279,40 @@ def test_obstacles_are_kept_away_from(tmp_path):
         planned(tmp_path, MOVE.format(""), OBSTACLES.format(least=0.0, floor=0.4))
 
 
+@pytest.mark.parametrize(
+    ("obstacle", "said"),
+    [
+        ('kind = "plane", point_m = [0, 0, -9], normal = [0, 0, 0]', r"obstacles\[2\].normal = .*: expected a vector"),
+        (
+            'kind = "box", size_m = [0, 0, -1], position_m = [9, 0, 0]',
+            r"obstacles\[2\].size_m = .*: expected 3 numbers",
+        ),
+        (
+            'kind = "sphere", radius_m = 0.1, position_m = [9, 0, 0]',
+            r"toml(:\d+)?: link_radius_m: the record has no shapes",
+        ),
+    ],
+)
+def test_obstacles_are_named_as_they_were_written(tmp_path, obstacle, said):
+    head = OBSTACLES.format(least=0.0, floor=-1.0).replace("]\nlimits", f"    {{ {obstacle} }},\n]\nlimits")
+    if "radius_m" in obstacle:
+        head = head.replace("link_radius_m = 0.05\n", "")
+    with pytest.raises(ScenarioError, match=said) as raised:
+        planned(tmp_path, MOVE.format(""), head)
+    assert str(raised.value).startswith(str(tmp_path / "a.motion.toml"))
+
+
+def test_a_limit_of_jerk_holds_beside_a_time_optimal_segment(tmp_path):
+    fast = '[[segments]]\nkind = "time_optimal"\npoints = [[0.3, 0.3, 0, 0, 0, 0]]\ngrid = 50\n'
+    plan = planned(tmp_path, fast + MOVE.format(""))
+    assert plan.notes == ("segments[0] (time_optimal): its acceleration jumps, no limit of jerk is kept there",)
+    assert plan.notes[0] in str(plan)
+    assert plan.report.kept
+    move = plan.motion.motions[1].polynomial
+    assert move.largest(3).max() == pytest.approx(60.0, rel=1e-9)  # the move is an S-curve at that limit
+    assert planned(tmp_path, fast, FILE.replace("jerk = 60.0", "")).notes == ()
+
+
 SCENARIO = """
 robot = "lwa4p"
 duration_s = 0.2
@@ -233,6 +325,88 @@ period_s = 0.01
 controller = {{ kind = "computed_torque", kp = 100.0, kd = 20.0 }}
 reference = {{ kind = "motion", file = "{}" }}
 """
+
+
+CARRYING = """
+robot = "lwa4p"
+start = [0, 0.6, 0.9, 0, 0.4, 0]
+
+[limits]
+acceleration = 3.0
+jerk = 60.0
+
+[[segments]]
+kind = "dwell"
+duration_s = 0.1
+
+[[segments]]
+kind = "grip"
+mass_kg = 2.0
+com_m = [0, 0, 0.06]
+inertia_kg_m2 = [0.004, 0.004, 0.003]
+
+[[segments]]
+kind = "move"
+goal = { joint2 = 0.62 }
+
+[[segments]]
+kind = "dwell"
+duration_s = 0.3
+
+[[segments]]
+kind = "release"
+
+[[segments]]
+kind = "dwell"
+duration_s = 0.4
+"""
+
+
+def test_a_simulation_carries_what_the_motion_takes_up(tmp_path):
+    """The motors hold the body's weight from the grip to the release: g(q) of the arm with the body, and of the arm alone."""
+    plan = planned(tmp_path, "", CARRYING)
+    arm = plan.arm.replace(friction=None)
+    loop = aw.Loop(aw.ComputedTorque(400.0, 40.0), plan.motion, period=0.01)
+    scenario = aw.Scenario(arm, duration=round(plan.motion.duration, 2), loop=loop, start=[0, 0.6, 0.9, 0, 0.4, 0])
+    run = aw.simulate(scenario)
+    assert "the hand carries what the reference takes up: 2 kg from 0.1 s on, nothing from" in run.attrs["notes"]
+    loaded = aw.compile(arm.with_payload(2.0, [0, 0, 0.06], [0.004, 0.004, 0.003]))
+    grip, release = (body.time for body in plan.payloads)
+    for when, dyn in (
+        (grip - 0.02, aw.compile(arm)),
+        (release - 0.02, loaded),
+        (plan.motion.duration, aw.compile(arm)),
+    ):
+        row = run.sel(time=when, method="nearest")
+        np.testing.assert_allclose(row.tau.values, dyn.gravity_torques(row.q.values), atol=0.1)
+    weight = loaded.gravity_torques(row.q.values) - aw.compile(arm).gravity_torques(row.q.values)
+    assert np.abs(weight[1:3]).min() > 1.0  # N m, ten times what the comparison allows
+    by_hand = dataclasses.replace(scenario, loop=dataclasses.replace(loop, reference=aw.Joined(plan.motion.motions)))
+    stated = aw.simulate(dataclasses.replace(by_hand, inputs=aw.Inputs(payload=list(plan.payloads))))
+    np.testing.assert_array_equal(run.tau, stated.tau)
+    other = dataclasses.replace(scenario, inputs=aw.Inputs(payload=aw.Payload(0.0, 0.0)))
+    empty = aw.simulate(other)
+    np.testing.assert_allclose(empty.tau, aw.simulate(by_hand).tau, atol=1e-6)
+    assert "inputs.payload stands in place of what the reference takes up" in empty.attrs["notes"]
+
+
+def test_the_command_simulates_with_what_the_motion_takes_up(tmp_path):
+    plan = planned(tmp_path, "", CARRYING)
+    scenario, runs = tmp_path / "a.scenario.toml", []
+    text = SCENARIO.format("a.motion.toml").replace("duration_s = 0.2", "duration_s = 0.3")
+    scenario.write_text(text.replace("q = [0.1, 0, 0, 0, 0, 0]", "q = [0, 0.6, 0.9, 0, 0.4, 0]"))
+    other = tmp_path / "b.scenario.toml"
+    other.write_text(
+        scenario.read_text().replace('{ kind = "motion", file = "a.motion.toml" }', '{ kind = "pose", q = 0.1 }')
+    )
+    for arguments in ([str(scenario)], [str(other), "--reference", str(tmp_path / "a.motion.toml")]):
+        done = CliRunner().invoke(app, ["simulate", *arguments, "-o", str(tmp_path / "run.nc")])
+        assert done.exit_code == 0, done.output
+        assert "the hand carries what the reference takes up: 2 kg from 0.1 s on" in done.output
+        runs.append(aw.load_run(tmp_path / "run.nc").load())
+    np.testing.assert_array_equal(runs[0].tau, runs[1].tau)
+    begin = plan.payloads[0].time
+    assert np.abs(runs[0].q - runs[0].q_reference).sel(time=slice(begin + 0.1, None)).max() > 1e-3  # it sags
 
 
 @pytest.mark.parametrize("name", ["a.motion.toml", "a.csv"])
@@ -268,6 +442,55 @@ def test_the_command_plans_writes_and_draws(tmp_path):
     assert files[1].stat().st_size > 10_000
     t = np.linspace(0.0, plan.motion.duration, 100)
     np.testing.assert_allclose(aw.load_motion(files[0], plan.arm).at(t)[0], plan.motion.at(t)[0], atol=1e-9)
+
+
+def test_a_page_names_the_motion_and_its_segments(tmp_path):
+    plan = aw.plan(EXAMPLES[0].parent / "pick-and-place.motion.toml")
+    plan.plot(tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert f"<title>lwa4p   ·   {plan.title}</title>" in page
+    assert re.search(rf"grip {plan.begins[3]:.4g} s,\s+waypoints", page)
+    assert plan.plot().get_suptitle().startswith(f"lwa4p   ·   {plan.title}\nsegments: move 0 s")
+
+
+def test_an_arm_without_a_tip_is_asked_for_a_frame(tmp_path):
+    limit = '<axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="2" effort="9"/>'
+    joints = [("a", "revolute", "base", "one", limit), ("b", "revolute", "one", "two", limit)]
+    joints += [("c", "fixed", "two", "hand", ""), ("d", "fixed", "two", "camera", "")]
+    links = "".join(f'<link name="{name}"/>' for name in ("base", "one", "two", "hand", "camera"))
+    place = '<origin xyz="0.5 0 0"/>'
+    text = "".join(
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{place}{more}</joint>'
+        for name, kind, parent, child, more in joints
+    )
+    (tmp_path / "arm.urdf").write_text(f'<robot name="y">{links}{text}</robot>', encoding="utf-8")
+    tool = 'robot = "arm.urdf"\nstart = [0.3, 0.8]\n[limits]\nvelocity = 2.0\nacceleration = 9.0\njerk = 90.0\n[[segments]]\n'
+    tool += 'kind = "tool"\naim = "position"\norigin = "start"\npath = [{ kind = "line", to_m = [-0.05, 0, 0] }]\n'
+    tool += "speed_m_per_s = 0.1\nacceleration_m_per_s2 = 1.0\n"
+    file = tmp_path / "a.motion.toml"
+    file.write_text(tool, encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"segments\[0\].frame: missing; expected the frame that is led"):
+        aw.plan(file)
+    file.write_text(tool + 'frame = "hand"\n', encoding="utf-8")
+    assert aw.plan(file).report.kept
+    file.write_text(tool.replace("[-0.05, 0, 0]", "[0, 0, 0]") + 'frame = "hand"\n', encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"segments\[0\].path\[0\] = .*: has no length"):
+        aw.plan(file)
+
+
+def test_pairs_of_links_may_be_left_out(tmp_path):
+    text = 'robot = "puma560"\nstart = [0, 0.6, 0, 0, 0.8, 0]\nclearance_m = 0.05\nlink_radius_m = 0.06\n'
+    move = "[limits]\nvelocity = 2.0\nacceleration = 9.0\njerk = 90.0\n[[segments]]\nkind = 'move'\ngoal = { waist = 0.2 }\n"
+    file = tmp_path / "a.motion.toml"
+    file.write_text(text + move, encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"link2 and link4 are .* mm apart"):
+        aw.plan(file)
+    others = [f'["link{i}", "link{j}"]' for i in (1, 2) for j in (4, 5, 6)]
+    file.write_text(f"{text}ignore = [{', '.join(others)}]\n{move}", encoding="utf-8")
+    assert "link2 and link4" not in aw.plan(file).nearest
+    file.write_text(f'{text}ignore = [["link2", "hand"]]\n{move}', encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"ignore = 'hand': expected a link"):
+        aw.plan(file)
 
 
 def test_the_command_says_what_is_exceeded(tmp_path):

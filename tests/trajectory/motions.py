@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import armwright as aw
-from armwright.trajectory.limits import dense_times
+from armwright.trajectory.limits_report import dense_times
 
 DENSER = 10  # times as many points as a report has between two breaks
 
@@ -47,6 +47,9 @@ def check_continuous(motion: aw.Motion, derivatives: int) -> None:
     breaks = np.asarray(motion.breaks)[1:-1]
     left, right = motion.at(np.nextafter(breaks, -np.inf)), motion.at(breaks)
     t = dense_times(motion, 20)
+    shortest, rounding = np.diff(motion.breaks).min(), 0.0
     for before, after, rows in list(zip(left, right, motion.at(t), strict=True))[:derivatives]:
-        # a rounding of time is one of the next derivative too
-        np.testing.assert_allclose(before, after, rtol=0.0, atol=1e-9 * (np.abs(rows).max() + 1e-12))
+        # a rounding of time or of the derivative below is one of this derivative too
+        size = np.abs(rows).max()
+        np.testing.assert_allclose(before, after, rtol=0.0, atol=1e-9 * (size + 1e-12) + rounding)
+        rounding = max(rounding, 1e-14 * size) / shortest

@@ -11,8 +11,16 @@ import pytest
 import armwright as aw
 from armwright.model import Model
 from armwright.trajectory.limits import MotionLimits
+from armwright.trajectory.motion import Motion
 from armwright.trajectory.path import JointPath
+from physics.arms import arm as built_arm
 
+ARMS = ("panda", "cmu-dd", "lwa4p", "puma560", "workshop", "rough", "sprung", "two-link")
+HOME = {  # in the middle of the space of each
+    "puma560": [0.3, -0.8, 0.4, 0.2, 0.7, 0.0],
+    "lwa4p": [0.3, 0.6, 1.5, 0.2, 0.9, 0.1],
+    "panda": [0.2, -0.5, 0.1, -2.0, 0.1, 1.6, 0.5],
+}
 RELAXED = {"acceleration": np.inf, "torque": np.inf, "voltage": np.inf}
 
 
@@ -42,6 +50,44 @@ def reachable_limits(arm: Model, path: JointPath, seed: int) -> MotionLimits:
         stall = [drive.resistance / abs(drive.gear_ratio * drive.torque_constant) for drive in drives]
         limits = limits.replace(voltage=torque * np.array(stall, dtype=float) * draw.uniform(0.95, 2.0))
     return limits
+
+
+def random_problem(seed: int) -> tuple[Model, JointPath, MotionLimits]:
+    """An arm of eight, a path through two to six random poses and random limits."""
+    arm = built_arm(ARMS[seed % len(ARMS)])
+    path = random_path(arm, seed, 2 + seed % 5)
+    return arm, path, reachable_limits(arm, path, seed)
+
+
+def random_tool_motion(seed: int) -> tuple[Model, aw.CartesianMotion, MotionLimits]:
+    """A motion along two random lines with a rounded corner under random limits; every other one is slower where needed alone."""
+    draw = np.random.default_rng(seed)
+    arm, home = built_arm(list(HOME)[seed % 3]), np.array(list(HOME.values())[seed % 3])
+    goals = aw.compile(arm).forward_kinematics(home + draw.uniform(-0.3, 0.3, (2, arm.n)))
+    limits = aw.MotionLimits.of(
+        arm, velocity=draw.uniform(0.3, 3.0), acceleration=draw.uniform(1.0, 20.0), jerk=500.0, torque=np.inf, voltage=np.inf
+    )  # fmt: skip
+    start, blend = aw.compile(arm).forward_kinematics(home), 10.0 ** draw.uniform(-4.0, -1.5)
+    path = aw.CartesianPath([aw.Line(goal) for goal in goals], start, blend, 0.1)
+    speed, slow = draw.uniform(0.05, 2.0), "where needed" if (seed // 3) % 2 else "everywhere"
+    return arm, aw.follow_path(arm, path, speed, 5.0, limits=limits, near=home, slow=slow), limits
+
+
+def largest_use(arm: Model, motion: Motion, limits: MotionLimits, denser: int = 10) -> float:
+    """Largest part of any limit that a motion uses: between its breaks on a grid so many times denser, and at as many random
+    times, by `motion.at` and the arm's own kernels."""
+    breaks = motion.breaks
+    denser = max(denser, 20_000 // len(breaks))
+    within = np.linspace(0.0, 1.0, denser + 2)[:-1]
+    even = (breaks[:-1, None] + np.diff(breaks)[:, None] * within).ravel()
+    random = np.random.default_rng(len(breaks)).uniform(breaks[0], breaks[-1], len(even))
+    q, qd, qdd = motion.at(np.concatenate([even, random, breaks[-1:]]))
+    dyn, values = aw.compile(arm), {"velocity": qd, "acceleration": qdd}
+    if np.isfinite([limits.torque, limits.voltage]).any():
+        values["torque"] = dyn.inverse_dynamics(q, qd, qdd)
+    if np.isfinite(limits.voltage).any():
+        values["voltage"] = dyn.motor_voltage(qd, values["torque"])
+    return max(float((np.abs(value) / getattr(limits, name)).max()) for name, value in values.items())
 
 
 def by_toppra(arm: Model, path: JointPath, limits: MotionLimits, grid: int = 1000) -> float:

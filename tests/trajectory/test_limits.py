@@ -84,6 +84,26 @@ def test_a_report_has_closed_extrema_and_the_kernels_torques():
     assert "160" in aw.limits_report(model, motion, limits.replace(velocity=1.0)).excesses()[0]
 
 
+def test_jumps_of_the_acceleration_keep_no_limit_of_jerk():
+    model = arm("two-link")
+    limits = aw.MotionLimits.of(model, velocity=2.0, acceleration=10.0, jerk={"elbow": 300.0})
+    jumping = aw.Cubic([0.0, 0.0], [0.3, 0.6], limits=limits, time=0.5)
+    report = aw.limits_report(model, jumping, limits)
+    np.testing.assert_allclose(report.jumps, [0.5, 0.5 + jumping.duration], atol=1e-12)
+    assert not report.kept
+    assert report.largest == pytest.approx(1.0)  # of what it plans with
+    assert report.excesses() == [
+        f"acceleration jumps at 0.5, {0.5 + jumping.duration:.4g} s: no limit of jerk is kept there"
+    ]
+    assert str(report).endswith(report.excesses()[0])
+    smooth = aw.limits_report(model, aw.Quintic([0.0, 0.0], [0.3, 0.6], limits=limits), limits)
+    assert smooth.kept
+    assert not smooth.jumps.size
+    for motion in (jumping, aw.Cubic([0.0, 0.0], [0.3, 0.0], 1.0)):  # nothing has a limit, or what has one stands
+        free = limits.replace(jerk=np.inf if motion is jumping else {"shoulder": np.inf})
+        assert aw.limits_report(model, motion, free).kept
+
+
 def test_a_payload_is_carried():
     model = arm("lwa4p")
     motion = aw.Quintic(np.zeros(6), [0.0, 0.5, 0.5, 0.0, 0.0, 0.0], 2.0)

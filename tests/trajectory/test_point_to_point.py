@@ -197,6 +197,13 @@ def test_what_no_limit_bounds_is_refused():
         aw.Quintic([0.0], [1.0])
 
 
+@pytest.mark.parametrize("kind", ["Quintic", "Cubic"])
+@pytest.mark.parametrize(("before", "place"), [((), "duration"), ((1.0,), "time")])
+def test_limits_in_the_place_of_another_number_are_named(kind, before, place):
+    with pytest.raises(ScenarioError, match=rf"{kind}.{place}: are limits; .*limits by name: {kind}\(…, limits=…\)"):
+        getattr(aw, kind)([0.0, 0.0], [0.5, 0.3], *before, LIMITS)
+
+
 def test_states_beyond_the_limits_are_refused():
     with pytest.raises(ScenarioError, match=r"start_velocity of joint2 = 1.5: expected 1 rad/s at most"):
         aw.MinimumJerk([0.0, 0.0], [0.5, 0.5], start_velocity=[0.0, 1.5], limits=LIMITS)

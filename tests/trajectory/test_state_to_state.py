@@ -95,6 +95,25 @@ print(motion.duration)
         assert source[1] not in file.read()  # waypoints are never passed
 
 
+def test_a_joint_that_moves_needs_a_limit_of_acceleration_or_jerk():
+    inf = np.inf
+    with pytest.raises(ScenarioError, match="no acceleration limit of joint1; expected"):
+        aw.Ruckig([0.0, 0.0], [1.0, 0.0], limits_of([1.0, 1.0], inf, inf))
+    assert aw.Ruckig([0.0, 0.0], [1.0, 0.0], limits_of([1.0, 1.0], [2.0, inf], inf)).duration == pytest.approx(1.5)
+    jerk_alone = aw.Ruckig([0.0], [1.0], limits_of([inf], inf, 4.0))
+    assert jerk_alone.duration == pytest.approx(2.0)  # (32 h / j)^(1/3)
+
+
+def test_limits_of_very_different_magnitudes():
+    """A segment shorter than rounding is left out; where Ruckig finds nothing, the error is one short line."""
+    steep = aw.Ruckig([0.0, 0.0], [0.3, 0.3], limits_of([1.0, 1.0], 3.0, 1e20))
+    assert steep.duration == pytest.approx(2.0 * np.sqrt(0.1), rel=1e-9)
+    np.testing.assert_allclose(steep.at(steep.duration)[0], 0.3, atol=1e-12)
+    with pytest.raises(ScenarioError, match="found no move") as caught:
+        aw.Ruckig(np.zeros(6), np.full(6, 0.3), limits_of([1.0] * 6, 1e-20, 60.0))
+    assert len(str(caught.value)) < 120
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

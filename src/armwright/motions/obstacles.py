@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from armwright.collision import BoxObstacle, PlaneObstacle, SphereObstacle, clearance
-from armwright.errors import ScenarioError
+from armwright.errors import ModelError, ScenarioError
 from armwright.model import Model
 from armwright.motions.records import BoxTable, MotionTable, PlaneTable
-from armwright.trajectory.limits import dense_times
+from armwright.trajectory.keep_clear import nearest_along, too_near
+from armwright.trajectory.limits_report import dense_times
 from armwright.trajectory.motion import Motion
 
 
@@ -24,27 +26,36 @@ def check_clearance(arm: Model, motion: Motion, table: MotionTable, begins: list
     """
     if not table.obstacles and table.clearance_m is None:
         return ""
-    least, t = table.clearance_m or 0.0, dense_times(motion)
-    near = clearance(arm, [_obstacle(each) for each in table.obstacles], radius=table.link_radius_m)
-    found = near.nearest(motion.at(t)[0])
-    when = float(t[found.index])
-    if found.distance < least:
-        segment = int(np.searchsorted(begins, when, side="right")) - 1
-        one, two = found.pair
-        how = (
-            f"overlap by {-1e3 * found.distance:.4g} mm"
-            if found.distance < 0.0
-            else f"are {1e3 * found.distance:.4g} mm apart"
+    obstacles = [_obstacle(k, each) for k, each in enumerate(table.obstacles)]
+    try:
+        near = clearance(
+            arm, obstacles, radius=table.link_radius_m, ignore=table.ignore, least=table.clearance_m or 0.0
         )
-        expected = f"{1e3 * least:.4g} mm or more"
-        raise ScenarioError(f"{one} and {two} {how} at {when:.4g} s", place=f"segments[{segment}]", expected=expected)
+    except ModelError as error:  # whose file is the arm
+        renamed = {"radius": "link_radius_m"}
+        raise ScenarioError.of(
+            *(replace(each, place=renamed.get(each.place, each.place), file="") for each in error.problems)
+        ) from None
+    found, when = nearest_along(near, lambda t: motion.at(t)[0], dense_times(motion))
+    error = too_near(near, found, f" at {when:.4g} s")
+    if error is not None:
+        raise error.within(f"segments[{int(np.searchsorted(begins, when, side='right')) - 1}]")
     return f"{found} at {when:.4g} s"
 
 
-def _obstacle(table: Any) -> Any:
-    """The obstacle of a table."""
-    if isinstance(table, PlaneTable):
-        return PlaneObstacle(table.point_m, table.normal, table.name)
-    if isinstance(table, BoxTable):
-        return BoxObstacle(table.size_m, table.position_m, table.rpy_rad, table.name)
-    return SphereObstacle(table.radius_m, table.position_m, table.name)
+def _obstacle(k: int, table: Any) -> Any:
+    """The obstacle of a table, the k-th."""
+    try:
+        if isinstance(table, PlaneTable):
+            return PlaneObstacle(table.point_m, table.normal, table.name)
+        if isinstance(table, BoxTable):
+            return BoxObstacle(table.size_m, table.position_m, table.rpy_rad, table.name)
+        return SphereObstacle(table.radius_m, table.position_m, table.name)
+    except ScenarioError as error:  # whose place begins with the obstacle's name
+        own = f"{table.name}."
+        raise error.renamed(lambda place: _key(place.removeprefix(own))).within(f"obstacles[{k}]") from None
+
+
+def _key(field: str) -> str:
+    """Key of an obstacle's table from the field of its type."""
+    return {"normal": field, "rpy": "rpy_rad"}.get(field, f"{field}_m")

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import os
 import re
+import textwrap
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armwright.description.toml_file import read_document, read_text
-from armwright.errors import ArmwrightError, DescriptionError, ScenarioError
+from armwright.description.toml_file import toml_tables
+from armwright.errors import ArmwrightError, Problem, ScenarioError
 from armwright.model import Model, build_model
 from armwright.motions.obstacles import check_clearance
 from armwright.motions.records import (
@@ -27,13 +28,13 @@ from armwright.motions.tool import tool_motion
 from armwright.scenarios.files import Files, FolderFiles
 from armwright.scenarios.lanes import TENSOR
 from armwright.simulation.inputs.payload import Payload
-from armwright.trajectory.cubic import Cubic
 from armwright.trajectory.joined import Joined
-from armwright.trajectory.limits import LimitsReport, MotionLimits, limits_report
+from armwright.trajectory.limits import MotionLimits
+from armwright.trajectory.limits_report import LimitsReport, jumps_of_acceleration, limits_report
 from armwright.trajectory.minimum_jerk import MinimumJerk
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.piecewise import PiecewisePolynomial
-from armwright.trajectory.quintic import Quintic
+from armwright.trajectory.rest_to_rest import Cubic, Quintic
 from armwright.trajectory.s_curve import SCurve
 from armwright.trajectory.state_to_state import Ruckig
 from armwright.trajectory.time_optimal import time_optimal
@@ -49,6 +50,9 @@ CURVES: Mapping[str, Any] = {
     "ruckig": Ruckig,
 }  # fmt: skip
 MOVING = ("minimum_jerk", "ruckig")  # which may begin and end moving
+KEYS = {"waypoints": "points", "duration": "duration_s", "times": "times_s"}  # by the names of fields
+GRIP = {"mass": "mass_kg", "com": "com_m", "inertia": "inertia_kg_m2"}
+NAMED, WIDE = 24, 90  # segments that a plot names, and letters in a line of them
 SAME = 1e-12  # [rad | m] between poses that are one
 
 
@@ -60,7 +64,8 @@ class Plan:
         arm, limits.   motion: of all segments.   kinds: of each segment.   begins: [s] of each.
         payloads: bodies in the hand, each from its time on.   report: use of the limits, payloads included.
         nearest: what comes nearest to what, and when; "" where no distance was asked for.   file: path of the motion file.
-          title: of the file, or "".
+        title: of the file, or "".   slower: where segments of the tool are slower than asked, and why.
+        notes: what the planner did not do.
     """
 
     arm: Model
@@ -73,6 +78,8 @@ class Plan:
     nearest: str = ""
     file: str = ""
     title: str = ""
+    slower: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def save(self, path: str | os.PathLike[str], rate: float = 500.0) -> None:
         """Writes the motion as .csv or .nc, for `load_motion`.
@@ -92,7 +99,13 @@ class Plan:
         Raises:
             OutputError: the file cannot be written.
         """
-        return self.motion.plot(self.arm, path, self.payloads)
+        from armwright.trajectory.motion_rows import plot_motion  # xarray takes a while to import
+
+        title = f"{self.arm.name}   ·   {self.title or Path(self.file).name}"
+        named = [f"{kind} {begin:.4g} s" for kind, begin in zip(self.kinds, self.begins, strict=True)]
+        named[NAMED:] = [f"and {len(named) - NAMED} more"] if len(named) > NAMED else []
+        lines = textwrap.wrap("segments: " + ", ".join(named), WIDE, break_on_hyphens=False)
+        return plot_motion(self.arm, self.motion, path, self.payloads, title, lines)
 
     def __str__(self) -> str:
         ends = (*self.begins[1:], self.motion.time + self.motion.duration)
@@ -105,6 +118,7 @@ class Plan:
         excesses = self.report.excesses()
         over = [f"exceeds limits: {'; '.join(excesses)}"] if excesses else ["all limits that are known are kept"]
         over += [f"nearest: {self.nearest}"] if self.nearest else []
+        over += [*self.slower, *(f"note: {note}" for note in self.notes)]
         return "\n".join([*lines, "largest use of every limit:", str(self.report), *over])
 
 
@@ -121,15 +135,16 @@ def plan(path: str | os.PathLike[str], *, allow: Iterable[str | os.PathLike[str]
             key, value and what was expected.
     """
     path = Path(path)
-    try:
-        document = read_document(path, read_text(path))
-    except DescriptionError as error:
-        raise ScenarioError.of(*error.problems) from None
-    return plan_document(document, str(path), FolderFiles(path.parent, [Path(folder) for folder in allow]))
+    with toml_tables(path, ScenarioError) as tables:
+        return plan_document(tables, str(path), FolderFiles(path.parent, [Path(folder) for folder in allow]))
 
 
 def plan_document(tables: dict[str, Any], place: str, files: Files) -> Plan:
     """The plan of a parsed motion file; `place` is what errors call it."""
+    if "joints" in tables and "segments" not in tables:
+        raise ScenarioError(
+            "is a robot file", file=place, expected="a motion file, which names a robot and has [[segments]]"
+        )
     table = validated(MotionTable, tables, file=place, error=ScenarioError)
     try:
         arm = build_model(files.robot(table.robot))
@@ -140,7 +155,7 @@ def plan_document(tables: dict[str, Any], place: str, files: Files) -> Plan:
             try:
                 run.add(segment)
             except ArmwrightError as error:
-                raise error.renamed(_without_type).within(f"segments[{k}]") from None
+                raise ScenarioError.of(*(_as_written(each, f"segments[{k}]") for each in error.problems)) from None
     except ArmwrightError as error:
         raise error.within(file=place) from None
     if run.motions and run.qd.any():
@@ -149,20 +164,41 @@ def plan_document(tables: dict[str, Any], place: str, files: Files) -> Plan:
         raise ScenarioError(what, place=f"segments[{len(table.segments) - 1}]", expected=expected, file=place)
     if not run.motions:
         raise ScenarioError("nothing moves", place="segments", expected="a move, waypoints or a dwell", file=place)
-    motion, payloads = Joined(run.motions), tuple(run.payloads)
+    payloads = tuple(run.payloads)
+    motion = Joined(run.motions, payloads)
     try:
         nearest = check_clearance(arm, motion, table, run.begins)
     except ArmwrightError as error:
         raise error.within(file=place) from None
-    report = limits_report(arm, motion, limits, payload=payloads)
+    limited = np.isfinite(limits.jerk)
+    at = jumps_of_acceleration(motion, limited) if limited.any() else np.empty(0)
+    jumping = np.unique(np.searchsorted(run.begins, at, side="right") - 1)
+    judged = replace(limits, jerk=np.full(arm.n, np.inf)) if len(jumping) else limits
+    report = limits_report(arm, motion, judged, payload=payloads)
     return Plan(
-        arm, limits, motion, tuple(run.kinds), tuple(run.begins), payloads, report, nearest, place, table.title or ""
-    )
+        arm, limits, motion, tuple(run.kinds), tuple(run.begins), payloads, report, nearest, place, table.title or "",
+        tuple(run.slower),
+        tuple(
+            f"segments[{k}] ({run.kinds[k]}): its acceleration jumps, no limit of jerk is kept there" for k in jumping
+        ),
+    )  # fmt: skip
 
 
-def _without_type(place: str) -> str:
-    """A place in a motion's type, `Quintic.duration` or `segment.goal`, as a key of the segment: `duration`."""
-    return re.sub(r"^([A-Z][A-Za-z]*|segment)\.(?=\w)", "", place)
+def _as_written(problem: Problem, segment: str) -> Problem:
+    """A problem of a motion's type or of a segment, `Waypoints.times[2]` or `segment.goal`, as the file has it: `times_s[1]`."""
+    place, kind = problem.place, re.match(r"([A-Z][A-Za-z]*|segment|time_optimal)\.", problem.place)
+    if place.startswith("limits."):  # of the file or of the record, not of the segment
+        return problem
+    if place.startswith("segments["):  # of a tool's path
+        place = f"path{place.removeprefix('segments')}"
+    if kind is not None:
+        place = place[kind.end() :]
+        if kind[1] != "segment":  # a type has the pose that is reached as its first waypoint, and other names
+            place = re.sub(
+                r"^(points|waypoints|times)\[(\d+)\]", lambda at: f"{at[1]}[{max(int(at[2]) - 1, 0)}]", place
+            )
+            place = re.sub(r"^(waypoints|duration|times)\b", lambda at: KEYS[at[1]], place)
+    return replace(problem, place=place).within(segment)
 
 
 @dataclass
@@ -179,6 +215,7 @@ class _Run:
     kinds: list[str] = field(default_factory=list)
     begins: list[float] = field(default_factory=list)
     payloads: list[Payload] = field(default_factory=list)
+    slower: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.qd, self.qdd = np.zeros(self.arm.n), np.zeros(self.arm.n)
@@ -188,13 +225,23 @@ class _Run:
         self.kinds.append(segment.kind)
         self.begins.append(self.time)
         if segment.kind == "grip":
-            self.payloads.append(_payload(segment, self.time))
+            self.payloads.append(self.gripped(segment))
         elif segment.kind == "release":
             if not self.payloads or self.payloads[-1].mass == 0.0:
                 raise ScenarioError("the hand is empty", place="segment.release", expected="a grip before it")
             self.payloads.append(Payload(self.time, 0.0, frame=self.payloads[-1].frame))
         else:
             self.follow(self.planned(segment))
+
+    def gripped(self, segment: GripSegment) -> Payload:
+        """The body of a grip, checked."""
+        body = _payload(segment, self.time)
+        try:
+            self.arm.with_payload(body.mass, body.com, body.inertia, body.frame)
+        except ArmwrightError as error:
+            problems = (replace(each, place=_grip_key(each.place), file="") for each in error.problems)
+            raise ScenarioError.of(*problems) from None
+        return body
 
     def follow(self, motion: Motion) -> None:
         """Goes to the end of a motion."""
@@ -216,11 +263,17 @@ class _Run:
         if isinstance(segment, MoveSegment):
             return self.move(segment)
         if isinstance(segment, ToolSegment):
-            return tool_motion(self.arm, segment, self.q, self.limits, self.time)
+            motion = tool_motion(self.arm, segment, self.q, self.limits, self.time)
+            if motion.stretches:
+                how = f"{'' if segment.slow == 'everywhere' else 'up to '}{motion.slowed:.3g} times slower than asked"
+                place = f"segments[{len(self.kinds) - 1}]"
+                self.slower += [f"{place} is {how}: {each}" for each in motion.stretches]
+            return motion
         points = self.through(segment.points)
         if isinstance(segment, TimeOptimalSegment):
             held = self.payloads[-1] if self.payloads and self.payloads[-1].mass > 0.0 else None
-            return time_optimal(self.arm, points, self.limits, payload=held, grid=segment.grid, time=self.time)
+            limits = self.limits.replace(jerk=np.inf)  # which it cannot keep; the plan says so
+            return time_optimal(self.arm, points, limits, payload=held, grid=segment.grid, time=self.time)
         return self.waypoints(segment, points)
 
     def slowed(self, speed: float) -> MotionLimits:
@@ -258,7 +311,9 @@ class _Run:
             if segment.curve == "parabolic":
                 expected = "duration_s or speed: parabolic blends pass their waypoints at a distance"
                 raise ScenarioError("with curve = 'parabolic'", place="segment.times_s", expected=expected)
-            times = self.time + np.array([0.0, *segment.times_s])
+            if segment.duration_s is not None:
+                raise ScenarioError("with times_s", place="segment.duration_s", expected="either")
+            times = self.time + np.array([0.0, *_checked_times(segment.times_s, len(segment.points))])
         return Waypoints(points, self.slowed(segment.speed), segment.curve, times, segment.duration_s, time=self.time)
 
 
@@ -273,6 +328,24 @@ def _pose(place: str, value: Any, arm: Model, others: np.ndarray) -> np.ndarray:
     if numbers.shape not in ((), (arm.n,)):
         raise ScenarioError(place=place, value=value, expected=f"{arm.n} numbers: {', '.join(arm.names)}")
     return np.broadcast_to(numbers, (arm.n,)).copy()
+
+
+def _checked_times(times: tuple[float, ...], count: int) -> tuple[float, ...]:
+    """Times of a segment, one a waypoint, that increase from its beginning on."""
+    if len(times) != count:
+        raise ScenarioError(f"{len(times)} times", place="segment.times_s", expected=f"{count}, one a waypoint")
+    for k, (before, each) in enumerate(zip((0.0, *times), times, strict=False)):
+        if each <= before:
+            what = f"not after {before:.10g}" if k else "not after the segment's beginning at 0"
+            raise ScenarioError(what, place=f"segment.times_s[{k}]", value=each, expected="times [s] that increase")
+    return times
+
+
+def _grip_key(place: str) -> str:
+    """Key of a grip from a place of `with_payload`: `….inertia_kg_m2.xx` from `with_payload(…).xx`."""
+    name = place.rpartition(").")[2]
+    first = name.split(".")[0].split("[")[0]
+    return f"inertia_kg_m2.{name}" if first in TENSOR else name.replace(first, GRIP.get(first, first), 1)
 
 
 def _payload(segment: GripSegment, time: float) -> Payload:

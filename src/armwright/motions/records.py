@@ -10,7 +10,7 @@ from armwright.quantity import Record
 from armwright.scenarios.records import Number, PerJoint, Tensor, Three, counted
 
 Seconds = Annotated[Number, Field(gt=0)]
-Speed = Annotated[Number, Field(gt=0, le=1)]
+Speed = Annotated[Number, Field(ge=1e-6, le=1)]
 Points = Annotated[tuple[tuple[Number, ...], ...], Field(min_length=1)]
 SPEED = "1: as fast as the limits allow; 0.5: the same in twice the time."
 
@@ -23,7 +23,9 @@ class LimitsTable(Record):
     )
     velocity: PerJoint | None = Field(default=None, description="[rad/s | m/s].")
     acceleration: PerJoint | None = Field(default=None, description="[rad/s² | m/s²].")
-    jerk: PerJoint | None = Field(default=None, description="[rad/s³ | m/s³].")
+    jerk: PerJoint | None = Field(
+        default=None, description="[rad/s³ | m/s³]; not kept by parabolic blends, trapezoids and time_optimal segments."
+    )
     torque: PerJoint | None = Field(default=None, description="Of the motors, referred to the joints [N m | N].")
     voltage: PerJoint | None = Field(default=None, description="Of the motors [V].")
 
@@ -130,6 +132,9 @@ class ToolSegment(Record):
     ] = Field(description="Pieces, each from where the last one ends.")
     speed_m_per_s: Annotated[Number, Field(gt=0)] = Field(description="Of the tool.")
     acceleration_m_per_s2: Annotated[Number, Field(gt=0)] = Field(description="Of the tool.")
+    slow: Literal["everywhere", "where needed"] = Field(
+        default="everywhere", description="What is slower where the joints cannot follow at the tool's speed."
+    )
     constant: bool = Field(
         default=False, description="true: refused rather than slower where the joints cannot follow."
     )
@@ -203,5 +208,8 @@ class MotionTable(Record):
     )
     link_radius_m: Annotated[Number, Field(gt=0)] | None = Field(
         default=None, description="Radius of links whose record has no shapes, for distances."
+    )
+    ignore: tuple[tuple[str, str], ...] = Field(
+        default=(), description="Pairs of links whose distance does not count, as those of a wrist."
     )
     segments: tuple[Segment, ...] = Field(min_length=1, description="One after the other.")

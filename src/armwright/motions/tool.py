@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from armwright.errors import ScenarioError
 from armwright.kinematics import forward_kinematics
 from armwright.model import Model
 from armwright.motions.records import ArcPiece, LinePiece, ToolSegment
 from armwright.spatial.rotation import rotation_rpy
-from armwright.trajectory.cartesian.motion import CartesianMotion, follow_path
+from armwright.trajectory.cartesian.follow import follow_path
+from armwright.trajectory.cartesian.motion import CartesianMotion
 from armwright.trajectory.cartesian.path import CartesianPath
 from armwright.trajectory.cartesian.segments import Arc, Circle, Line
 from armwright.trajectory.limits import MotionLimits
@@ -25,6 +27,8 @@ def tool_motion(arm: Model, segment: ToolSegment, q: np.ndarray, limits: MotionL
     Raises:
         ScenarioError: as `follow_path`.
     """
+    if segment.frame is None and arm.tip is None:
+        raise ScenarioError("missing", place="segment.frame", expected="the frame that is led", choices=arm.frames)
     start = np.asarray(forward_kinematics(arm, q, segment.frame), dtype=float)
     offset = start[:3, 3] if segment.origin == "start" else np.zeros(3)
     pieces: list[Any] = []
@@ -38,7 +42,7 @@ def tool_motion(arm: Model, segment: ToolSegment, q: np.ndarray, limits: MotionL
     return follow_path(
         arm, CartesianPath(pieces, start, segment.blend_m), segment.speed_m_per_s, segment.acceleration_m_per_s2,
         angular_speed=segment.angular_speed_rad_per_s, angular_acceleration=segment.angular_acceleration_rad_per_s2,
-        limits=limits, constant=segment.constant, near=q, frame=segment.frame, aim=segment.aim, time=time,
+        limits=limits, slow=segment.slow, constant=segment.constant, near=q, frame=segment.frame, aim=segment.aim, time=time,
     )  # fmt: skip
 
 

@@ -1,15 +1,15 @@
 """Motions: where the arm should be, as functions of time, and the limits that they keep."""
 
-from armwright.trajectory.cubic import Cubic
 from armwright.trajectory.fourier import Fourier
 from armwright.trajectory.input_shaper import InputShaper
 from armwright.trajectory.joined import Joined
-from armwright.trajectory.limits import MotionLimits, limits_report
+from armwright.trajectory.limits import MotionLimits
+from armwright.trajectory.limits_report import limits_report
 from armwright.trajectory.minimum_jerk import MinimumJerk
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.piecewise import PiecewisePolynomial
-from armwright.trajectory.quintic import Quintic
 from armwright.trajectory.ramp import Ramp
+from armwright.trajectory.rest_to_rest import Cubic, Quintic
 from armwright.trajectory.s_curve import SCurve
 from armwright.trajectory.sine import Sine
 from armwright.trajectory.state_to_state import Ruckig

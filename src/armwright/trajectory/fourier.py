@@ -83,10 +83,10 @@ class Fourier(Motion):
         """q (n,) [rad | m], q̇ and q̈ at t [s]."""
         centre, sine, cosine = (scalar.array(each) for each in (self.centre, self.sine, self.cosine))
         s, w = scalar.maximum(t - self.time, 0.0), 2.0 * np.pi / self.period
-        moving = scalar.less_equal(0.0, t - self.time)
+        moving = scalar.less_equal(self.time, t)
         if self.periods is not None:
             end = self.periods * self.period
-            s, moving = scalar.minimum(s, end), moving * scalar.less_equal(t - self.time, end)
+            s, moving = scalar.minimum(s, end), moving * scalar.less_equal(t, self.time + end)
         q, qd, qdd = centre, 0.0 * centre, 0.0 * centre
         for k in range(1, sine.shape[1] + 1):
             a, b = sine[:, k - 1], cosine[:, k - 1]
@@ -100,7 +100,7 @@ class Fourier(Motion):
         """q, q̇ and q̈, each (…, n), at times t (…) [s]; of a series without batches."""
         times = np.asarray(t, dtype=float)
         s = np.clip(times - self.time, 0.0, self.duration)[..., None]
-        moving = ((times >= self.time) & (times - self.time <= self.duration))[..., None]
+        moving = ((times >= self.time) & (times <= self.time + self.duration))[..., None]
         q, qd, qdd = series_matrices(np.asarray(self.sine).shape[1], self.period, s)
         coefficients = np.concatenate([np.asarray(self.sine), np.asarray(self.cosine)], axis=1).T
         return q @ coefficients + np.asarray(self.centre), moving * (qd @ coefficients), moving * (qdd @ coefficients)

@@ -71,6 +71,11 @@ class InputShaper(Motion):
         return self.reference.n
 
     @property
+    def payloads(self) -> Any:
+        """Bodies in the hand, each from its time on: the reference's."""
+        return self.reference.payloads
+
+    @property
     def time(self) -> Any:
         """Time of the beginning [s], the reference's."""
         return self.reference.time

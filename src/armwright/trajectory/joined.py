@@ -11,6 +11,7 @@ import numpy as np
 from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.scalar import Array, Scalar
+from armwright.simulation.inputs.payload import Payload
 from armwright.trajectory.motion import Motion
 
 LATE = 1e-9  # of a time: a gap between motions that is rounding
@@ -23,11 +24,13 @@ class Joined(Motion):
 
     Args:
         motions: in order; each begins when and where the one before ends.
+        payloads: bodies in the hand, each from its time on; a simulation that follows the motion has them there.
     Raises:
         ScenarioError: none, motions of different joints, one that begins elsewhere or at another time; names it.
     """
 
     motions: Sequence[Motion]
+    payloads: Sequence[Payload] = ()
 
     def __post_init__(self) -> None:
         if not self.motions or not all(isinstance(each, Motion) for each in self.motions):

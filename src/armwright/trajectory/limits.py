@@ -1,8 +1,8 @@
-"""Limits that a motion has to keep, and how much of them a motion uses."""
+"""Limits that a motion has to keep."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,19 +10,14 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import ScenarioError
-from armwright.kernels.compiled import compile_arm
 from armwright.model import Model
 from armwright.model.joint_signals import UNITS
-from armwright.simulation.inputs.payload import Payload
-from armwright.trajectory.motion import Motion
-from armwright.trajectory.piecewise import PiecewisePolynomial
 
 QUANTITIES = {  # and the signal whose unit they have
     "position": "q", "velocity": "qd", "acceleration": "qdd", "jerk": "jerk", "torque": "tau", "voltage": "voltage",
 }  # fmt: skip
 UNIT = UNITS | {"jerk": ("rad/s³", "m/s³")}
-SAMPLES = 2000  # of a report, at least, and …
-IN_A_PIECE = 10  # … between two breaks
+SMALLEST = 1e-30  # of a limit: the durations that follow, and their fifth powers, stay within the range of floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +107,7 @@ class MotionLimits:
                 name for k, name in enumerate(self.names) if needed[k] and not np.isfinite(getattr(self, quantity)[k])
             ]
             if free:
-                expected = "one in the record, or as an argument"
+                expected = "one in the record, or one of your own"
                 what = f"no {quantity} limit of {', '.join(free)}"
                 raise ScenarioError(what, place=f"limits.{quantity}", expected=expected)
         return self
@@ -161,190 +156,8 @@ def _checked(place: str, value: Any, quantity: str, n: int) -> np.ndarray:
             expected = f"a number to either side, or a lower and an upper bound for each of {n} joints"
             raise ScenarioError(place=place, value=value, expected=expected)
         return np.broadcast_to(bounds, (n, 2)).astype(float)
-    if values.shape not in ((), (n,)) or not (values > 0.0).all():
-        expected = "a number above 0" + (f", or one for each of {n} joints" if n > 1 else "")
+    if values.shape not in ((), (n,)) or not (values >= SMALLEST).all():
+        least = f"of {SMALLEST:g} or more" if ((values > 0.0) & (values < SMALLEST)).any() else "above 0"
+        expected = f"a number {least}" + (f", or one for each of {n} joints" if n > 1 else "")
         raise ScenarioError(place=place, value=value, expected=expected)
     return np.broadcast_to(values, (n,)).astype(float)
-
-
-@dataclass(frozen=True, eq=False)
-class LimitsReport:
-    """How much of its limits a motion uses; `str` gives the table.
-
-    Attributes:
-        limits: that were asked.
-        lowest, highest: by quantity (n,) extreme values.   share: by quantity (n,) the largest part of the limit that is used,
-            1: all of it; of positions the part of the way from the middle of the range to its ends; NaN without a limit.
-        times: by quantity (n,) [s] of the largest share.
-    """
-
-    limits: MotionLimits
-    lowest: dict[str, np.ndarray]
-    highest: dict[str, np.ndarray]
-    share: dict[str, np.ndarray]
-    times: dict[str, np.ndarray]
-
-    @property
-    def largest(self) -> float:
-        """The largest share of all joints and quantities; 0 where nothing has a limit."""
-        return float(np.nanmax([0.0, *np.concatenate(list(self.share.values()))]))
-
-    @property
-    def kept(self) -> bool:
-        """True if no limit is exceeded by more than 1e-6 of it."""
-        return self.largest <= 1.0 + 1e-6
-
-    def worst(self, quantity: str, joint: int) -> float:
-        """The value that uses most of the limit; without one the largest."""
-        low, high = self.lowest[quantity][joint], self.highest[quantity][joint]
-        bounds = getattr(self.limits, quantity)[joint]
-        centre = float(np.mean(bounds)) if quantity == "position" and np.isfinite(bounds).all() else 0.0
-        return float(high if abs(high - centre) >= abs(low - centre) else low)
-
-    def excesses(self) -> list[str]:
-        """Sentences, one for each limit that is exceeded."""
-        said = []
-        for quantity, share in self.share.items():
-            for k in np.flatnonzero(share > 1.0 + 1e-6):
-                value, unit = self.worst(quantity, int(k)), self.limits.unit(quantity, int(k))
-                name, at = self.limits.names[k], self.times[quantity][k]
-                said.append(f"{name}: {quantity} {value:.4g} {unit} at {at:.4g} s, {share[k]:.1%} of its limit")
-        return said
-
-    def __str__(self) -> str:
-        rows = [["joint", *self.share]]
-        for k, name in enumerate(self.limits.names):
-            cells = [name]
-            for quantity, share in self.share.items():
-                part = "no limit" if np.isnan(share[k]) else f"{share[k]:.1%}"
-                cells.append(f"{self.worst(quantity, k):.3g} {self.limits.unit(quantity, k)} {part:>8}")
-            rows.append(cells)
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        lines = [
-            "   ".join(
-                [f"{row[0]:{widths[0]}}", *(f"{cell:>{w}}" for cell, w in zip(row[1:], widths[1:], strict=True))]
-            )
-            for row in rows
-        ]
-        return "\n".join(lines)
-
-
-def limits_report(
-    arm: Model,
-    motion: Motion,
-    limits: MotionLimits | None = None,
-    *,
-    payload: Payload | Sequence[Payload] | None = None,
-    wrench: Any = None,
-    samples: int = IN_A_PIECE,
-) -> LimitsReport:
-    """Largest use of every limit by a motion, on a dense grid between its breaks; exact extrema of piecewise polynomials.
-
-    Torques and voltages are those of the compiled inverse dynamics and `motor_voltage`, where the record can tell them.
-
-    Args:
-        arm: the model.   motion: of its joints, with an end.   limits: None: the record's.
-        payload: bodies in the hand, each from its time on.   wrench: (6,) [N, N m] on the tip, in base axes.
-        samples: grid points between two breaks, at least.
-    Returns:
-        report: lowest and highest values, shares of limits and their times, by quantity and joint.
-    Raises:
-        ScenarioError: a motion of other joints, or one that does not end.
-    """
-    limits = MotionLimits.of(arm) if limits is None else limits
-    if motion.n != arm.n or limits.n != arm.n:
-        what = f"a motion of {motion.n} joints with limits of {limits.n}"
-        raise ScenarioError(what, place=arm.name, expected=f"{arm.n} of both")
-    t = dense_times(motion, samples)
-    q, qd, qdd = motion.at(t)
-    values = {"position": q, "velocity": qd, "acceleration": qdd, "jerk": _jerk(t, qdd)}
-    values |= efforts(arm, t, q, qd, qdd, payload, wrench)
-    found: list[dict[str, np.ndarray]] = [{}, {}, {}, {}]
-    for quantity, rows in values.items():
-        used = _shares(limits, quantity, rows)
-        first = np.argmax(np.where(np.isnan(used), np.abs(rows), used), axis=0)
-        low, high, at = rows.min(axis=0), rows.max(axis=0), t[first]
-        order = {"position": 0, "velocity": 1, "acceleration": 2, "jerk": 3}.get(quantity)
-        polynomial = motion if isinstance(motion, PiecewisePolynomial) else getattr(motion, "polynomial", None)
-        if order is not None and polynomial is not None:
-            low, high = (
-                edge(part, axis=0) for edge, part in zip((np.min, np.max), polynomial.extrema(order), strict=True)
-            )
-        share = np.fmax(_shares(limits, quantity, low), _shares(limits, quantity, high))
-        for store, value in zip(found, (low, high, share, at), strict=True):
-            store[quantity] = value
-    return LimitsReport(limits, *found)
-
-
-def dense_times(motion: Motion, samples: int = IN_A_PIECE) -> np.ndarray:
-    """(k,) [s] increasing times of a motion: in every piece both of its ends, seen from inside, and `samples` between.
-
-    Raises:
-        ScenarioError: a motion that does not end.
-    """
-    if not np.isfinite(motion.duration):
-        raise ScenarioError("does not end", place=type(motion).__name__, expected="a motion with a duration")
-    breaks = np.asarray(motion.breaks, dtype=float)
-    samples = max(samples, -(-SAMPLES // max(len(breaks) - 1, 1)))
-    begin, end = breaks[:-1, None], np.nextafter(breaks[1:, None], -np.inf)
-    end[-1] = breaks[-1]
-    return np.unique(begin + (end - begin) * np.linspace(0.0, 1.0, samples + 2))
-
-
-def _jerk(t: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-    """Differences of the acceleration; across a jump of it, where two times lie next to each other, those beside it."""
-    steps = np.diff(t)[:, None]
-    usual = steps > 1e-6 * np.median(steps)
-    rate = np.divide(np.diff(qdd, axis=0), steps, out=np.zeros_like(qdd[1:]), where=usual)
-    return np.concatenate([rate, rate[-1:]])
-
-
-def efforts(
-    arm: Model,
-    t: np.ndarray,
-    q: np.ndarray,
-    qd: np.ndarray,
-    qdd: np.ndarray,
-    payload: Payload | Sequence[Payload] | None = None,
-    wrench: Any = None,
-) -> dict[str, np.ndarray]:
-    """Torques and voltages of the motors by quantity, (k, n) [N m | N] and [V], where the record can tell them.
-
-    Args:
-        arm: the model.   t: (k,) [s].   q, qd, qdd: (k, n) [rad | m, …/s, …/s²].
-        payload: bodies in the hand, each from its time on.   wrench: (6,) [N, N m] on the tip, in base axes.
-    """
-    if arm.without_masses or not np.asarray(arm.inertial_parameters, dtype=float).any():
-        return {}
-    bodies = [payload] if isinstance(payload, Payload) else sorted(payload or (), key=lambda each: each.time)
-    tau, known = (
-        np.zeros_like(q),
-        all(body.drive.resistance is not None and body.drive.torque_constant is not None for body in arm.coordinates),
-    )
-    voltage = np.zeros_like(q)
-    begins = [-np.inf, *(float(each.time) for each in bodies), np.inf]
-    for begin, end, body in zip(begins[:-1], begins[1:], [None, *bodies], strict=True):
-        rows = (t >= begin) & (t < end)
-        if not rows.any():
-            continue
-        loaded = arm
-        if body is not None and float(body.mass) > 0.0:
-            loaded = arm.with_payload(body.mass, body.com, body.inertia, body.frame)
-        dyn = compile_arm(loaded)
-        force = () if wrench is None else (np.asarray(wrench, dtype=float),)
-        tau[rows] = dyn.inverse_dynamics(q[rows], qd[rows], qdd[rows], *force)
-        if known:
-            voltage[rows] = dyn.motor_voltage(qd[rows], tau[rows])
-    return {"torque": tau, "voltage": voltage} if known else {"torque": tau}
-
-
-def _shares(limits: MotionLimits, quantity: str, rows: np.ndarray) -> np.ndarray:
-    """Part of the limit that each value uses, (…, n); NaN without a limit."""
-    most = getattr(limits, quantity)
-    if quantity == "position":
-        low, high = most.T
-        with np.errstate(invalid="ignore"):  # of a joint without limits
-            middle, half = 0.5 * (low + high), 0.5 * (high - low)
-            finite = np.isfinite(half)
-            return np.where(finite, np.abs(rows - np.where(finite, middle, 0.0)) / np.where(finite, half, 1.0), np.nan)
-    return np.where(np.isfinite(most), np.abs(rows) / np.where(np.isfinite(most), most, 1.0), np.nan)

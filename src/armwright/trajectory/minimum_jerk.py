@@ -11,7 +11,7 @@ from armwright.errors import ScenarioError
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.piecewise import PiecewiseMotion, PiecewisePolynomial
 from armwright.trajectory.poses import check_limits, check_number, chosen_duration, plain_pose
-from armwright.trajectory.quintic import PEAKS
+from armwright.trajectory.rest_to_rest import Quintic
 
 GROWTH = 1.1  # from one tried duration to the next
 LONGEST = 100.0  # by the time that the limits alone ask for: longest and shortest duration that is tried
@@ -74,7 +74,10 @@ class MinimumJerk(PiecewiseMotion):
         if excess[0] > 1.0 + 1e-9:
             _, quantity, joint = excess
             what = f"{self.limits.names[joint]} would use {excess[0]:.1%} of its {quantity} limit"
-            raise ScenarioError(what, place="MinimumJerk.duration", value=self.duration, expected="another duration")
+            if quantity == "position":
+                what = f"{self.limits.names[joint]} would swing {excess[0] - 1.0:.4g} {self.limits.unit(quantity, joint)} outside"
+            do = _sufficient(of, self.limits, (q, qd, qdd), float(self.duration or 0.0))
+            raise ScenarioError(what, place="MinimumJerk.duration", value=self.duration, expected=do)
 
 
 def check_states(kind: str, limits: MotionLimits, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> None:
@@ -111,10 +114,30 @@ def largest_excess(polynomial: PiecewisePolynomial, limits: MotionLimits) -> tup
     return float(shares[quantity][joint]), quantity, joint
 
 
-def _shortest(of: Any, limits: MotionLimits, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> float:
-    """First duration [s], tried upwards, at which the motion keeps its limits."""
+def _sufficient(
+    of: Any, limits: MotionLimits, states: tuple[np.ndarray, np.ndarray, np.ndarray], duration: float
+) -> str:
+    """What to do about a duration [s] that exceeds limits, in words."""
+    moving = states[1].any() or states[2].any()
+    for least in (duration, 0.0):
+        try:
+            found = _shortest(of, limits, *states, least)
+        except ScenarioError:
+            continue
+        return f"{found:.6g} s" + (
+            ", which keeps them" if moving else " or more"
+        )  # moving, a longer one may swing further
+    return "other states or limits: no duration keeps them"
+
+
+def _shortest(
+    of: Any, limits: MotionLimits, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, least: float = 0.0
+) -> float:
+    """First duration [s] from a least one on, tried upwards, at which the motion keeps its limits."""
     way, bounds = np.abs(q[1] - q[0]), np.stack([limits.velocity, limits.acceleration, limits.jerk])
-    at_rest = float(((np.array(PEAKS)[:, None] * way / bounds) ** (1.0 / np.array([[1.0], [2.0], [3.0]]))).max())
+    at_rest = float(
+        ((np.array(Quintic.PEAKS)[:, None] * way / bounds) ** (1.0 / np.array([[1.0], [2.0], [3.0]]))).max()
+    )
     if not qd.any() and not qdd.any():
         free = (way > 0.0) & np.isinf(bounds).all(axis=0)
         return chosen_duration("MinimumJerk", None, np.where(free, np.inf, at_rest), limits)
@@ -131,7 +154,7 @@ def _shortest(of: Any, limits: MotionLimits, q: np.ndarray, qd: np.ndarray, qdd:
             return False  # found without the extrema, which take longer
         return largest_excess(motion, limits)[0] <= 1.0 + 1e-12
 
-    low = high = longest / LONGEST**2
+    low = high = max(longest / LONGEST**2, least)
     while not keeps(high):
         low, high = high, high * GROWTH
         if high > longest:

@@ -26,10 +26,12 @@ class Motion(ABC):
 
     Attributes:
         time: [s] of the beginning.   duration: [s], without the time before it; infinite of a motion that does not end.
+        payloads: bodies that the hand takes up and puts down on the way, which a simulation that follows the motion has too.
     """
 
     time: Any  # float; of the kinds that are a few numbers perhaps a Batch
     duration: Any
+    payloads: Any = ()
 
     @property
     @abstractmethod

@@ -6,6 +6,7 @@ import csv
 import os
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,12 +16,14 @@ from armwright.errors import RunError, ScenarioError, ScheduleError
 from armwright.model import Model
 from armwright.model.joint_signals import joint_units
 from armwright.output import check_destination, whole_file
-from armwright.results.plot import plot
+from armwright.printable import printable
+from armwright.results.plot import check_plot, draw, write_plot
+from armwright.results.plot_curves import describe
 from armwright.results.recording import make_dataset
 from armwright.results.run_file import load_run, write_netcdf
 from armwright.results.tables import Column, joint_columns, parse_numbers, table_text, write_table
 from armwright.simulation.inputs.payload import Payload
-from armwright.trajectory.limits import efforts
+from armwright.trajectory.limits_report import efforts
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.piecewise import PiecewisePolynomial
 
@@ -93,14 +96,20 @@ def save_motion(arm: Model, motion: Motion, path: str | os.PathLike[str], rate: 
 
 
 def plot_motion(
-    arm: Model, motion: Motion, path: str | os.PathLike[str] | None = None, payload: Any = None
+    arm: Model,
+    motion: Motion,
+    path: str | os.PathLike[str] | None = None,
+    payload: Any = None,
+    title: str = "",
+    note: Sequence[str] = (),
 ) -> Figure | None:
-    """Figure of a motion, or the file of one. See `Motion.plot`."""
+    """Figure of a motion, or the file of one; a title in place of the arm's name, and lines below it. See `Motion.plot`."""
     dataset = motion_dataset(arm, motion, payload=payload)
     shown = [name for name in (*QUANTITIES, "tau", "voltage") if name in dataset]
-    if path is None:
-        return plot(dataset, quantities=shown)
-    return plot(dataset, path, quantities=shown)
+    path = None if path is None else check_plot(path)
+    described = describe(dataset, quantities=shown)
+    described = replace(described, title=printable(title) or described.title, note="\n".join(map(printable, note)))
+    return draw(described) if path is None else write_plot(described, path)
 
 
 def load_motion(path: str | os.PathLike[str], arm: Model | None = None) -> PiecewisePolynomial:

@@ -51,8 +51,8 @@ class JointPath:
             if near.size:
                 k = int(near[0])
                 raise ScenarioError(
-                    f"waypoint {k + 1} coincides with waypoint {k}", place=f"JointPath.waypoints[{k + 1}]",
-                    value=points[k + 1], expected="another pose, or a parameter of their own",
+                    "is where the waypoint before it is", place=f"JointPath.waypoints[{k + 1}]",
+                    expected="another pose, or no such waypoint",
                 )  # fmt: skip
             parameter = np.concatenate([[0.0], np.cumsum(distances)])
         else:

@@ -134,6 +134,13 @@ def duration_within(motion: Any, peaks: tuple[float, float, float]) -> Any:
         ScenarioError: no duration and no limits, a pose outside its limits, a duration too short.
     """
     kind = type(motion).__name__
+    for name in ("duration", "time"):
+        if isinstance(getattr(motion, name), MotionLimits):
+            raise ScenarioError(
+                "are limits", place=f"{kind}.{name}", expected=f"a number [s]; limits by name: {kind}(…, limits=…)"
+            )
+    if motion.limits is not None:
+        check_limits(kind, motion.limits)
     if motion.limits is None or isinstance(motion.duration, (Batch, Draw)):
         if motion.duration is None:
             raise ScenarioError("missing", place=f"{kind}.duration", expected="a duration [s], or limits")

@@ -8,16 +8,17 @@ import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
 
 from armwright.errors import ScenarioError
+from armwright.trajectory.knot_times import spline_intervals
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.piecewise import PiecewisePolynomial
 
 CURVES = ("cubic", "natural_cubic", "quintic", "natural_quintic")
-ROUNDS = 40  # of stretching and shrinking intervals, from each start
+UNEVEN, SHAPED = 0.75, 3  # power of the shortest times, and rounds, of the first intervals
+ROUNDS = 30  # of stretching and shrinking intervals of quintic splines, from each start
 INSIDE = np.linspace(0.0, 1.0, 9)  # points of a piece at which a round looks; the last scaling takes exact extrema
 GENTLE = 0.6  # power of an interval's excess by which it is stretched: 1 overshoots, as neighbours answer
 FAR = 2.0  # by the best duration: a round that goes so far astray ends the search from that start
-LEAST = 1e-2  # of the time from rest to rest, that an interval keeps
-STARTS = (1.0, 0.75, 0.5, 0.25)  # powers of the shortest times: 1: even use, 0.5: centripetal, 0: even intervals
+LEAST = 1e-2  # of its first length, that an interval keeps
 
 
 def spline(curve: str, times: np.ndarray, points: np.ndarray) -> PiecewisePolynomial:
@@ -41,32 +42,42 @@ def spline(curve: str, times: np.ndarray, points: np.ndarray) -> PiecewisePolyno
 def optimised_spline(curve: str, points: np.ndarray, limits: MotionLimits) -> PiecewisePolynomial:
     """The spline with the shortest duration found, from time 0, that keeps limits of speed, acceleration and jerk.
 
-    Intervals are stretched where they exceed a limit and shrunk where they use none, again and again, from several starts;
-    the best of all is then scaled so that the largest use of a limit, at the exact extrema of its pieces, is 1.
+    Its knot times are those of the fastest cubic spline with such ends, a local optimum. A quintic spline goes on from there:
+    intervals are stretched where they exceed a limit and shrunk where they use none, again and again. The best of all is then
+    scaled so that the largest use of a limit, at the exact extrema of its pieces, is 1.
     """
-    way = np.abs(np.diff(points, axis=0))
-    shortest = _shortest_intervals(way, limits)
-    least = np.maximum(
-        (way / limits.velocity).max(axis=1), LEAST * shortest
-    )  # an unused interval would shrink for ever
-    best: tuple[float, np.ndarray] = (np.inf, np.zeros(0))
-    for power in STARTS:
-        intervals = shortest**power
-        for _ in range(ROUNDS):
-            try:
-                used = _used_of_pieces(curve, intervals, points, limits)
-            except np.linalg.LinAlgError:  # intervals too uneven for this curve
-                break
-            intervals = intervals * used.max()  # which keeps all limits
-            if intervals.sum() < best[0]:
-                best = float(intervals.sum()), intervals
-            elif intervals.sum() > FAR * best[0]:  # it does not settle
-                break
-            intervals = np.maximum(intervals * (used / used.max()) ** GENTLE, least)
+    shortest = _shortest_intervals(np.abs(np.diff(points, axis=0)), limits)
+    cubic = curve.replace("quintic", "cubic")
+    intervals = _balanced(cubic, shortest**UNEVEN, points, limits, SHAPED)
+    if len(points) > 2:
+        intervals = spline_intervals(
+            cubic, points, intervals, limits, lambda each: each * _used_of_pieces(cubic, each, points, limits).max()
+        )
+    if curve.endswith("quintic"):
+        both = [_balanced(curve, each, points, limits, ROUNDS) for each in (intervals, shortest)]
+        intervals = min(both, key=np.sum)
+    return scaled_to_limits(spline(curve, np.append(0.0, np.cumsum(intervals)), points), limits)
+
+
+def _balanced(curve: str, intervals: np.ndarray, points: np.ndarray, limits: MotionLimits, rounds: int) -> np.ndarray:
+    """Shortest intervals (k - 1,) [s] that keep the limits among those of some rounds that even out their use."""
+    best: tuple[float, np.ndarray] = (np.inf, intervals)
+    least = LEAST * intervals  # an unused interval would shrink for ever
+    for _ in range(rounds):
+        try:
+            used = _used_of_pieces(curve, intervals, points, limits)
+        except np.linalg.LinAlgError:  # intervals too uneven for this curve
+            break
+        intervals = intervals * used.max()  # which keeps all limits
+        if intervals.sum() < best[0]:
+            best = float(intervals.sum()), intervals
+        elif intervals.sum() > FAR * best[0]:  # it does not settle
+            break
+        intervals = np.maximum(intervals * (used / used.max()) ** GENTLE, least)
     if not np.isfinite(best[0]):
         expected = "waypoints more evenly apart, or another curve"
         raise ScenarioError("no times were found", place="Waypoints.points", expected=expected)
-    return scaled_to_limits(spline(curve, np.append(0.0, np.cumsum(best[1])), points), limits)
+    return best[1]
 
 
 def scaled_to_limits(motion: PiecewisePolynomial, limits: MotionLimits) -> PiecewisePolynomial:

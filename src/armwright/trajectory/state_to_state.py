@@ -6,6 +6,7 @@ state to state, on this machine.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,7 @@ from armwright.trajectory.minimum_jerk import check_states
 from armwright.trajectory.piecewise import PiecewiseMotion, PiecewisePolynomial
 from armwright.trajectory.poses import check_limits, check_number, plain_pose
 
+SHORTEST = 1e-14  # of the move: a segment that is shorter, as one of a huge jerk, cannot be told from rounding
 STATES = ("start", "goal", "start_velocity", "start_acceleration", "goal_velocity", "goal_acceleration")
 
 
@@ -31,8 +33,9 @@ class Ruckig(PiecewiseMotion):
         duration: [s]; None: the shortest.   start_velocity, goal_velocity: (n,) [rad/s | m/s]; None: 0.
         start_acceleration, goal_acceleration: (n,) [rad/s² | m/s²]; None: 0.   time: [s] of its beginning.
     Raises:
-        ScenarioError: Ruckig is not installed; a pose or the state at the goal outside its limits; a way that leaves the
-            limits of position, with the joint and how far; a duration that is not possible.
+        ScenarioError: Ruckig is not installed; a joint that moves without a limit of acceleration or jerk; a pose or the state at
+            the goal outside its limits; a way that leaves the limits of position, with the joint and how far; a duration that is
+            not possible.
     """
 
     start: Any
@@ -64,6 +67,9 @@ class Ruckig(PiecewiseMotion):
         at_rest = not any(poses[name].any() for name in STATES[2:])
         if at_rest and np.array_equal(poses["start"], poses["goal"]):
             raise ScenarioError("the move has no length", place="Ruckig.goal", expected="another pose than start")
+        moving = (poses["start"] != poses["goal"]) | np.any([poses[name] != 0.0 for name in STATES[2:]], axis=0)
+        if np.isinf(limits.jerk[moving]).any():
+            limits.required("acceleration", moving=moving & np.isinf(limits.jerk))
         polynomial = _planned(poses, limits, self.duration)
         _check_way(polynomial, limits)
         object.__setattr__(self, "duration", polynomial.duration)
@@ -90,10 +96,15 @@ def _planned(poses: dict[str, np.ndarray], limits: MotionLimits, duration: float
     try:
         result = ruckig.Ruckig(limits.n).calculate(asked, found)
     except ruckig.RuckigError as error:
-        what = " ".join(str(error).split())
+        said = str(error).partition("input:")[0]  # all states and limits follow
+        joint = re.search(r"dof: (\d+)", said)
+        what = f"found no move of {limits.names[int(joint[1])]}" if joint else " ".join(said.split())
         raise ScenarioError(what, place="Ruckig", expected="states that a move within the limits can join") from None
+    except ValueError:  # a result that its Python bindings do not know
+        result = -1
     if int(result) < 0:
-        raise ScenarioError(f"found no move: {result}", place="Ruckig", expected="other states or limits")
+        expected = "states and limits whose magnitudes differ less"
+        raise ScenarioError("found no move", place="Ruckig", expected=expected)
     if duration is not None and found.duration > duration * (1.0 + 1e-9):
         expected = f"{found.duration:.6g} s, the next that is possible"
         raise ScenarioError(place="Ruckig.duration", value=duration, expected=expected)
@@ -112,7 +123,7 @@ def _one_joint(profile: Any, duration: float) -> PiecewisePolynomial:
             [*brake.j, *profile.j],
         ]
     ) / np.array([[1.0], [1.0], [2.0], [6.0]])
-    kept = lengths > 0.0
+    kept = lengths > SHORTEST * duration
     knots = np.append(0.0, np.cumsum(lengths[kept]))
     if not kept.any():  # a joint that stands
         return PiecewisePolynomial(np.array([0.0, duration]), np.full((1, 1, 1), profile.pf))

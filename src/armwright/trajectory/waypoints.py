@@ -9,6 +9,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import ScenarioError
+from armwright.trajectory.knot_times import blend_intervals
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.piecewise import PiecewiseMotion, PiecewisePolynomial
 from armwright.trajectory.poses import check_limits, check_number
@@ -16,7 +17,6 @@ from armwright.trajectory.splines import CURVES, optimised_spline, spline
 
 COINCIDENT = 1e-12  # [rad | m] between waypoints that are one, by their size
 KEPT = 1.0 + 1e-9  # share of a limit that rounding may use
-ROUNDS = 200  # of slowing segments whose blends overlap
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,9 +141,8 @@ def _checked_points(value: Any) -> np.ndarray:
     same = np.abs(np.diff(points, axis=0)).max(axis=1) <= COINCIDENT * (1.0 + np.abs(points[1:]).max(axis=1))
     if same.any():
         k = int(np.argmax(same)) + 1
-        raise ScenarioError(
-            f"is where waypoint {k - 1} is", place=f"Waypoints.points[{k}]", expected="another, or none"
-        )
+        expected = "another place, or no such waypoint"
+        raise ScenarioError("is where the waypoint before it is", place=f"Waypoints.points[{k}]", expected=expected)
     return points
 
 
@@ -172,7 +171,8 @@ def _check_use(polynomial: PiecewisePolynomial, limits: MotionLimits, *, jerk: b
         joint = int(np.argmax(used))
         if used[joint] > KEPT:
             what = f"{limits.names[joint]} uses {used[joint]:.1%} of its {quantity} limit"
-            raise ScenarioError(what, place="Waypoints.times", expected="more time")
+            expected = f"more time: {used[joint] ** (1.0 / order):.4g} times as much everywhere would do for that"
+            raise ScenarioError(what, place="Waypoints.times", expected=expected)
 
 
 def _check_swing(polynomial: PiecewisePolynomial, limits: MotionLimits) -> None:
@@ -190,21 +190,21 @@ def _check_swing(polynomial: PiecewisePolynomial, limits: MotionLimits) -> None:
 def parabolic_motion(points: np.ndarray, limits: MotionLimits) -> PiecewisePolynomial:
     """Parabolic blends with segments as short as limits of speed and acceleration allow, from time 0. [KunzStilman2011]
 
-    Segments are gone at the largest speed; where two blends would overlap, their segment is slowed, again and again.
-
     Args:
         points: (k, n) [rad | m].   limits: acceleration, and perhaps velocity.
     """
     way = np.abs(np.diff(points, axis=0))
-    lengths = np.maximum((way / limits.velocity).max(axis=1), np.sqrt((way / limits.acceleration).max(axis=1)))
-    for _ in range(ROUNDS):
-        slowed = np.sqrt(np.maximum(blend_durations(points, lengths, limits.acceleration) / _room(lengths), 1.0))
-        if (slowed <= 1.0 + 1e-9).all():
-            break
-        lengths = lengths * np.maximum(slowed[:-1], slowed[1:])
-    # blends shrink by the factor by which segments grow: what is still too long fits then, exactly
-    excess = (blend_durations(points, lengths, limits.acceleration) / _room(lengths)).max()
-    lengths = lengths * np.sqrt(max(excess, 1.0)) * (1.0 + 1e-14)
+    least = (way / limits.velocity).max(axis=1)
+
+    def scaled(lengths: np.ndarray) -> np.ndarray:
+        """Lengths as they are, or as much longer as makes all blends fit and no segment too fast."""
+        # blends shrink by the factor by which segments grow: what is too long fits then, exactly
+        excess = (blend_durations(points, lengths, limits.acceleration) / _room(lengths)).max()
+        return lengths * max(np.sqrt(excess), (least / lengths).max()) * (1.0 + 1e-14)
+
+    lengths = scaled(np.maximum(least, np.sqrt((way / limits.acceleration).max(axis=1))))
+    if len(points) > 2:
+        lengths = blend_intervals(points, lengths, limits, scaled)
     return parabolic_blends(points, lengths, blend_durations(points, lengths, limits.acceleration))
 
 

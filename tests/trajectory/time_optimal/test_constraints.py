@@ -1,5 +1,7 @@
 """Bounds of path accelerations: at them exactly one joint is at a limit, through friction, back EMF and lossy gears."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -34,6 +36,17 @@ def test_a_limit_is_reached_at_the_bounds_and_none_is_exceeded_between(name: str
     assert (largest(0.5) < 1.0).all()
     assert (largest(1.001) > 1.0).all()
     assert (largest(-0.001) > 1.0).all()
+
+
+@pytest.mark.filterwarnings("error")
+def test_where_a_joint_with_a_lossy_gear_turns_it_bounds_nothing() -> None:
+    """Its torque does not depend on s̈ there: the quill of a SCARA at the middle of its way, where it goes back."""
+    arm = aw.load(Path(__file__).parents[3] / "examples" / "scara.toml")
+    limits = aw.MotionLimits.of(arm, torque=[30.0, 20.0, 200.0, 5.0])
+    ways = [[0.0, 0.2, 0.05, 0.0], [0.5, 0.2, 0.12, 0.3], [1.0, 0.2, 0.05, 0.6]]
+    motion = aw.time_optimal(arm, ways, limits, grid=60)
+    assert aw.limits_report(arm, motion, limits).kept
+    assert motion.saturated > 0.9
 
 
 def test_velocity_limits_bound_x() -> None:

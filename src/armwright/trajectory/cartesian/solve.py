@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PPoly
 
-from armwright.errors import ModelError, ScenarioError
+from armwright.collision import Clearance
+from armwright.errors import ABSENT, ModelError, ScenarioError
 from armwright.ik.solve import inverse_kinematics, solver
 from armwright.ik.starts import random_positions
 from armwright.model import Model
@@ -18,13 +19,16 @@ from armwright.scalar import real_number, real_numbers
 from armwright.trajectory.cartesian.following import Follower, Stuck
 from armwright.trajectory.cartesian.path import CartesianPath
 from armwright.trajectory.cartesian.tool import Aim, Tool
+from armwright.trajectory.keep_clear import check_arm, nearest_along, too_near
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
 
 STARTS, DIFFERENT = 64, 1e-4  # random starts for solutions at the beginning; [rad | m] by which two of them differ
 TRIED = 8  # solutions that are followed along the path
 AHEAD = np.geomspace(1e-6, 0.05, 16)  # of the path: how far behind a place poses are tried, when a path ends there
+IN_A_PIECE = 9  # places between two nodes of a spline, where distances are computed at first
 SAMPLES = 200  # of a path, for how far it leaves the reach
+BESIDE, SEVERAL = 1e-5, 3  # [rad] off and places of the path: what is less may be a descent that did not get there
 BOUNDLESS = 1e9  # [rad/m]
 BEYOND = 1e-9  # [rad | m] outside of a limit that is rounding
 
@@ -95,12 +99,13 @@ def solve_path(
     posture: Any = None,
     limits: MotionLimits | None = None,
     tolerance: float = 1e-6,
+    clearance: Clearance | None = None,
 ) -> ToolPathSolution:
     """Joint positions along a path of the tool, continuous, with  J q' = V  and  J q'' = V' - J' q'  at their nodes.
 
     Without `near`, several solutions at the beginning are followed, and of those that reach the end within the limits of
-    position the one is taken whose joints are slowest, by their limits of speed. A redundant arm moves its joints as little as
-    possible, or towards a posture as well.
+    position, and without coming too near to anything, the one is taken whose joints are slowest, by their limits of speed. A
+    redundant arm moves its joints as little as possible, or towards a posture as well.
 
     Args:
         arm: the model.   path: of the tool.
@@ -108,12 +113,15 @@ def solve_path(
         aim: "pose", or "position", which leaves the rotation free.
         posture: (n,) [rad | m] that a redundant arm's self-motion goes to; None: the least motion.
         limits: of positions and speeds; None: the record's.   tolerance: [m] and [rad] of the tool on a dense grid.
+        clearance: of the arm; solutions that come nearer than its least distance are left out.
     Returns:
         solution: joint paths between the stops, and how far the tool leaves its path.
     Raises:
         ScenarioError: a path out of reach (where, how far), past a limit of position (which joint, where, how far), or through
-            a singularity (where, which joint, its speed).   ModelError: no such frame or aim.
+            a singularity (where, which joint, its speed), or too near to something (what, where, how near).
+        ModelError: no such frame or aim.
     """
+    limits = checked_limits(arm, limits)
     if not isinstance(path, CartesianPath):
         raise ScenarioError(place="path", value=path, expected="an aw.CartesianPath")
     if aim not in ("pose", "position"):
@@ -121,7 +129,8 @@ def solve_path(
     accuracy = real_number(tolerance)
     if accuracy is None or not 1e-9 <= accuracy < 0.1:
         raise ScenarioError(place="tolerance", value=tolerance, expected="a number from 1e-9 to 0.1 [m and rad]")
-    limits = MotionLimits.of(arm) if limits is None else limits
+    if clearance is not None:
+        check_arm(clearance, arm)
     tool = Tool(arm, frame, aim)
     follower = Follower(tool, path, None if posture is None else _positions(arm, "posture", posture))
     found: list[tuple[float, list[Any]]] = []
@@ -136,7 +145,7 @@ def solve_path(
             failures.append((outside.s, outside.error))
     for _, runs in sorted(found, key=lambda each: each[0]):
         try:
-            return _splined(follower, runs, accuracy, limits)
+            return _splined(follower, runs, accuracy, limits, clearance)
         except Stuck as stuck:
             failures.append((stuck.s, stuck))
         except _Outside as outside:
@@ -145,9 +154,25 @@ def solve_path(
     raise explained(follower, failure) if isinstance(failure, Stuck) else failure
 
 
+def checked_limits(arm: Any, limits: Any) -> MotionLimits:
+    """Limits of an arm; None: the record's.
+
+    Raises:
+        ModelError: no arm.   ScenarioError: no limits, or of another number of joints.
+    """
+    if not isinstance(arm, Model):
+        raise ModelError(place="arm", value=arm, expected="an arm, as aw.load(name) gives")
+    limits = MotionLimits.of(arm) if limits is None else limits
+    if not isinstance(limits, MotionLimits) or limits.n != arm.n:
+        what = f"limits of {limits.n} joints" if isinstance(limits, MotionLimits) else ""
+        expected = f"aw.MotionLimits.of(arm, …) of {arm.name}"
+        raise ScenarioError(what, place="limits", value=ABSENT if what else limits, expected=expected)
+    return limits
+
+
 @dataclass(frozen=True, eq=False)
 class _Outside(Exception):
-    """A solution that passes a limit of position, and where it does first."""
+    """A solution that passes a limit of position or comes too near to something, and where it does."""
 
     s: float
     error: ScenarioError
@@ -260,9 +285,13 @@ def _pace(follower: Follower, runs: list[tuple[np.ndarray, np.ndarray]], limits:
 
 
 def _splined(
-    follower: Follower, runs: list[tuple[np.ndarray, np.ndarray]], tolerance: float, limits: MotionLimits
+    follower: Follower,
+    runs: list[tuple[np.ndarray, np.ndarray]],
+    tolerance: float,
+    limits: MotionLimits,
+    clearance: Clearance | None,
 ) -> ToolPathSolution:
-    """Runs as splines, the limits of position held between nodes as well.
+    """Runs as splines, the limits of position and the least distance held between nodes as well.
 
     Raises:
         Stuck, _Outside: as named there.
@@ -281,6 +310,12 @@ def _splined(
             at = nodes[0] + float(places[joint, end])
             error = _past_limit(follower.path, limits, int(joint), at, float(extremes[joint, end]), at)
             raise _Outside(at, error)
+        if clearance is not None:
+            dense = np.unique(np.linspace(each.breaks[:-1], each.breaks[1:], IN_A_PIECE))
+            found, at = nearest_along(clearance, lambda s, each=each: each.at(s)[0], dense)
+            error = too_near(clearance, found)
+            if error is not None:
+                raise _Outside(nodes[0] + at, error.within(place(follower.path, nodes[0] + at)))
         paths.append(each)
     return ToolPathSolution(follower.path, tuple(paths), (off, angle), follower.tool)
 
@@ -289,11 +324,13 @@ def explained(follower: Follower, stuck: Stuck) -> ScenarioError:
     """The error of a path whose joints cannot follow it from some place on: out of reach, or a singularity."""
     path, tool = follower.path, follower.tool
     ahead = np.clip(stuck.s + AHEAD * path.length, None, path.length)
-    if not _solved(tool, path, ahead)[0].any():
-        s = np.concatenate([ahead, np.linspace(stuck.s, path.length, SAMPLES)])
-        success, distance, angle = _solved(tool, path, s)
-        worst = int(np.argmax(np.where(success, -1.0, distance + tool.radian * angle)))
-        return _out_of_reach(follower, stuck.s, float(distance[worst]), float(angle[worst]), float(s[worst]))
+    s = np.concatenate([ahead, np.linspace(stuck.s, path.length, SAMPLES)])
+    success, distance, angle = _solved(tool, path, s)
+    off = np.where(success, -1.0, distance + tool.radian * angle)
+    far, here = off > BESIDE * tool.radian, not success[: len(AHEAD)].any()
+    if here or far.sum() >= SEVERAL:  # a path that leaves the reach is no use even if its singular places are avoided
+        worst, first = int(np.argmax(off)), stuck.s if here else float(s[far].min())
+        return _out_of_reach(follower, first, float(distance[worst]), float(angle[worst]), float(s[worst]))
     joint, rate = tool.hardest(stuck.q, path.points(np.array([stuck.s])).first[0])
     unit = "m" if tool.arm.coordinates[joint].kind == "prismatic" else "rad"
     speed = (

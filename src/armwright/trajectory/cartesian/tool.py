@@ -41,7 +41,7 @@ class Tool:
     @cached_property
     def radian(self) -> float:
         """Length that an angle of 1 rad counts as [m]."""
-        length = float(reach(self.arm))
+        length = float(reach(self.arm, self.frame))
         return ANGLE_SHARE * length if np.isfinite(length) and length > 0.0 else 1.0
 
     @property

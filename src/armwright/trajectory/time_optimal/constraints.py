@@ -136,7 +136,7 @@ class PathLimits:
     def _root(self, x: np.ndarray, sdd: np.ndarray, target: np.ndarray, size: np.ndarray) -> np.ndarray:
         """s̈ (m, j, n) at which each joint's own torque is the target, by Newton's method, exact on the last line."""
         sdd = np.broadcast_to(sdd, target.shape).copy()
-        open_ = np.isfinite(sdd) & (np.abs(sdd) < UNBOUNDED)
+        open_ = np.isfinite(sdd) & (np.abs(sdd) < UNBOUNDED) & (np.abs(self._inertia) > _flat(self._inertia))
         rows = np.argwhere(open_)
         for _ in range(LINES):
             if not len(rows):
@@ -159,11 +159,16 @@ class PathLimits:
         return self.dyn.inverse_dynamics(self.q[k], first * np.sqrt(x)[:, None], qdd)[np.arange(len(i)), i]
 
 
+def _flat(slope: np.ndarray) -> np.ndarray:
+    """(n,) magnitude of a slope (m, j, n) up to which a joint's line counts as flat."""
+    return np.maximum(FLAT * np.abs(slope).max(axis=(0, 1)), 1.0 / UNBOUNDED)
+
+
 def _interval(
     value: np.ndarray, slope: np.ndarray, least: np.ndarray, most: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Interval of u with  least ≤ value + slope u ≤ most,  by entry; a flat line bounds x, with u far beyond all others."""
-    floor = np.maximum(FLAT * np.abs(slope).max(axis=(0, 1)), 1.0 / UNBOUNDED)
+    floor = _flat(slope)
     slope = np.where(np.abs(slope) > floor, slope, floor)
     with np.errstate(over="ignore"):
         a, b = (least - value) / slope, (most - value) / slope

@@ -9,6 +9,7 @@ import numpy as np
 from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.model import Model
+from armwright.trajectory.keep_clear import check_arm, nearest_along, too_near
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
 from armwright.trajectory.time_optimal.constraints import UNBOUNDED
@@ -16,6 +17,7 @@ from armwright.trajectory.time_optimal.passes import Profile
 from armwright.trajectory.time_optimal.planner import MOST, Planner
 
 ROUNDING = 1e-9  # of a limit
+PLACES = 2000  # of a path, where distances are computed at first
 CREEPING = 1e-3  # of the median speed that accelerations reach over one piece: nearly at rest, with all of its friction
 
 
@@ -79,6 +81,20 @@ def check_positions(limits: MotionLimits, path: JointPath) -> None:
         )  # fmt: skip
 
 
+def check_distances(arm: Model, clearance: Any, path: JointPath) -> None:
+    """Refuses paths on which the arm comes nearer to itself or an obstacle than the least distance of a clearance.
+
+    Raises:
+        ScenarioError: names the two, the place and the distance.
+    """
+    check_arm(clearance, arm)
+    places = np.union1d(np.linspace(0.0, path.length, PLACES), path.breaks)
+    found, s = nearest_along(clearance, lambda s: path.at(s)[0], places)
+    error = too_near(clearance, found)
+    if error is not None:
+        raise error.within(f"path at s = {s:.6g} of {path.length:.6g}")
+
+
 def check_holding(planner: Planner) -> None:
     """Refuses paths on which the motors cannot even hold the arm still.
 
@@ -102,6 +118,11 @@ def no_way(planner: Planner, profile: Profile) -> ScenarioError:
         return ScenarioError(
             "from this path speed at the beginning the limits cannot be kept to the end", place="speeds[0]",
             value=float(np.sqrt(planner.ends[0])), expected=f"{fastest:.5g} or less",
+        )  # fmt: skip
+    if (highest := planner.highest_last()) < planner.ends[1]:
+        return ScenarioError(
+            "this path speed at the end is not reached within the limits", place="speeds[1]",
+            value=float(np.sqrt(planner.ends[1])), expected=f"{np.sqrt(max(highest, 0.0)):.5g} or less",
         )  # fmt: skip
     return too_weak_to_move(planner) or ScenarioError(
         "no motion within the limits leads on from here", place=_place(planner, k), value=planner.points.q[k],

@@ -13,15 +13,16 @@ from armwright.scalar import Array, Scalar
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.path import JointPath
 from armwright.trajectory.piecewise import PiecewisePolynomial
+from armwright.trajectory.time_optimal.timing import Timing
 
-SATURATED = 0.995  # of a limit: a motion that uses more is at it
+SATURATED = 0.98  # of a limit: a motion that uses more is at it
 
 
 @dataclass(frozen=True, eq=False)
 class PathMotion(Motion):
-    """q(s(t)): a path with constant s̈ between grid points, so polynomials of time of twice the path's degree.
+    """q(s(t)): a path with s̈ linear in time between grid points, so polynomials of time of three times the path's degree.
 
-    Accelerations jump at grid points: jerk is not limited.
+    Accelerations jump where the active limit changes: jerk is not limited.
 
     Attributes:
         path: q(s).   s: (m,) grid.   x: (m,) ṡ² there.   time: [s] of the beginning.
@@ -44,12 +45,7 @@ class PathMotion(Motion):
     @property
     def duration(self) -> float:
         """Duration [s]."""
-        return self.polynomial.duration
-
-    @property
-    def breaks(self) -> np.ndarray:
-        """(m,) [s] times at the grid points."""
-        return self.polynomial.knots
+        return float(self.breaks[-1] - self.breaks[0])
 
     def at(self, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q, q̇ and q̈, each (…, n) [rad | m, …/s, …/s²], at times t (…) [s].
@@ -60,10 +56,8 @@ class PathMotion(Motion):
         knots = self.breaks
         k = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(self.s) - 2)
         moving = (times >= knots[0]) & (times <= knots[-1])
-        tau = np.clip(times, knots[0], knots[-1]) - knots[k]
-        begin, sdd = np.sqrt(self.x[:-1])[k], (np.diff(self.x) / (2.0 * np.diff(self.s)))[k]
-        speed = np.maximum(begin + sdd * tau, 0.0)
-        q, first, second = self.path.at(np.minimum(self.s[k] + 0.5 * (begin + speed) * tau, self.s[k + 1]))
+        s, speed, sdd = self._timing.at(k, np.clip(times, knots[0], knots[-1]) - knots[k])
+        q, first, second = self.path.at(s)
         speed = speed * moving
         qdd = first * (sdd * moving)[..., None] + second * (speed * speed)[..., None]
         return q, first * speed[..., None], qdd
@@ -73,19 +67,31 @@ class PathMotion(Motion):
         return self.polynomial(t) if scalar.is_symbolic(t) else self.at(t)
 
     @cached_property
+    def _timing(self) -> Timing:
+        return Timing(self.s, self.x)
+
+    @property
+    def breaks(self) -> np.ndarray:
+        """(m,) [s] times at the grid points."""
+        return self._knots
+
+    @cached_property
+    def _knots(self) -> np.ndarray:
+        return self.time + np.concatenate([[0.0], np.cumsum(self._timing.durations)])
+
+    @cached_property
     def polynomial(self) -> PiecewisePolynomial:
         """The same motion as polynomials of time."""
-        begin, ds = np.sqrt(self.x[:-1]), np.diff(self.s)
-        steps = 2.0 * ds / (begin + np.sqrt(self.x[1:]))
-        sdd = np.diff(self.x) / (2.0 * ds)
-        gone = np.stack([np.zeros_like(begin), begin, 0.5 * sdd], axis=-1)[:, None]  # s - s_k = ṡ τ + s̈ τ² / 2
+        timing = self._timing
+        terms = [timing.speeds[:-1], 0.5 * timing.accelerations, timing.jerks / 6.0]
+        gone = np.stack([np.zeros_like(terms[0]), *terms], axis=-1)[:, None]  # s - s_k over the time since then
         degree = len(self.path.curve.c) - 1
         taylor = [self.path.derivative(self.s[:-1], order)[..., None] for order in range(degree + 1)]
         rows = taylor[degree]
         for order in range(degree - 1, -1, -1):  # Horner's scheme in s - s_k, with polynomials for numbers
             rows = _product(rows, gone) / (order + 1.0)
             rows[..., :1] += taylor[order]
-        return PiecewisePolynomial(self.time + np.concatenate([[0.0], np.cumsum(steps)]), rows)
+        return PiecewisePolynomial(self.breaks, rows)
 
     @property
     def saturated(self) -> float:

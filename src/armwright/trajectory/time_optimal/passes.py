@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 ROUNDING = 1e-12  # of the largest x
-PARTS, DIVISIONS = np.linspace(0.0, 1.0, 17), 2  # of a cell in which a set ends
 NOWHERE = 1e200  # bounds of an empty interval: (NOWHERE, -NOWHERE), finite so that they can be subtracted
 
 
@@ -75,12 +74,6 @@ def _lines(table: Table) -> tuple[np.ndarray, np.ndarray]:
     return offsets, np.stack([np.where(used, factor, 0.0) for used, _, factor in order], axis=1)
 
 
-def _reached(offset: np.ndarray, factor: np.ndarray, x, lowest, highest) -> tuple[np.ndarray, np.ndarray]:
-    """Highest y and highest -y by cell that x leads to, as the lines and the bounds of x's own s̈ say."""
-    a, b, c, d = offset + factor * x
-    return np.minimum(np.minimum(a, b), highest), np.minimum(np.minimum(c, d), -lowest)
-
-
 def _controllable(table: Table, lines: tuple[np.ndarray, np.ndarray], last: float) -> tuple[np.ndarray, np.ndarray]:
     """Sets of x from which the end is reached: lowest and highest x (m, j - 1) in every cell."""
     m, j = table.x.shape
@@ -89,39 +82,51 @@ def _controllable(table: Table, lines: tuple[np.ndarray, np.ndarray], last: floa
     low[-1, cell] = high[-1, cell] = last
     ds = 2.0 * table.ds[:, None]
     lowest, highest = table.x[:-1] + ds * table.low[:-1], table.x[:-1] + ds * table.high[:-1]
-    offsets, factors = (each[:, :, None] for each in lines)
     for k in range(m - 2, -1, -1):
-        levels, target = table.x[k], (low[k + 1], high[k + 1])
-
-        def room(x, least, most, k=k, target=target):
-            upper, lower = _reached(offsets[k], factors[k], x[:, None], least[:, None], most[:, None])
-            return np.minimum(np.minimum(upper + lower, upper - target[0]), target[1] + lower).max(axis=1)
-
-        inside = room(levels, lowest[k], highest[k]) >= 0.0
-        low[k] = np.where(inside[:-1], levels[:-1], NOWHERE)
-        high[k] = np.where(inside[1:], levels[1:], -NOWHERE)
-        for cell in np.flatnonzero(inside[:-1] != inside[1:]):
-            first, then = (cell, cell + 1) if inside[cell] else (cell + 1, cell)
-            ends = np.array([each[[first, then]] for each in (levels, lowest[k], highest[k])])
-            edge = _edge(room, ends)
+        levels, cells = table.x[k], np.flatnonzero(low[k + 1] <= high[k + 1])
+        if not len(cells):
+            break
+        cells = slice(cells[0], cells[-1] + 1)
+        target = low[k + 1, cells], high[k + 1, cells]
+        steps = lines[0][k, :, None, cells] + lines[1][k, :, None, cells] * levels[:, None]
+        upper = np.minimum(np.minimum(steps[0], steps[1]), highest[k, :, None])
+        lower = np.minimum(np.minimum(steps[2], steps[3]), -lowest[k, :, None])
+        room = np.minimum(np.minimum(upper - target[0], target[1] + lower), upper + lower)
+        inside = room.max(axis=1) >= 0.0
+        low[k, inside[:-1]] = levels[:-1][inside[:-1]]
+        high[k, inside[1:]] = levels[1:][inside[1:]]
+        for cell in (inside[:-1] != inside[1:]).nonzero()[0]:
+            both = [cell, cell + 1] if inside[cell] else [cell + 1, cell]
+            share = _last_inside(steps[:, both], lowest[k, both], highest[k, both], target)
+            edge = levels[both[0]] + share * (levels[both[1]] - levels[both[0]])
             (high if inside[cell] else low)[k, cell] = edge
     return low, high
 
 
-def _edge(room, ends: np.ndarray) -> float:
-    """x where `room` turns negative between a level inside a set and one outside; ends (3, 2): x, lowest and highest y of both.
+def _last_inside(
+    steps: np.ndarray, lowest: np.ndarray, highest: np.ndarray, target: tuple[np.ndarray, np.ndarray]
+) -> float:
+    """Share of the way from a level inside a set to its neighbour outside, up to which x is inside.
 
-    By division of the cell: `room` has kinks, so that a chord over the whole cell would lose some of the set at every step.
+    By cell of y each condition is linear in x, so that its end is exact: a chord of all of them over the cell would lose some
+    of the set at every step.
+
+    Args:
+        steps: (4, 2, c) the lines at both levels.   lowest, highest: (2,).   target: lowest and highest y (c,) of the set to
+            reach, by cell.
     """
-    share = 0.0
-    for _ in range(DIVISIONS):
-        points = ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * PARTS
-        rooms = room(*points)
-        outside = rooms < 0.0
-        i = max(int(outside.argmax()), 1) if outside.any() else len(PARTS) - 1
-        ends = points[:, i - 1 : i + 1]
-        share = min(max(rooms[i - 1] / max(rooms[i - 1] - rooms[i], 1.0 / NOWHERE), 0.0), 1.0)
-    return float(ends[0, 0] + share * (ends[0, 1] - ends[0, 0]))
+    cells = steps.shape[2]
+    upper, lower = np.empty((2, 3, cells)), np.empty((2, 3, cells))
+    upper[:, 0], upper[:, 1], upper[:, 2] = steps[0], steps[1], highest[:, None]
+    lower[:, 0], lower[:, 1], lower[:, 2] = steps[2], steps[3], -lowest[:, None]
+    room = np.concatenate(
+        [(upper[:, :, None] + lower[:, None]).reshape(2, 9, cells), upper - target[0], target[1] + lower], axis=1
+    )
+    fall = room[0] - room[1]
+    ends = room[0] / np.where(fall == 0.0, 1.0, fall)
+    last = np.where(fall > 0.0, ends, 1.0).min(axis=0)
+    first = np.where(fall < 0.0, ends, np.where((fall == 0.0) & (room[0] < 0.0), np.inf, 0.0)).max(axis=0)
+    return float(np.clip(np.where(first <= last, last, 0.0).max(), 0.0, 1.0))
 
 
 def _forward(
@@ -130,11 +135,14 @@ def _forward(
     m = len(table.x)
     x = np.zeros(m)
     x[0], most = first, float(high[0].max())
-    tolerance = ROUNDING * table.x.max()
+    tolerance, bounds = ROUNDING * table.x.max(), (table.low, table.high)
     for k in range(m - 1):
-        here, ds = x[k], 2.0 * table.ds[k]
-        lowest, highest = (here + ds * np.interp(here, table.x[k], each) for each in (table.low[k], table.high[k]))
-        upper, lower = _reached(lines[0][k], lines[1][k], here, lowest, highest)
+        here, ds, levels = x[k], 2.0 * table.ds[k], table.x[k]
+        cell = min(max(int(levels.searchsorted(here)) - 1, 0), levels.size - 2)
+        part = min(max((here - levels[cell]) / (levels[cell + 1] - levels[cell]), 0.0), 1.0)
+        lowest, highest = (here + ds * ((1.0 - part) * each[k, cell] + part * each[k, cell + 1]) for each in bounds)
+        a, b, c, d = lines[0][k] + lines[1][k] * here
+        upper, lower = np.minimum(np.minimum(a, b), highest), np.minimum(np.minimum(c, d), -lowest)
         above, below = np.minimum(upper, high[k + 1]), np.maximum(-lower, low[k + 1])
         room = above - below
         reached = above[room >= -tolerance]

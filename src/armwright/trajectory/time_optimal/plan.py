@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from armwright.errors import ScenarioError
+from armwright.collision import Clearance
+from armwright.errors import ModelError, ScenarioError
 from armwright.kernels.compiled import compile_arm
 from armwright.model import Model
 from armwright.simulation.inputs.payload import Payload
@@ -14,6 +15,7 @@ from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
 from armwright.trajectory.poses import check_number
 from armwright.trajectory.time_optimal.feasibility import (
+    check_distances,
     check_holding,
     check_limits,
     check_positions,
@@ -26,9 +28,12 @@ from armwright.trajectory.time_optimal.planner import Planner
 
 GRID = 500
 LEAST_GRID, MOST_GRID = 10, 100_000
+FINER = 3  # grids, each twice as fine, for a plan that …
+SLOWER = 1.05  # times what the limits at grid points allow is slower for what lies between them
 NEAR = 0.02  # of an even piece: a turn that near to another grid point is none of its own
 ROUNDING = 1e-9  # of a piece
-END = (1.0 / 64.0, 1.0 / 16.0, 1.0 / 4.0)  # of the first and the last piece: there x grows from 0, √x fastest of all
+GRADED = 10  # of the grid points one, and …
+MOST_GRADED = 60  # … pieces at most grow evenly in length from either end on: from rest they are passed in equal times
 
 
 def time_optimal(
@@ -40,6 +45,7 @@ def time_optimal(
     grid: int = GRID,
     speeds: tuple[float, float] = (0.0, 0.0),
     time: float = 0.0,
+    clearance: Clearance | None = None,
 ) -> PathMotion:
     """The fastest motion along a path that the arm with its motors can do:  min ∫ ds/ṡ,  all limits kept.
 
@@ -51,14 +57,18 @@ def time_optimal(
     Args:
         arm: the model.   path: a `JointPath`, or waypoints (k, n) [rad | m] of one.   limits: None: the record's.
         payload: a body in the hand for the whole motion; its time does not count.
-        grid: number of grid points, about; breaks of the path are among them, and some more at both ends.
+        grid: number of grid points, about; breaks of the path are among them, and some more at both ends. Where they are too few
+            to keep the limits between them without losing time, they are doubled, twice at most.
         speeds: path speeds ṡ at the beginning and the end.   time: [s] of the beginning.
+        clearance: of the arm; a path that comes nearer than its least distance is refused.
     Returns:
         motion: along the path; `motion.used` tells where which limit is reached.
     Raises:
-        ScenarioError: a path outside the position limits, limits that cannot be judged or that nothing satisfies, with the place
-            on the path, the joint and by how much.
+        ScenarioError: a path outside the position limits or too near to something, limits that cannot be judged or that nothing
+            satisfies, with the place on the path, the joint and by how much.   ModelError: no arm.
     """
+    if not isinstance(arm, Model):
+        raise ModelError(place="arm", value=arm, expected="an arm, as aw.load(name) gives")
     path = path if isinstance(path, JointPath) else JointPath(path)
     limits = MotionLimits.of(arm) if limits is None else limits
     if not isinstance(limits, MotionLimits) or path.n != arm.n or limits.n != arm.n:
@@ -69,25 +79,46 @@ def time_optimal(
     ends = squared_speeds(speeds)
     check_number("time_optimal", "time", time)
     if payload is not None:
+        if not isinstance(payload, Payload):
+            raise ScenarioError(place="payload", value=payload, expected="an aw.Payload")
         arm = arm.with_payload(payload.mass, payload.com, payload.inertia, payload.frame)
     check_limits(arm, limits, path)
     check_positions(limits, path)
-    s = grid_points(path, int(grid))
-    planner = Planner(compile_arm(arm), limits, path, s, ends)
-    check_holding(planner)
-    try:
-        profile, used = planner.plan()
-    except ScenarioError as error:
-        raise too_weak_to_move(planner) or error from None
-    if profile.stuck is not None:
-        raise no_way(planner, profile)
-    excess = max(float(each.max()) for each in used.values()) - 1.0
-    return PathMotion(path, s, profile.x, float(time), used, excess)
+    if clearance is not None:
+        check_distances(arm, clearance, path)
+    dyn, best, failure = compile_arm(arm), None, None
+    for count in (int(grid) * 2**k for k in range(FINER)):
+        planner = Planner(dyn, limits, path, grid_points(path, count), ends)
+        if best is None and failure is None:
+            check_holding(planner)
+        try:
+            profile, used = planner.plan()
+        except ScenarioError as error:
+            weak = too_weak_to_move(planner)
+            if weak is not None:
+                raise weak from None
+            failure = error
+            continue
+        if profile.stuck is not None:
+            failure = no_way(planner, profile)
+            break
+        excess = max(float(each.max()) for each in used.values()) - 1.0
+        motion = PathMotion(path, planner.s, profile.x, float(time), used, excess)
+        if best is None or motion.duration < best.duration:
+            best = motion
+        if motion.duration <= SLOWER * planner.least:
+            break
+    if best is None:
+        assert failure is not None
+        raise failure
+    return best
 
 
 def grid_points(path: JointPath, count: int) -> np.ndarray:
-    """(m,) s from 0 to the path's length, about evenly spread: breaks and turns of the path, where friction changes its sign,
-    are among them, and some more near both ends.
+    """(m,) s from 0 to the path's length: breaks and turns of the path, where friction changes its sign, are among them.
+
+    Evenly spread in the middle. Towards both ends, where the arm rests, as the squares of whole numbers: there s grows with the
+    square of time, and √x, with what friction and back EMF take, by as much in every piece.
 
     Args:
         path: q(s).   count: of even pieces.
@@ -98,8 +129,29 @@ def grid_points(path: JointPath, count: int) -> np.ndarray:
         if np.abs(np.subtract(fixed, s)).min() > NEAR * even:
             fixed.append(s)
     fixed = np.sort(fixed)
-    pieces = np.ceil(np.diff(fixed) / even - ROUNDING).clip(1).astype(int)
-    parts = [a + (b - a) * np.arange(k) / k for a, b, k in zip(fixed, fixed[1:], pieces, strict=False)]
-    s = np.concatenate([*parts, fixed[-1:]])
-    first, last = (s[1] - s[0]) * np.array(END), (s[-1] - s[-2]) * np.array(END[::-1])
-    return np.concatenate([s[:1], s[0] + first, s[1:-1], s[-1] - last, s[-1:]])
+    graded = float(min(count // GRADED, MOST_GRADED))
+    numbers = _number(fixed, path.length, even, graded)
+    pieces = np.ceil(np.diff(numbers) - ROUNDING).clip(1).astype(int)
+    parts = [
+        _place(a + (b - a) * np.arange(1, k) / k, path.length, even, graded)
+        for a, b, k in zip(numbers, numbers[1:], pieces, strict=False)
+    ]
+    return np.concatenate([fixed[:1], *(np.append(part, s) for part, s in zip(parts, fixed[1:], strict=True))])
+
+
+def _number(s: np.ndarray, length: float, even: float, graded: float) -> np.ndarray:
+    """Number of pieces, broken ones too, from 0 to s, where pieces grow from both ends on until they are even."""
+
+    def from_end(s: np.ndarray) -> np.ndarray:
+        return np.where(s < 0.5 * graded * even, np.sqrt(2.0 * graded * s / even), s / even + 0.5 * graded)
+
+    half, near = from_end(np.array(0.5 * length)), from_end(np.minimum(s, length - s).clip(0.0))
+    return np.where(s <= 0.5 * length, near, 2.0 * half - near)
+
+
+def _place(number: np.ndarray, length: float, even: float, graded: float) -> np.ndarray:
+    """s at numbers of pieces: the inverse of `_number`."""
+    whole = float(_number(np.array(length), length, even, graded))
+    near = np.minimum(number, whole - number)
+    s = even * np.where(near < graded, near * near / (2.0 * graded), near - 0.5 * graded)
+    return np.where(number <= 0.5 * whole, s, length - s)

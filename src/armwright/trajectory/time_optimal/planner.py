@@ -7,6 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from armwright.errors import ScenarioError
 from armwright.kernels.compiled import CompiledArm
@@ -14,6 +15,7 @@ from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
 from armwright.trajectory.time_optimal.constraints import PathLimits
 from armwright.trajectory.time_optimal.passes import Profile, Table, fastest_profile
+from armwright.trajectory.time_optimal.timing import Timing
 
 COARSE = np.unique(
     np.concatenate([np.linspace(0.0, 1.0, 49), np.geomspace(1e-4, 0.05, 24)])
@@ -22,15 +24,19 @@ FINE = 16  # levels in a band
 RAISED = 4.0  # times in x, of coarse levels that are too low
 MOST = 1e50  # of a path acceleration, and of x
 BANDS = (0.6, 0.2, 0.04, 0.01)  # half widths of the finer levels, of √x
-FIRST_BAND = 2  # after the coarse levels
+FIRST_BAND, LAST_BAND = 2, len(BANDS) - 1  # after the coarse levels, and of a plan
 LEAST_BAND = 1e-3  # of a band, of the largest √x: where x is small
 MOST_PASSES = 20  # over finer levels
-REPEATS = 3  # over a band that the profile leaves, before a wider one
-DENSER, CLOSE = 48, 192  # times, of the grids that judge: the second only where the first finds nothing
-NEAR = 0.5 ** np.arange(6, 12)  # of a piece: there friction that is smoothed comes up
+EVEN, NEAR = np.linspace(0.0, 1.0, 25), 0.5 ** np.arange(6, 14)
+JUDGED = np.unique(
+    np.concatenate([EVEN, NEAR, 1.0 - NEAR])
+)  # of a piece's time: near its ends smoothed friction comes up
+ZOOM, ZOOMS = np.linspace(0.0, 1.0, 11), 4  # between the neighbours of a peak, and how often
 KEPT = 5e-7  # of a limit: the largest excess of a plan that holds
 SHRUNK = 1.05  # times the excess
 ROUNDS, SLOW = 16, 4  # of shrinking, and after how many of them the excess counts twice: then it falls too slowly
+SPREAD = 4  # times as many pieces about it, in each round but the first two, off whose limits an excess is taken
+LOOSE = 1.05  # times a limit at grid points, at most, where the motion between them keeps it
 SLOWEST = 0.8  # of x: how far a plan that shrinking does not end is made slower as a whole
 QUANTITIES = ("velocity", "acceleration", "torque", "voltage")
 
@@ -42,6 +48,7 @@ class Planner:
     Attributes:
         dyn: the compiled arm.   limits: of its joints.   path: q(s).   s: (m,) grid.   ends: x at the beginning and the end.
         shares: by quantity (m, n), the part of its limit that the plan may use at each grid point.
+        least: [s] duration with the limits at grid points alone, once it is planned.
     """
 
     dyn: CompiledArm
@@ -51,6 +58,7 @@ class Planner:
     ends: tuple[float, float]
     points: PathLimits = field(init=False)
     shares: dict[str, np.ndarray] = field(init=False)
+    least: float = field(init=False, default=np.inf)
 
     def __post_init__(self) -> None:
         self.points = PathLimits.at(self.dyn, self.limits, self.path, self.s)
@@ -62,16 +70,20 @@ class Planner:
         Raises:
             ScenarioError: no profile keeps the limits between grid points.
         """
-        profile = self.fastest()
+        profile = self._refined(self._coarse(), FIRST_BAND, FIRST_BAND)
         if profile.stuck is not None:
             return profile, {}
+        self.least = float(Timing(self.s, profile.x).durations.sum())
+        self._loosen(self._judged(profile.x))
+        loose = self._refined(profile, FIRST_BAND, LAST_BAND)
+        profile = profile if loose.stuck is not None else loose
         for count in range(ROUNDS):
             used = self._judged(profile.x)
             if _largest(used) <= 1.0 + KEPT:
                 return profile, used
-            self._shrink(used, SHRUNK * (1.0 + count / SLOW))
+            self._shrink(used, count)
             wide_enough = [k for k, band in enumerate(BANDS) if band >= _largest(used) - 1.0]
-            shrunk = self._refined(profile, wide_enough[-1] if wide_enough else 0)
+            shrunk = self._refined(profile, wide_enough[-1] if wide_enough else 0, LAST_BAND)
             if shrunk.stuck is not None:  # limits so small that they no longer hold the arm
                 break
             profile = shrunk
@@ -79,7 +91,7 @@ class Planner:
 
     def fastest(self) -> Profile:
         """The fastest profile that keeps the limits, as far as they are shrunk, at grid points."""
-        return self._refined(self._coarse(), FIRST_BAND)
+        return self._refined(self._coarse(), FIRST_BAND, LAST_BAND)
 
     def _coarse(self) -> Profile:
         """The profile over levels of x from 0 up to the velocity limits, or as far as it reaches without."""
@@ -88,10 +100,7 @@ class Planner:
         top = max(4.0 * float(np.median(np.clip(high, 0.0, MOST))) * self.path.length, *self.ends)
         while True:
             highest = np.minimum(cap, top)
-            v = np.sqrt(highest)[:, None] * COARSE
-            for x in self.ends:  # a level of constant speed, from which and to which a way leads
-                if x > 0.0:
-                    v[np.arange(len(v)), np.abs(v - np.sqrt(x)).argmin(axis=1)] = np.minimum(np.sqrt(x), v[:, -1])
+            v = self._levels(highest)
             profile = self._pass(v * v)
             if profile.highest_first < self.ends[0]:
                 return replace(profile, stuck=0)
@@ -99,20 +108,37 @@ class Planner:
                 return profile
             top *= RAISED
 
-    def _refined(self, profile: Profile, band: int) -> Profile:
+    def _levels(self, highest: np.ndarray) -> np.ndarray:
+        """(m, j) coarse levels of √x up to the highest x (m,); one of them of each constant speed from which and to which a way
+        leads."""
+        v = np.sqrt(highest)[:, None] * COARSE
+        for x in self.ends:
+            if x > 0.0:
+                v[np.arange(len(v)), np.abs(v - np.sqrt(x)).argmin(axis=1)] = np.minimum(np.sqrt(x), v[:, -1])
+        return v
+
+    def highest_last(self) -> float:
+        """The largest x at the end that is reached from the beginning, by coarse levels: the way back, played backwards."""
+        high = self.points.bounds(np.zeros((len(self.s), 1)), self.shares)[1]
+        top = max(4.0 * float(np.median(np.clip(high, 0.0, MOST))) * self.path.length, self.ends[0])
+        v = self._levels(np.minimum(self.points.largest_x(self.shares), top))
+        low, high = self.points.bounds(v * v, self.shares)
+        back = Table((v * v)[::-1], -high[::-1], -low[::-1], np.diff(self.s)[::-1])
+        return fastest_profile(back, self.ends[1], self.ends[0]).highest_first
+
+    def _refined(self, profile: Profile, band: int, last: int) -> Profile:
         """The profile over finer levels about one, again where it leaves them; over wider levels where it finds no way there."""
-        repeats = 0
         for _ in range(MOST_PASSES):
             if profile.stuck is not None:
                 return profile
             found, left = self._fine(profile.x, BANDS[band])
             if found.stuck is not None:
-                profile, band, repeats = (self._coarse() if band == 0 else profile), max(band - 1, 0), 0
+                profile, band = (self._coarse() if band == 0 else profile), max(band - 1, 0)
                 continue
-            profile, repeats = found, (repeats + 1 if left else 0)
+            profile = found
             if left:
-                band = band if repeats % REPEATS else max(band - 1, 0)
-            elif band == len(BANDS) - 1:
+                band = max(band - 1, 0)
+            elif band >= last:
                 break
             else:
                 band += 1
@@ -135,21 +161,56 @@ class Planner:
         return fastest_profile(Table(x, *self.points.bounds(x, self.shares), np.diff(self.s)), *self.ends)
 
     def _judged(self, x: np.ndarray) -> dict[str, np.ndarray]:
-        """By quantity (m - 1, n) the largest part of its limit that each joint uses between grid points."""
-        used = self._used(x, DENSER)
-        return used if _largest(used) > 1.0 + KEPT else self._used(x, CLOSE)
+        """By quantity (m - 1, n) the largest part of its limit that each joint uses between grid points.
 
-    def _used(self, x: np.ndarray, denser: int) -> dict[str, np.ndarray]:
-        """The same on a grid that is so many times denser."""
-        s, x, sdd = between(self.s, x, denser)
+        At first at some times of every piece; where that finds no excess, closer and closer about every peak that may be one.
+        """
+        timing, pieces = Timing(self.s, x), np.arange(len(x) - 1)
+        rows = self._used(timing, pieces, np.broadcast_to(JUDGED, (len(pieces), len(JUDGED))))
+        most = rows.max(axis=1)
+        if most.max() <= 1.0 + KEPT:
+            before, here, after = rows[:, :-2], rows[:, 1:-1], rows[:, 2:]
+            reach = here + np.maximum(np.abs(here - before), np.abs(here - after))
+            piece, k, column = np.nonzero((here >= before) & (here >= after) & (reach > 1.0 + KEPT))
+            low, high = JUDGED[k], JUDGED[k + 2]
+            for _ in range(ZOOMS if len(piece) else 0):
+                parts = low[:, None] + (high - low)[:, None] * ZOOM
+                values = self._used(timing, piece, parts)[np.arange(len(piece)), :, column]
+                np.maximum.at(most, (piece, column), values.max(axis=1))
+                k = values.argmax(axis=1).clip(1, len(ZOOM) - 2)
+                low, high = (parts[np.arange(len(piece)), k + side] for side in (-1, 1))
+        return dict(zip(self.shares, np.split(most, len(self.shares), axis=1), strict=True))
+
+    def _used(self, timing: Timing, pieces: np.ndarray, parts: np.ndarray) -> np.ndarray:
+        """Parts of limits (p, k, quantities × n) that are used in pieces (p,) after parts (p, k) of their times."""
+        s, speed, sdd = timing.at(pieces[:, None], parts * timing.durations[pieces, None])
         points = PathLimits.at(self.dyn, self.limits, self.path, s.ravel())
-        used = points.used(x.reshape(-1, 1), sdd.reshape(-1, 1))
-        return {name: _peaks(np.abs(each).reshape(*s.shape, -1), denser) for name, each in used.items()}
+        used = points.used(speed.reshape(-1, 1) ** 2, sdd.reshape(-1, 1))
+        none = np.zeros((*s.shape, self.limits.n))
+        return np.concatenate(
+            [np.abs(used[name]).reshape(none.shape) if name in used else none for name in self.shares], axis=2
+        )
 
-    def _shrink(self, used: dict[str, np.ndarray], times: float) -> None:
-        """Takes the excess between two grid points, so many times, off the limits at both."""
+    def _loosen(self, used: dict[str, np.ndarray]) -> None:
+        """Gives back at grid points what the motion leaves of a limit that it is nearly at in both pieces beside them.
+
+        The passes hold limits at both ends of stairs of s̈, the motion goes through their middles.
+        """
         for name, part in used.items():
-            factor = 1.0 / (1.0 + times * np.maximum(part - 1.0, 0.0))
+            left = np.where(part > 1.0 / LOOSE, 1.0 / np.maximum(part, 1.0 / LOOSE), 1.0).clip(1.0, None)
+            self.shares[name][1:-1] *= np.minimum(left[:-1], left[1:])
+            self.shares[name][0] *= left[0]
+            self.shares[name][-1] *= left[-1]
+
+    def _shrink(self, used: dict[str, np.ndarray], count: int) -> None:
+        """Takes the excess between two grid points off the limits at both, in later rounds also off those near them.
+
+        A lower share bends s̈ beside it, so that the next piece may exceed: an excess can wander along the grid, piece by piece.
+        """
+        times, reach = SHRUNK * (1.0 + count / SLOW), SPREAD ** max(count - 1, 0)
+        for name, part in used.items():
+            excess = maximum_filter1d(np.maximum(part - 1.0, 0.0), 2 * reach - 1, axis=0, mode="nearest")
+            factor = 1.0 / (1.0 + times * excess)
             self.shares[name][:-1] *= factor
             self.shares[name][1:] *= factor
 
@@ -173,24 +234,5 @@ class Planner:
         )  # fmt: skip
 
 
-def _peaks(rows: np.ndarray, even: int) -> np.ndarray:
-    """Largest value (m, n) over the times of each piece (m, k, n), by a parabola through three even times where they peak."""
-    before, here, after = rows[:, : even - 1], rows[:, 1:even], rows[:, 2 : even + 1]
-    bend = 2.0 * here - before - after
-    is_peak = (here >= before) & (here >= after) & (bend > 0.0)
-    over = np.divide((after - before) ** 2, 8.0 * bend, out=np.zeros_like(here), where=is_peak)
-    return np.maximum(rows.max(axis=1), (here + over).max(axis=1))
-
-
 def _largest(used: dict[str, np.ndarray]) -> float:
     return max(float(each.max()) for each in used.values())
-
-
-def between(s: np.ndarray, x: np.ndarray, denser: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Path position, x and s̈, each (m - 1, k), at times spread over every piece, both ends included and denser near them."""
-    within = np.concatenate([np.linspace(0.0, 1.0, denser + 1), NEAR, 1.0 - NEAR])
-    begin, end = np.sqrt(x[:-1])[:, None], np.sqrt(x[1:])[:, None]
-    ds = np.diff(s)[:, None]
-    speed = begin + (end - begin) * within
-    gone = ds * (begin + speed) * within / (begin + end)
-    return s[:-1, None] + gone, speed * speed, np.broadcast_to((end**2 - begin**2) / (2.0 * ds), speed.shape)
