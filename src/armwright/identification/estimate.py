@@ -17,7 +17,7 @@ from tomlkit.items import InlineTable
 
 from armwright.description import builtin_names
 from armwright.description.database import parse, read_description
-from armwright.description.paths import quantities, unit_at
+from armwright.description.paths import quantities, split_path, unit_at
 from armwright.description.record_of import Arm, record_of
 from armwright.description.robot import RobotDescription
 from armwright.description.toml_file import read_text
@@ -236,7 +236,7 @@ def _parts(text: str) -> list[Any]:
 
 def _is_of(record: RobotDescription, name: str) -> bool:
     """True for the path of a number that the record has or may have: it begins with a joint, a link or a frame."""
-    first, _, rest = name.partition(".")
+    first, rest = split_path(name)
     items = {each.name for each in (*record.joints, *record.links, *record.frames)}
     return name.partition("[")[0] in TOP or (bool(rest) and (first in items or first in TOP))
 
@@ -244,7 +244,9 @@ def _is_of(record: RobotDescription, name: str) -> bool:
 def _set_number(parts: list[Any], record: RobotDescription, name: str, value: float, std: float, source: str) -> None:
     """Puts a number into its table; tables that are missing on the way are made."""
     path, _, index = name.partition("[")
-    first, *inner, last = path.split(".") if "." in path else ("", path)
+    first, rest = split_path(path)
+    *inner, last = rest.split(".") if rest else (first,)
+    first = first if rest else ""
     table: Any = parts[0] if not first else _table_of(parts, record, first)
     for part in inner:
         if part not in table:

@@ -10,8 +10,10 @@ from armwright.errors import IdentificationError
 from armwright.identification.arm.friction import friction_over_speed, identify_friction, with_identified_friction
 from armwright.identification.arm.friction_law import FrictionLaw, FrictionRows, choose_terms, fitted_law
 from armwright.model import build_model
-from identification.arm.moved_arm import moved
+from armwright.results.tables import write_table
+from identification.arm.moved_arm import moved, multisine, written_log
 
+USUAL_KEYS = {"viscous_n_m_s_per_rad": 1.5, "coulomb_positive_n_m": 2.0, "coulomb_negative_n_m": 2.6}
 USUAL = {"viscous": 1.5, "coulomb_positive": 2.0, "coulomb_negative": 2.6}
 
 
@@ -77,6 +79,31 @@ def test_friction_of_a_whole_arm(tmp_path):
     assert aw.load(path).record.joints[0].friction.viscous_n_m_s_per_rad.std > 0
 
 
+def test_friction_takes_the_place_of_that_of_an_earlier_fit():
+    """The earlier fit keeps its other numbers, with their correlation."""
+    arm = aw.load("lwa4p")
+    joints = list(arm.record.joints)
+    joints[0] = joints[0].replace(friction={**USUAL_KEYS, "offset_n_m": 0.1})
+    names = ("joint1.friction.offset_n_m", "joint2.friction.viscous_n_m_s_per_rad", "joint1.motor.rotor_inertia_kg_m2")
+    earlier = {
+        "source": "old",
+        "method": "least squares",
+        "log_sha256": "0" * 64,
+        "verdict": "identified",
+        "names": names,
+    }
+    earlier |= {"correlation": [[], [0.1], [0.2, 0.3]], "at_bound": names[:1]}
+    sources = {**arm.record.sources, "old": {"kind": "fit", "text": "an earlier one"}}
+    fitted = build_model(arm.record.replace(joints=tuple(joints), fits={"old": earlier}, sources=sources))
+    keys = tuple(f"joint1.friction.{key}" for key in USUAL_KEYS)
+    found = aw.Estimate(keys, np.array([*USUAL_KEYS.values()]), np.eye(3), "1" * 64, "friction")
+    record = with_identified_friction(fitted, found).record
+    assert record.joints[0].friction.offset_n_m is None
+    assert record.fits["old"].names == names[1:]
+    assert record.fits["old"].correlation == ((), (0.3,))
+    assert record.fits["old"].at_bound == ()
+
+
 def test_springs_reach_the_record(tmp_path):
     """The record that is written has the torque of a spring that stays."""
     arm = aw.load("lwa4p")
@@ -92,6 +119,69 @@ def test_springs_reach_the_record(tmp_path):
     friction = again[1].friction  # what the spring holds at 0 is the difference of Coulomb's levels
     constant = friction.offset + 0.5 * (friction.coulomb_positive - friction.coulomb_negative)
     assert float(constant) == pytest.approx(-30 * 0.2, abs=0.6)
+
+
+PENDULUM = """
+name = "pendulum"
+source = "estimate"
+command = "torque"
+[[joints]]
+name = "hinge"
+type = "revolute"
+parent = "base"
+child = "rod"
+axis = [0.0, 1.0, 0.0]
+frame = { xyz_m = [0.0, 0.0, 0.0], rpy_rad = [0.0, 0.0, 0.0] }
+motor = { gear_ratio = 50.0, rotor_inertia_kg_m2 = 2e-4, resistance_ohm = 1.2, torque_constant_n_m_per_a = 0.06 }
+[[links]]
+name = "rod"
+mass_kg = 3.0
+com_m = [0.0, 0.0, -0.4]
+inertia_kg_m2 = { xx = 0.2, yy = 0.2, zz = 0.01, xy = 0.0, xz = 0.0, yz = 0.0 }
+"""
+BODY = "ambient_c = 25.0, reference_c = 20.0, winding_capacity_j_per_k = 8.0, winding_resistance_k_per_w = 1.5"
+WARMS = f"0.06, thermal = {{ {BODY} }}"
+
+
+def warming_log(folder, arm):
+    """A log whose Coulomb level falls by 1 % a kelvin and whose viscous friction falls by 2 %, from 20 °C on."""
+    t, q, qd, qdd = multisine(1, 60.0, 200.0, seed=3, harmonics=40)
+    celsius = 20.0 + 25.0 * (1 - np.exp(-t / 25.0))
+    warming = (celsius - 20.0)[:, None]
+    friction = 1.5 * (1 - 0.02 * warming) * qd + 3.0 * (1 - 0.01 * warming) * np.sign(qd)
+    tau = aw.compile(arm).inverse_dynamics(q, qd, qdd) + friction
+    tau = tau + 0.1 * np.random.default_rng(4).normal(size=tau.shape)
+    written_log(folder, "warm", arm.names, t, q, tau)
+    write_table(folder / "warm.csv", {"t": t, "q0": q[:, 0], "u0": tau[:, 0], "T": np.round(celsius, 1)})
+    path = folder / "warm.log.toml"
+    path.write_text(path.read_text(encoding="utf-8") + WARM, encoding="utf-8")
+    return aw.read_log(path)
+
+
+WARM = """
+[[signals]]
+quantity = "temperature"
+columns = "T"
+unit = "°C"
+"""
+
+
+def test_friction_over_a_logged_temperature(tmp_path):
+    (tmp_path / "arm.toml").write_text(PENDULUM.replace("0.06", WARMS), encoding="utf-8")
+    arm = aw.load(tmp_path / "arm.toml")
+    log = warming_log(tmp_path, arm)
+    candidates = ("coulomb by temperature", "viscous by temperature")
+    found = identify_friction(log, arm, candidates=candidates)
+    truth = {"viscous_n_m_s_per_rad": 1.5, "coulomb_positive_n_m": 3.0, "coulomb_negative_n_m": 3.0}
+    truth |= {"viscous_temperature_coefficient_per_k": -0.02, "coulomb_temperature_coefficient_per_k": -0.01}
+    for key, value in truth.items():
+        assert found[f"hinge.friction.{key}"] == pytest.approx(value, rel=0.05), key
+    path = aw.write_into(with_identified_friction(arm, found), found, tmp_path / "warm.toml", key="friction")
+    assert float(aw.load(path).bodies[0].friction.coulomb_temperature_coefficient) == pytest.approx(-0.01, rel=0.05)
+    (tmp_path / "plain.toml").write_text(PENDULUM, encoding="utf-8")
+    found = identify_friction(log, aw.load(tmp_path / "plain.toml"), candidates=candidates)
+    assert "hinge.friction.viscous_temperature_coefficient_per_k" not in found.names
+    assert any("reference_c" in remark for remark in found.remarks)
 
 
 def test_bad_input_is_refused(tmp_path):

@@ -12,7 +12,6 @@ from armwright.identification.arm.payload import (
     identify_payload,
     payload_model,
     with_identified_payload,
-    without_arm,
 )
 from armwright.identification.arm.samples import samples_of
 from identification.arm.moved_arm import moved
@@ -66,7 +65,7 @@ def test_two_kilograms_within_one_per_cent_from_two_logs(arm, tmp_path):
     assert unloaded.sha256 in found.method
 
 
-def test_dry_friction_of_the_arm_passes_the_low_pass(arm, tmp_path):
+def test_torques_of_the_arm_pass_the_low_pass(arm, tmp_path):
     """Without noise the torques that are left are the payload's alone, at turns too."""
     log = moved(tmp_path, "loaded", arm.with_payload(MASS, COM, INERTIA), rate=500.0)
     model, chosen = payload_model(arm), aw.choose_preparation(log)
@@ -74,8 +73,7 @@ def test_dry_friction_of_the_arm_passes_the_low_pass(arm, tmp_path):
     about = INERTIA + MASS * (c @ c * np.eye(3) - np.outer(c, c))
     parameters = [MASS, *(MASS * c), *(about[i, j] for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)))]
     left = [
-        each.tau - model.rows(each.q, each.qd, each.qdd) @ parameters
-        for each in without_arm(samples_of(log, model, None, chosen), model)
+        each.unknown_torque(model) - each.regressor(model) @ parameters for each in samples_of(log, model, None, chosen)
     ]
     sharp = [
         each.tau - aw.compile(arm.with_payload(MASS, COM, INERTIA)).inverse_dynamics(each.q, each.qd, each.qdd)

@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 import armwright as aw
 from armwright.errors import ModelError, ScenarioError
 from armwright.identification.experiments.motor import KINDS
+from identification.motor_truth import TRUE, true_record
 from physics.arms import arm
 
 GUESS = aw.MotorGuess(gain=12.0, time_constant=0.05, most=12.0)
@@ -125,6 +126,17 @@ def test_the_guess_of_a_record_is_the_motor_of_the_simulation():
     np.testing.assert_allclose(run.qd.values[:, 0], speed, rtol=1e-4, atol=1e-6)
 
 
+def test_a_record_without_a_largest_voltage_gets_one(tmp_path):
+    """As `identify motor` writes it of a bench: the limit of its supply is no part of a log."""
+    model = aw.load(true_record(tmp_path))
+    with pytest.raises(ModelError, match=r"no largest voltage; expected a record that has it, or most=… \(--most\)"):
+        aw.MotorGuess.of(model)
+    guess = aw.MotorGuess.of(model, most=9.0)
+    assert guess.most == 9.0
+    assert guess.gain == pytest.approx(1 / TRUE["Kt"])
+    assert guess.dead_zone == pytest.approx(TRUE["R"] * TRUE["coulomb"] / TRUE["Kt"])
+
+
 @pytest.mark.parametrize(
     ("make", "said"),
     [
@@ -133,7 +145,7 @@ def test_the_guess_of_a_record_is_the_motor_of_the_simulation():
         (lambda: aw.MotorGuess(1.0, 0.1, 12.0, dead_zone=7.0), "hardly leaves the dead zone"),
         (lambda: aw.motor_experiment("prbs", GUESS, sample=1.0), "sample = 1.0: expected a time above 0"),
         (lambda: aw.motor_experiment("prbs9", GUESS), "did you mean prbs"),
-        (lambda: aw.MotorGuess.of(arm("two-link")), "resistance, torque constant and largest voltage"),
+        (lambda: aw.MotorGuess.of(arm("two-link")), "no resistance, no torque constant"),
         (lambda: aw.MotorGuess.of(arm("cmu-dd"), "joint9"), "joint = 'joint9'"),
     ],
 )

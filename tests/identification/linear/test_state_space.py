@@ -47,6 +47,33 @@ def test_a_model_is_a_sensor_of_a_compiled_loop():
     assert run["tacho_measured"].values[:-1] == pytest.approx(expected[:-1], abs=1e-6 * np.abs(expected).max())
 
 
+def test_a_model_is_an_actuator_of_a_compiled_loop():
+    """Commands reach the drives as the model passes them on, which SciPy's filter says too."""
+    u = np.repeat(np.random.default_rng(2).choice([-1.0, 1.0], 300), 4)
+    model = aw.fit_oe(u, lfilter([0.0, 0.0, 0.3], [1.0, -0.7], u), 1e-3, order=1, delay=2)
+    arm = aw.load("two-link")
+
+    def command(t, r, m):
+        return 30.0 * (r.q - m.q) - 4.0 * m.qd
+
+    def run_of(controller):
+        loop = aw.Loop(controller, np.array([0.4, -0.3]), 1e-3)
+        return aw.simulate(aw.Scenario(arm, duration=0.3, loop=loop))
+
+    run = run_of(model.actuator(command))
+    assert run.attrs["controller"] == "compiled"
+    asked = 30.0 * (np.array([0.4, -0.3]) - run["q_measured"].values) - 4.0 * run["qd_measured"].values
+    passed = np.stack([lfilter([0.0, 0.0, 0.3], [1.0, -0.7], each) for each in asked.T], axis=1)
+    first = run["tau"].values[0]
+    began = np.stack([value * 0.7 ** np.maximum(np.arange(len(asked)) - 1, 0) for value in first], axis=1)
+    expected = passed + began
+    scale = np.abs(expected).max()
+    assert run["tau"].values[3:-1] == pytest.approx(expected[3:-1], abs=0.02 * scale)
+    assert np.abs(run["q"].values - run_of(command)["q"].values).max() > 1e-3
+    with pytest.raises(ScenarioError, match=r"0\.001 s, at which the model was identified"):
+        aw.simulate(aw.Scenario(arm, duration=0.1, loop=aw.Loop(model.actuator(command), np.zeros(2), 2e-3)))
+
+
 def test_a_sensor_has_one_input_and_one_output():
     model = StateSpace(np.eye(1) * 0.5, np.ones((1, 2)), np.ones((1, 1)), np.zeros((1, 2)), np.zeros(1), 0.1)
     with pytest.raises(ScenarioError, match="2 inputs"):

@@ -70,3 +70,32 @@ def written(folder: Path, text: str, tables: Mapping[str, Mapping[str, np.ndarra
     path = folder / "two.log.toml"
     path.write_text(text, encoding="utf-8")
     return path
+
+
+JOINT_STATE = (
+    "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n"
+    "================================================================================\nMSG: std_msgs/Header\n"
+    "builtin_interfaces/Time stamp\nstring frame_id\n"
+    "================================================================================\nMSG: builtin_interfaces/Time\n"
+    "int32 sec\nuint32 nanosec\n"
+)
+
+
+def write_joint_states(path: Path, names: list[str], t: np.ndarray, q: np.ndarray, qd: np.ndarray, tau: np.ndarray):
+    """Writes an MCAP recording of `sensor_msgs/JointState`; its messages list the joints in any order."""
+    from mcap_ros2.writer import Writer
+
+    begin = 1_700_000_000 * 10**9 + 123_456_789
+    with path.open("wb") as file:
+        mcap = Writer(file)
+        schema = mcap.register_msgdef("sensor_msgs/msg/JointState", JOINT_STATE)
+        for k in range(len(t)):
+            stamp = begin + round(1e9 * t[k])
+            order = list(range(len(names)))[:: 1 if k % 2 else -1]
+            message = {
+                "header": {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": ""},
+                "name": [names[j] for j in order],
+                "position": q[k, order].tolist(), "velocity": qd[k, order].tolist(), "effort": tau[k, order].tolist(),
+            }  # fmt: skip
+            mcap.write_message("/joint_states", schema, message, log_time=stamp, publish_time=stamp)
+        mcap.finish()

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.identification.logs.blocks import run_blocks
 from armwright.identification.logs.census import census_of, longest
-from armwright.identification.logs.log import Log, run_blocks
+from armwright.identification.logs.log import Log
 from identification.logs.example_logs import ALL, columns, written
 
 COUNTED = (

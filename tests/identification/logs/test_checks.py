@@ -10,7 +10,7 @@ from scipy.signal import sosfiltfilt
 
 import armwright as aw
 from armwright.errors import LogError
-from armwright.identification.logs.checks import motion_delay
+from armwright.identification.logs.effort_checks import motion_delay
 from armwright.identification.logs.preparation import low_pass
 from identification.logs.example_logs import ALL, HEAD, RATE, columns, motion, written
 
@@ -44,6 +44,36 @@ def test_noise_and_counts_are_no_mistakes(tmp_path):
     found = findings(tmp_path, measured)
     assert [line for line in found if "40000 in a turn" in line] == found
     assert len(found) == 2
+
+
+@pytest.mark.parametrize("period", [0.002, 0.0025, 0.0033, 0.001])
+def test_times_rounded_to_milliseconds_are_no_gaps(tmp_path, period):
+    """A clock that a logger rounds shows steps of 1, 2 and 3 ms for rows 2 ms apart; a lost part is a gap still."""
+    t = 5.0 + np.arange(4001) * period
+    q, qd, _, tau = motion(t)
+    stamps = np.round(t + 5e-4 + 3e-4 * np.random.default_rng(0).uniform(-1, 1, len(t)), 3)
+    table = {
+        "t": stamps,
+        "q1": q[:, 0],
+        "q2": q[:, 1],
+        "v1": qd[:, 0],
+        "v2": qd[:, 1],
+        "m1": tau[:, 0],
+        "m2": tau[:, 1],
+    }
+    log = aw.read_log(written(tmp_path, ALL, {"arm.csv": table}))
+    assert log.runs[0].census is not None
+    assert log.runs[0].census.gaps.count == 0
+    assert log.runs[0].period == pytest.approx(period, rel=1e-3)
+    assert not log.warnings
+    assert any("times are rounded to 1 ms" in str(each) for each in log.notes)
+    found = aw.prepare_log(log, preparation=aw.choose_preparation(log, cutoff=20.0))
+    true = motion(stamps[0] - 5e-4 + found["time"].values)[2]
+    assert np.abs(found["qdd"].values - true).max() < 0.05 * np.abs(true).max()
+    kept = np.r_[0:1000, 1010:4001]
+    cut = aw.read_log(written(tmp_path, ALL, {"arm.csv": {name: each[kept] for name, each in table.items()}}))
+    assert cut.runs[0].census is not None
+    assert cut.runs[0].census.gaps.count == 1
 
 
 MISTAKES = {  # change of the columns → what is said, as an error
@@ -98,8 +128,8 @@ def test_the_delay_of_a_torque(samples, cutoff):
 
 
 CLOCKS = {
-    "gap": (lambda t: np.delete(t, np.arange(1000, 1200)), "note", "1 gaps, where about 200 rows are missing"),
-    "written twice": (lambda t: np.insert(t, 500, t[500]), "note", "1 rows"),
+    "gap": (lambda t: np.delete(t, np.arange(1000, 1200)), "note", "1 gap of about 200 rows"),
+    "written twice": (lambda t: np.insert(t, 500, t[500]), "note", "1 row (0.02%) at"),
     "backwards": (lambda t: np.where(np.arange(len(t)) == 700, t - 0.1, t), "error", "row 701; first at"),
     "two recordings": (lambda t: np.where(np.arange(len(t)) % 2, t, t + 100.0), "error", "two recordings are two runs"),
     "jitter": (

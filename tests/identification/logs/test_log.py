@@ -12,7 +12,18 @@ from hypothesis import strategies as st
 import armwright as aw
 from armwright.errors import LogError
 from armwright.identification.logs.quantisation import quantisation_step
-from identification.logs.example_logs import ALL, HEAD, POSITIONS, RATE, SPEEDS, TORQUES, columns, motion, written
+from identification.logs.example_logs import (
+    ALL,
+    HEAD,
+    POSITIONS,
+    RATE,
+    SPEEDS,
+    TORQUES,
+    columns,
+    motion,
+    write_joint_states,
+    written,
+)
 
 UNITS = {"rad": 1.0, "deg": np.pi / 180, "turn": 2 * np.pi, "counts": 2 * np.pi / 4096}
 
@@ -90,30 +101,10 @@ def test_a_simulated_run_comes_back(tmp_path, ending):
 
 
 def test_an_mcap_recording_of_joint_states(tmp_path):
-    writer = pytest.importorskip("mcap_ros2.writer")
-    definition = (
-        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n"
-        "================================================================================\nMSG: std_msgs/Header\n"
-        "builtin_interfaces/Time stamp\nstring frame_id\n"
-        "================================================================================\nMSG: builtin_interfaces/Time\n"
-        "int32 sec\nuint32 nanosec\n"
-    )
+    pytest.importorskip("mcap_ros2.writer")
     t = np.arange(1500) / RATE
     q, qd, _, tau = motion(t)
-    begin = 1_700_000_000 * 10**9 + 123_456_789
-    with open(tmp_path / "arm.mcap", "wb") as file:
-        mcap = writer.Writer(file)
-        schema = mcap.register_msgdef("sensor_msgs/msg/JointState", definition)
-        for k in range(len(t)):
-            stamp = begin + round(1e9 * t[k])
-            order = [0, 1] if k % 2 else [1, 0]  # a message may list its joints in any order
-            message = {
-                "header": {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": ""},
-                "name": [("shoulder", "elbow")[j] for j in order],
-                "position": q[k, order].tolist(), "velocity": qd[k, order].tolist(), "effort": tau[k, order].tolist(),
-            }  # fmt: skip
-            mcap.write_message("/joint_states", schema, message, log_time=stamp, publish_time=stamp)
-        mcap.finish()
+    write_joint_states(tmp_path / "arm.mcap", ["shoulder", "elbow"], t, q, qd, tau)
     names = '"{0}/shoulder", "{0}/elbow"'
     text = f"""
         joints = ["shoulder", "elbow"]

@@ -57,7 +57,7 @@ def test_a_mistake_is_explained(tmp_path, name):
 
 def test_several_mistakes_are_all_reported(tmp_path):
     text = ALL.replace('unit = "rad/s"', 'unit = "miles"').replace('title = "Two joints"', 'titel = "x"')
-    with pytest.raises(LogError, match=r"and 1 more") as error:
+    with pytest.raises(LogError, match=r"2 mistakes") as error:
         aw.read_log(written(tmp_path, text))
     assert {problem.place for problem in error.value.problems} == {"titel", "signals[1].unit"}
 

@@ -10,7 +10,8 @@ from scipy import signal as sp
 
 import armwright as aw
 from armwright.errors import LogError
-from armwright.identification.logs.preparation import motion_band, prepared_blocks, spectrum
+from armwright.identification.logs.prepared import prepared_blocks
+from armwright.identification.logs.spectrum import motion_band, spectrum
 from identification.logs.example_logs import ALL, HEAD, POSITIONS, RATE, TORQUES, columns, motion, written
 
 TWO = HEAD + POSITIONS + TORQUES

@@ -26,6 +26,10 @@ def with_joint(tables: str) -> Change:
     return lambda text: text.replace("[[links]]", f"{tables}\n[[links]]")
 
 
+def with_friction(line: str) -> Change:
+    return lambda text: text.replace("[joints.friction]", f"[joints.friction]\n{line}")
+
+
 def geared(text: str) -> str:
     """With a gear of 20 and a load; friction behind the gear."""
     numbers = {"gear_ratio = 1.0": "gear_ratio = 20", "mass_kg = 0": "mass_kg = 1"}
@@ -101,15 +105,54 @@ def test_stribeck_friction(tmp_path, most):
     assert found[PATHS["coulomb"]] == pytest.approx(TRUE["coulomb"], rel=0.02)
 
 
-def test_a_bridge_that_coasts(tmp_path):
-    """Found by the right mode; the wrong one predicts worse, by which a user can tell them apart."""
+@pytest.mark.parametrize("mode", ["coast", "brake"])
+def test_the_mode_of_the_bridge(tmp_path, mode):
+    """Found by the fit of both: the wrong one predicts worse."""
     change = with_joint("[joints.limits]\nvoltage_v = 12")
-    log = log_of(tmp_path, lambda text: change(with_motor('pwm = "coast"')(text)), volts())
-    coast = fit(log, pwm="coast", fixed={"limits.voltage_v": 12.0})
-    brake = fit(log)
+    log = log_of(tmp_path, lambda text: change(with_motor(f'pwm = "{mode}"')(text)), volts(500))
+    found = aw.identify_motor(log, delay=0.0, starts=2, pwm="compare", fixed={"limits.voltage_v": 12.0})
     for name in ("R", "Kt", "J", "coulomb"):
-        assert coast[PATHS[name]] == pytest.approx(TRUE[name], rel=0.02), name
-    assert coast.fit["run1: qd"]["fit_percent"] > 97 > 85 > brake.fit["run1: qd"]["fit_percent"]
+        assert found.estimate[PATHS[name]] == pytest.approx(TRUE[name], rel=0.02), name
+    assert found.estimate.fit["run1: qd"]["fit_percent"] > 97
+    assert found.robot.joints[0].motor.pwm == mode
+    assert f"while it is off ({mode}): the error is" in str(found.estimate)
+
+
+@pytest.mark.parametrize("names", [("current", "q", "qd"), ("q", "qd")], ids=["with current", "without"])
+def test_a_dead_zone_of_the_stage(tmp_path, names):
+    """Apart from Coulomb friction, which acts against the motion where the zone acts against the voltage."""
+    log = log_of(tmp_path, with_motor("dead_zone_v = 0.6"), volts(), names=names)
+    known = {} if "current" in names else {name: TRUE[name] for name in ("R", "J")}
+    free = [name for name in ("R", "Kt", "J", "viscous", "coulomb", "dead_zone") if name not in known]
+    found = fit(log, *free, fixed=known)
+    assert found["motor.motor.dead_zone_v"] == pytest.approx(0.6, rel=0.02)
+    assert found[PATHS["coulomb"]] == pytest.approx(TRUE["coulomb"], rel=0.02)
+    assert found.verdict == "identified"
+
+
+def test_dry_friction_by_direction_and_a_constant_torque(tmp_path):
+    """Levels of 0.018 and 0.009 N m, and 0.004 N m that always pulls: it is in the levels' difference, or stands by itself."""
+
+    def change(text):
+        return text.replace(f"coulomb_positive_n_m = {TRUE['coulomb']}", "coulomb_positive_n_m = 0.018").replace(
+            f"coulomb_negative_n_m = {TRUE['coulomb']}", "coulomb_negative_n_m = 0.009"
+        )
+
+    found = fit(
+        log_of(tmp_path, change, volts()),
+        "R",
+        "Kt",
+        "J",
+        "viscous",
+        "coulomb_positive",
+        "coulomb_negative",
+    )
+    assert found["motor.friction.coulomb_positive_n_m"] == pytest.approx(0.018, rel=0.02)
+    assert found["motor.friction.coulomb_negative_n_m"] == pytest.approx(0.009, rel=0.02)
+    pulled = with_friction("offset_n_m = 0.004")
+    found = fit(log_of(tmp_path, pulled, volts()), "R", "Kt", "J", "viscous", "coulomb", "friction_offset")
+    assert found["motor.friction.offset_n_m"] == pytest.approx(0.004, rel=0.02)
+    assert found[PATHS["coulomb"]] == pytest.approx(TRUE["coulomb"], rel=0.02)
 
 
 def test_gear_efficiency(tmp_path):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armwright.description.friction import key_of
+from armwright.description.paths import path_name
 from armwright.description.robot import RobotDescription, Source
 from armwright.errors import IdentificationError
 from armwright.identification.arm.equations import Equations, stacked
@@ -225,7 +226,7 @@ def _with_drive(
     changes: dict[str, Any] = {}
     if "rotor" in columns:
         column = columns["rotor"]
-        path, factor = f"{joint.name}.motor.rotor_inertia_kg_m2", ratio**-2
+        path, factor = f"{path_name(joint.name)}.motor.rotor_inertia_kg_m2", ratio**-2
         paths[places[column]] = [(path, factor)]
         inertia = _number(max(float(found.values[places[column]]), 0.0) * factor, key)
         if joint.motor is not None:
@@ -243,7 +244,7 @@ def _with_drive(
         model.arm.coordinates[index], {kind: float(found.values[k]) for kind, k in own.items()}, key
     )
     if path is not None:
-        paths[own["spring"]] = [(f"{joint.name}.spring.{path}", 1.0)]
+        paths[own["spring"]] = [(f"{path_name(joint.name)}.spring.{path}", 1.0)]
     return joint.replace(**changes, **friction, **spring)
 
 
@@ -273,7 +274,7 @@ def _friction(
 
     def put(stem: str, dimension: Any, kind: str, factor: float, value: float | None = None) -> None:
         name = key_of(stem, dimension, linear)
-        paths.setdefault(places[fitted[kind]], []).append((f"{joint.name}.friction.{name}", factor))
+        paths.setdefault(places[fitted[kind]], []).append((f"{path_name(joint.name)}.friction.{name}", factor))
         values[name] = _number((float(found.values[places[fitted[kind]]]) if value is None else value) * factor, key)
 
     if "viscous" in fitted:

@@ -17,7 +17,11 @@ from armwright.identification.arm.samples import Samples
 from armwright.identification.arm.torque_model import ZERO, Column, TorqueModel, random_states
 
 DEPENDENT = 1e-8  # sine of the angle between a column and the space of those before it: below, it depends on them
-SMALLEST = 1e-9  # of a regrouping's largest coefficient: smaller ones are rounding
+# The same, of an arm's structure: real ones have 0.03 or more. What is left below are angles that a file rounds, such as a right
+# angle of 1.5708, which make two columns differ by parts in a million, or leave a column of such a part of others in its unit. No
+# log tells these, and their values would be of any size.
+NEARLY = 1e-4
+SMALLEST = 0.1  # of that sine: a regrouping's coefficients that are smaller, of columns of length 1, are rounding
 PREFERRED = {("inertial", unit): place for place, unit in enumerate(("kg m²", "kg m", "kg"))}  # who stays; then drives
 LAST = len(PREFERRED)
 STATES = 20  # random states for each column
@@ -107,7 +111,33 @@ def base_parameters(model: TorqueModel, without: Sequence[int] = ()) -> BasePara
     """
     factor = structural_factor(model)
     factor[:, list(without)] = 0.0
-    return regrouped(model.columns, factor)
+    return regrouped(model.columns, _without_dust(model.columns, factor), NEARLY)
+
+
+def _without_dust(columns: Sequence[Column], factor: np.ndarray) -> np.ndarray:
+    """R with columns of 0 where they are less than `NEARLY` of the largest of the same unit."""
+    size = np.linalg.norm(factor, axis=0)
+    largest: dict[str, float] = {}
+    for column, each in zip(columns, size, strict=True):
+        largest[column.unit] = max(largest.get(column.unit, 0.0), float(each))
+    least = NEARLY * np.array([largest[column.unit] for column in columns])
+    return np.where(size < least, 0.0, factor)
+
+
+def regrouped_further(structural: BaseParameters, factor: np.ndarray) -> BaseParameters:
+    """Base parameters that a log tells: those of the structure, regrouped where its motion leaves their columns equal.
+
+    Args:
+        structural: of the arm.   factor: R (r, p) of the log's columns.
+    """
+    kept, columns = structural.independent, structural.columns
+    own = regrouped(tuple(columns[k] for k in kept), factor[:, kept])
+    if len(own) == len(structural):
+        return structural
+    matrix = own.matrix @ structural.matrix
+    others = np.sort(np.concatenate([structural.dependent, kept[own.dependent]]))
+    absent = np.sort(np.concatenate([structural.absent, kept[own.absent]]))
+    return BaseParameters(columns, kept[own.independent], others, absent, matrix[:, others])
 
 
 def structural_factor(model: TorqueModel) -> np.ndarray:
@@ -156,5 +186,5 @@ def regrouped(columns: tuple[Column, ...], factor: np.ndarray, dependent: float 
         scaled = factor[:, independent] / size[independent]
         regroup = np.linalg.lstsq(scaled, factor[:, others], rcond=None)[0] / size[independent][:, None]
         in_scale = np.abs(regroup) * size[independent][:, None] / size[others]
-        regroup[in_scale < SMALLEST] = 0.0
+        regroup[in_scale < SMALLEST * dependent] = 0.0
     return BaseParameters(columns, independent, others, np.flatnonzero(~present), regroup)

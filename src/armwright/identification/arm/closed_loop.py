@@ -107,7 +107,10 @@ def simulated_loop(
     q_r, qd_r, qdd_r = feedback.reference(times)
     ahead = np.zeros((len(times), len(lanes), n))
     if feedback.feedforward:
-        ahead = np.einsum("tnp,lp->tln", model.rows(q_r, qd_r, qdd_r), lanes) + model.known_torques(q_r)[:, None]
+        ahead = (
+            np.einsum("tnp,lp->tln", model.rows(q_r, qd_r, qdd_r), lanes)
+            + model.known_torques(q_r, qd_r, qdd_r)[:, None]
+        )
     q, qd = (np.tile(each[0], (len(lanes), 1)) for each in (q_r, qd_r))
     kept = np.zeros((4, len(times), len(lanes), n))
     for k in range(len(times)):
@@ -135,7 +138,7 @@ def _accelerations(model: TorqueModel, lanes: np.ndarray, q: np.ndarray, qd: np.
     directions = np.tile(np.concatenate([np.zeros((1, n)), np.eye(n)]), (count, 1))
     rows = model.rows(np.repeat(q, n + 1, axis=0), np.repeat(qd, n + 1, axis=0), directions)
     torques = np.einsum("ldnp,lp->ldn", rows.reshape(count, n + 1, n, -1), lanes)
-    bias = torques[:, 0] + model.known_torques(q)
+    bias = torques[:, 0] + model.known_torques(q, qd, np.zeros_like(q))
     M = np.swapaxes(torques[:, 1:] - torques[:, :1], 1, 2)
     w, V = np.linalg.eigh(0.5 * (M + np.swapaxes(M, 1, 2)))
     w = np.maximum(w, LEAST_INERTIA * np.maximum(w[:, -1:], np.finfo(float).tiny))
@@ -194,7 +197,7 @@ def fit_closed_loop(
         raise IdentificationError("too few rows", place="log", value=len(tau), expected=expected)
     measured = None
     if method == "idim-iv":
-        measured = np.concatenate([model.rows(s.q, s.qd, s.qdd)[:, :, base.independent] for s in samples])
+        measured = np.concatenate([s.regressor(model)[:, :, base.independent] for s in samples])
     values, weights = np.asarray(start, dtype=float), np.ones(model.arm.n)
     covariance, rest, settled, count = np.zeros((len(base),) * 2), tau, False, 0
     while not settled and count < MOST:
@@ -254,7 +257,11 @@ def _at_rows(feedback: Feedback, times: np.ndarray, values: np.ndarray, t: np.nd
 
 def _known(model: TorqueModel, samples: Samples, feedback: Feedback, method: str) -> np.ndarray:
     """Torques of the record's springs at the measured positions, or at the reference where these are not used."""
-    return model.known_torques(samples.q if method == "idim-iv" else feedback.reference(samples.t)[0])
+    return (
+        samples.tau - samples.unknown_torque(model)
+        if method == "idim-iv"
+        else model.known_torques(*feedback.reference(samples.t))
+    )
 
 
 def _solved(Z: np.ndarray, Y: np.ndarray, tau: np.ndarray, weights: np.ndarray) -> np.ndarray:

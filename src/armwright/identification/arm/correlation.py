@@ -115,7 +115,7 @@ def _autocovariances(
     for X, e in blocks:
         known = np.isfinite(e)
         each = np.where(known, e, 0.0)[:, :, None] if root is None else (X @ root.T) * known[:, :, None]
-        sums = sums + [np.einsum("tjk,tjk->j", each[: len(each) - k], each[k:]) for k in range(ORDER + 1)]
+        sums = sums + [np.einsum("tjk,tjk->j", each[: max(len(each) - k, 0)], each[k:]) for k in range(ORDER + 1)]
         rows = rows + known.sum(axis=0)
     return np.asarray(sums) / np.maximum(rows, 1), np.asarray(rows, dtype=float)
 

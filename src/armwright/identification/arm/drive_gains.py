@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 import scipy.linalg
 
+from armwright.description.paths import path_name
 from armwright.errors import IdentificationError
 from armwright.identification.arm.base import regrouped
 from armwright.identification.arm.correlation import correlated
@@ -42,19 +43,19 @@ class GainModel(TorqueModel):
     payload: PayloadModel | None = None
     parameters: np.ndarray | None = None
 
-    def rows(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, dry: np.ndarray | None = None) -> np.ndarray:
+    def rows(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         """Values (rows, n, p) of all columns, those of the gains last."""
         n = self.arm.n
         own = TorqueModel(self.arm, self.columns[:-n], self.prior[:-n], self.of_joint[:, :-n], self.dyn, self.sprung)
         values = np.zeros((len(q), n, len(self)))
-        values[:, :, :-n] = own.rows(q, qd, qdd, dry)
-        known = own.known_torques(q)
+        values[:, :, :-n] = own.rows(q, qd, qdd)
+        known = own.known_torques(q, qd, qdd)
         if self.payload is not None:
             known = known + self.payload.rows(q, qd, qdd) @ self.parameters
         values[:, np.arange(n), np.arange(len(self) - n, len(self))] = known
         return values
 
-    def known_torques(self, q: np.ndarray) -> np.ndarray:
+    def known_torques(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         """0 (rows, n): springs of the record are in the gains' columns."""
         return np.zeros_like(q)
 
@@ -161,7 +162,9 @@ def _estimate(
     for body, each, j in zip(robot.coordinates, found, range(robot.n), strict=True):
         kt = float(body.drive.torque_constant or 1.0) if source == "current" else 1.0
         names.append(
-            f"{body.joint}.motor.torque_constant_n_m_per_a" if source == "current" else f"{body.joint}: drive gain"
+            f"{path_name(body.joint)}.motor.torque_constant_n_m_per_a"
+            if source == "current"
+            else f"{body.joint}: drive gain"
         )
         h, std, fit = each if each is not None else (np.nan, np.inf, None)
         told = bool(h > 0 and HALF_95 * std <= WELL_TOLD * h)

@@ -156,7 +156,7 @@ def equations_of(
                 last = key
                 begin = float(piece.t[0])
                 parts.append(Part(piece.run, begin, begin, tuple(_empty(model)), np.zeros(model.arm.n)))
-            values, tau = model.rows(piece.q, piece.qd, piece.qdd, piece.dry), piece.tau - model.known_torques(piece.q)
+            values, tau = piece.regressor(model), piece.unknown_torque(model)
             weights = None
             if row_weights is not None and parameters is not None:
                 weights = row_weights(tau - values @ parameters)

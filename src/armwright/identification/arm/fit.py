@@ -96,8 +96,8 @@ def fit_arm(
     """
     factors = equations.factors
     rows = np.array([factor.rows for factor in factors])
-    if rows.sum() <= len(base):
-        expected = f"more than {len(base)}, the number of base parameters"
+    if rows.sum() < 2 * len(base):  # with fewer, residuals say nothing about the deviations
+        expected = f"twice the {len(base)} parameters at least: a longer log, or a higher cut-off"
         raise IdentificationError("too few rows", place="log", value=int(rows.sum()), expected=expected)
     known = rows > 0
     chosen = known.astype(float) if weights is None else weights
@@ -266,8 +266,8 @@ def residuals_of(samples: Iterable[Samples], fit: ArmFit, rows: int = 4096):
     for block in samples:
         for begin in range(0, len(block.t), rows):
             piece = block.part(slice(begin, begin + rows))
-            values = model.rows(piece.q, piece.qd, piece.qdd, piece.dry)[:, :, fit.base.independent]
-            yield piece, values, piece.tau - model.known_torques(piece.q) - values @ fit.values
+            values = piece.regressor(model)[:, :, fit.base.independent]
+            yield piece, values, piece.unknown_torque(model) - values @ fit.values
 
 
 def with_correlation(source: SampleSource, fit: ArmFit) -> ArmFit:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from armwright.description.friction import key_of
+from armwright.description.paths import path_name, unit_at
 from armwright.errors import IdentificationError
 from armwright.identification.arm.friction_law import (
     CANDIDATES,
@@ -25,7 +26,7 @@ from armwright.identification.arm.friction_law import (
     level_of,
     terms_of,
 )
-from armwright.identification.arm.samples import samples_of
+from armwright.identification.arm.samples import Samples, check_efforts, samples_of
 from armwright.identification.arm.spring_record import spring_keys
 from armwright.identification.arm.torque_model import torque_model
 from armwright.identification.estimate import Estimate
@@ -38,6 +39,7 @@ SLOWEST = 0.02  # of a joint's largest speed: slower rows are left out, the dire
 WIDER, HIGHEST = 4.0, 0.2  # cut-off by the one that suits the positions, and its largest share of the rate
 FEWEST = 50  # rows of a joint
 BINS = 12  # of a table over speed, either way
+LEAST_EXPLAINED, MOST_LEFT = 0.5, 0.1  # shares of power: of the friction's torque, and of the measured torque
 BOUND = 1e-9  # of a parameter's scale
 
 
@@ -50,7 +52,8 @@ def friction_rows(
 
     Args:
         log: with torques, currents or voltages.   robot: the arm; its own friction is not used.
-        preparation: None: chosen.   warming: [K] of each run, by its name.
+        preparation: None: chosen.
+        warming: [K] of each run, by its name; None: the log's temperatures above the record's `motor.thermal.reference_c`.
     Raises:
         IdentificationError: an arm without masses, or a log that does not fit.
     """
@@ -67,7 +70,7 @@ def friction_rows(
         rest = block.tau - plain.inverse_dynamics(block.q, block.qd, block.qdd)
         load = links.inverse_dynamics(block.q, block.qd, block.qdd)
         near = max(round(1.0 / (choice.cutoff * max(np.median(np.diff(block.t)), 1e-9))), 1) if len(block.t) > 1 else 1
-        warm = np.full(len(block.t), np.nan if warming is None else warming.get(block.run, np.nan))
+        warm = _warming(block, robot, warming)
         for j in range(robot.n):
             speed = block.qd[:, j]
             turns = np.flatnonzero(np.diff(np.sign(speed)) != 0)
@@ -75,13 +78,22 @@ def friction_rows(
             for turn in turns:
                 away[max(turn + 1 - near, 0) : turn + 1 + near] = False
             kept = away & np.isfinite(rest[:, j])
-            parts[j].append(FrictionRows(block.q[kept, j], speed[kept], rest[kept, j], load[kept, j], warm[kept]))
+            parts[j].append(FrictionRows(block.q[kept, j], speed[kept], rest[kept, j], load[kept, j], warm[kept, j]))
     joined = []
     for each in parts:
         rows = FrictionRows(*(np.concatenate([getattr(part, name) for part in each]) for name in vars(each[0])))
         largest = np.abs(rows.speed).max(initial=0.0)
         joined.append(rows.part(np.abs(rows.speed) > SLOWEST * largest))
     return joined
+
+
+def _warming(block: Samples, robot: Model, warming: Mapping[str, float] | None) -> np.ndarray:
+    """(rows, n) [K] of the motors above their reference temperatures; NaN where it is not known."""
+    if warming is not None:
+        return np.full(block.q.shape, warming.get(block.run, np.nan))
+    thermal = [body.drive.thermal for body in robot.coordinates]
+    reference = np.array([np.nan if each is None else float(each.reference) for each in thermal])
+    return np.full(block.q.shape, np.nan) if block.temperature is None else block.temperature - reference
 
 
 def _wider(log: Log) -> Preparation:
@@ -116,21 +128,29 @@ def identify_friction(
 
     Args:
         log: with positions, and torques, currents or voltages.   robot: the arm; its masses count, its friction does not.
-        preparation: None: chosen.   warming: [K] above the reference temperature, of each run by its name.
+        preparation: None: chosen.   warming: [K] above the reference temperature, of each run by its name; None: by the
+            log's temperatures, for joints whose record has a reference temperature.
         candidates: of "stribeck", "load", "coulomb by temperature", "viscous by temperature", "sigmoid", "spring" and
             "counterbalance", which stay only if they lower the held-out error by `worth`, a share.   worth: 0.01.
     Returns:
         estimate: numbers under the record's own keys, such as `joint1.friction.viscous_n_m_s_per_rad`; those of springs, of which
-            the record may make a table, under names of their own. Remarks say what each candidate brought.
+            the record may make a table, under names of their own. Remarks say what each candidate brought. "not identified" where
+            friction explains less than half of what the arm leaves unexplained and a tenth of the torque's power is left.
     Raises:
         IdentificationError: an arm without masses, an unknown candidate, a log that does not fit.
     """
     for each in candidates:
         if each not in CANDIDATES:
             raise IdentificationError("unknown", place="candidates", value=each, choices=CANDIDATES)
+    check_efforts(log, robot.names, log.fit)
     names: list[str] = []
-    values, bounds, blocks, remarks, measures = [], [], [], [], {}
+    values, bounds, blocks, measures = [], [], [], {}
+    remarks, doubtful = [str(each) for each in log.warnings], False
+    measured = log.layout["temperature"].joints or () if "temperature" in log.layout and warming is None else ()
     for body, rows in zip(robot.coordinates, friction_rows(log, robot, preparation, warming), strict=True):
+        if body.drive.thermal is None and log.joints.index(body.joint) in measured:
+            what = "the log has its temperature, the record no motor.thermal.reference_c to count it from"
+            remarks.append(f"{body.joint}: {what}: slopes of friction over temperature are not tried")
         moved = len(rows.speed) >= FEWEST and (rows.speed > 0).any() and (rows.speed < 0).any()
         linear = body.kind == "prismatic"
         if not moved:
@@ -140,6 +160,8 @@ def identify_friction(
             continue
         choice = choose_terms(rows, candidates, worth)
         law = fitted_law(rows, choice.terms)
+        remarks += (doubt := _untold(body.joint, rows, choice.error))
+        doubtful = doubtful or bool(doubt)
         covariance = _covariance(rows, law)
         for term, value, at_bound in _recorded(rows, law):
             names.append(_name(body.joint, term, linear))
@@ -165,8 +187,23 @@ def identify_friction(
         tuple(names), np.array(values), np.asarray(block_diag(*blocks)), log.sha256,
         "friction: least squares of the torque that the arm without friction leaves unexplained, candidates by held-out error",
         units=tuple(_unit(name) for name in names), at_bound=at_bound, remarks=tuple(remarks),
-        fit=measures, log=log.path.name,
+        fit=measures, verdict="not identified" if doubtful else "identified", log=log.path.name,
     )  # fmt: skip
+
+
+def _untold(joint: str, rows: FrictionRows, error: float) -> list[str]:
+    """A sentence where the friction does not explain what the arm leaves unexplained, and that is not small.
+
+    Args:
+        joint: name.   rows: of it.   error: on held-out parts [N m | N].
+    """
+    left, measured = error**2 / max(float(rows.torque.var()), 1e-300), float((rows.torque + rows.load).var())
+    if left <= 1 - LEAST_EXPLAINED or error**2 <= MOST_LEFT * measured:
+        return []
+    what = f"on held-out parts friction explains {max(1 - left, 0.0):.0%} of what the arm leaves unexplained"
+    return [
+        f"{joint}: {what}, and {error**2 / max(measured, 1e-300):.0%} of the torque's power is left: is it this arm?"
+    ]
 
 
 OFFSET = Term("offset", "torque", level_of, -np.inf)
@@ -218,12 +255,10 @@ OF_SPRING = {
 def _name(joint: str, term: Term, linear: bool) -> str:
     if term.dimension == "spring":
         return f"{joint}: {term.stem}{SPRING}"
-    return f"{joint}.friction.{term.stem if term.dimension is None else key_of(term.stem, term.dimension, linear)}"
+    return f"{path_name(joint)}.friction.{term.stem if term.dimension is None else key_of(term.stem, term.dimension, linear)}"
 
 
 def _unit(name: str) -> str:
-    from armwright.description.paths import unit_at
-
     return unit_at(name) if ".friction." in name else "N m/rad" if "stiffness" in name else "N m"
 
 
@@ -290,12 +325,14 @@ def with_identified_friction(robot: Model, estimate: Estimate) -> Model:
             smoothing = "smoothing_rad_per_s" if joint.type == "revolute" else "smoothing_m_per_s"
             old = getattr(joint.friction, smoothing, None)
             kept = {smoothing: old} if old is not None and law == "coulomb" else {}
-            friction = checked(kind, f"{joint.name}.friction", law=law, **kept, **keys)
+            friction = checked(kind, f"{path_name(joint.name)}.friction", law=law, **kept, **keys)
             joint = joint.replace(friction=friction)
         if joint.name in springs:
             joint = joint.replace(**spring_keys(bodies[joint.name], springs[joint.name], "fit")[0])
         joints.append(joint)
-    record = replaced(robot.record, "with_identified_friction", joints=tuple(joints))
+    prefixes = tuple(f"{path_name(joint)}.friction." for joint in numbers)
+    fits = {key: fit.without(prefixes) for key, fit in robot.record.fits.items()}
+    record = replaced(robot.record, "with_identified_friction", joints=tuple(joints), fits=fits)
     from armwright.model import build_model
 
     return with_changes(build_model(record, on_impossible="warn"), changes={})

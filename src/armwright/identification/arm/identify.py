@@ -13,15 +13,18 @@ import numpy as np
 from armwright.description.robot import Source
 from armwright.errors import IdentificationError
 from armwright.identification.arm.arm_record import Paths, RecordParameters, described, record_parameters
-from armwright.identification.arm.base import BaseParameters, base_parameters, regrouped
+from armwright.identification.arm.base import BaseParameters, base_parameters, regrouped, regrouped_further
 from armwright.identification.arm.closed_loop import Feedback, following
 from armwright.identification.arm.equations import Equations, equations_of, stacked
 from armwright.identification.arm.fit import ArmFit, HeldOut, cross_validated, fit_arm, measures_of
 from armwright.identification.arm.methods import METHODS, FitProblem
 from armwright.identification.arm.remarks import (
     MOST_NAMED,
+    driving_frictions,
     joints_that_move,
     measures_by_joint,
+    mirrored_joints,
+    negative_inertias,
     remarks_on,
     unlike_the_record,
     unpredicted,
@@ -178,7 +181,7 @@ def identify_arm(
     equations = equations_of(source(), model, part_seconds=seconds)
     dropped = _useless_springs(equations)
     structural = base_parameters(model, dropped)
-    base = _of_log(model, equations, structural, dropped)
+    base = regrouped_further(structural, stacked(equations.factors, len(model))[0][:, : len(model)])
     loop = None if feedback is None else _loop(feedback, source, prepared[runs[0]], model.arm.n)
     fit = METHODS[method].fit(FitProblem(source, equations, base, seconds, loop, forgetting))
     held_out = tuple(cross_validated(fit)) if len(equations.parts) > 1 and METHODS[method].parts else ()
@@ -188,12 +191,13 @@ def identify_arm(
     values = record_parameters(fit) if record else None
     directions = [*sentences(fit, source()), *_separating(equations, base, structural)]
     remarks = remarks_on(fit, base, structural, directions, sensitive, held_out, values, prepared[runs[0]])
-    doubts = [*unpredicted(fit, held_out, hold_out, moved), *unlike_the_record(fit)]
+    doubts = [*unpredicted(fit, held_out, hold_out, moved), *unlike_the_record(fit), *driving_frictions(fit)]
+    doubts += [*negative_inertias(fit, next(source())), *mirrored_joints(fit, next(source()))]
     rows, cut = equations.rows.max(), prepared[runs[0]].cutoff
     about = f"{METHODS[method].about} of {rows} rows, {model.arm.n} joints, cut-off {cut:.4g} Hz"
     estimate = Estimate(
         names=tuple(fit.base.names), values=fit.values, covariance=fit.covariance, sha256=log.sha256, method=about,
-        units=tuple(fit.base.units), remarks=(*remarks, *doubts), condition=fit.condition,
+        units=tuple(fit.base.units), remarks=(*remarks, *doubts, *map(str, log.warnings)), condition=fit.condition,
         fit=measures_by_joint(fit, held_out, hold_out),
         verdict="not identified" if doubts else verdict_of(fit, len(base), len(structural)), log=log.path.name,
     )  # fmt: skip
@@ -231,7 +235,7 @@ class _Rows:
     def __init__(self, log: Log, model: TorqueModel, runs: Sequence[str], prepared: Mapping[str, Preparation]):
         self._read = lambda: samples_of(log, model, runs, prepared)
         rows = sum(log.run(run).rows / prepared[run].decimate for run in runs)
-        self._few = rows * (4 * model.arm.n + 1) < IN_MEMORY
+        self._few = rows * (model.arm.n * (len(model) + 5) + 1) < IN_MEMORY
         self._kept: list[Samples] | None = None
 
     def __call__(self) -> Iterator[Samples]:
@@ -248,14 +252,6 @@ def _part_seconds(log: Log, runs: Sequence[str]) -> float:
     if len(runs) >= MANY_RUNS:
         return np.inf
     return max(sum(log.run(run).duration for run in runs) / FOLDS, 1e-9)
-
-
-def _of_log(
-    model: TorqueModel, equations: Equations, structural: BaseParameters, dropped: Sequence[int]
-) -> BaseParameters:
-    """Base parameters that the log can tell: those of the structure, regrouped further where its motion leaves columns equal."""
-    own = _regrouped_without(equations, dropped)
-    return own if len(own) < len(structural) else structural
 
 
 def _regrouped_without(equations: Equations, dropped: Sequence[int]) -> BaseParameters:

@@ -15,14 +15,14 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armwright import scalar
 from armwright.dynamics.gears import joint_torques
-from armwright.errors import IdentificationError
+from armwright.errors import IdentificationError, LogError
 from armwright.identification.arm.base import regrouped
 from armwright.identification.arm.equations import Equations, equations_of, stacked
 from armwright.identification.arm.fit import ArmFit, fit_arm, with_correlation
@@ -34,7 +34,7 @@ from armwright.identification.arm.physical import (
     physical_by_log_cholesky,
     pseudo_inertias,
 )
-from armwright.identification.arm.samples import Samples, samples_of
+from armwright.identification.arm.samples import Samples, check_efforts, samples_of
 from armwright.identification.arm.torque_model import INERTIAL, INERTIAL_UNITS, Column, TorqueModel, torque_model
 from armwright.identification.estimate import HALF_95, Estimate
 from armwright.identification.logs.log import Log
@@ -42,7 +42,7 @@ from armwright.identification.logs.preparation import Preparation, choose_prepar
 from armwright.model import BASE, Model
 
 if TYPE_CHECKING:
-    from armwright.kernels.compiled import CompiledArm
+    pass
 
 NAMES = (
     "payload.mass_kg",
@@ -69,41 +69,22 @@ class PayloadModel(TorqueModel):
     moved: np.ndarray | None = None
     loaded: bool = True
 
-    def rows(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, dry: np.ndarray | None = None) -> np.ndarray:
+    def rows(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         """Values (rows, n, p) of all columns, the payload's last."""
         own = replace_columns(self, self.columns[:-PER_LINK])
         values = np.zeros((len(q), self.arm.n, len(self.columns)))
         if len(own.columns):
-            values[:, :, :-PER_LINK] = TorqueModel.rows(own, q, qd, qdd, dry)
+            values[:, :, :-PER_LINK] = TorqueModel.rows(own, q, qd, qdd)
         if self.loaded:
             of_link = self.dyn.regressor(q, qd, qdd)[:, :, PER_LINK * self.carrier : PER_LINK * (self.carrier + 1)]
             values[:, :, -PER_LINK:] = of_link @ self.moved
         return values
 
-    def dry_values(self, qd: np.ndarray) -> np.ndarray:
-        """Values (rows, d) of what jumps where a motor turns back: the arm's columns, or (rows, n) its own dry friction."""
-        if len(self.columns) > PER_LINK or not self.loses_dry:
-            return super().dry_values(qd)
-        zero = np.zeros_like(qd)
-        return self.dyn.inverse_dynamics(zero, qd, zero) - self.smooth.inverse_dynamics(zero, qd, zero)
-
-    @cached_property
-    def loses_dry(self) -> bool:
-        """True for an arm with dry friction that gears do not mix with the load."""
-        laws = [body.friction for body in self.arm.coordinates if body.friction is not None]
-        return any(law.is_dry for law in laws) and not is_lossy(self.arm)
-
-    @cached_property
-    def smooth(self) -> CompiledArm:
-        """The arm without dry friction."""
-        from armwright.kernels.compiled import compile_arm
-
-        none = {"coulomb_positive": 0.0, "coulomb_negative": 0.0, "stribeck": None}
-        bodies = (
-            body if body.friction is None else replace(body, friction=replace(body.friction, **none))
-            for body in self.arm.bodies
-        )
-        return compile_arm(replace(self.arm, bodies=tuple(bodies)))
+    def known_torques(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+        """Torques (rows, n) [N m | N] of the arm itself where its own columns are not fitted and its gears lose nothing."""
+        if len(self.columns) > PER_LINK or is_lossy(self.arm):
+            return super().known_torques(q, qd, qdd)
+        return self.dyn.inverse_dynamics(q, qd, qdd)
 
 
 def is_lossy(arm: Model) -> bool:
@@ -166,18 +147,32 @@ def identify_payload(
     Raises:
         IdentificationError: a log without positions or torques, of another arm, with too few rows.
     """
+    logs = [log] if loaded_log is None else [log, loaded_log]
+    for each in logs:
+        check_efforts(each, robot.names, each.fit)
+    warnings = tuple(str(warning) for each in logs for warning in each.warnings)
     if preparation is not None:
-        return _fitted(log, robot, loaded_log, frame, (preparation, preparation))
+        found = _fitted(log, robot, loaded_log, frame, (preparation, preparation))
+        return replace(found, remarks=(*found.remarks, *warnings))
     chosen = choose_preparation(log).cutoff
     tried: list[tuple[float, Estimate]] = []
+    too_short: LogError | None = None
     for cutoff in chosen * np.array(CUTOFFS):
         if cutoff < HIGHEST / log.run().period or not tried:
             choices = tuple(choose_preparation(each, cutoff=cutoff) for each in (log, loaded_log or log))
-            tried.append((cutoff, _fitted(log, robot, loaded_log, frame, choices)))
+            try:
+                tried.append((cutoff, _fitted(log, robot, loaded_log, frame, choices)))
+            except LogError as error:  # a higher cut-off leaves more rows
+                too_short = error
+                if cutoff >= HIGHEST / log.run().period:
+                    break
+    if not tried:
+        assert too_short is not None
+        raise too_short
     cutoff, best = min(tried, key=lambda each: _vagueness(each[1]))
     ends = f"{tried[0][0]:.3g} to {tried[-1][0]:.3g} Hz"
     remark = f"low-pass of {cutoff:.3g} Hz: of {len(tried)} from {ends} it leaves the mass least uncertain"
-    return replace(best, remarks=(*best.remarks, remark))
+    return replace(best, remarks=(*best.remarks, *warnings, remark))
 
 
 def _vagueness(estimate: Estimate) -> float:
@@ -191,8 +186,9 @@ def _fitted(
     """The estimate with one low-pass for each log."""
     if loaded_log is None:
         model = payload_model(robot, frame)
-        source: Callable[[], Iterable[Samples]] = lambda: without_arm(  # noqa: E731
-            samples_of(log, model, None, preparations[0]), model
+        prepared = partial(samples_of, log, model, None, preparations[0])
+        source: Callable[[], Iterable[Samples]] = (
+            (lambda: behind_gears(prepared(), model)) if is_lossy(robot) else prepared
         )
         fit = _weighted(equations_of(list(source()), model))
         covariance = with_correlation(source, fit).covariance
@@ -226,21 +222,16 @@ def checksum_of_both(log: Log, loaded_log: Log) -> str:
     return hashlib.sha256(f"{log.sha256}{loaded_log.sha256}".encode()).hexdigest()
 
 
-def without_arm(samples: Iterable[Samples], model: PayloadModel) -> Iterator[Samples]:
-    """Samples whose torques are those that the arm leaves unexplained, behind the gears where these lose some."""
-    lossy = is_lossy(model.arm)
+def behind_gears(samples: Iterable[Samples], model: PayloadModel) -> Iterator[Samples]:
+    """Samples whose torques are those that the arm leaves unexplained, behind gears that lose part of all that passes them."""
     for block in samples:
-        if model.loses_dry and block.dry is not None:  # filtered as the torques are
-            predicted = model.smooth.inverse_dynamics(block.q, block.qd, block.qdd) + block.dry
-        else:
-            predicted = model.dyn.inverse_dynamics(block.q, block.qd, block.qdd)
-        rest = block.tau - predicted
-        if lossy:  # payload torques pass a gear that loses part of all that passes it
-            for k in range(len(block.t)):
-                both = (joint_torques(model.arm, block.qd[k], block.qdd[k], t) for t in (block.tau[k], predicted[k]))
-                measured, own = both
-                rest[k] = np.asarray(measured - own, dtype=float)
-        yield replace(block, tau=rest, dry=None)
+        predicted = model.dyn.inverse_dynamics(block.q, block.qd, block.qdd)
+        rest = np.empty_like(predicted)
+        for k in range(len(block.t)):
+            both = (joint_torques(model.arm, block.qd[k], block.qdd[k], t) for t in (block.tau[k], predicted[k]))
+            measured, own = both
+            rest[k] = np.asarray(measured - own, dtype=float)
+        yield replace(block, tau=rest)
 
 
 def _by_load(body: object) -> bool:
@@ -308,9 +299,9 @@ def _estimate(fit: ArmFit, covariance: np.ndarray, method: str, sha256: str, nam
         joint: {"r2": float(fit.r2[j]), "rms": float(fit.rms[j])}
         for j, joint in enumerate(fit.equations.model.arm.names)
     }
-    return Estimate(
+    return Estimate(  # without a condition number: that of the fit is of the arm's parameters too, which need not be told
         NAMES, np.where(known, numbers, 0.0), spread, sha256, method, at_bound=at_bound, identifiable=known,
-        remarks=tuple(remarks), condition=fit.condition, fit=measures, verdict=verdict, log=name,
+        remarks=tuple(remarks), fit=measures, verdict=verdict, log=name,
     )  # fmt: skip
 
 

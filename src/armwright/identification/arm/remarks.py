@@ -11,16 +11,24 @@ from armwright.identification.arm.base import BaseParameters
 from armwright.identification.arm.equations import Equations
 from armwright.identification.arm.fit import AT_REST, ArmFit, HeldOut
 from armwright.identification.arm.spring_record import SPRINGS
+from armwright.identification.arm.triangular import triangle
 from armwright.identification.estimate import HALF_95
 from armwright.identification.identifiability import MEANINGLESS
 from armwright.identification.logs.preparation import Preparation
 
 if TYPE_CHECKING:
     from armwright.identification.arm.arm_record import RecordParameters
+    from armwright.identification.arm.samples import Samples
 
 MOST_NAMED = 6  # parameters in one remark
+POSES = 50  # of the log, for the mean of a joint's inertia
 POOR = 0.8  # R² of a joint below which a remark says so
 LEAST_HELD_OUT = 0.5  # R² of a joint that moves, on rows that were not fitted, for "identified"
+DISSIPATING = ("viscous", "coulomb", "coulomb+", "coulomb-")  # kinds of columns whose numbers above 0 take power
+SURE = 5.0  # standard deviations below 0 at which the power of a joint's friction has the wrong sign
+OF_TORQUE = 0.05  # of a joint's torque: a smaller friction below 0 may be a drive's own compensation of friction
+ROWS_OF_SIGNS = 500  # that signs are tried on
+BETTER_MIRRORED = 0.25  # squares of the errors with a sign changed, by those as logged: less is in doubt
 FACTOR = 5.0  # between the record's links and the identified ones, from which the torque's unit is in doubt
 
 
@@ -55,6 +63,54 @@ def unpredicted(
     ]
 
 
+def negative_inertias(fit: ArmFit, samples: Samples) -> list[str]:
+    """Sentences about joints whose own inertia M_jj, the mean over poses of the log, comes out below 0 by its 95 % interval.
+
+    M_jj(q) = tau_j(q, 0, e_j) - tau_j(q, 0, 0)  is above 0 for every arm, whatever its parameters.
+    """
+    model, said = fit.equations.model, []
+    q = samples.q[:: max(len(samples.q) // POSES, 1)]
+    rest = np.zeros_like(q)
+    for j, body in enumerate(model.arm.coordinates):
+        unit = rest + np.eye(model.arm.n)[j]
+        row = (model.rows(q, rest, unit) - model.rows(q, rest, rest))[:, j].mean(axis=0)[fit.base.independent]
+        inertia, std = float(row @ fit.values), float(np.sqrt(max(row @ fit.covariance @ row, 0.0)))
+        if inertia < -HALF_95 * std:
+            name = "inertia" if body.kind == "revolute" else "mass"
+            value = f"{inertia:.3g} ± {HALF_95 * std:.2g} {'kg m²' if body.kind == 'revolute' else 'kg'} (95 %)"
+            asked = "is the sign of its torque, its position or its gear wrong, or is it another arm?"
+            said.append(f"{body.joint}: its {name} comes out as {value}, which no arm has: {asked}")
+    return said
+
+
+def mirrored_joints(fit: ArmFit, samples: Samples) -> list[str]:
+    """Sentences about joints whose position or torque of the other sign lets the model explain far more of the log.
+
+    Each is tried on some rows by itself: least squares of the same base columns, weighted as the fit.
+    """
+    model, n = fit.equations.model, fit.equations.model.arm.n
+    some = samples.part(slice(None, None, max(len(samples.t) // ROWS_OF_SIGNS, 1)))
+    known = np.isfinite(some.tau)
+    weight = np.where(known, np.sqrt(fit.weights), 0.0)
+    tau = np.where(known, some.tau, 0.0)
+
+    def left(position: np.ndarray, torque: np.ndarray) -> float:
+        motion = [each * position for each in (some.q, some.qd, some.qdd)]
+        columns = (model.rows(*motion)[:, :, fit.base.independent] * weight[:, :, None]).reshape(tau.size, -1)
+        target = ((torque * tau - model.known_torques(*motion)) * weight).ravel()
+        return float(triangle(np.column_stack([columns, target]))[-1, -1] ** 2)
+
+    ones, said = np.ones(n), []
+    as_logged = left(ones, ones)
+    for j, joint in enumerate(model.arm.names):
+        other = ones - 2 * np.eye(n)[j]
+        for what, found in (("position", left(other, ones)), ("torque", left(ones, other))):
+            if found < BETTER_MIRRORED * as_logged:
+                share = f"{1 - np.sqrt(found / as_logged):.0%} of the error goes with the other sign of its {what}"
+                said.append(f"{joint}: {share}: is it wrong in the log's file, or the axis in the robot's?")
+    return said
+
+
 def unlike_the_record(fit: ArmFit) -> list[str]:
     """A sentence where links as identified take 5 times the torque of the record's own or more, or a fifth or less.
 
@@ -75,6 +131,36 @@ def unlike_the_record(fit: ArmFit) -> list[str]:
         f"the links' masses and inertias take {times:.2g} times the torque of the record's own: is the unit or the side of "
         "the torque right?"
     ]
+
+
+def driving_frictions(fit: ArmFit) -> list[str]:
+    """Sentences about joints whose friction would drive them: torque and motion do not have the same sense.
+
+    Its power over the log, Σ q̇ (viscous q̇ + coulomb sgn q̇), is below 0 by 5 standard deviations, and its torque is not small.
+    Joints of coupled motors, where frictions of motor and joint trade with each other, are left out.
+    """
+    base, sentences = fit.base, []
+    coupled = {j for column in base.columns if len(column.turned) > 1 for j, _ in column.turned}
+    for j, (joint, factor) in enumerate(zip(fit.equations.model.arm.names, fit.equations.factors, strict=True)):
+        kinds = {
+            b: base.columns[k].kind for b, k in enumerate(base.independent)
+            if base.columns[k].joint == joint and base.columns[k].kind in DISSIPATING and not base.regroup[b].any()
+        }  # fmt: skip
+        if j in coupled or not kinds or np.isnan(fit.r2[j]):
+            continue
+        own, place = list(kinds), {int(k): at for at, k in enumerate(factor.columns)}
+        columns = factor.matrix[:, [place[int(base.independent[b])] for b in own]]
+        products = columns.T @ columns  # sums over the rows; the viscous column is the speed
+        viscous = [at for at, b in enumerate(own) if kinds[b] == "viscous"]
+        weight = products[viscous[0]] if viscous else np.ones(len(own))
+        values, spread = fit.values[own], fit.covariance[np.ix_(own, own)]
+        share = np.sqrt(values @ products @ values / factor.sum_of_squares)
+        if weight @ values < -SURE * np.sqrt(weight @ spread @ weight) and share > OF_TORQUE:
+            sentences.append(
+                f"{joint}: its friction, {share:.0%} of its torque, would drive it: the sign of its torque, or that of its "
+                "position or gear, is wrong in the log's file, or its axis in the robot's"
+            )
+    return sentences
 
 
 def measures_by_joint(

@@ -1,4 +1,13 @@
-"""Prepared rows of a log as an arm's states and motor torques, block by block in bounded memory."""
+"""Prepared rows of a log as an arm's states, motor torques and columns of its torque model, block by block in bounded memory.
+
+Every low-pass makes a motion smaller at its fast end, and the model's columns are no linear functions of the motion. So columns
+of a motion that passed a narrow filter are not those of the torques that passed it, and a fit to them is biased. Therefore
+
+    F τ = Σ_k F y_k(G q, G q̇, G q̈) π_k,
+
+G a low-pass of a cut-off WIDER than the preparation's, which leaves the motion as it is, F that of the preparation, which takes
+the noise of accelerations and torques away: parallel filtering. [Gautier1997]
+"""
 
 from __future__ import annotations
 
@@ -6,20 +15,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import sosfiltfilt
 
 from armwright.actuators.coupling import shares_of, to_joints
 from armwright.errors import IdentificationError, LogError
 from armwright.identification.arm.torque_model import TorqueModel
 from armwright.identification.logs.log import Log
-from armwright.identification.logs.preparation import (
-    EDGE,
-    SEAM,
-    Preparation,
-    choose_preparation,
-    prepared_blocks,
-    settling,
-)
+from armwright.identification.logs.preparation import Preparation, choose_preparation, settling
+from armwright.identification.logs.prepared import SEAM, prepared_blocks, resting_speeds, zero_phase
+
+CHUNK_VALUES = 2**21  # of the columns that pass the filter at once: 16 MB
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +33,9 @@ class Samples:
     Attributes:
         run, stretch: which part of the log.   t: (rows,) [s].   q, qd, qdd: (rows, n).
         tau: (rows, n) [N m | N] measured motor torque, joint side; NaN for joints without.
-        dry: (rows, d) values of the model's `dry` columns, filtered as the torques are; None: not filtered.
+        temperature: (rows, n) [°C] of the motors, NaN for joints without; None if it is not logged.
+        columns, known: (rows, n, p) `rows` and (rows, n) `known_torques` of the model, filtered as the torques are; None: not yet
+            computed, then those of the states.
     """
 
     run: str
@@ -39,13 +45,23 @@ class Samples:
     qd: np.ndarray
     qdd: np.ndarray
     tau: np.ndarray
-    dry: np.ndarray | None = None
+    temperature: np.ndarray | None = None
+    columns: np.ndarray | None = None
+    known: np.ndarray | None = None
 
     def part(self, chosen: slice | np.ndarray) -> Samples:
         """Some of its rows."""
-        dry = None if self.dry is None else self.dry[chosen]
-        parts = {name: getattr(self, name)[chosen] for name in ("t", "q", "qd", "qdd", "tau")}
-        return replace(self, **parts, dry=dry)
+        names = ("t", "q", "qd", "qdd", "tau", "temperature", "columns", "known")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names if getattr(self, name) is not None})
+
+    def regressor(self, model: TorqueModel) -> np.ndarray:
+        """Y (rows, n, p) of the model that the samples were prepared for."""
+        return model.rows(self.q, self.qd, self.qdd) if self.columns is None else self.columns
+
+    def unknown_torque(self, model: TorqueModel) -> np.ndarray:
+        """Y π (rows, n) [N m | N]: measured torque without what the model knows."""
+        known = model.known_torques(self.q, self.qd, self.qdd) if self.known is None else self.known
+        return self.tau - known
 
 
 def samples_of(
@@ -62,40 +78,50 @@ def samples_of(
         log: a checked log.   model: of the arm; its joints are in the log, by name.
         runs: names; None: those to fit.   preparation: of all runs, or of each by its name; None: chosen for each run.
     Raises:
-        LogError: joints of the arm that are not in the log.
+        LogError: joints of the arm that are not in the log, or no stretch that is long enough.
         IdentificationError: joints of the arm without positions, or neither torque, current nor voltage.
         ModelError: currents or voltages of motors without constants.
     """
     order = joints_of(log, model.arm.names)
-    source = torque_source(log)
+    source, is_empty = torque_source(log), True
     for run in log.fit if runs is None else runs:
         chosen = preparation[run] if isinstance(preparation, Mapping) else preparation or choose_preparation(log, run)
-        for stretch, t, values, dry in _with_dry(log, run, model, chosen, order):
-            yield Samples(
-                run, stretch, t, values["q"], values["qd"], values["qdd"], _torque(model, source, values), dry
+        for block in _parallel_filtered(log, run, model, chosen, order, source):
+            is_empty = False
+            yield block
+        if is_empty and run == (log.fit if runs is None else runs)[-1]:
+            longest = max((stretch.rows for stretch in log.run(run).stretches), default=0)
+            expected = f"more than {2 * chosen.edge} rows without a gap; or a higher cut-off"
+            raise LogError(
+                f"the longest stretch has {longest} rows", place=f"run {run!r}", expected=expected, file=log.path
             )
 
 
-def _with_dry(
-    log: Log, run: str, model: TorqueModel, chosen: Preparation, order: list[int]
-) -> Iterator[tuple[int, np.ndarray, dict[str, np.ndarray], np.ndarray]]:
-    """Stretch, times, signals (rows, n) and dry friction's columns (rows, d), these filtered too, then decimated.
+def _parallel_filtered(
+    log: Log, run: str, model: TorqueModel, chosen: Preparation, order: list[int], source: str
+) -> Iterator[Samples]:
+    """Samples of a run: the wide low-pass, torques and columns, the preparation's low-pass, its decimation.
 
-    A torque that jumps leaves the filter as a smooth step; its column must do the same, or Coulomb friction takes what is
-    inertia's. The columns are made of all rows, and rows on either side of a block are kept until the filter has settled.
+    Rows on either side of a block are kept until the filter has settled.
     """
-    seam, behind = settling(chosen.sections, SEAM), None
-    for stretch, block in prepared_blocks(log, run, replace(chosen, decimate=1)):
+    first = chosen.of_motion
+    second = replace(chosen, rate=chosen.rate / first.decimate)
+    seam = settling(second.sections, SEAM)
+    rows = max(CHUNK_VALUES // max(int(model.of_joint.sum()), 1), 4 * seam)
+    slowest, behind = resting_speeds(log, run)[order], None
+    for stretch, block in prepared_blocks(log, run, first, rows * first.decimate):
         values = {name: _full(log, name, each)[:, order] for name, each in block.values.items()}
+        states = {name: values[name] for name in ("q", "qd", "qdd", "temperature") if name in values}
+        states["tau"] = _torque(model, source, values)
         if behind is not None and behind.stretch != stretch:
-            yield behind.rows(model, chosen, 0)
+            yield from behind.samples(run, model, second, 0, first, slowest)
             behind = None
-        behind = _Behind(stretch, block.t, values, 0, 0) if behind is None else behind.plus(block.t, values)
+        behind = _Behind(stretch, block.t, states, 0, 0) if behind is None else behind.plus(block.t, states)
         if len(behind.t) - behind.done > 2 * seam:
-            yield behind.rows(model, chosen, seam)
+            yield from behind.samples(run, model, second, seam, first, slowest)
             behind = behind.after(seam)
     if behind is not None:
-        yield behind.rows(model, chosen, 0)
+        yield from behind.samples(run, model, second, 0, first, slowest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,17 +139,25 @@ class _Behind:
         joined = {name: np.concatenate([each, values[name]]) for name, each in self.values.items()}
         return replace(self, t=np.concatenate([self.t, t]), values=joined)
 
-    def rows(
-        self, model: TorqueModel, chosen: Preparation, seam: int
-    ) -> tuple[int, np.ndarray, dict[str, np.ndarray], np.ndarray]:
-        """Every k-th of the rows but for the last `seam`."""
-        dry = model.dry_values(self.values["qd"])
-        if dry.size and len(dry) > 1:
-            pad = min(3 * settling(chosen.sections, EDGE), len(dry) - 1)
-            dry = np.asarray(sosfiltfilt(chosen.sections, dry, axis=0, padlen=pad))
-        numbers = np.arange(self.done, len(self.t) - seam)
-        numbers = numbers[(self.first + numbers) % chosen.decimate == 0]
-        return self.stretch, self.t[numbers], {name: each[numbers] for name, each in self.values.items()}, dry[numbers]
+    def samples(
+        self, run: str, model: TorqueModel, second: Preparation, seam: int, first: Preparation, slowest: np.ndarray
+    ) -> Iterator[Samples]:
+        """Every k-th of the rows but for the last `seam`, and those that the filter's settling spoils at the stretch's ends."""
+        spoilt, step = (second.edge - first.edge) // first.decimate, second.decimate // first.decimate
+        end = len(self.t) - (seam or spoilt)
+        numbers = np.arange(self.done, max(end, self.done))
+        numbers = numbers[self.first + numbers >= spoilt]
+        numbers = numbers[(self.first + numbers - spoilt) % step == 0]
+        if not len(numbers):
+            return
+        q, qd, qdd = (self.values[name] for name in ("q", "qd", "qdd"))
+        motion = q, np.where(np.abs(qd) < slowest, 0.0, qd), qdd
+        used = model.of_joint
+        columns = np.zeros((len(numbers), *used.shape))
+        columns[:, used] = zero_phase(second, model.rows(*motion)[:, used])[numbers]
+        values = {**self.values, "known": model.known_torques(*motion)}
+        filtered = {name: zero_phase(second, each)[numbers] for name, each in values.items()}
+        yield Samples(run, self.stretch, self.t[numbers], columns=columns, **filtered)
 
     def after(self, seam: int) -> _Behind:
         """What is left when all rows but the last `seam` are done, with as many before them for the filter."""

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.actuators.coupling import shares_of
+from armwright.description.paths import path_name
 from armwright.errors import IdentificationError
 from armwright.model import Model, check_arm
 
@@ -27,7 +28,6 @@ INERTIAL = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 INERTIAL_UNITS = ("kg", "kg m", "kg m", "kg m", *["kg m²"] * 6)
 FRICTION = ("viscous", "coulomb", "offset", "asymmetric", "stribeck")
 USUAL_FRICTION = ("viscous", "coulomb", "offset")
-DRY = ("coulomb", "coulomb+", "coulomb-", "stribeck")
 LACKS = ("gravity", "springs", "rotors", "viscous", "coulomb", "offset")  # terms that a measured torque may be without
 ZERO = 1e-10  # of the largest column: smaller ones are rounding
 PROBES = 50  # random states that show which joint's torque a column is part of
@@ -138,34 +138,18 @@ class TorqueModel:
             raise IdentificationError("no such column", place="column", value=name, choices=self.names)
         return self.names.index(name)
 
-    @property
-    def dry(self) -> list[int]:
-        """Numbers of the columns that jump where a motor turns back, and so reach beyond any filter's band."""
-        return [k for k, column in enumerate(self.columns) if column.kind in DRY]
-
-    def dry_values(self, qd: np.ndarray) -> np.ndarray:
-        """Values (rows, d) of the laws of the columns `dry`, before shares, at speeds (rows, n) [rad/s | m/s]."""
-        values = [_law(self.columns[k], {"qd": qd}) for k in self.dry]
-        return np.stack(values, axis=1) if values else np.zeros((len(qd), 0))
-
-    def rows(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, dry: np.ndarray | None = None) -> np.ndarray:
+    def rows(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         """Values of all columns:  tau = rows @ parameters (+ `known_torques`).
 
         Args:
             q: (rows, n) [rad | m].   qd: (rows, n) [rad/s | m/s].   qdd: (rows, n) [rad/s² | m/s²].
-            dry: (rows, d) values of the columns `dry`, filtered as the torques are; None: those at qd.
         Returns:
             Y: (rows, n, p) [N m | N] per the columns' units.
         """
-        values = rows_of(self.dyn, self.columns, q, qd, qdd)
-        for place, k in enumerate(self.dry if dry is not None else ()):
-            assert dry is not None
-            for j, share in self.columns[k].turned:
-                values[:, j, k] = share * dry[:, place]
-        return values
+        return rows_of(self.dyn, self.columns, q, qd, qdd)
 
-    def known_torques(self, q: np.ndarray) -> np.ndarray:
-        """Torques (rows, n) [N m | N] of the record's springs, which are not fitted."""
+    def known_torques(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+        """Torques (rows, n) [N m | N] that are not fitted, in states of these q, q̇, q̈: of the record's springs."""
         return self.dyn.spring_torques(q) if self.sprung else np.zeros_like(q)
 
 
@@ -303,7 +287,7 @@ def _drive(
         about = f"inertia behind the gear of {body.joint}"
     smoothing = 0.0 if body.friction is None or body.friction.smoothing is None else float(body.friction.smoothing)
     speed = {"stribeck": stribeck_speed or 0.0, "coulomb": smoothing, "coulomb+": smoothing, "coulomb-": smoothing}
-    path = f"{body.joint}.motor.rotor_inertia_kg_m2" if kind == "rotor" and not coupled else None
+    path = f"{path_name(body.joint)}.motor.rotor_inertia_kg_m2" if kind == "rotor" and not coupled else None
     return Column(name, unit, body.joint, kind, about, path, turned, speed.get(kind, 0.0))
 
 

@@ -5,7 +5,8 @@
 
 IPOPT solves it from several random starts [WachterBiegler2006]; the regressor and the torques are traced from the same
 dynamics as all kernels. The motion is then judged on ten times as many instants by the compiled kernels; limits that it
-exceeds between those of the design are tightened by the excess, and it is solved again.
+exceeds between those of the design are tightened by the excess, and it is solved again. What a last round still exceeds is taken
+away by a smaller swing of that joint.
 """
 
 from __future__ import annotations
@@ -175,6 +176,11 @@ def design_excitation(
     return _result(problem, min(within, key=lambda x: problem.value(x, criterion, scaling)), found, criterion, scaling)
 
 
+def _kept(used: dict[str, np.ndarray], outside: float) -> bool:
+    """True if no limit is exceeded, and the tip stays in its box."""
+    return all(np.nanmax(each, initial=0.0) <= KEPT for each in used.values()) and outside <= 0.0
+
+
 def _check(period: Any, harmonics: Any, starts: Any, criterion: Any, scaling: Any, seed: Any) -> None:
     is_number = isinstance(period, (int, float, np.number)) and not isinstance(period, bool)
     if not is_number or not 1e-6 < period < 1e6:
@@ -269,14 +275,39 @@ class Problem:
         for _ in range(ROUNDS):
             low, high = bounds(part, inset)
             x = np.asarray(solver(x0=x, lbg=low, ubg=high)["x"]).ravel()
-            q, qd, qdd = self.states(x, DENSER * self.samples)
-            used, outside = self.limits.used(q, qd, qdd), self.limits.outside_box(q)
-            if all(np.nanmax(each, initial=0.0) <= KEPT for each in used.values()) and outside <= 0.0:
+            used, outside = self._judged(x)
+            if _kept(used, outside):
                 return x
             for name, each in used.items():
                 part[name] = np.where(each > 1.0, part[name] / each * (1.0 - SPARE), part[name])
             inset += outside * (1.0 + SPARE) + (SPARE * 1e-3 if outside else 0.0)
-        return None
+        swing = self.possible_swing(x)
+        x = self.swung(x, swing)
+        return x if swing.min() > 0.0 and _kept(*self._judged(x)) else None
+
+    def _judged(self, x: np.ndarray) -> tuple[dict[str, np.ndarray], float]:
+        """Used parts of all limits, and how far the tip leaves its box, on the dense grid."""
+        q, qd, qdd = self.states(x, DENSER * self.samples)
+        return self.limits.used(q, qd, qdd), self.limits.outside_box(q)
+
+    def possible_swing(self, x: np.ndarray) -> np.ndarray:
+        """(n,) part of each joint's swing about its centre, at most 1, that keeps position, speed and acceleration in limits."""
+        q, qd, qdd = self.states(x, DENSER * self.samples)
+        limits, centre = self.limits, x.reshape(len(self.scale), -1)[:, 0] * self.scale
+        tiny = np.finfo(float).tiny
+        return np.minimum.reduce([
+            np.ones(len(centre)),
+            (limits.high - centre) / np.maximum((q - centre).max(axis=0), tiny),
+            (centre - limits.low) / np.maximum((centre - q).max(axis=0), tiny),
+            limits.most["velocity"] / np.maximum(np.abs(qd).max(axis=0), tiny),
+            limits.most["acceleration"] / np.maximum(np.abs(qdd).max(axis=0), tiny),
+        ])  # fmt: skip
+
+    def swung(self, x: np.ndarray, part: np.ndarray) -> np.ndarray:
+        """x with parts (n,) of the joints' swings about their centres."""
+        rows = x.reshape(len(self.scale), -1).copy()
+        rows[:, 1:] *= part[:, None]
+        return rows.ravel()
 
     def random(self, generator: np.random.Generator) -> np.ndarray:
         """A random x within the limits of position and speed."""
@@ -290,8 +321,7 @@ class Problem:
         centre = x[:, 0] * self.scale
         room = np.minimum(self.limits.high - centre, centre - self.limits.low)
         most = np.maximum(np.abs(q - centre).max(axis=0) / room, np.abs(qd).max(axis=0) / self.limits.most["velocity"])
-        x[:, 1:] *= FIRST / most[:, None]
-        return x.ravel()
+        return self.swung(x.ravel(), FIRST / most)
 
     def _solver(self, criterion: Criterion, scaling: Scaling) -> tuple[Any, Any]:
         """IPOPT for the problem, and a function of the limits' parts → bounds of its constraints."""

@@ -70,13 +70,15 @@ class MotorGuess:
             )
 
     @classmethod
-    def of(cls, arm: Model, joint: str | None = None, q: object = None) -> MotorGuess:
+    def of(cls, arm: Model, joint: str | None = None, q: object = None, most: float | None = None) -> MotorGuess:
         """The guess that a record gives for one joint's voltage, the others at rest.
 
-        gain = 1 / (n Ke),  T = R J / (n² Kt Ke),  dead zone = R Fc / (n Kt),  J the joint's entry of the mass matrix.
+        gain = 1 / (n Ke),  T = R J / (n² Kt Ke),  J the joint's entry of the mass matrix,
+        dead zone = R Fc / (n Kt) + that of the stage.
 
         Args:
             arm: with motor constants.   joint: its name; None: the only one, or the first.   q: (n,) pose [rad | m]; None: 0.
+            most: largest voltage [V]; None: the record's limit.
         Raises:
             ModelError: no such joint, or a drive without its constants or limits.
         """
@@ -86,17 +88,23 @@ class MotorGuess:
         k = arm.names.index(name)
         body, pose = arm.coordinates[k], np.zeros(arm.n) if q is None else np.asarray(q, dtype=float)
         drive, limits, friction = body.drive, body.limits, body.friction
-        if drive.resistance is None or drive.torque_constant is None or not np.isfinite(limits.voltage):
-            expected = "resistance, torque constant and largest voltage of its motor in the record"
-            raise ModelError("cannot be guessed", place=f"joint {name!r}", expected=expected)
+        volts = float(limits.voltage) if most is None else most
+        known = {
+            "resistance": drive.resistance is not None, "torque constant": drive.torque_constant is not None,
+            "largest voltage": np.isfinite(volts),
+        }  # fmt: skip
+        missing = [what for what, there in known.items() if not there]
+        if drive.resistance is None or drive.torque_constant is None or missing:
+            expected = "a record that has it" + (", or most=… (--most)" if missing == ["largest voltage"] else "")
+            raise ModelError(f"no {', no '.join(missing)}", place=f"joint {name!r}", expected=expected)
         kt = abs(float(drive.gear_ratio) * float(drive.torque_constant))
         ke = kt if drive.back_emf_constant is None else abs(float(drive.gear_ratio) * float(drive.back_emf_constant))
         inertia = float(compile_arm(arm).mass_matrix(pose)[k, k])
         coulomb = 0.0 if friction is None else max(float(friction.coulomb_positive), float(friction.coulomb_negative))
         room = min(limits.position[1] - pose[k], pose[k] - limits.position[0])
-        resistance = float(drive.resistance)
+        resistance, stage = float(drive.resistance), 0.0 if drive.dead_zone is None else float(drive.dead_zone)
         return cls(
-            1.0 / ke, resistance * inertia / (kt * ke), float(limits.voltage), resistance * coulomb / kt,
+            1.0 / ke, resistance * inertia / (kt * ke), volts, resistance * coulomb / kt + stage,
             float(limits.velocity), float(room), "V", name,
         )  # fmt: skip
 

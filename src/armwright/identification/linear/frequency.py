@@ -11,6 +11,7 @@ from scipy.stats import f as f_distribution
 from armwright.errors import LogError
 from armwright.identification.linear.records import Records, records_of
 from armwright.identification.linear.residuals import CERTAIN, feedback
+from armwright.identification.logs.findings import number_of
 
 REPEATS = 1e-9  # of the input's range: rows a period apart that differ by no more are equal
 OVERLAP = 2  # segments begin every 1/OVERLAP of their length
@@ -187,7 +188,7 @@ def _welch(records: Records, segment: int | None) -> FrequencyResponse:
     usable = [each for each in records.fit if len(each.y) >= rows]
     if rows < 8 or not usable:
         raise LogError(
-            f"the longest stretch has {longest} rows",
+            f"the longest stretch has {number_of(longest, 'row')}",
             place="segment",
             value=rows,
             expected="at most as many, and 8 at least",

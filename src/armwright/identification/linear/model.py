@@ -11,6 +11,7 @@ from scipy.signal import lfilter, lfiltic
 
 from armwright.errors import ShapeError
 from armwright.identification.estimate import Estimate
+from armwright.identification.linear.actuator import IdentifiedActuator
 from armwright.identification.linear.frequency import python_control
 from armwright.identification.linear.measures import percent
 from armwright.identification.linear.modes import Quantity
@@ -159,13 +160,23 @@ class LinearModel:
         """
         return FilteredSensor(self.state_space, of, name, unit or (self.output_units[0] if self.output_units else ""))
 
+    def actuator(self, controller: Any) -> IdentifiedActuator:
+        """The controller of a simulated loop with this model behind it: the drives get its commands as this model passes them on.
+
+        Args:
+            controller: any, whose commands have the unit of the model's input; the model's output has that of the drives.
+        Raises:
+            ScenarioError: the model has several inputs or outputs.
+        """
+        return IdentifiedActuator(controller, self.state_space)
+
     def estimate(self) -> Estimate:
         """Gain, time constants, frequencies and damping as the result type of all fits; correlations are not known."""
         chosen = self.quantities
         return Estimate(
             names=tuple(each.name for each in chosen),
             values=np.array([each.value for each in chosen]),
-            covariance=np.diag([each.std**2 for each in chosen]),
+            covariance=np.diag([each.std**2 if each.std > 0.0 else np.nan for each in chosen]),
             sha256=self.sha256,
             method=self.method,
             units=tuple(each.unit for each in chosen),
@@ -180,14 +191,20 @@ class LinearModel:
         lines = [self.method]
         for each in self.quantities:
             unit = f" {each.unit}" if each.unit else ""
-            lines.append(f"  {each.name:<20} {each.value:12.5g} ± {1.96 * each.std:.2g}{unit}  (95 %)")
-        for name, value, std in zip(self.names, self.values, np.sqrt(np.diag(self.covariance)), strict=True):
-            lines.append(f"  {name:<20} {value:12.6g} ± {1.96 * std:.2g}")
+            lines.append(f"  {each.name:<20} {each.value:12.5g} ± {_half_95(each.std)}{unit}  (95 %)")
+        variances = np.maximum(np.diag(self.covariance), 0.0)
+        for name, value, std in zip(self.names, self.values, np.sqrt(variances), strict=True):
+            lines.append(f"  {name:<20} {value:12.6g} ± {_half_95(float(std))}")
         for name, measures in self.fit.items():
             lines.append(
                 f"{name}: free simulation {measures['fit_percent']:.2f} %, R² {measures['r2']:.4f}, RMS {measures['rms']:.4g}"
             )
         return "\n".join([*lines, *self.remarks, self.verdict])
+
+
+def _half_95(std: float) -> str:
+    """Half of a 95 % interval; "unknown" where rounding left no variance: the parameters cannot be told apart."""
+    return f"{1.96 * std:.2g}" if std > 0.0 else "unknown"
 
 
 def polynomial_core(model: Polynomials, period: float) -> StateSpace:

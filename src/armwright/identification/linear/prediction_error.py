@@ -20,6 +20,7 @@ from scipy import signal
 from armwright.errors import LogError
 from armwright.identification.linear.levenberg_marquardt import ROUNDS, descended
 from armwright.identification.linear.records import Stretch
+from armwright.identification.logs.findings import number_of
 
 ONE = np.ones(1)
 Structure = Literal["arx", "oe", "armax"]
@@ -198,7 +199,7 @@ def errors_of(orders: Orders, theta: np.ndarray, stretches: Sequence[Stretch], s
     if not usable:
         longest = max(len(each.y) for each in stretches)
         expected = f"more than {skip + orders.na}: a lower order, a smaller delay or longer runs"
-        raise LogError(f"the longest stretch has {longest} rows", place="order", expected=expected)
+        raise LogError(f"the longest stretch has {number_of(longest, 'row')}", place="order", expected=expected)
     parts = [_with_gradient(orders, theta, each, skip, initial) for each in usable]
     return np.concatenate([e for e, _ in parts]), np.concatenate([j for _, j in parts])
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import LogError
-from armwright.identification.logs.log import LARGEST, Log, LogRun
+from armwright.identification.logs.blocks import LARGEST
+from armwright.identification.logs.log import Log, LogRun
 
 INPUTS, OUTPUTS = ("voltage", "current", "tau"), ("qd", "q", "qdd", "tau_link")  # of a log, the likeliest first
 UNEVEN = 0.05  # of a period: rows further from even times are no sampled signal
@@ -183,7 +184,8 @@ def _of_log(log: Log, input: Any, output: Any, joint: Any) -> Records:
                 expected=f"one of {', '.join(choices)}" if joints else "a joint with both signals",
             )
     pick_u, pick_y = ([(s, _column(log, s, name)) for s in signals for name in joints] for signals in (inputs, outputs))
-    fit, hold_out, notes, periods = [], [], [], {}
+    fit, hold_out, periods = [], [], {}
+    notes = [str(each) for each in log.warnings]
     for run in log.runs:
         stretches = _stretches(log, run, pick_u, pick_y)
         notes += [f"run {run.name!r} has gaps: {len(stretches)} stretches, each with an initial state of its own"] * (

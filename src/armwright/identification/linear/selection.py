@@ -87,7 +87,7 @@ def first_response(stretches: Sequence[Stretch], most: int, least: int = 0) -> i
     orders = Orders("arx", past, most - least + past, 0, least, constant=True)
     fit = minimise(orders, stretches, orders.past, False, least_squares(orders, stretches, orders.past))
     b = fit.theta[past : past + most - least + 1]
-    std = np.sqrt(np.diag(covariance_of(fit)))[past : past + most - least + 1]
+    std = np.sqrt(np.maximum(np.diag(covariance_of(fit)), 0.0))[past : past + most - least + 1]
     clear = np.flatnonzero(np.abs(b) > SIGNIFICANT * std)
     return least + int(clear[0] if len(clear) else np.argmax(np.abs(b) / np.maximum(std, 1e-300)))
 

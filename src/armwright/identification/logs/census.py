@@ -8,12 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.errors import LogError
+from armwright.identification.logs.findings import number_of
 
 if TYPE_CHECKING:
-    from armwright.identification.logs.log import Block, Log, LogRun, Stretch
+    from armwright.identification.logs.blocks import Block
+    from armwright.identification.logs.log import Log, LogRun, Stretch
 
 GAP = 1.5  # times the usual period: a longer step of time is a gap
 BRIEFEST = 1e-9  # [s] from row to row: less is no clock
+OFTEN = 0.05  # share of steps
+COARSE = 1 / 16  # of a period: finer digits of times do not count
+DIGITS = (1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6)  # [s] that times may be rounded to
 FEW = 5  # places of a kind of event that are kept
 MOST_BREAKS = 100_000  # of a run: more is no run
 SHORTEST = 64  # rows of an excerpt
@@ -82,10 +87,13 @@ class Census:
 
     Attributes:
         rows: of the run.   first, last: times [s].   period: usual time from row to row [s].
-        jitter: standard deviation of that time, gaps left out [s].   gaps: rows after a step longer than 1.5 periods.
+        resolution: to which times are rounded [s]; 0 where that is fine.
+        jitter: standard deviation of the time from row to row, gaps left out [s].
+        gaps: rows after a step longer than 1.5 periods.
         lost: rows that gaps would hold.   widest: of the gaps [s].   same_time: rows at the time of the row before.
         backwards: rows earlier than the row before.   no_time: rows without time.
-        whole_repeats: rows that repeat all signals.   repeat_runs: how many groups of such rows, one behind the other.
+        whole_repeats: rows that repeat all signals but temperatures.
+        repeat_runs: how many groups of such rows, one behind the other.
         stretches: rows without gaps and missing cells.   signals: by name.
         excerpt: block of rows with the most motion.   excerpt_begin: its first row.
     """
@@ -94,6 +102,7 @@ class Census:
     first: float
     last: float
     period: float
+    resolution: float
     jitter: float
     gaps: Places
     lost: int
@@ -116,6 +125,7 @@ class _Pass:
     signals: dict[str, SignalCensus]
     rows: int = 0
     period: float = 0.0
+    resolution: float = 0.0
     before: float = np.nan
     first: float = np.nan
     squares: float = 0.0
@@ -153,11 +163,11 @@ def census_of(log: Log, run: LogRun) -> Census:
             raise LogError(what, place=f"run {run.name!r}", expected="rows one after the other", file=log.path)
     _close(state, state.rows, state.before)
     if state.rows < 2 or not state.period or state.excerpt is None:
-        what = f"{state.rows} rows" if state.rows < 2 else f"rows less than {BRIEFEST:g} s after each other"
+        what = number_of(state.rows, "row") if state.rows < 2 else f"rows less than {BRIEFEST:g} s after each other"
         raise LogError(what, place=f"run {run.name!r}", expected="at least two rows over time", file=log.path)
     jitter = float(np.sqrt(state.squares / state.steps)) if state.steps else 0.0
     return Census(
-        state.rows, state.first, state.before, state.period, jitter, state.gaps, state.lost, state.widest,
+        state.rows, state.first, state.before, state.period, state.resolution, jitter, state.gaps, state.lost, state.widest,
         state.same_time, state.backwards, state.no_time, state.whole_repeats, state.repeat_runs,
         tuple(state.stretches), state.signals, state.excerpt, state.excerpt.row,
     )  # fmt: skip
@@ -173,9 +183,12 @@ def _add_times(state: _Pass, block: Block) -> None:
         steps = np.diff(t[known])
         period = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
         state.period = period if period > BRIEFEST else 0.0
+        state.resolution = resolution_of(t[known], state.period)
+        if state.resolution:  # then a usual step is a digit too long or too short
+            state.period = float(np.mean(steps[(steps >= 0) & (steps <= _longest_step(period, state.resolution))]))
         state.first = float(t[known][0]) if known.any() else np.nan
     steps = np.diff(t, prepend=state.before)
-    gap, same, back = steps > GAP * state.period, steps == 0, steps < 0
+    gap, same, back = steps > _longest_step(state.period, state.resolution), steps == 0, steps < 0
     state.gaps = state.gaps.plus(row + np.flatnonzero(gap))
     state.same_time = state.same_time.plus(row + np.flatnonzero(same))
     state.backwards = state.backwards.plus(row + np.flatnonzero(back))
@@ -186,13 +199,32 @@ def _add_times(state: _Pass, block: Block) -> None:
     state.squares += float(((steps[usual] - state.period) ** 2).sum())
     state.steps += int(usual.sum())
     whole = np.concatenate(list(block.values.values()), axis=1)
-    repeated = np.flatnonzero((np.diff(whole, axis=0) == 0).all(axis=1)) + 1
+    fast = [values for name, values in block.values.items() if name != "temperature"] or [whole]
+    repeated = np.flatnonzero((np.diff(np.concatenate(fast, axis=1), axis=0) == 0).all(axis=1)) + 1
     state.whole_repeats = state.whole_repeats.plus(row + repeated)
     state.repeat_runs += int((np.diff(repeated, prepend=-1) > 1).sum())
     good = known & np.isfinite(whole).all(axis=1)
     _cut(state, t, row, good, gap | back)
     if known.any():
         state.before = float(t[known][-1])
+
+
+def _longest_step(period: float, resolution: float) -> float:
+    """Longest step of time [s] without a gap; rounding alone makes steps a digit longer."""
+    return GAP * period + resolution * (0.5 if period > GAP * resolution else 1.0) + BRIEFEST
+
+
+def resolution_of(t: np.ndarray, period: float) -> float:
+    """Digit [s] that times (rows,) [s] were rounded to; 0 if it is fine beside the period, or the steps are all alike."""
+    steps = np.diff(t)
+    for digit in DIGITS if period else ():
+        if digit <= COARSE * period:
+            break
+        whole = np.abs(steps / digit - np.round(steps / digit)).max(initial=0.0) < 1e-4
+        shorter, longer = (np.abs(steps - (period + off)) < 0.5 * digit for off in (-digit, digit))
+        if whole and (shorter.any() or longer.mean() > OFTEN):  # a lost row or two make steps longer too
+            return digit
+    return 0.0
 
 
 def _cut(state: _Pass, t: np.ndarray, row: int, good: np.ndarray, breaks: np.ndarray) -> None:

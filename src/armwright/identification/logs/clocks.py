@@ -8,7 +8,7 @@ import numpy as np
 
 from armwright.errors import LogError
 from armwright.identification.logs.log_file import OwnTime
-from armwright.identification.logs.tables import MeasuredTable
+from armwright.identification.logs.measured_table import MeasuredTable
 from armwright.identification.logs.units import TIME
 
 WIDEST = 4.0  # times a clock's usual period: signals are not interpolated across a wider gap

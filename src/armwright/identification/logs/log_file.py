@@ -109,11 +109,12 @@ class RunTable(Record):
 class SignalTable(Record):
     """Columns of one quantity, one for each joint."""
 
-    quantity: Literal["position", "speed", "acceleration", "torque", "link torque", "current", "voltage"] = Field(
-        description="What the columns hold."
-    )
+    quantity: Literal[
+        "position", "speed", "acceleration", "torque", "link torque", "current", "voltage", "temperature"
+    ] = Field(description="What the columns hold.")
     columns: Annotated[tuple[Column, ...], BeforeValidator(_listed)] = Field(
-        min_length=1, description="Names, or numbers from 1, in the order of the joints."
+        min_length=1,
+        description="Names, or numbers from 1, in the order of the joints; one temperature may stand for all.",
     )
     file: Text | None = Field(default=None, description="Key of the file that has them; absent: the only one.")
     joints: Annotated[tuple[Text, ...], BeforeValidator(_listed)] | None = Field(
@@ -124,7 +125,7 @@ class SignalTable(Record):
     )
     side: Literal["joint", "motor"] | None = Field(
         default=None,
-        description="Behind the gear or before it; needed but for voltage and current, which are the motor's.",
+        description="Behind the gear or before it; needed but for voltage, current and temperature, which are the motor's.",
     )
     signs: Numbers | None = Field(default=None, description="1 or -1 for each column, or for all; absent: 1.")
     counts_per_turn: Numbers | None = Field(default=None, description="Of an encoder whose columns are in counts.")

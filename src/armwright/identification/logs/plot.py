@@ -8,13 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.identification.logs.log import Log
-from armwright.identification.logs.preparation import (
-    Preparation,
-    choose_preparation,
-    longest_finite,
-    prepare_log,
-    spectrum,
-)
+from armwright.identification.logs.preparation import Preparation, choose_preparation
+from armwright.identification.logs.prepared import prepare_log
+from armwright.identification.logs.spectrum import longest_finite, spectrum
 from armwright.output import check_destination, whole_file
 from armwright.results.plot import GRID, TEXT, save_figure
 from armwright.results.plot_curves import COLOURS

@@ -7,10 +7,12 @@ from math import pi
 
 ALIASES = {
     "Nm": "N m", "mNm": "mN m", "kNm": "kN m", "°": "deg", "°/s": "deg/s", "°/s²": "deg/s²", "degrees": "deg",
+    "degC": "°C", "celsius": "°C", "kelvin": "K",
     "rad/s2": "rad/s²", "rad/s^2": "rad/s²", "deg/s2": "deg/s²", "deg/s^2": "deg/s²", "m/s2": "m/s²", "m/s^2": "m/s²",
 }  # fmt: skip
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0}  # unit → seconds
 COUNTS = ("counts", "counts/s")  # of an encoder; need counts_per_turn
+ZERO = {"K": -273.15}  # unit → its zero, in °C
 SHARES = {"%": 0.01, "permille": 0.001}  # of a rated value, as drives report torque and current; need `rated`
 _TURN = {"rad": 1.0, "deg": pi / 180, "turn": 2 * pi, "counts": 2 * pi}
 _LENGTH = {"m": 1.0, "mm": 1e-3}
@@ -48,6 +50,7 @@ _TORQUE = {"N m": 1.0, "mN m": 1e-3, "kN m": 1e3, **SHARES}
 _FORCE = {"N": 1.0, "kN": 1e3, **SHARES}
 _CURRENT = {"A": 1.0, "mA": 1e-3, **SHARES}
 _VOLTAGE = {"V": 1.0, "mV": 1e-3, **SHARES}
+_TEMPERATURE = {"°C": 1.0, "K": 1.0}
 _ACCELERATION = _per_second({unit: factor for unit, factor in _TURN.items() if unit in ("rad", "deg")}, "/s²")
 
 QUANTITIES = {
@@ -64,6 +67,9 @@ QUANTITIES = {
     ),
     "current": QuantityKind("current", "motor current", "A", _CURRENT, _CURRENT, "A", sided=False),
     "voltage": QuantityKind("voltage", "motor voltage", "V", _VOLTAGE, _VOLTAGE, "V", sided=False),
+    "temperature": QuantityKind(
+        "temperature", "temperature of the motor", "°C", _TEMPERATURE, _TEMPERATURE, "°C", sided=False
+    ),
 }
 OF_SIGNAL = {kind.signal: kind for kind in QUANTITIES.values()}
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from armwright.description.database import parse
 from armwright.description.friction import key_of
-from armwright.description.paths import quantities
+from armwright.description.paths import path_name, quantities, split_path
 from armwright.description.robot import RobotDescription
 from armwright.description.writer import to_toml
 from armwright.errors import ModelError
@@ -21,6 +21,7 @@ MOTOR_KEYS = {
     "Ke": "back_emf_constant_v_s_per_rad",
     "J": "rotor_inertia_kg_m2",
     "efficiency": "gear_efficiency",
+    "dead_zone": "dead_zone_v",
 }
 FRICTION_STEMS = {
     "viscous": (("viscous", "damping"),),
@@ -40,6 +41,7 @@ HOLD_FIRST = (
     "stribeck_speed",
     "stribeck_torque",
     "friction_offset",
+    "dead_zone",
     "efficiency",
     "Kt",
     "J",
@@ -52,17 +54,17 @@ def paths_of(record: RobotDescription, joint: str, name: str) -> tuple[str, ...]
     Raises:
         ModelError: no such name.
     """
-    if name.startswith(f"{joint}."):
+    if name.startswith(f"{path_name(joint)}."):
         return (name,)
     if name in MOTOR_KEYS:
-        return (f"{joint}.motor.{MOTOR_KEYS[name]}",)
+        return (f"{path_name(joint)}.motor.{MOTOR_KEYS[name]}",)
     each = _joint(record, joint)
     friction = getattr(each, "friction", None)
     linear = each.type == "prismatic" and getattr(friction, "side", "joint") != "motor"
     if name in FRICTION_STEMS:
-        return tuple(f"{joint}.friction.{key_of(stem, kind, linear)}" for stem, kind in FRICTION_STEMS[name])  # type: ignore[arg-type]
+        return tuple(f"{path_name(joint)}.friction.{key_of(stem, kind, linear)}" for stem, kind in FRICTION_STEMS[name])  # type: ignore[arg-type]
     if "." in name:
-        return (f"{joint}.{name}",)
+        return (f"{path_name(joint)}.{name}",)
     raise ModelError("no parameter of a drive", place="free", value=name, choices=SHORT)
 
 
@@ -90,7 +92,8 @@ def with_numbers(record: RobotDescription, values: Mapping[str, Any], command: s
     """
     document = tomllib.loads(to_toml(record))
     for path, value in values.items():
-        first, *inner, last = path.split(".")
+        first, rest = split_path(path)
+        *inner, last = rest.split(".")
         table = next((each for each in document["joints"] if each["name"] == first), None)
         if table is None:
             names = [each["name"] for each in document["joints"]]

@@ -9,13 +9,16 @@ from typing import Any, Literal
 
 import numpy as np
 
+from armwright.description.paths import path_name
 from armwright.description.robot import RobotDescription
 from armwright.errors import LogError, ModelError
-from armwright.identification.logs.log import Log, read_log
+from armwright.identification.logs.log import Log
+from armwright.identification.logs.read import read_log
 from armwright.identification.motor.channels import check_channels, feedback_remark
 from armwright.identification.motor.drive_record import value_at, with_numbers
 from armwright.identification.motor.fitting import fitted
 from armwright.identification.motor.guess import guess
+from armwright.identification.motor.held_out import MARK
 from armwright.identification.motor.measured import measured, steady
 from armwright.identification.motor.output_error import Problem
 from armwright.identification.motor.problem import problem_of
@@ -26,6 +29,7 @@ from armwright.scalar import real_number
 
 ROWS_PER_UNKNOWN = 5  # measurements
 MOST_DELAY = 10  # samples that are searched
+LEAST_GAIN = 0.01  # of the error that a bridge that coasts must take away
 POSITIVE = ("R", "L", "Kt", "Ke", "J")
 
 
@@ -43,7 +47,7 @@ def identify_motor(
     signals: Sequence[str] | None = None,
     speed: Literal["auto", "difference", "instant"] = "auto",
     static: Log | str | os.PathLike[str] | None = None,
-    pwm: Literal["brake", "coast"] | None = None,
+    pwm: Literal["brake", "coast", "compare"] | None = None,
     delay: float | None = None,
     most_delay: int = MOST_DELAY,
     priors: bool = False,
@@ -61,13 +65,14 @@ def identify_motor(
             all; 0: motors taken off their arm. The fit goes into those joints of the robot. None: the arm moves as one.
         locked: the rotor was held: the current alone is compared, which tells R and L.
         free: what is fitted: "R", "L", "Kt", "Ke", "J", "viscous", "coulomb", "coulomb_positive", "coulomb_negative", "stribeck",
-            "friction_offset", "efficiency", "delay", "offset" (of the command), or keys of the joint's tables such as
-            "elasticity.backlash_rad"; None: all that the record has, and the delay.
+            "friction_offset", "efficiency", "dead_zone" (of the stage), "delay", "offset" (of the command), or keys of the
+            joint's tables such as "elasticity.backlash_rad"; None: all that the record has, and the delay.
         fixed: values, in the record's units, of what is known, by the same names; "delay" in s.
         per_run: of `free`, what every run has a value of its own of.   runs: names; None: those to fit.
         signals: those that are compared, "q", "qd", "current", "tau"; None: all.
         speed: "difference" of the positions over a sample, "instant", or "auto": a difference where it is quantised.
-        static: a log of steady states, a row each, as additional data.   pwm: of the bridge; None: as the record has it.
+        static: a log of steady states, a row each, as additional data.   pwm: of the bridge; None: as the record has it;
+            "compare": both are fitted, and the one is kept whose error is smaller, coast only if by 1 % or more.
         delay: fixed delay of the command [s]; None: it is fitted.   most_delay: longest delay [samples].
         priors: whether the standard deviations that the robot's record states count as measurements of its numbers.
         starts: number of first guesses.   seed: of their draws.   progress: called with rounds done and of all.
@@ -85,28 +90,49 @@ def identify_motor(
         raise ModelError("goes with a robot, whose record states deviations", place="priors", value=True)
     base, source, joints, loads = robot_of(log, robot, joint, load, locked)
     data = measured(log, asked, joints, speed, signals, locked=locked)
-    ratios = [None if base is None else value_at(base, f"{name}.motor.gear_ratio") for name in joints]
+    ratios = [None if base is None else value_at(base, f"{path_name(name)}.motor.gear_ratio") for name in joints]
     guesses = []
     for k, ratio in enumerate(ratios):
         guesses.append(guess(data, k, 0 if delay is not None else most_delay, float(np.sign(ratio or 1.0))))
         check_channels(data, k, guesses[k], ratio, len(joints) == 1 or loads is not None, log.path)
     if len(joints) == 1:
         data = replace(data, remarks=(*data.remarks, *feedback_remark(data, 0)))
-    record = starting_record(base, loads, data, guesses, fixed or {}, pwm, locked)
-    stretches = list(data.stretches)
-    if static is not None:
-        stretches.append(steady(static, joints, data, max(each.time for each in guesses)))
-    names, record = names_to_fit(record, free, set(fixed or {}), guesses, data, locked)
-    problem, labels = problem_of(record, data, stretches, names, guesses, per_run, free, delay, most_delay, priors)
-    _check_rows(problem, log)
-    done = fitted(record, data, problem, labels, starts, seed, free, progress)
-    fit = result(log, record, data, done, free, bench=base is None, locked=locked, first=guesses[0])
-    if base is None:
-        return fit
-    given = given_numbers(base, joints, fixed or {}, pwm)
-    return (
-        replace(fit, robot=with_numbers(base, given), source=None) if given else replace(fit, robot=base, source=source)
-    )
+    data = replace(data, remarks=(*data.remarks, *map(str, log.warnings)))
+
+    def fit_of(mode: Literal["brake", "coast"] | None) -> MotorFit:
+        record = starting_record(base, loads, data, guesses, fixed or {}, mode, locked)
+        stretches = list(data.stretches)
+        if static is not None:
+            stretches.append(steady(static, joints, data, max(each.time for each in guesses)))
+        names, record = names_to_fit(record, free, set(fixed or {}), guesses, data, locked)
+        problem, labels = problem_of(record, data, stretches, names, guesses, per_run, free, delay, most_delay, priors)
+        _check_rows(problem, log)
+        done = fitted(record, data, problem, labels, starts, seed, free, progress)
+        fit = result(log, record, data, done, free, bench=base is None, locked=locked, first=guesses[0])
+        if base is None:
+            return fit
+        given = given_numbers(base, joints, fixed or {}, mode)
+        robot = with_numbers(base, given) if given else base
+        return replace(fit, robot=robot, source=None if given else source)
+
+    return _better_mode(fit_of("brake"), fit_of("coast")) if pwm == "compare" else fit_of(pwm)
+
+
+def _better_mode(brake: MotorFit, coast: MotorFit) -> MotorFit:
+    """Of two fits the one with the smaller error, and a sentence about both; the simpler one where they hardly differ."""
+    errors = [_error(each) for each in (brake, coast)]
+    better = coast if errors[1] < (1.0 - LEAST_GAIN) * errors[0] else brake
+    said = "opens while it is off (coast)" if better is coast else "shorts the motor while it is off (brake)"
+    if min(errors) > (1.0 - LEAST_GAIN) * max(errors):
+        said = "is not told by this log; brake is kept"
+    what = f"the bridge {said}: the error is {errors[0]:.2%} of what varies with brake, {errors[1]:.2%} with coast"
+    return replace(better, estimate=replace(better.estimate, remarks=(*better.estimate.remarks, what)))
+
+
+def _error(fit: MotorFit) -> float:
+    """Geometric mean of 1 - fit of all signals that were fitted."""
+    shares = [1.0 - each["fit_percent"] / 100.0 for name, each in fit.estimate.fit.items() if MARK not in name]
+    return float(np.exp(np.mean(np.log(np.maximum(shares, 1e-12)))))
 
 
 def _check_rows(problem: Problem, log: Log) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from armwright.description.paths import quantities, reading_at
+from armwright.description.paths import path_name, quantities, reading_at
 from armwright.description.robot import RobotDescription
 from armwright.errors import ModelError
 from armwright.identification.motor.drive_record import paths_of, value_at
@@ -145,6 +145,8 @@ def _unknown(
     scale = SIZE * (torque / max(speed, 1e-9) if name == "viscous" else torque)
     if name == "efficiency":
         low, high, scale = 0.05, 1.0, 0.1
+    if name == "dead_zone":
+        high, scale = largest, SIZE * largest
     scale = max(scale, 0.3 * abs(value))
     low, high = max(low, value - RANGE * scale), min(high, value + RANGE * scale)
     return Unknown(paths[0], value, low, high, scale, paths, run)
@@ -157,7 +159,7 @@ def largest_torque(
     known = values or {}
     paths = paths_of(record, joint, "Kt") + paths_of(record, joint, "R")
     constants = [known.get(path, value_at(record, path)) for path in paths]
-    ratio = abs(value_at(record, f"{joint}.motor.gear_ratio") or 1.0)
+    ratio = abs(value_at(record, f"{path_name(joint)}.motor.gear_ratio") or 1.0)
     kind = next(each for each in record.joints if each.name == joint)
     driven_by = getattr(kind, "command", None) or record.command
     if driven_by == "torque" or constants[0] is None:
@@ -176,7 +178,7 @@ def sizes(
     sizes = np.ones(len(z))
     for k, each in enumerate(problem.unknowns):
         joint, _, name = labels[k].partition(":")
-        if each.nuisance or each.logarithmic or joint not in data.joints or name == "efficiency":
+        if each.nuisance or each.logarithmic or joint not in data.joints or name in ("efficiency", "dead_zone"):
             continue
         torque = SIZE * largest_torque(record, joint, command, known)
         size = torque / max(speed, 1e-9) if name == "viscous" else torque

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from armwright.description.paths import path_name
 from armwright.description.robot import RobotDescription
 from armwright.errors import ScenarioError
 from armwright.identification.experiments.expected import BETTER, deviations, experiments_that_separate
@@ -104,7 +105,7 @@ def _of_current(
         return numbers.get(path, value_at(record, path))
 
     resistance, torque = number("R") or 1.0, number("Kt") or 1.0
-    emf = (number("Ke") or torque) * (value_at(record, f"{joint}.motor.gear_ratio") or 1.0)
+    emf = (number("Ke") or torque) * (value_at(record, f"{path_name(joint)}.motor.gear_ratio") or 1.0)
     by_emf = labels.index("Ke") if "Ke" in labels else labels.index("Kt") if "Kt" in labels else -1
     moving = np.zeros((len(own), len(own)))
     for s, stretch in enumerate(problem.stretches):

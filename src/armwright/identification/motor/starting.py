@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armwright.description.database import read_description
+from armwright.description.paths import path_name
 from armwright.description.record_of import record_of
 from armwright.description.robot import RobotDescription
 from armwright.errors import ModelError
@@ -100,7 +101,7 @@ def given_numbers(
                 choices = error.problems[0].choices
                 raise ModelError("no parameter of a drive", place="fixed", value=name, choices=choices) from None
     if pwm is not None:
-        given |= {f"{joint}.motor.pwm": pwm for joint in joints}
+        given |= {f"{path_name(joint)}.motor.pwm": pwm for joint in joints}
     return given
 
 
@@ -128,7 +129,7 @@ def _bench_guess(
     record: RobotDescription, joint: str, command: str, first: Guess, given: Mapping[str, float]
 ) -> dict[str, float]:
     """Numbers of a motor with this response; of those that it does not say, 1 in their unit."""
-    motor, friction = f"{joint}.motor", f"{joint}.friction"
+    motor, friction = f"{path_name(joint)}.motor", f"{path_name(joint)}.friction"
     ratio = abs(value_at(record, f"{motor}.gear_ratio") or 1.0)
     resistance = given.get(f"{motor}.resistance_ohm", first.resistance or 1.0)
     if command == "voltage":
@@ -165,7 +166,9 @@ def names_to_fit(
     if free is None:
         names = complete(record, joints)
         if data.command != "voltage":
-            names = {name: paths for name, paths in names.items() if name.split(":")[1] not in ("R", "L", "Ke")}
+            names = {
+                name: paths for name, paths in names.items() if name.split(":")[1] not in ("R", "L", "Ke", "dead_zone")
+            }
         if data.command == "torque":
             names = {name: paths for name, paths in names.items() if name.split(":")[1] != "Kt"}
         return {name: paths for name, paths in names.items() if not known & set(paths)}, record
@@ -187,8 +190,8 @@ def names_to_fit(
 
 def _first_value(record: RobotDescription, joint: str, name: str, first: Guess, data: Measured) -> float:
     """A number to begin with, of what the record does not have."""
-    torque = value_at(record, f"{joint}.motor.torque_constant_n_m_per_a") or 1.0
-    resistance = value_at(record, f"{joint}.motor.resistance_ohm") or 1.0
+    torque = value_at(record, f"{path_name(joint)}.motor.torque_constant_n_m_per_a") or 1.0
+    resistance = value_at(record, f"{path_name(joint)}.motor.resistance_ohm") or 1.0
     coulomb = value_at(record, paths_of(record, joint, "coulomb_positive")[0])
     size = torque * max(first.band, 0.01) / (resistance if data.command == "voltage" else 1.0)
     found = {
@@ -204,6 +207,7 @@ def _first_value(record: RobotDescription, joint: str, name: str, first: Guess, 
         * float(np.abs(np.concatenate([s.inputs.command for s in data.stretches])).max()),
         "friction_offset": 0.0,
         "efficiency": 0.9,
+        "dead_zone": 0.5 * first.band,
     }
     if name not in found:
         path = paths_of(record, joint, name)[0]

@@ -11,7 +11,7 @@ import numpy as np
 from armwright.description.drive import Command
 from armwright.errors import LogError, ScenarioError
 from armwright.identification.logs.log import Log, LogRun
-from armwright.identification.logs.preparation import prepare_log
+from armwright.identification.logs.prepared import prepare_log
 from armwright.identification.validation.prediction import (
     SIGNALS,
     Prediction,

@@ -9,8 +9,8 @@ import numpy as np
 
 from armwright.identification.logs.delay import Delay
 from armwright.identification.logs.log import Log
-from armwright.identification.logs.preparation import longest_finite, motion_band
 from armwright.identification.logs.quantisation import quantisation_step
+from armwright.identification.logs.spectrum import longest_finite, motion_band
 from armwright.identification.validation.friction_signature import FrictionSignature, Term, friction_signature
 from armwright.identification.validation.measures import Agreement, agreement, rms
 from armwright.identification.validation.prediction import Prediction, Quantity

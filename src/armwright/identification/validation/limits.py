@@ -10,8 +10,8 @@ from typing import Annotated, Any, get_args
 
 from pydantic import Field
 
-from armwright.description.toml_file import read_document
-from armwright.errors import DescriptionError, LogError
+from armwright.description.toml_file import toml_tables
+from armwright.errors import LogError
 from armwright.identification.validation.measures import Agreement
 from armwright.identification.validation.prediction import Quantity
 from armwright.model import Model
@@ -122,11 +122,8 @@ def read_limits(limits: Any) -> Limits:
         return validated(Limits, limits, place="limits", error=LogError)
     if not isinstance(limits, (str, os.PathLike)):
         raise LogError(place="limits", value=limits, expected="the path of a TOML file, or tables")
-    try:
-        document = read_document(Path(limits))
-    except DescriptionError as error:
-        raise LogError.of(*error.problems) from None
-    found = validated(Limits, document, file=limits, error=LogError)
+    with toml_tables(Path(limits), LogError) as tables:
+        found = validated(Limits, tables, file=limits, error=LogError)
     if not any(found.limited(quantity) for quantity in get_args(Quantity)):
         raise LogError("the file has no limit", expected="one at least, such as torque.r2_at_least", file=limits)
     return found

@@ -9,7 +9,8 @@ import numpy as np
 
 from armwright.errors import LogError
 from armwright.identification.logs.log import Log
-from armwright.identification.logs.preparation import HIGHEST, Preparation, choose_preparation
+from armwright.identification.logs.preparation import Preparation, choose_preparation
+from armwright.identification.logs.spectrum import HIGHEST
 from armwright.model import Model
 
 if TYPE_CHECKING:

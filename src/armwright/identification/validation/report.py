@@ -24,6 +24,7 @@ from armwright.results.plot_page import PAGES, page
 
 HERE = Path(__file__).parent / "pages"
 ENDINGS = (".html",)
+MOST_PLACES = 6  # behind the point
 STRONG = 0.95  # correlation from which on two parameters are named
 PAIRS = 12  # of strongly correlated parameters that are listed
 SMALL = 1e-3  # of a probability: less is shown as that
@@ -171,7 +172,19 @@ def _limits(validation: Validation) -> str:
 
 def _measures(validation: Validation) -> str:
     """Table of all measures, a row for each joint and quantity."""
-    heads = ("joint", "quantity", "R²", "fit [%]", "VAF [%]", "RMS", "unit", "RMS of runs", "delay", "white", "limits")
+    heads = (
+        "joint",
+        "quantity",
+        "R²",
+        "fit [%]",
+        "VAF [%]",
+        "RMS",
+        "unit",
+        "RMS of runs",
+        "delay [rows]",
+        "white",
+        "limits",
+    )
     several = any(len(each.runs) > 1 for each in validation.measures)
     rows = []
     for each in validation.measures:
@@ -182,13 +195,25 @@ def _measures(validation: Validation) -> str:
         a, (low, high) = each.overall, each.spread
         values = [f"{a.r2:.3f}", f"{a.fit:.1f}", f"{a.vaf:.1f}", f"{a.rms:.4g}", each.unit]
         spread = f"{low:.3g} … {high:.3g}" if len(each.runs) > 1 else ""
-        delay = "" if each.delay is None else f"{each.delay.samples:.2f} ± {each.delay.std:.1g}"
+        delay = "" if each.delay is None else " ± ".join(_rounded(each.delay.samples, each.delay.std, 2))
         white = "" if each.whiteness is None else escape(_probability(each.whiteness.p))
         judged = (check for check in validation.checks if (check.joint, check.quantity) == (each.joint, each.quantity))
         rows.append([name, each.quantity, *values, spread, delay, white, "<br>".join(map(_judged, judged))])
     if not several:  # an empty column
         heads, *rows = [[*row[:7], *row[8:]] for row in (heads, *rows)]
     return html_table(heads, rows, (0, 1, 6, len(heads) - 1))
+
+
+def _rounded(value: float, std: float, digits: int) -> tuple[str, str]:
+    """A number and its standard deviation to so many digits of the latter; "" for one that is not known."""
+    if not np.isfinite(std) or std <= 0:
+        return f"{value:.6g}".replace("-", "−"), f"{std:g}" if std == 0 else ""
+    places = digits - 1 - int(np.floor(np.log10(std)))
+    if places > MOST_PLACES:  # of small units: powers of ten
+        return f"{value:.4g}".replace("-", "−"), f"{std:.{digits}g}".replace("-", "−")
+    shown = (f"{round(each, places):.{max(places, 0)}f}" for each in (value, std))
+    first, second = shown
+    return first.replace("-", "−"), second
 
 
 def _judged(check: Check) -> str:
@@ -214,7 +239,7 @@ def _parameters(estimate: Estimate) -> str:
         share = f"{100 * relative:.2g} %" if relative < 1 else "> 100 %" if relative >= 1 else ""
         note = "" if known[k] else "not identified: as the record has it"
         note = "at its bound" if at_bound[k] else note
-        cells = [escape(name), f"{value:.6g}", f"{std[k]:.2g}" if is_known else "", escape(estimate.units[k]), share]
+        cells = [escape(name), *_rounded(value, std[k], 2), escape(estimate.units[k]), share]
         rows.append([*cells, f'<span class="bad">{note}</span>'])
     parts = [html_table(("parameter", "value", "± std", "unit", "relative", ""), rows, (0, 3, 5))]
     matrix = estimate.correlation

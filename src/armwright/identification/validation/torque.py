@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from armwright.actuators.coupling import shares_of, to_motors
 from armwright.description.drive import Command
 from armwright.errors import LogError
 from armwright.identification.logs.log import Log
-from armwright.identification.logs.preparation import Preparation, prepare_log, zero_phase
-from armwright.identification.logs.units import QUANTITIES
+from armwright.identification.logs.preparation import Preparation
+from armwright.identification.logs.prepared import prepare_log, resting_speeds, zero_phase
 from armwright.identification.validation.prediction import (
     Prediction,
     check_match,
@@ -51,9 +51,9 @@ def predict_torque(
 ) -> Prediction:
     """Torques of a run by inverse dynamics,  τ̂ = M(q) q̈ + C q̇ + g + f(q̇),  along its prepared motion. [LuhWalkerPaul1980]
 
-    Measured torques have passed the log's filter. The motion has too, and with it all of τ̂ but dry friction, which jumps: that
-    passes the filter after it was computed, or a jump beside a smooth step would look like missing friction. A torque that is
-    held from row to row (`held` in the log's file) acts half a period later than its row says.
+    The motion passes a wider low-pass than the preparation's, then τ̂ and the measured torques pass that of the preparation, as
+    in `arm.samples`: a low-pass of the motion alone would leave a part of τ̂ out. A torque that is held from row to row (`held` in
+    the log's file) acts half a period later than its row says.
 
     Where motors are coupled, τ̂ are torques on the joints, as logs have them: Bᵀ times those of the motors.
 
@@ -74,7 +74,8 @@ def predict_torque(
     check_constants(arm, source, log)
     chosen = log.run(run)
     preparation = preparation or preparation_for(log, chosen.name)
-    data = prepare_log(log, chosen.name, replace(preparation, decimate=1))
+    first = preparation.of_motion
+    data = prepare_log(log, chosen.name, replace(first, decimate=1))
     if "qdd" not in data:
         raise LogError("neither position nor speed logged", place="signals", expected="one of them", file=log.path)
     arm = as_logged(arm, log, source)
@@ -82,20 +83,23 @@ def predict_torque(
     order, parts = columns_of(arm, log), parts_of(data["stretch"].values)
     q, qd, qdd = positions_of(arm, dyn, log, data), data["qd"].values[:, order], data["qdd"].values[:, order]
     values = data[source].values[:, order]
-    held = any(signal.held for signal in log.table.signals if QUANTITIES[signal.quantity].signal == source)
-    if held:
-        values = _between(values, parts)
-    rows = np.concatenate([np.arange(part.start, part.stop, preparation.decimate) for part in parts])
-    predicted = dyn.inverse_dynamics(q[rows], qd[rows], qdd[rows])
-    direction = _filtered(np.sign(qd), parts, preparation)[rows]
-    smooth = without_dry_friction(arm)
-    if smooth is not arm:
-        dry = dyn.inverse_dynamics(q, qd, qdd) - compile_arm(smooth).inverse_dynamics(q, qd, qdd)
-        predicted = predicted + (_filtered(dry, parts, preparation) - dry)[rows]
+    spoilt = preparation.edge - first.edge
+    kept = [np.arange(part.start + spoilt, part.stop - spoilt, preparation.decimate) for part in parts]
+    rows = np.concatenate(kept)
+    if not len(rows):
+        expected = f"more than {2 * preparation.edge} rows without a gap; or a higher cut-off"
+        raise LogError("no stretch is long enough", place=f"run {chosen.name!r}", expected=expected, file=log.path)
+
+    def prepared(values: np.ndarray) -> np.ndarray:
+        return _filtered(values, parts, preparation)[rows]
+
+    qd = np.where(np.abs(qd) < resting_speeds(log, chosen.name)[order], 0.0, qd)
+    measured, predicted = prepared(_measured(arm, source, values, qd)), prepared(dyn.inverse_dynamics(q, qd, qdd))
+    direction, qd, qdd = (prepared(each) for each in (np.sign(qd), qd, qdd))
     how = {"tau": "", "current": " from currents", "voltage": " from voltages"}[source]
     return Prediction(
         "torque",
-        f"inverse dynamics along the log, torques measured{how}{', held from row to row' * held}",
+        f"inverse dynamics along the log, torques measured{how}{', held from row to row' * (source in log.held)}",
         chosen.name,
         chosen.use,
         tuple(arm.names),
@@ -104,25 +108,14 @@ def predict_torque(
         preparation.decimate,
         data["time"].values[rows],
         data["stretch"].values[rows],
-        _measured(arm, source, values[rows], qd[rows]),
+        measured,
         predicted @ motor_shares(arm),
-        qd[rows],
-        qdd[rows],
-        qdd[rows],
+        qd,
+        qdd,
+        qdd,
         "acceleration",
         direction=direction,
     )
-
-
-def _between(values: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
-    """Means (rows, n) over a period around each row of values that are held until the next row: (u(k - 1) + u(k)) / 2.
-
-    Differences of positions say as much of the motion: the second one of x is T² (ẍ(k - 1) + ẍ(k)) / 2 where ẍ is held.
-    """
-    means = values.copy()
-    for part in parts:
-        means[part][1:] = 0.5 * (values[part][1:] + values[part][:-1])
-    return means
 
 
 def _filtered(values: np.ndarray, parts: Sequence[slice], preparation: Preparation) -> np.ndarray:
@@ -131,17 +124,6 @@ def _filtered(values: np.ndarray, parts: Sequence[slice], preparation: Preparati
     for part in parts:
         found[part] = zero_phase(preparation, values[part])
     return found
-
-
-def without_dry_friction(arm: Model) -> Model:
-    """The arm without the part of friction that jumps where the speed changes its sign; itself if it has none."""
-    if not any(body.friction is not None and (body.friction.is_dry or body.friction.parameters) for body in arm.bodies):
-        return arm
-    dry: dict[str, Any] = FRICTION["coulomb"] | {"law": "coulomb", "parameters": (), "load_coefficient": None}
-    bodies = (
-        body if body.friction is None else replace(body, friction=replace(body.friction, **dry)) for body in arm.bodies
-    )
-    return replace(arm, bodies=tuple(bodies))
 
 
 def check_constants(arm: Model, source: str, log: Log) -> None:

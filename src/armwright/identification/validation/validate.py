@@ -14,8 +14,9 @@ import numpy as np
 
 from armwright.description import builtin_names
 from armwright.errors import ArmwrightError, LogError
-from armwright.identification.logs.log import Log, read_log
+from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation
+from armwright.identification.logs.read import read_log
 from armwright.identification.validation.free_simulation import (
     default_window,
     driving_signal,
@@ -129,7 +130,7 @@ def validate(
     """Torque prediction and free simulation of an arm against a log, measured for every joint and judged by limits.
 
     Judged are the runs that the log marks `use = "hold-out"`; without any, all runs, and a note says so. By default torques
-    need R² ≥ 0.9; where no torque or current is logged, motions need a fit of 70 %.
+    need R² ≥ 0.9; where no torque or current is logged, or currents and voltages are, motions need a fit of 70 %.
 
     Args:
         arm: name or path of a robot, a `Model`, or a `Scenario`, whose own run is then compared instead of a free simulation.
@@ -154,6 +155,7 @@ def validate(
     check_limits(asked, model, limits if isinstance(limits, (str, os.PathLike)) else "")
     check_match(model, data)
     chosen, held_out, notes = _runs(data, runs)
+    notes += map(str, data.warnings)
     tell(0, 3)
     predictions = _torques(model, data, chosen, preparation, notes)
     tell(1, 3)
@@ -302,7 +304,8 @@ def _checks(
 ) -> list[Check]:
     """Every limit against its measure; joints that stand still are judged by none.
 
-    By default one quantity decides: torques where they or currents were logged, else positions, else speeds.
+    By default one quantity decides: torques where they or currents were logged, else positions, else speeds. Where currents and
+    voltages were logged, both do: currents judge masses and friction, the motion under the voltages also R and Ke.
 
     Raises:
         LogError: limits of a quantity that was not predicted.
@@ -310,6 +313,8 @@ def _checks(
     found = [each.quantity for each in measures]
     order = ("position", "speed", "torque") if closed_loop or torque_source(log) == "voltage" else QUANTITIES
     judged = [quantity for quantity in order if quantity in found][:1] if by_default else list(QUANTITIES)
+    if by_default and torque_source(log) == "current" and "voltage" in log.layout:
+        judged += [quantity for quantity in ("position", "speed") if quantity in found][:1]
     for quantity in QUANTITIES:
         if not by_default and limits.limited(quantity) and quantity not in found:
             known = list(dict.fromkeys(found))

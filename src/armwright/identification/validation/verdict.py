@@ -12,8 +12,8 @@ from typing import Any
 import tomlkit
 from pydantic import Field
 
-from armwright.description.toml_file import read_document
-from armwright.errors import DescriptionError, LogError
+from armwright.description.toml_file import toml_tables
+from armwright.errors import LogError
 from armwright.identification.validation.validate import Validation, record_sha256
 from armwright.output import check_destination, whole_file
 from armwright.quantity import Record
@@ -153,9 +153,6 @@ def stored_verdict(record: str | os.PathLike[str], sha256: str | None = None) ->
     if not path.exists():
         read_file(record, "a record", LogError)
         return None
-    try:
-        document = read_document(path)
-    except DescriptionError as error:
-        raise LogError.of(*error.problems) from None
-    table = validated(VerdictTable, document, file=path, error=LogError)
+    with toml_tables(path, LogError) as tables:
+        table = validated(VerdictTable, tables, file=path, error=LogError)
     return StoredVerdict(path, table, (sha256 or record_sha256(Path(record))) == table.record_sha256)

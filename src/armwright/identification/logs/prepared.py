@@ -1,0 +1,204 @@
+"""Rows of a log filtered, differentiated and decimated, in memory or in blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import signal as sp
+
+from armwright.errors import LogError
+from armwright.identification.logs.blocks import ROWS, Block
+from armwright.identification.logs.findings import number_of
+from armwright.identification.logs.log import Log, Stretch
+from armwright.identification.logs.preparation import (
+    EDGE,
+    FIRST_DIFFERENCE,
+    SAVGOL,
+    SECOND_DIFFERENCE,
+    Preparation,
+    choose_preparation,
+    settling,
+)
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SEAM = 1e-9  # what is left of a disturbance where windows of rows meet
+ROUNDED = 2.0  # digits that times are off even ones, where a clock was rounded, in the row and where the stretch begins
+REST = 1e-2  # of a joint's range by the run's duration: slower is at rest
+UNEVEN = 1e-3  # of a period: rows further from even times are interpolated
+RATES = {"q": ("qd", "qdd"), "qd": ("qdd",)}  # what follows from a signal by differentiation, in order
+
+
+def prepare_log(log: Log, run: str | None = None, preparation: Preparation | None = None) -> xr.Dataset:
+    """A run filtered, differentiated and decimated, in memory.
+
+    Args:
+        log: what `read_log` returned.   run: its name; None: the first.   preparation: None: what `choose_preparation` says.
+    Returns:
+        data: coordinates time [s], joint and, along time, stretch (its number); the log's signals, and where they are not logged
+            velocities and accelerations. Attribute `preparation` has the choices in words.
+    Raises:
+        LogError: no stretch is long enough.
+    """
+    import xarray as xr
+
+    chosen = log.run(run)
+    preparation = preparation or choose_preparation(log, chosen.name)
+    parts = list(prepared_blocks(log, chosen.name, preparation))
+    if not parts:
+        longest = max((stretch.rows for stretch in chosen.stretches), default=0)
+        expected = f"more than {2 * preparation.edge} rows without a gap; or a higher cut-off"
+        raise LogError(
+            f"the longest stretch has {number_of(longest, 'row')}",
+            place=f"run {chosen.name!r}",
+            expected=expected,
+            file=log.path,
+        )
+    time = ("time", np.concatenate([block.t for _, block in parts]), {"units": "s", "long_name": "time"})
+    number = (
+        "time",
+        np.concatenate([np.full(len(block.t), k) for k, block in parts]),
+        {"long_name": "stretch without gaps"},
+    )
+    variables = {}
+    for name in parts[0][1].values:
+        source = (
+            name if name in log.layout else next(s for s, rates in RATES.items() if name in rates and s in log.layout)
+        )
+        values = np.full((len(time[1]), len(log.joints)), np.nan)
+        values[:, list(log.layout[source].joints or ())] = np.concatenate([block.values[name] for _, block in parts])
+        unit = log.layout[name].unit if name in log.layout else _rate_unit(log.layout[source].unit, source, name)
+        variables[name] = (("time", "joint"), values, {"units": unit})
+    about = {
+        "log": log.path.name, "run": chosen.name, "use": chosen.use, "log_sha256": log.sha256,
+        "preparation": "\n".join(preparation.reasons),
+    }  # fmt: skip
+    return xr.Dataset(variables, {"time": time, "joint": ("joint", list(log.joints)), "stretch": number}, about)
+
+
+def _rate_unit(unit: str, source: str, name: str) -> str:
+    """Unit of a derivative: of q in rad, qdd has rad/s²."""
+    ending = "/s²" if name == "qdd" else "/s"
+    return (
+        " | ".join(each.removesuffix("/s") + ending for each in unit.split(" | "))
+        if source == "qd"
+        else " | ".join(each + ending for each in unit.split(" | "))
+    )
+
+
+def prepared_blocks(log: Log, run: str, preparation: Preparation, rows: int = ROWS) -> Iterator[tuple[int, Block]]:
+    """Prepared rows of a run with the number of their stretch, block by block in bounded memory.
+
+    Windows of rows overlap by what the filter needs to settle to 1e-9, so that their seams do not show.
+    """
+    reader = _Rows(log, run)
+    chosen, first = log.run(run), 0
+    seam = settling(preparation.sections, SEAM) + SAVGOL
+    window = max(rows // preparation.decimate, 1) * preparation.decimate
+    for number, stretch in enumerate(chosen.stretches):
+        low, high = preparation.edge, stretch.rows - preparation.edge
+        if high <= low:
+            continue
+        for begin in range(low, high, window):
+            end = min(begin + window, high)
+            yield number, _window(reader, stretch, preparation, begin, end, seam, first)
+            first += len(range(begin, end, preparation.decimate))
+
+
+def _window(
+    reader: _Rows, stretch: Stretch, preparation: Preparation, begin: int, end: int, seam: int, first: int
+) -> Block:
+    """Prepared rows `begin` to `end` of a stretch, from rows beyond them either way."""
+    low, high = max(begin - seam, 0), min(end + seam, stretch.rows)
+    times, values = reader.rows(stretch.begin + low, stretch.begin + high)
+    even = stretch.start + stretch.period * np.arange(low, high)
+    if np.abs(times - even).max() > max(UNEVEN * stretch.period, ROUNDED * reader.resolution):
+        even = np.clip(even, times[0], times[-1])
+        values = {n: np.stack([np.interp(even, times, c) for c in v.T], axis=1) for n, v in values.items()}
+    values = {name: _around_rows(each) if name in reader.log.held else each for name, each in values.items()}
+    filtered = {name: zero_phase(preparation, each) for name, each in values.items()}
+    for source, rates in RATES.items():
+        if source in filtered:
+            for order, name in enumerate(rates, start=1):
+                filtered.setdefault(name, _derivative(filtered[source], stretch.period, order, preparation))
+    kept = slice(begin - low, end - low, preparation.decimate)
+    return Block(first, even[kept], {name: each[kept] for name, each in filtered.items()})
+
+
+def _around_rows(values: np.ndarray) -> np.ndarray:
+    """Means (rows, joints) over a period around each row of values held until the next one: (u(k - 1) + u(k)) / 2.
+
+    Differences of positions say as much of the motion: the second one of x is T² (ẍ(k - 1) + ẍ(k)) / 2 where ẍ is held.
+    """
+    return np.concatenate([values[:1], 0.5 * (values[1:] + values[:-1])])
+
+
+def resting_speeds(log: Log, run: str) -> np.ndarray:
+    """Speeds (joints,) [rad/s | m/s] below which a joint is at rest in a run: their signs are those of noise and rounding.
+
+    0 for joints without positions.
+    """
+    chosen, speeds = log.run(run), np.zeros(len(log.joints))
+    if "q" in log.layout and chosen.census is not None and chosen.duration > 0:
+        counted = chosen.census.signals["q"]
+        speeds[list(log.layout["q"].joints or ())] = REST * np.subtract(counted.high, counted.low) / chosen.duration
+    return speeds
+
+
+def zero_phase(preparation: Preparation, values: np.ndarray) -> np.ndarray:
+    """A signal (rows, joints) filtered forward and backward, its ends continued by point reflection."""
+    most = len(values) - 1
+    pad = min(3 * settling(preparation.sections, EDGE), most)
+    return np.asarray(sp.sosfiltfilt(preparation.sections, values, axis=0, padlen=pad))
+
+
+def _derivative(values: np.ndarray, period: float, order: int, preparation: Preparation) -> np.ndarray:
+    """First or second derivative (rows, joints)."""
+    if preparation.differentiation == "savgol" and len(values) >= SAVGOL:
+        return np.asarray(sp.savgol_filter(values, SAVGOL, 3, deriv=order, delta=period, axis=0))
+    half = np.array((FIRST_DIFFERENCE if order == 1 else SECOND_DIFFERENCE)[preparation.differentiation])
+    result, beside = np.zeros_like(values), len(half)
+    if len(values) <= 2 * beside:  # too few rows: they are dropped at a stretch's ends
+        for _ in range(order if len(values) > 1 else 0):
+            values = np.asarray(np.gradient(values, period, axis=0))
+        return values if len(values) > 1 else result
+    windows = np.lib.stride_tricks.sliding_window_view(values, 2 * beside + 1, axis=0)
+    middle = 0.0 if order == 1 else -2.0 * half.sum()
+    weights = np.concatenate([(-1) ** order * half[::-1], [middle], half])
+    result[beside:-beside] = windows @ weights / period**order
+    result[:beside], result[-beside:] = result[beside], result[-beside - 1]
+    return result
+
+
+class _Rows:
+    """Rows of a run by number; those before the last ones asked for are forgotten."""
+
+    def __init__(self, log: Log, run: str):
+        self.log, census = log, log.run(run).census
+        self.resolution = 0.0 if census is None else census.resolution
+        self._blocks = log.blocks(run)
+        self._begin = 0
+        self._t = np.zeros(0)
+        self._values: dict[str, np.ndarray] = {}
+
+    def rows(self, begin: int, end: int) -> tuple[np.ndarray, Mapping[str, np.ndarray]]:
+        """Times and signals of rows `begin` to `end`; `begin` never goes back by more than was asked for before."""
+        while self._begin + len(self._t) < end:
+            block = next(self._blocks)
+            self._drop(begin)
+            self._t = np.concatenate([self._t, block.t])
+            self._values = {
+                name: np.concatenate([self._values[name], each]) if name in self._values else each
+                for name, each in block.values.items()
+            }
+        part = slice(begin - self._begin, end - self._begin)
+        return self._t[part], {name: each[part] for name, each in self._values.items()}
+
+    def _drop(self, begin: int) -> None:
+        count = min(max(begin - self._begin, 0), len(self._t))
+        self._begin += count
+        self._t = self._t[count:]
+        self._values = {name: each[count:] for name, each in self._values.items()}

@@ -1,0 +1,169 @@
+"""Logs read from their files: a `*.log.toml`, the robot that it names, the measured files of every run, and the checks."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from armwright.description import builtin_names
+from armwright.description.toml_file import toml_tables
+from armwright.errors import LogError
+from armwright.identification.logs.census import census_of
+from armwright.identification.logs.checks import check_log
+from armwright.identification.logs.columns import layout_of, to_joints
+from armwright.identification.logs.findings import LEVELS
+from armwright.identification.logs.log import Log, LogRun
+from armwright.identification.logs.log_file import GearsTable, LogTable, SignalTable
+from armwright.identification.logs.tables import open_table
+from armwright.model import Model
+from armwright.model.load import load
+from armwright.reading import opened
+from armwright.validation import validated
+
+
+def read_log(
+    path: str | os.PathLike[str],
+    *,
+    on_error: Literal["raise", "keep"] = "raise",
+    progress: Callable[[int, int], object] | None = None,
+) -> Log:
+    """A log of measurements, read once from beginning to end and checked.
+
+    Args:
+        path: of the `*.log.toml` that maps columns of files to signals of joints.
+        on_error: "raise" refuses a log that contradicts itself or its arm; "keep" returns it with these findings, to be shown.
+        progress: called with the number of runs that are read, and of all.
+    Returns:
+        log: frozen; `findings` has what the checks found, `blocks` and `dataset` the signals.
+    Raises:
+        LogError: no such file, a key or a column that is not there, a cell that holds no number; and with "raise" all
+            errors of the checks in `problems`.   DescriptionError: the robot's file cannot be believed.
+    """
+    if on_error not in ("raise", "keep"):
+        raise LogError(place="on_error", value=on_error, expected='"raise" or "keep"')
+    log, begun = open_log(path), []
+    for k, run in enumerate(log.runs):
+        if progress is not None:
+            progress(k, len(log.runs))
+        sums = {key: _sha256(file) for key, file in run.paths.items()}
+        begun.append(replace(run, sha256=sums, census=census_of(log, run)))
+    log = replace(log, runs=tuple(begun))
+    findings = sorted(check_log(log), key=lambda each: LEVELS.index(each.level))
+    log = replace(log, findings=tuple(findings))
+    if on_error == "raise" and log.errors:
+        problems = [each.problem.within(each.run and f"run {each.run!r}") for each in log.errors]
+        raise LogError.of(*problems).within(file=log.path)
+    if progress is not None:
+        progress(len(log.runs), len(log.runs))
+    return log
+
+
+def open_log(path: str | os.PathLike[str]) -> Log:
+    """A log whose file is checked and whose rows are not read yet.
+
+    Raises:
+        LogError, DescriptionError: as `read_log`.
+    """
+    if not isinstance(path, (str, os.PathLike)):
+        raise LogError(value=path, expected="the path of a *.log.toml file")
+    path = Path(path)
+    with toml_tables(path, LogError) as tables:
+        return _opened(path, validated(LogTable, tables, file=path, error=LogError))
+
+
+def _opened(path: Path, table: LogTable) -> Log:
+    """The log that a file's table describes, its rows not read yet."""
+    arm = None if table.robot is None else _robot(path, table)
+    joints = tuple(table.joints or (() if arm is None else arm.names))
+    table = table.model_copy(update={"signals": tuple(_for_all(signal, joints) for signal in table.signals)})
+    try:
+        gears = _gears(table.gears, joints, arm)
+        runs = _runs(table, path.parent)
+        layout = layout_of(
+            table, joints, arm, {key: open_table(file, table.files[key]) for key, file in runs[0].paths.items()}
+        )
+    except LogError as error:
+        raise error.within(file=path) from None
+    log = Log(path, table, joints, arm, gears, layout, runs)
+    _check_sides(log)
+    return log
+
+
+def _robot(path: Path, table: LogTable) -> Model:
+    """The arm that a log names: a built-in one, or a file from the log's folder on."""
+    name = str(table.robot)
+    where = name if name in builtin_names() else path.parent / name
+    arm = load(where, kinematics_only=True) if table.kinematics_only else load(where)
+    for joint in table.joints or ():
+        if joint not in arm.names:
+            raise LogError("no joint of the robot", place="joints", value=joint, choices=arm.names, file=path)
+    return arm
+
+
+def _for_all(signal: SignalTable, joints: tuple[str, ...]) -> SignalTable:
+    """A single temperature as that of all joints."""
+    if signal.quantity != "temperature" or len(signal.columns) > 1 or signal.joints is not None:
+        return signal
+    return signal.model_copy(update={"columns": signal.columns * len(joints)})
+
+
+def _gears(table: GearsTable | None, joints: tuple[str, ...], arm: Model | None) -> np.ndarray | None:
+    """(n, n) N of the log's joints: from the file, else from the robot's motors; None where neither has them."""
+    if table is not None:
+        numbers = table.numbers()
+        if len(numbers) != len(joints):
+            place = "gears.ratios" if table.ratios is not None else "gears.matrix"
+            raise LogError(f"{len(numbers)} motors", place=place, expected=f"{len(joints)}: {', '.join(joints)}")
+        return numbers
+    bodies = [] if arm is None else [body for body in arm.coordinates if body.joint in joints]
+    if not bodies or all(body.drive.torque_constant is None and body.drive.gear_ratio == 1.0 for body in bodies):
+        return None
+    numbers = np.zeros((len(joints), len(joints)))
+    for body in bodies:
+        row = joints.index(body.joint)
+        numbers[row, row] = body.drive.gear_ratio
+        for other, ratio in body.drive.coupling:
+            if other in joints:
+                numbers[row, joints.index(other)] = ratio
+    return numbers
+
+
+def _runs(table: LogTable, folder: Path) -> tuple[LogRun, ...]:
+    """All runs of a file, each with a name of its own."""
+    runs: list[LogRun] = []
+    for number, each in enumerate(table.runs, start=1):
+        for part in each.folder:
+            name = each.name or (Path(part).name or f"run{number}")
+            if any(run.name == name for run in runs):
+                raise LogError(
+                    "a second run of that name", place=f"runs[{number - 1}]", value=name, expected="a name of its own"
+                )
+            paths = {key: folder / part / (each.files.get(key) or str(file.path)) for key, file in table.files.items()}
+            runs.append(LogRun(name, each.use, paths))
+    return tuple(runs)
+
+
+def _check_sides(log: Log) -> None:
+    """Refuses motor-side columns without gears, and some of the motors of a coupled wrist.
+
+    Raises:
+        LogError: with the table.
+    """
+    for k, signal in enumerate(log.table.signals):
+        if signal.side == "motor":
+            to_joints(log, signal, k)
+
+
+def _sha256(path: Path) -> str:
+    """Checksum of a file, read in parts."""
+    digest = hashlib.sha256()
+    with opened(path, "a measured file", LogError) as file:
+        while part := file.read(2**20):
+            digest.update(part)
+    return digest.hexdigest()

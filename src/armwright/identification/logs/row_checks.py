@@ -1,0 +1,160 @@
+"""Checks of single rows and cells of a log: its clock, its columns, and whether anything moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import pi
+
+import numpy as np
+
+from armwright.identification.logs.census import Census, Places, SignalCensus
+from armwright.identification.logs.findings import Found, error, note, number_of, warning
+from armwright.identification.logs.log import Log, LogRun
+from armwright.identification.logs.quantisation import quantisation_step
+from armwright.identification.logs.spectrum import longest_finite
+
+UNEVEN, WILD = 0.01, 0.3  # jitter as a share of the period that is noted, and that no interpolation mends
+STAY = 5  # rows at an extreme that look like a limit
+HELD = 0.2  # share of rows that repeat: a command in steps
+FEW_LEVELS, OFTEN = 8, 2.0  # of a command in steps; times as often at the extremes as at other levels
+LEVELS = 32  # different values: a signal of so few steps or stays by its nature
+REPEATED, LONG = 0.005, 20  # share of repeated rows that is noted; rows at a time, above which the arm rests
+FEWEST = 32  # rows of a stretch that can be used
+
+
+def _rows(places: Places) -> str:
+    """`row 12, row 90 and 3 more`; rows from 1."""
+    first = ", ".join(f"row {row + 1}" for row in places.rows)
+    more = places.count - len(places.rows)
+    return f"{first} and {more} more" if more else first
+
+
+def clock(log: Log, run: LogRun, census: Census) -> Found:
+    """Time that goes backwards, is missing, repeats, has gaps, or is uneven."""
+    rate = 1.0 / census.period
+    if census.backwards.count:
+        place = log.place(run, "time", 0, census.backwards.rows[0])
+        what = f"time goes backwards {number_of(census.backwards.count, 'time')}: {_rows(census.backwards)}; first at {place}"
+        many = census.backwards.count > 0.01 * census.rows
+        expected = "one clock in the column; two recordings are two runs" if many else "rows in the order of time"
+        yield error(what, "time", expected)
+    if census.no_time.count:
+        rows = number_of(census.no_time.count, "row")
+        yield note(f"{rows} without time left out: {_rows(census.no_time)}", "time")
+    if census.same_time.count:
+        share = census.same_time.count / census.rows
+        rows = number_of(census.same_time.count, "row")
+        what = f"{rows} ({share:.2%}) at the time of the row before: {_rows(census.same_time)}"
+        yield (error if share > 0.5 else note)(f"{what}; times are too coarse, or rows were written twice", "time")
+    if census.gaps.count:
+        parts = f"the run falls into {len(census.stretches)} stretch{'es' * (len(census.stretches) != 1)}"
+        missing = f"{number_of(census.gaps.count, 'gap')} of about {number_of(census.lost, 'row')}"
+        what = f"{missing}; the widest is {census.widest:.4g} s: before {_rows(census.gaps)}; {parts}"
+        yield note(what, "time")
+    share = census.jitter / census.period
+    if census.jitter <= census.resolution:
+        if census.resolution:
+            what = f"times are rounded to {1e3 * census.resolution:g} ms, from row to row it takes {1e3 * census.period:.4g} ms"
+            yield note(f"{what}: rows count as evenly spaced", "time")
+    elif share > UNEVEN:
+        what = f"uneven: {rate:.5g} Hz, from row to row {1e3 * census.period:.4g} ms ± {1e3 * census.jitter:.2g} ms ({share:.1%})"
+        if share > WILD:
+            yield error(what, "time", "steps of time that are nearly equal; is it the clock of the samples?")
+        else:
+            yield note(f"{what}; preparation interpolates at even times", "time")
+
+
+def _columns(log: Log, census: Census) -> Iterator[tuple[str, str, str, SignalCensus, int]]:
+    """(signal, place in words, unit, its census, entry) of every column."""
+    for signal in log.layout:
+        for k, joint in enumerate(signal.joints or ()):
+            yield signal.name, f"{signal.name} {log.joints[joint]}", signal.units[k], census.signals[signal.name], k
+
+
+def cells(log: Log, run: LogRun, census: Census) -> Found:
+    """Empty cells, constant and quantised columns, stays at an extreme, and rows that repeat."""
+    yield from _repeats(census)
+    for name, place, unit, counted, k in _columns(log, census):
+        if counted.missing[k].count:
+            if counted.missing[k].count >= census.rows:
+                yield error("all cells are empty", place, expected="numbers")
+                continue
+            first = log.place(run, name, (log.layout[name].joints or ())[k], counted.missing[k].rows[0])
+            places = f"{_rows(counted.missing[k])}; first at {first}"
+            what = f"{counted.missing[k].count} cells are empty or not finite: {places}"
+            yield note(f"{what}; the run is cut there, into {len(census.stretches)} stretches", place)
+        low, high = counted.low[k], counted.high[k]
+        if low == high:
+            yield note(f"constant, {low:.6g} {unit}: this run says nothing about it", place)
+            continue
+        column = longest_finite(census.excerpt.values[name][:, k])
+        step = quantisation_step(column) if len(column) > 16 else None
+        if step:
+            turn = f", {2 * pi / step:.6g} in a turn" if name == "q" and unit == "rad" else ""
+            yield note(f"quantised in steps of {step:.4g} {unit}{turn}", place)
+        if name in ("tau", "current", "voltage", "qd"):
+            if counted.repeats[k] > HELD * counted.counted:
+                yield from _clipped(column, place, unit)
+            elif len(np.unique(column)) > LEVELS:
+                yield from _stays(counted, k, place, unit)
+
+
+def _repeats(census: Census) -> Found:
+    """Rows that repeat all signals in short runs: held by a slower loop, or lost; long runs are rest."""
+    repeats, runs = census.whole_repeats.count, census.repeat_runs
+    columns = [column for name, values in census.excerpt.values.items() if name != "temperature" for column in values.T]
+    changing = [column for column in columns if np.ptp(column) > 0]
+    if (
+        not any(_is_restless(column) for column in changing)
+        or repeats < REPEATED * census.rows
+        or repeats > LONG * max(runs, 1)
+    ):
+        return
+    fresh = census.rows - repeats
+    rate = fresh / census.rows / census.period
+    what = f"{repeats} rows ({repeats / census.rows:.0%}) repeat the row before in all signals, {repeats / runs:.1f} at a time"
+    yield warning(f"{what}: samples were lost, or held by a loop of about {rate:.4g} Hz", "rows")
+
+
+def _is_restless(column: np.ndarray) -> bool:
+    """True of a signal that does not repeat by itself, as commands of few levels or long holds and slow encoders do."""
+    steps = np.abs(np.diff(column[np.isfinite(column)]))
+    steps = steps[steps > 0]
+    if len(np.unique(column)) <= LEVELS or len(steps) * LONG < len(column):
+        return False
+    count = quantisation_step(column[np.isfinite(column)])
+    return not count or float(np.median(steps)) > 1.5 * count
+
+
+def _stays(counted: SignalCensus, k: int, place: str, unit: str) -> Found:
+    """Stays at an extreme, where the signal else changes from row to row."""
+    for value, stay in ((counted.low[k], counted.at_low[k]), (counted.high[k], counted.at_high[k])):
+        if stay >= STAY:
+            yield warning(
+                f"stays at its extreme {value:.6g} {unit} for {stay} rows: a limit, or a full converter", place
+            )
+
+
+def _clipped(column: np.ndarray, place: str, unit: str) -> Found:
+    """A command in steps that goes to its extremes far more often than to its other levels."""
+    visited = column[np.flatnonzero(np.diff(column, prepend=np.nan) != 0)]
+    levels, extremes = len(np.unique(visited)), (visited == visited.min()) | (visited == visited.max())
+    if levels >= FEW_LEVELS and extremes.mean() > OFTEN * 2 / levels:
+        ends = f"{visited.min():.6g} and {visited.max():.6g} {unit}"
+        what = f"{extremes.mean():.0%} of its {len(visited)} steps go to its extremes {ends}, of {levels} levels"
+        yield warning(f"{what}: a limit, or a full converter", place)
+
+
+def motion(log: Log, run: LogRun, census: Census) -> Found:
+    """Logs without motion, without a force, or without a stretch that is long enough."""
+    moving = [census.signals[name] for name in ("q", "qd") if name in census.signals]
+    found = note if {"voltage", "current"} <= set(log.layout.names) else error  # of locked rotors, they tell R and L
+    if not moving:
+        yield found("neither positions nor speeds are logged", "signals", "one of them")
+    elif not any((each.low < each.high).any() for each in moving):
+        yield found("nothing moves: positions and speeds are constant", "signals", "a run with motion")
+    if not any(name in log.layout for name in ("tau", "tau_link", "current", "voltage")):
+        yield note("no torque, current or voltage is logged: nothing can be said about forces", "signals")
+    longest = max((stretch.rows for stretch in census.stretches), default=0)
+    if longest <= FEWEST:
+        yield error(f"the longest stretch without a gap has {number_of(longest, 'row')}", "rows", f"more than {FEWEST}")

@@ -1,0 +1,71 @@
+"""Speed of identification as ratios of processor times within one run, so that neither the machine nor other work on it counts.
+
+The yardstick is Pinocchio's regressor of six joints in a loop, with NumPy's product of each state added up.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.identification.arm.normal import normal_equations
+from identification.arm.simulated_log import write_log
+from identification.motor_truth import write_log as write_motor_log
+
+ROWS = 45_000  # of a TX40's log of 9 s at 5 kHz
+PART = 1_500  # of them in one go
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """Processor time of all threads."""
+    begin = time.process_time()
+    work()
+    return time.process_time() - begin
+
+
+@pytest.fixture(scope="module")
+def yardstick():
+    """Does the sums of `PART` states, by Pinocchio from Python."""
+    pin = pytest.importorskip("pinocchio", reason="the extra `bench` is not installed")
+    model = pin.buildSampleModelManipulator()
+    data, states = model.createData(), np.random.default_rng(0).normal(size=(4, PART, 6))
+    assert model.nv == 6
+
+    def loop() -> np.ndarray:
+        total = np.zeros((61, 61))
+        for q, qd, qdd, tau in zip(*states, strict=True):
+            values = np.column_stack([pin.computeJointTorqueRegressor(model, data, q, qd, qdd), tau])
+            total += values.T @ values
+        return total
+
+    return loop
+
+
+def test_normal_equations_are_20_times_as_fast_as_pinocchios_loop(yardstick):
+    """The two take turns, and the least time of each counts: the one that other work has disturbed least."""
+    arm = aw.load("lwa4p")
+    states = np.random.default_rng(0).normal(size=(4, 6 * PART, arm.n))
+    ours = partial(normal_equations(arm), *states)
+    ours()  # compiles
+    peer, own = np.array([[seconds(yardstick), seconds(ours)] for _ in range(8)]).min(axis=0)
+    assert 6 * peer > 20 * own
+
+
+def test_the_pipeline_and_a_motor_take_no_longer_than_eleven_loops(yardstick, tmp_path):
+    """Log to record, and a motor from 16 starts: 5 s each at most, where the loop over `ROWS` states takes 0.45 s (Zen 4)."""
+    arm, path = aw.load("lwa4p"), write_log(tmp_path, aw.load("lwa4p"), seconds=9.0, rate=5000.0)
+    motor = write_motor_log(tmp_path, 0, name="motor")
+
+    def pipeline() -> None:
+        aw.identify_arm(aw.read_log(path), arm).write(tmp_path / "identified.toml")
+
+    pipeline()  # compiles
+    aw.identify_motor(motor, starts=1)
+    limit = 11 * ROWS / PART * min(seconds(yardstick) for _ in range(8))
+    assert seconds(pipeline) < limit
+    assert seconds(lambda: aw.identify_motor(motor, starts=16)) < limit
