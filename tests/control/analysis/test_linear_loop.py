@@ -113,6 +113,35 @@ def test_python_control_finds_the_same_margins():
         assert peaks[joint] == pytest.approx(np.abs(1.0 / (1.0 + np.array(ratio))).max(), rel=1e-9)
 
 
+@pytest.mark.parametrize("timing", TIMINGS)
+def test_python_control_closes_the_opened_loop(timing):
+    """Its margins of L are ours; 1 + L = 0 has the eigenvalues of the closed loop; its sensitivity peak is ours."""
+    control = pytest.importorskip("control", reason="python-control is the oracle")
+    loop = LinearLoop(scenario(CONTROLLERS["pid"], timing, aw.Sensors(velocity="difference")))
+    ours, radius = loop.margins(POSE), loop.radius(POSE)
+    peaks, _ = loop.sensitivity(POSE, points=4001)
+    for joint in range(2):
+        system = loop.open_loop(POSE, joint)
+        w = np.geomspace(1e-4, 1.0, 4001) * np.pi / PERIOD
+
+        def response(v, system=system):
+            return complex(system(np.exp(1j * v * PERIOD)))
+
+        answer = system(np.exp(1j * w * PERIOD))
+        crosses = np.flatnonzero((answer.imag[:-1] * answer.imag[1:] < 0) & (answer.real[:-1] < 0))
+        gains = [1 / abs(response(brentq(lambda v: response(v).imag, w[k], w[k + 1]))) for k in crosses]
+        gains.append(1 / abs(response(w[-1])) if response(w[-1]).real < 0 else np.inf)
+        ones = np.flatnonzero((np.abs(answer[:-1]) - 1) * (np.abs(answer[1:]) - 1) < 0)
+        lags = [np.angle(-response(brentq(lambda v: abs(response(v)) - 1, w[k], w[k + 1]))) for k in ones]
+        assert ours.gain_up[joint] == pytest.approx(min(gain for gain in gains if gain > 1.0), rel=1e-6)
+        assert ours.phase[joint] == pytest.approx(min(lag for lag in lags if lag > 0.0), rel=1e-6)
+        assert peaks[joint] == pytest.approx(np.abs(1.0 / (1.0 + answer)).max(), rel=1e-9)
+    closed = control.feedback(loop.open_loop(POSE), np.eye(2))
+    assert np.abs(closed.poles()).max() == pytest.approx(radius, abs=1e-9)
+    alone = control.feedback(loop.open_loop(POSE, 1, held=True))
+    assert np.abs(alone.poles()).max() == pytest.approx(loop.radius(POSE, joint=1), abs=1e-9)
+
+
 def test_a_batch_of_poses_is_each_by_itself():
     loop = LinearLoop(scenario(CONTROLLERS["three rates"]))
     poses = np.random.default_rng(0).uniform(-2, 2, (20, 2))
@@ -139,14 +168,28 @@ def test_refused(make, place):
     assert error.value.problems[0].place.startswith(place)
 
 
+def lanes(**parts):
+    """A scenario of two lanes that differ in parts of its loop."""
+    loop = aw.Loop(CONTROLLERS["pd"], period=PERIOD, **parts)
+    return aw.Scenario(aw.load("two-link"), 1.0, loop=loop, lanes=2)
+
+
 @pytest.mark.parametrize(
     ("call", "place"),
     [
         (lambda: LinearLoop(CONTROLLERS.get("none")), "scenario"),  # type: ignore[arg-type]
         (lambda: LinearLoop(scenario(CONTROLLERS["pd"]), 0.0), "period"),
+        (lambda: LinearLoop(lanes(timing=aw.Timing(command_delay=aw.Batch([0.0, 1e-3])))), "loop.timing.command_delay"),
+        (lambda: LinearLoop(lanes(sensors=aw.Sensors(counts=aw.Batch([400, 500])))), "loop.sensors.counts"),
+        (lambda: LinearLoop(lanes(timing=aw.Timing(jitter=aw.Draw.uniform(0.0, 1e-3)))), "loop"),
         (lambda: LinearLoop(scenario(CONTROLLERS["pd"]), np.nan), "period"),
         (lambda: LinearLoop(scenario(CONTROLLERS["pd"])).radius([0.2]), "q"),
         (lambda: LinearLoop(scenario(CONTROLLERS["pd"])).radius([np.nan, 0.2]), "q"),
+        (lambda: LinearLoop(scenario(CONTROLLERS["pd"])).radius(["a", "b"]), "q"),
+        (lambda: LinearLoop(scenario(CONTROLLERS["pd"])).radius([[0.2, 0.9], [0.1]]), "q"),
+        (lambda: LinearLoop(scenario(CONTROLLERS["pd"])).open_loop([POSE, POSE]), "q"),
+        (lambda: LinearLoop(scenario(CONTROLLERS["pd"])).open_loop(POSE, 2), "joint"),
+        (lambda: LinearLoop(scenario(CONTROLLERS["three rates"])).open_loop(POSE), "loop"),
     ],
 )
 def test_bad_poses_and_periods(call, place):

@@ -1,5 +1,7 @@
 """Inertias over the workspace, longest periods and gain regions, beside closed forms and brute force."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from armwright.control.analysis.analyse import HEADS, analyse_loops
 from armwright.control.analysis.linear_loop import LinearLoop
 from armwright.errors import ScenarioError
 
+PD = aw.JointPID(kp=300.0, kd=40.0, gravity=True)
 POSES = np.array([[0.0, 0.0], [0.3, 1.5], [0.0, 3.0]])
 
 
@@ -67,6 +70,14 @@ def test_a_region_holds_what_margins_say():
             assert region.keeps[i, k] == bool(((up > 2.0) & (down < 0.5) & (phase > 0.5)).all())
 
 
+def test_a_scenario_s_lanes_do_not_change_a_region():
+    values = {"kp": np.geomspace(30, 3e4, 3), "kd": np.geomspace(4, 4e3, 3)}
+    one = scenario(preset="one-tick")
+    lanes = replace(one, vary={"forearm.mass_kg": aw.Batch([1.0, 2.0])}, start=aw.Batch(np.zeros((2, 2))))
+    regions = [aw.gain_region(each, "elbow", values, POSES).keeps for each in (one, lanes)]
+    np.testing.assert_array_equal(*regions)
+
+
 def test_regions_shrink_with_delay():
     values = {"kp": np.geomspace(30, 3e4, 12), "kd": np.geomspace(4, 4e3, 12)}
     regions = [
@@ -81,6 +92,7 @@ def test_an_analysis_says_what_is_sampled():
     assert found.keeps_margins
     assert [row[0] for row in found.rows()] == ["shoulder", "elbow"]
     assert all(len(row) == len(HEADS) for row in found.rows())
+    assert {"inertia held [kg m²]", "gravity slope [N m/rad]", "noise gain [N m/rad]"} <= set(found.heads())
     text = " ".join(found.sentences())
     assert "300 sampled poses" in text
     assert f"{1 / found.period_stable:.4g} Hz" in text
@@ -99,9 +111,40 @@ def test_an_analysis_says_what_is_sampled():
         (lambda: aw.longest_period(scenario(), POSES, gain_margin=0.5), "gain_margin"),
         (lambda: aw.longest_period(scenario(), POSES, phase_margin=4), "phase_margin"),
         (lambda: aw.joint_inertias(aw.load("two-link"), 0), "poses"),
+        (lambda: aw.longest_period(scenario(), POSES, others="moving"), "others"),
+        (lambda: aw.longest_period(None, POSES), "scenario"),
+        (lambda: aw.longest_period(scenario(), POSES[:0]), "q"),
+        (lambda: aw.longest_period(scenario(aw.JointPID(kp=aw.Batch([1.0, 2.0]))), POSES), "loop.controller"),
+        (lambda: aw.gain_region(None, "elbow", {"kp": [1], "kd": [1]}, POSES), "scenario"),
+        (lambda: aw.gain_region(scenario(), "elbow", None, POSES), "gains"),
+        (lambda: aw.gain_region(scenario(), "elbow", {"kp": ["a"], "kd": [1]}, POSES), "gains['kp']"),
+        (lambda: aw.gain_region(scenario(), "elbow", {"kp": [], "kd": [1]}, POSES), "gains['kp']"),
+        (lambda: aw.gain_region(scenario(aw.FeedForward(PD)), "elbow", {"kp": [1], "kd": [1]}, POSES), "gains"),
+        (lambda: aw.gain_region(scenario(), "elbow", {"kp": [1], "kd": [1]}, np.zeros((0, 2))), "q"),
+        (lambda: aw.joint_inertias(aw.load("two-link"), "many"), "poses"),
+        (lambda: aw.joint_inertias(aw.load("two-link"), [[0.0, 0.0, 0.0]]), "q"),
+        (lambda: aw.analyse_loops(scenario(), 10, seed=-1), "seed"),
+        (lambda: aw.noise_gain(None, POSES), "loop"),
+        (lambda: aw.noise_gain(LinearLoop(scenario()), POSES, joint=7), "joint"),
+        (lambda: LinearLoop(scenario()).radius(POSES, gains=[1.0, 2.0]), "gains"),
+        (lambda: aw.longest_period(scenario(), [[0.0]]), "q"),
+        (lambda: aw.gain_region(scenario(), "elbow", {"kp": [1], "kd": [1]}, [0.0, 0.0, 0.0]), "q"),
+        (lambda: aw.gain_region(scenario(), "elbow", {"kp": [1], "kd": [1]}, ["0", "1"]), "q"),
     ],
 )
 def test_refused(call, place):
     with pytest.raises(ScenarioError) as error:
         call()
     assert error.value.problems[0].place == place
+
+
+def test_a_direct_drive_joint_by_itself_is_no_answer():
+    """Without gears the other joints decide: each joint by itself seems stable at periods at which the coupled loop is not."""
+    arm = aw.load("cmu-dd")
+    law = aw.JointPID(kp=[800, 1800, 600, 300, 60, 40], kd=[80, 180, 60, 24, 6, 4], gravity=True)
+    made = aw.Scenario(arm, duration=1.0, loop=aw.Loop(law, period=1e-3, timing=aw.Timing("one-tick")))
+    poses = aw.joint_inertias(arm, 2000)
+    q = poses.q[poses.extremes()][::4]
+    coupled, held, free = (aw.longest_period(made, q, others=others)[0] for others in ("closed", "held", "free"))
+    assert held > 1.4 * coupled
+    assert free > 1.1 * coupled

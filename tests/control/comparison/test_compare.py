@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import armwright as aw
 from armwright.control.comparison.compare import command_limits
@@ -50,6 +51,14 @@ def test_measures_of_the_ramp(ramps):
     for heads, rows in (ramps.joint_rows(), ramps.tool_rows()):
         assert [row[0] for row in rows] == ["lags", "follows"]
         assert {len(row) for row in rows} == {len(heads)}
+
+
+def test_a_saved_comparison_has_its_measures(ramps, tmp_path):
+    ramps.save(tmp_path / "errors.nc")
+    with xr.open_dataset(tmp_path / "errors.nc", engine="h5netcdf") as data:
+        np.testing.assert_array_equal(data["rms_error"], ramps.data["rms_error"])
+        assert data["rms_error"].attrs == ramps.data["rms_error"].attrs
+        assert list(data["controller"].values) == list(CONTROLLERS)
 
 
 def test_noise_spreads_the_runs_and_payloads_cost_effort(arm):

@@ -54,6 +54,17 @@ def test_the_way_back_is_compared_with_the_way_back():
     assert found.mean == pytest.approx(1e-3, rel=1e-2)
 
 
+def test_a_tool_that_stops_short_of_a_turn_is_measured_there():
+    """Down to a place, up, aside, and down to another: 10 mm short of the first bottom, it crosses that height at the second."""
+
+    def way(bottom):
+        corners = np.array([[0.0, 0.0, 0.3], [0.0, 0.0, bottom], [0.0, 0.0, 0.3], [0.6, 0.0, 0.3], [0.6, 0.0, -0.1]])
+        return np.stack([np.interp(T, np.linspace(0.0, 2.0, 5), column) for column in corners.T], axis=-1)
+
+    found = errors(way(0.0), way(1e-2))
+    assert found.largest < 1.2e-2
+
+
 def test_accuracy_and_repeatability_of_runs_beside_the_path():
     offsets = np.array([1e-3, 2e-3, 4e-3, 5e-3])
     tools = [there_and_back(T) + np.array([0.0, 0.0, z]) for z in offsets]

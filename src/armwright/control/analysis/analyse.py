@@ -7,12 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from armwright.control.analysis.linear_loop import LinearLoop, Margins
-from armwright.control.analysis.regions import GAIN, PHASE, check_margins, longest_period
+from armwright.control.analysis.noise import NoiseGain, noise_gain
+from armwright.control.analysis.regions import GAIN, OTHERS, PHASE, check_margins, longest_period
 from armwright.control.analysis.workspace import JointInertias, joint_inertias
+from armwright.model.joint_signals import joint_units
 from armwright.simulation.scenario import Scenario
 
 HEADS = (
     "joint", "inertia held", "inertia free", "gravity slope", "coupling", "gain margin ×", "gain margin ÷", "phase margin",
+    "noise gain",
 )  # fmt: skip
 FURTHER = 24  # poses drawn evenly beside the extreme ones
 
@@ -29,6 +32,9 @@ class LoopAnalysis:
         asked: gain and phase margin [rad] for `period_with_margin`.
         period_stable, period_with_margin: [s] the longest with which the coupled loop is stable, and keeps the margins, at all of
             the poses; 0: none does.
+        period_held, period_free: [s] the longest with which every joint by itself is stable, the others held still, and the
+            others without torque.
+        noise: from measured positions, of the coupled loop at the poses.
     """
 
     loop: LinearLoop
@@ -39,6 +45,9 @@ class LoopAnalysis:
     asked: tuple[float, float]
     period_stable: float
     period_with_margin: float
+    period_held: float
+    period_free: float
+    noise: NoiseGain
 
     @property
     def stable(self) -> bool:
@@ -55,9 +64,25 @@ class LoopAnalysis:
         columns = (self.inertias.held[:, joint], self.inertias.slope[:, joint])
         return self.inertias.q[np.unique([index for each in columns for index in (each.argmin(), each.argmax())])]
 
+    def heads(self) -> list[str]:
+        """`HEADS` with their units, where these are the same for all joints."""
+        units = {name: set(each) for name, each in self._units.items()}
+        return [f"{head} [{next(iter(units[head]))}]" if len(units.get(head, ())) == 1 else head for head in HEADS]
+
+    @property
+    def _units(self) -> dict[str, list[str]]:
+        """Units of the joints by head."""
+        arm = self.loop.scenario.arm
+        inertia = ["kg" if body.kind == "prismatic" else "kg m²" for body in arm.coordinates]
+        slope, noise = (
+            [f"{unit}/{q}" for unit, q in zip(joint_units(arm, name), joint_units(arm, "q"), strict=True)]
+            for name in ("tau", "u")
+        )
+        return {"inertia held": inertia, "inertia free": inertia, "gravity slope": slope, "noise gain": noise}
+
     def rows(self) -> list[list[str]]:
-        """A row for each joint, as `HEADS`; ranges are those over the poses, margins the least."""
-        rows = []
+        """A row for each joint, as `heads`; ranges are those over the poses, margins the least."""
+        rows, units = [], self._units
         for j, name in enumerate(self.loop.names):
             ranges = [_range(each[:, j]) for each in (self.inertias.held, self.inertias.free, self.inertias.slope)]
             margins = [
@@ -65,7 +90,16 @@ class LoopAnalysis:
                 f"{1.0 / np.nanmax(self.held.gain_down[:, j]):.3g}" if np.nanmax(self.held.gain_down[:, j]) > 0 else "∞",
                 f"{np.degrees(np.nanmin(self.held.phase[:, j])):.3g}°",
             ] if np.isfinite(self.held.phase[:, j]).all() else ["unstable"] * 3  # fmt: skip
-            rows.append([name, *ranges, f"{self.inertias.coupling[:, j].max():.2f}", *margins])
+            noise = self.noise.command[:, j, j]
+            margins.append(f"{np.nanmax(noise):.3g}" if np.isfinite(noise).all() else "—")
+            row = [name, *ranges, f"{self.inertias.coupling[:, j].max():.2f}", *margins]
+            unlike = [len(set(units.get(head, [""]))) > 1 for head in HEADS]
+            rows.append(
+                [
+                    f"{cell} {units[head][j]}" if mixed else cell
+                    for cell, head, mixed in zip(row, HEADS, unlike, strict=True)
+                ]
+            )
         return rows
 
     def sentences(self) -> list[str]:
@@ -74,23 +108,39 @@ class LoopAnalysis:
         worst = int(self.radius.argmax())
         pose = ", ".join(f"{value:.3g}" for value in self.poses[worst])
         asked = f"a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}°"
-        state = "stable" if self.stable else "NOT stable"
+        bad = int((self.radius >= 1.0).sum())
+        state = (
+            f"stable at the {len(self.poses)} poses"
+            if self.stable
+            else f"NOT stable at {bad} of {len(self.poses)} poses"
+        )
         lines = [
-            f"the coupled loop at {1e3 * loop.period:.4g} ms with {1e3 * loop.delay:.4g} ms of delay is {state} at the "
-            f"{len(self.poses)} poses; its largest eigenvalue is {self.radius[worst]:.5f} a tick, at q = [{pose}]"
+            f"the coupled loop at {1e3 * loop.period:.4g} ms with {1e3 * loop.delay:.4g} ms of delay is {state}; "
+            f"its largest eigenvalue is {self.radius[worst]:.5f} a tick, at q = [{pose}]"
         ]
-        for period, what in ((self.period_stable, "stays stable"), (self.period_with_margin, f"keeps {asked}")):
+        for period, what in ((self.period_stable, "be stable"), (self.period_with_margin, f"keep {asked}")):
             if period == 0.0:
-                lines.append(f"at no sample period it {what}")
+                lines.append(f"at no sample period would it {what}")
             else:
                 lines.append(
-                    f"it {what} up to a period of {1e3 * period:.4g} ms, down to a rate of {1.0 / period:.4g} Hz"
+                    f"it would {what} up to a period of {1e3 * period:.4g} ms, down to a rate of {1.0 / period:.4g} Hz"
                 )
+        if self.period_stable > 0.0:
+            held, free = (100.0 * (each / self.period_stable - 1.0) for each in (self.period_held, self.period_free))
+            lines.append(
+                f"joint by joint the answer is: stable up to {1e3 * self.period_held:.4g} ms ({held:+.2g} %) with the others "
+                f"held still, up to {1e3 * self.period_free:.4g} ms ({free:+.2g} %) with the others free"
+            )
         count = len(self.inertias.q)
         lines.append(
             f"inertias are those of {count} sampled poses, margins those of {len(self.poses)} of them, the extreme ones "
             f"among these; between sampled poses nothing is proven"
         )
+        counts = self.loop.scenario.loop.joint_sensors.counts_of(self.loop.scenario.arm)  # type: ignore[union-attr]
+        if counts.any() and self.stable:
+            tremor = np.sqrt(self.noise.command**2 @ (counts**2 / 12.0)).max(axis=0)
+            listed = ", ".join(f"{value:.2g}" for value in tremor)
+            lines.append(f"counts of encoders make the commands of moving joints tremble, by up to {listed} (1 σ)")
         lines.append(f"left out: {'; '.join(loop.left_out)}")
         return lines
 
@@ -119,9 +169,11 @@ def analyse_loops(
     chosen = np.unique(np.concatenate([inertias.extremes(), np.arange(min(FURTHER, poses))]))
     q = inertias.q[chosen]
     held = loop.margins(q, held=True)
-    stable, _ = longest_period(scenario, q)
+    stable, alone_held, alone_free = (longest_period(scenario, q, others=others)[0] for others in OTHERS)
     with_margin, _ = longest_period(scenario, q, gain_margin=gain_margin, phase_margin=phase_margin)
-    return LoopAnalysis(loop, inertias, q, held, held.radius, (gain_margin, phase_margin), stable, with_margin)
+    asked = (gain_margin, phase_margin)
+    noise = noise_gain(loop, q)
+    return LoopAnalysis(loop, inertias, q, held, held.radius, asked, stable, with_margin, alone_held, alone_free, noise)
 
 
 def _range(values: np.ndarray) -> str:

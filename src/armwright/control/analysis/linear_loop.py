@@ -11,6 +11,7 @@ joint these are the classical gain and phase margins; for several rates they are
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -19,13 +20,17 @@ import numpy as np
 
 from armwright.control.analysis.hold import Held, split_delay, zero_order_hold
 from armwright.control.analysis.small_signal import LEFT_OUT, Slopes, SmallPlant, SmallSignal
+from armwright.control.analysis.workspace import checked_poses
 from armwright.errors import ScenarioError
-from armwright.simulation.checks import check_time
+from armwright.parameters import batches, has_draws
+from armwright.simulation.checks import check_time, is_whole
 from armwright.simulation.loop.timing import Delays
 from armwright.simulation.scenario import Scenario
 
 GAINS = np.geomspace(1.0, 1e6, 61)  # factors among which the first unstable one is looked for
 ANGLES = np.linspace(0.0, np.pi, 31)
+POSITIONS = ("q", "motor_q")  # parts of a plant's state that encoders see
+PARTS = 6  # of these ranges, looked at in turn
 HALVINGS = 24  # of the interval where a margin ends
 
 
@@ -73,6 +78,14 @@ class LinearLoop:
         loop = scenario.loop
         if loop is None or loop.controller is None:
             raise ScenarioError("has no controller", place="loop", expected="a scenario with a loop and its controller")
+        for part in ("timing", "sensors"):
+            for place, batch in batches(getattr(loop, part), f"loop.{part}"):
+                if len(batch) > 1:
+                    raise ScenarioError(
+                        "differs by lane", place=place, value=batch, expected="one value: one loop is analysed"
+                    )
+        if has_draws(loop):
+            raise ScenarioError("has random draws", place="loop", expected="numbers: one loop is analysed")
         self.scenario = scenario
         self.period = scenario.tick if period is None else float(period)
         self.plant = SmallPlant(scenario.arm) if plant is None else plant
@@ -86,24 +99,39 @@ class LinearLoop:
     def __repr__(self) -> str:
         return f"LinearLoop({self.scenario.arm.name!r}, {self.period:g} s, delay {1e3 * self.delay:.4g} ms)"
 
+    def with_delay(self, delay: float) -> LinearLoop:
+        """The loop with another delay [s] of measurements and commands together."""
+        loop = copy.copy(self)
+        loop._periods, loop.delay = delay / self.period, delay
+        return loop
+
     @property
     def gains(self) -> np.ndarray:
         """(lanes, k) values of the controller's batches, side by side."""
         return self._small.gains
 
-    def slopes(self, q: Any, gains: Any = None, joint: int | None = None) -> Slopes:
+    def slopes(self, q: Any, gains: Any = None, joint: int | None = None, free: bool = False) -> Slopes:
         """Matrices of plant, sensors and controller at poses q (…, n) [rad | m], with what decides nothing left out.
 
         Args:
-            q: poses.   gains: in place of the controller's batches.   joint: its loop alone, all other joints held still.
+            q: poses.   gains: in place of the controller's batches.   joint: its loop alone, the others held still, or
+            free: without torque.
+        Raises:
+            ScenarioError: poses that are none of this arm.
         """
-        q, n = np.asarray(q, dtype=float), len(self.names)
-        if q.shape[-1:] != (n,) or not np.isfinite(q).all():
-            what = f"shape {q.shape}" if q.shape[-1:] != (n,) else "is not finite"
-            raise ScenarioError(what, place="q", expected=f"finite poses (…, {n})")
+        q = checked_poses(q, len(self.names))
+        if joint is not None and not (is_whole(joint, 0) and joint < len(self.names)):
+            expected = f"the number of a joint, 0 to {len(self.names) - 1}"
+            raise ScenarioError(place="joint", value=joint, expected=expected)
+        count = self.gains.shape[-1]
+        if gains is not None and np.shape(gains)[-1:] != (count,):
+            expected = f"(…, {count}), the controller's batches side by side"
+            raise ScenarioError(f"shape {np.shape(gains)}", place="gains", expected=expected)
         slopes = self._small.slopes(q, gains)
-        if joint is not None:
-            slopes = slopes.alone(joint, self._states_of(joint))
+        return self._moving(slopes if joint is None else slopes.alone(joint, self.states_of(joint), free))
+
+    def _moving(self, slopes: Slopes) -> Slopes:
+        """Slopes without memories that decide nothing."""
         size, n = slopes.b.shape[-2:]
         ones = np.ones(slopes.b.shape)  # of a plant in which everything moves everything
         maps = self.maps(slopes, Held(np.ones(slopes.a.shape), ones, ones, split_delay(self._periods)[0]))
@@ -113,14 +141,14 @@ class LinearLoop:
         rows, columns = np.r_[0:n, n + kept], np.r_[0:size, size + kept, size + memory : size + memory + n]
         return Slopes(slopes.e, slopes.a, slopes.b, tuple(tick[..., rows[:, None], columns] for tick in slopes.ticks))
 
-    def _states_of(self, joint: int) -> np.ndarray:
+    def positions(self, joint: int) -> list[int]:
+        """Places in the plant's state of the positions of a joint, which encoders see."""
+        layout = self.plant.plant.layout
+        return self.plant.states_of(joint, [name for name in POSITIONS if name in layout]).tolist()
+
+    def states_of(self, joint: int) -> np.ndarray:
         """Places in the plant's state that belong to a joint."""
-        layout, states = self.plant.plant.layout, []
-        for name in layout.names:
-            place = layout.place(name)
-            joints = layout[name].joints or tuple(range(len(self.names)))
-            states += [place.start + k for k, each in enumerate(joints) if each == joint]
-        return np.array(states)
+        return self.plant.states_of(joint)
 
     def held(self, slopes: Slopes, extra: float = 0.0) -> Held:
         """The plant from tick to tick with all delays of the loop and `extra` [s] more."""
@@ -158,13 +186,14 @@ class LinearLoop:
             maps.append(whole)
         return maps
 
-    def radius(self, q: Any, *, gains: Any = None, joint: int | None = None) -> np.ndarray:
+    def radius(self, q: Any, *, gains: Any = None, joint: int | None = None, free: bool = False) -> np.ndarray:
         """Spectral radius (…,) a tick at poses q (…, n): the loop is stable where it is below 1.
 
         Args:
-            q: (…, n) [rad | m].   gains: in place of the controller's batches.   joint: alone, the others held.
+            q: (…, n) [rad | m].   gains: in place of the controller's batches.   joint: alone, the others held, or
+            free: without torque.
         """
-        slopes = self.slopes(q, gains, joint)
+        slopes = self.slopes(q, gains, joint, free)
         return self._radius(slopes, self.held(slopes))
 
     def _radius(self, slopes: Slopes, held: Held, factors: np.ndarray | None = None) -> np.ndarray:
@@ -184,8 +213,9 @@ class LinearLoop:
         n, rows = len(self.names), []
         coupled = self.slopes(q, gains)
         radius = self._radius(coupled, self.held(coupled))
+        whole = self._small.slopes(checked_poses(q, n), gains) if held else None
         for joint in range(n):
-            slopes = self.slopes(q, gains, joint) if held else coupled
+            slopes = coupled if whole is None else self._moving(whole.alone(joint, self.states_of(joint)))
             rows.append(self._margins(slopes, 0 if held else joint))
         up, down, phase = np.moveaxis(np.array(rows), 0, -1)
         return Margins(up, down, phase, radius)
@@ -210,11 +240,51 @@ class LinearLoop:
 
         shape = plant.a.shape[:-2]
         stable = ~unstable(np.ones(shape))
-        up = _first(unstable, GAINS, shape, np.inf)
-        down = 1.0 / _first(lambda g: unstable(1.0 / g), GAINS, shape, np.inf)
-        phase = _first(lambda p: unstable(np.exp(-1j * p)), ANGLES, shape, np.pi)
+        up = first_lost(unstable, GAINS, shape, np.inf)
+        down = 1.0 / first_lost(lambda g: unstable(1.0 / g), GAINS, shape, np.inf)
+        phase = first_lost(lambda p: unstable(np.exp(-1j * p)), ANGLES, shape, np.pi)
         up, down, phase = (np.where(stable, each, np.nan) for each in (up, down, phase))
         return up, down, phase
+
+    def open_loop(self, q: Any, joint: int | None = None, *, gains: Any = None, held: bool = False) -> Any:
+        """The loop at a pose, opened at its commands, as a `control.StateSpace` L(z) of python-control: 1 + L = 0 is unstable.
+
+        Bode, Nyquist, root locus and margins follow from its functions; its characteristic loci are the eigenvalues of L.
+
+        Args:
+            q: (n,) one pose [rad | m].   joint: opened at its command alone; None: at all, a system of n inputs and outputs.
+            gains: in place of the controller's batches.   held: with the other joints held still; else with their loops closed.
+        Returns:
+            system: of period `period`, from commands at the drives to those that the controller answers with, signs turned.
+        Raises:
+            ScenarioError: a loop of several rates, several poses, or no such joint.
+        """
+        import control
+
+        self._check_one_rate()
+        n = len(self.names)
+        if checked_poses(q, n).ndim != 1:
+            raise ScenarioError(f"shape {np.shape(q)}", place="q", expected=f"one pose ({n},)")
+        _ = self.slopes(q, gains, joint)  # which checks the joint
+        slopes = self.slopes(q, gains, joint if held else None)
+        plant = self.held(slopes)
+        size, count = slopes.b.shape
+        known = size + slopes.ticks[0].shape[-2] - count
+        closed = self.maps(slopes, plant)[0]
+        opened = np.arange(count) if joint is None else np.array([0 if held else joint])
+        entry = np.zeros((len(closed), len(opened)))  # of a command into its queue, or into the plant at once
+        entry[known + opened, np.arange(len(opened))] = 1.0
+        if plant.ticks == 0:
+            entry[:size] = plant.new[:, opened]
+        answer = closed[known + opened]
+        return control.ss(
+            closed - entry @ answer, entry, -answer, np.zeros((len(opened), len(opened))), self.period,
+            inputs=[self.names[k] for k in ([joint] if joint is not None else range(n))],
+        )  # fmt: skip
+
+    def _check_one_rate(self) -> None:
+        if self.cycle != 1:
+            raise ScenarioError("has several rates", place="loop", expected="a loop of one rate, or its margins")
 
     def sensitivity(self, q: Any, *, gains: Any = None, points: int = 400) -> tuple[np.ndarray, np.ndarray]:
         """Largest magnitude of each joint's sensitivity at its command, the others closed; the modulus margin is its inverse.
@@ -228,8 +298,7 @@ class LinearLoop:
         Raises:
             ScenarioError: a loop of several rates.
         """
-        if self.cycle != 1:
-            raise ScenarioError("has several rates", place="loop", expected="a loop of one rate, or its margins")
+        self._check_one_rate()
         slopes = self.slopes(q, gains)
         n = len(self.names)
         held = self.held(slopes)
@@ -248,11 +317,16 @@ class LinearLoop:
         return peak, where
 
 
-def _first(
+def first_lost(
     unstable: Callable[[np.ndarray], np.ndarray], grid: np.ndarray, shape: tuple[int, ...], never: float
 ) -> np.ndarray:
     """First value on the way along a grid at which a loop becomes unstable, refined by halving; `never` where none does."""
-    lost = unstable(np.broadcast_to(grid[1:].reshape(-1, *[1] * len(shape)), (len(grid) - 1, *shape)))
+    lost = np.zeros((0, *shape), dtype=bool)
+    for part in np.array_split(grid[1:], PARTS):  # most loops are lost early on the way
+        more = unstable(np.broadcast_to(part.reshape(-1, *[1] * len(shape)), (len(part), *shape)))
+        lost = np.concatenate([lost, more])
+        if lost.any(axis=0).all():
+            break
     first = lost.argmax(axis=0)
     low, high = grid[first], grid[first + 1]
     for _ in range(HALVINGS):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
@@ -10,13 +10,19 @@ import numpy as np
 
 from armwright import scalar
 from armwright.control.analysis.linear_loop import LinearLoop
+from armwright.control.analysis.workspace import checked_poses
 from armwright.errors import ScenarioError
-from armwright.parameters import Batch
+from armwright.parameters import Batch, numbers_by_lane
+from armwright.simulation.checks import check_choice
 from armwright.simulation.scenario import Scenario
 
 LONGER = 1.5  # from one period to the next that is tried
 LONGEST = 400.0  # of the loop's own period
-HALVINGS = 9
+CLOSE = 1.02  # the same where a period of most poses is known
+APART = 1e-3  # of a period, between one that keeps the margins and one that does not
+DELAYED = 40.0  # periods of a delay in seconds: beside it a shorter period decides nothing any more
+WATCHED = 12  # poses that periods are tried with; each that the last one fails at joins them
+OTHERS = ("closed", "held", "free")  # loops of the joints beside the one that is looked at
 GAIN, PHASE = 2.0, np.radians(30.0)  # the margins that are usually asked for
 
 
@@ -59,17 +65,18 @@ def gain_region(
     Raises:
         ScenarioError: names that are none, or gains that are no numbers.
     """
-    arm, control = scenario.arm, scenario.loop.controller if scenario.loop is not None else None
+    arm, control = LinearLoop(scenario).scenario.arm, scenario.controller  # which refuses what has no loop
     check_margins(gain_margin, phase_margin)
     if joint not in arm.names:
         raise ScenarioError(place="joint", value=joint, expected="a joint", choices=tuple(arm.names))
-    known = [each.name for each in fields(control)] if is_dataclass(control) else []
+    if not isinstance(gains, Mapping) or len(gains) != 2:
+        raise ScenarioError(place="gains", value=gains, expected="two gains of the controller, {name: values}")
+    known = [each.name for each in fields(control) if _is_gain(control, each.name)] if is_dataclass(control) else []
     for name in gains:
-        if name not in known or np.ndim(getattr(control, name)) > 1 or getattr(control, name) is None:
-            raise ScenarioError(place="gains", value=name, expected="a gain of the controller", choices=tuple(known))
-    if len(gains) != 2:
-        raise ScenarioError(place="gains", value=tuple(gains), expected="two gains of the controller")
-    (first, second), values = gains, [np.atleast_1d(np.asarray(each, dtype=float)) for each in gains.values()]
+        if name not in known:
+            expected = "a gain of the controller itself, the same in all lanes"
+            raise ScenarioError(place="gains", value=name, expected=expected, choices=tuple(known))
+    (first, second), values = gains, [_values(name, each) for name, each in gains.items()]
     place, batches, own = arm.names.index(joint), {}, []
     for name, grid in zip(gains, np.meshgrid(*values, indexing="ij"), strict=True):
         base = np.broadcast_to(np.asarray(scalar.real_numbers(getattr(control, name))), (arm.n,))
@@ -78,8 +85,9 @@ def gain_region(
         batches[name] = Batch(rows)
         own.append(float(base[place]))
     assert scenario.loop is not None
-    loop = LinearLoop(replace(scenario, loop=replace(scenario.loop, controller=replace(control, **batches))))  # type: ignore[type-var]
-    q = np.atleast_2d(np.asarray(q, dtype=float))
+    varied: Any = replace(control, **batches)  # type: ignore[type-var]
+    loop = LinearLoop(Scenario(arm, scenario.tick, loop=replace(scenario.loop, controller=varied)))
+    q = _some_poses(q, arm.n)
     keeps = np.ones(values[0].size * values[1].size, dtype=bool)
     for pose in q:
         rows = np.flatnonzero(keeps)
@@ -100,6 +108,41 @@ def gain_region(
     )
 
 
+def _is_gain(control: Any, name: str) -> bool:
+    """True for a field that holds a number, or one for each joint, and no count of ticks."""
+    value = getattr(control, name)
+    if (
+        isinstance(value, (bool, str))
+        or value is None
+        or isinstance(value, Batch)
+        or name.endswith(("_every", "_phase"))
+    ):
+        return False
+    try:
+        return scalar.real_numbers(value).ndim <= 1
+    except ValueError:
+        return False
+
+
+def _values(name: str, given: Any) -> np.ndarray:
+    """Values (k,) of a gain of a grid."""
+    try:
+        values = np.atleast_1d(scalar.real_numbers(given))
+    except ValueError:
+        values = np.zeros((0, 0))
+    if values.ndim != 1 or not values.size:
+        raise ScenarioError(place=f"gains[{name!r}]", value=given, expected="numbers, one at least")
+    return values
+
+
+def _some_poses(q: Any, n: int) -> np.ndarray:
+    """Poses (k, n), one at least."""
+    poses = np.atleast_2d(checked_poses(q, n))
+    if poses.ndim != 2 or not len(poses):
+        raise ScenarioError(f"shape {poses.shape}", place="q", expected=f"poses (k, {n}), one at least")
+    return poses
+
+
 def usual_gains(control: Any) -> tuple[str, str] | None:
     """The two gains of a controller that a region is drawn over: those of position and of speed; None where it has none."""
     for names in (("position_kp", "speed_kp"), ("kp", "kd"), ("kp", "ki")):
@@ -110,42 +153,102 @@ def usual_gains(control: Any) -> tuple[str, str] | None:
 
 
 def longest_period(
-    scenario: Scenario, q: Any, *, gain_margin: float = 1.0, phase_margin: float = 0.0
+    scenario: Scenario, q: Any, *, gain_margin: float = 1.0, phase_margin: float = 0.0, others: str = "closed"
 ) -> tuple[float, float | None]:
-    """The longest sample period at which the coupled loop keeps its margins at all poses, its gains staying as they are.
+    """The longest sample period at which a loop keeps its margins at all poses, its gains staying as they are.
 
     Delays that the scenario states in seconds stay; those in periods (a preset) grow with the period.
 
     Args:
         scenario: with a controller.   q: (poses, n) [rad | m].
         gain_margin: factor either way; 1: stability alone.   phase_margin: [rad].
+        others: "closed": the coupled loop of all joints; "held" or "free": every joint by itself, the others held still, or
+            without torque. Of a joint with others whose loops are closed these two see the largest inertia and the least.
     Returns:
-        period: [s]; 0 where not even a 400th of the loop's own keeps them. One that is 0.1 % longer fails.
+        period: [s]; 0 where not even a 400th of the loop's own keeps them, nor one far below a stated delay.
+            One that is 0.1 % longer fails.
         failing: [s] the shortest that was seen to fail; None where even 400 times the loop's own keeps them.
     """
     check_margins(gain_margin, phase_margin)
+    check_choice("others", others, OTHERS)
     first = LinearLoop(scenario)
-    q = np.atleast_2d(np.asarray(q, dtype=float))
+    if len(first.gains) > 1:
+        what, expected = f"gains of {len(first.gains)} lanes", "one value of every gain"
+        raise ScenarioError(what, place="loop.controller", expected=expected)
+    q = _some_poses(q, scenario.arm.n)
+    loops: list[int | None] = [None] if others == "closed" else list(range(scenario.arm.n))
+    watched = list(range(0, len(q), -(-len(q) // WATCHED)))  # the others are looked at where these pass
 
-    def keeps(period: float) -> bool:
+    def failing(period: float, poses: np.ndarray) -> np.ndarray:
         loop = LinearLoop(scenario, period, first.plant)
-        return bool(loop.keeps(loop.slopes(q), gain_margin, phase_margin).all())
+        each = (loop.slopes(poses, joint=joint, free=others == "free") for joint in loops)
+        kept = [loop.keeps(slopes, gain_margin, phase_margin) for slopes in each]
+        return np.flatnonzero(~np.all(kept, axis=0))
 
-    low = high = first.period
-    if keeps(low):
-        while keeps(high):
-            low, high = high, LONGER * high
-            if high > LONGEST * first.period:
-                return low, None
-    else:
-        while not keeps(low):
-            low, high = low / LONGER, low
-            if low < first.period / LONGEST:
-                return 0.0, high
-    for _ in range(HALVINGS):
+    assert scenario.loop is not None
+    timing = scenario.loop.timing
+    stated = sum(float(numbers_by_lane(each)[0]) for each in (timing.measurement_delay, timing.command_delay))
+    low, high, least = first.period, np.inf, max(first.period / LONGEST, stated / DELAYED)
+    while True:
+        poses = q[watched]
+        ends = (low, high, first.period, least)
+        low, high = _bracket(lambda period, poses=poses: not failing(period, poses).size, *ends)
+        lost = failing(low, q) if low > 0.0 else np.zeros(0, dtype=int)
+        if not lost.size:
+            return low, None if np.isinf(high) else high
+        watched += lost[:: -(-len(lost) // WATCHED)].tolist()
+        low, high = low / CLOSE, low
+
+
+def _bracket(keeps: Callable[[float], bool], low: float, high: float, own: float, least: float) -> tuple[float, float]:
+    """Two periods 0.1 % apart of which the shorter keeps what is asked; 0 where none does, infinite where all do.
+
+    Args:
+        keeps: of a period [s].   low: where the search begins.   high: known to fail, or infinite.   own: of the loop.
+        least: the shortest that is tried.
+    """
+    longer = LONGER if np.isinf(high) else CLOSE
+    while not keeps(low):
+        low, high = low / longer, low
+        longer = LONGER
+        if low < least:
+            return 0.0, high
+    while np.isinf(high):
+        if LONGER * low > LONGEST * own:
+            return low, high
+        low, high = (low, LONGER * low) if not keeps(LONGER * low) else (LONGER * low, high)
+    while high - low > APART * low:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if keeps(middle) else (low, middle)
     return low, high
+
+
+def longest_delay(scenario: Scenario, q: Any, *, gain_margin: float = 1.0, phase_margin: float = 0.0) -> float | None:
+    """The longest delay, up to the loop's own, with which the coupled loop keeps its margins at all poses.
+
+    Args:
+        scenario: with a controller.   q: (poses, n) [rad | m].
+        gain_margin: factor either way; 1: stability alone.   phase_margin: [rad].
+    Returns:
+        delay: [s] of measurements and commands together, to 1 % of the loop's own; None: not even without one.
+    """
+    check_margins(gain_margin, phase_margin)
+    loop, q = LinearLoop(scenario), np.atleast_2d(np.asarray(q, dtype=float))
+    own = loop.delay
+
+    def keeps(delay: float) -> bool:
+        late = loop.with_delay(delay)
+        return bool(late.keeps(late.slopes(q), gain_margin, phase_margin).all())
+
+    if keeps(own):
+        return own
+    low, high = 0.0, own
+    if not keeps(low):
+        return None
+    while high - low > 0.01 * own:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if keeps(middle) else (low, middle)
+    return low
 
 
 def check_margins(gain: Any, phase: Any) -> None:

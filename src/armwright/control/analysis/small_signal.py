@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -44,7 +44,9 @@ def small_signal_arm(arm: Model) -> Model:
             friction = Friction(viscous=friction.viscous, on_motor=friction.on_motor)
         if elasticity is not None:
             elasticity = replace(elasticity, cubic=None, backlash=None, error=None)
-        drive = replace(body.drive, efficiency=None, smoothing=None, thermal=None, cogging=None, coasts=False)
+        drive = replace(
+            body.drive, efficiency=None, smoothing=None, thermal=None, cogging=None, coasts=False, dead_zone=None
+        )
         limits = Limits(position=body.limits.position)
         return replace(
             body, drive=drive, friction=friction, elasticity=elasticity, limits=limits, stops=None, brake=None
@@ -69,14 +71,19 @@ class Slopes:
     b: np.ndarray
     ticks: tuple[np.ndarray, ...]
 
-    def alone(self, joint: int, states: np.ndarray) -> Slopes:
-        """The loop of one joint with all others held still; `states` are the joint's places in x."""
+    def alone(self, joint: int, states: np.ndarray, free: bool = False) -> Slopes:
+        """The loop of one joint by itself; `states` are the joint's places in x.
+
+        The others are held still, or `free`, without torque: then E = ((E⁻¹)_ss)⁻¹, which holds 1/(H⁻¹)_jj in place of H_jj.
+        """
         size, n = self.b.shape[-2:]
         memory = self.ticks[0].shape[-2] - n
         rows = np.r_[joint, n : n + memory]
         columns = np.r_[states, size : size + memory, size + memory + joint]
         ticks = tuple(tick[..., rows[:, None], columns] for tick in self.ticks)
         e, a = (matrix[..., states[:, None], states] for matrix in (self.e, self.a))
+        if free:
+            e = np.linalg.inv(np.linalg.inv(self.e)[..., states[:, None], states])
         return Slopes(e, a, self.b[..., states, joint : joint + 1], ticks)
 
 
@@ -106,7 +113,21 @@ class SmallPlant:
             by_command = scalar.jacobian(lambda u: self.plant.derivative(x, PlantInputs(u)), u)
             return scalar.array(e), scalar.array(a), scalar.array(e @ by_command)
 
-        return trace("plant_at_rest", slopes, {"q": (self.arm.n,)}, ("e", "a", "b"), by_content=True)
+        return trace("plant_at_rest", slopes, {"q": (self.arm.n,)}, ("e", "a", "b"))
+
+    def slopes(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """E (…, N, N), A (…, N, N) and B (…, N, n) at poses q (…, n) [rad | m]."""
+        e, a, b = interpret(self.program, q)
+        return e, a, b
+
+    def states_of(self, joint: int, names: Sequence[str] | None = None) -> np.ndarray:
+        """Places in the plant's state that belong to a joint, of the parts with some names or of all."""
+        layout, states = self.plant.layout, []
+        for name in layout.names if names is None else names:
+            place = layout.place(name)
+            joints = layout[name].joints or tuple(range(self.arm.n))
+            states += [place.start + k for k, each in enumerate(joints) if each == joint]
+        return np.array(states, dtype=int)
 
 
 class SmallSignal:
@@ -159,7 +180,7 @@ class SmallSignal:
             return tuple(scalar.jacobian(self._tick(k, q, c, len(seen)), seen) for k in range(self.cycle))
 
         try:
-            return trace("ticks_at_rest", slopes, shapes, names, by_content=True)
+            return trace("ticks_at_rest", slopes, shapes, names)
         except UNTRACEABLE as error:
             if isinstance(error, ScenarioError):
                 raise
@@ -203,7 +224,7 @@ class SmallSignal:
         q = np.asarray(q, dtype=float)
         gains = self._adapter.values[0] if gains is None else np.asarray(gains, dtype=float)
         ticks = interpret(self.program, q, gains)
-        e, a, b = interpret(self.small.program, q)
+        e, a, b = self.small.slopes(q)
         return Slopes(e, a, b, ticks if isinstance(ticks, tuple) else (ticks,))
 
 

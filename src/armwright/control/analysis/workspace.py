@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from armwright.kernels.target import select_target
 from armwright.model import Model
 from armwright.program import trace
 from armwright.scalar import Array
+from armwright.simulation.checks import check_whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,14 +44,31 @@ class JointInertias:
         return np.unique(np.concatenate([columns.argmin(axis=0), columns.argmax(axis=0)]))
 
 
+def checked_poses(q: Any, n: int) -> np.ndarray:
+    """Poses (…, n) as numbers.
+
+    Raises:
+        ScenarioError: another shape, or what is no finite number.
+    """
+    expected = f"finite poses (…, {n})"
+    try:
+        poses = scalar.real_numbers(q)
+    except ValueError:
+        raise ScenarioError(place="q", value=q, expected=expected) from None
+    if poses.shape[-1:] != (n,) or not np.isfinite(poses).all():
+        what = f"shape {poses.shape}" if poses.shape[-1:] != (n,) else "is not finite"
+        raise ScenarioError(what, place="q", expected=expected)
+    return poses
+
+
 def sampled_poses(arm: Model, count: int, seed: int = 0) -> np.ndarray:
     """(count, n) poses drawn evenly within the position limits; a revolute joint without limits within ±π.
 
     Raises:
         ScenarioError: a count below 1, or a sliding joint without limits.
     """
-    if count < 1:
-        raise ScenarioError(place="poses", value=count, expected="1 or more")
+    check_whole("poses", count, 1)
+    check_whole("seed", seed, 0)
     ranges = []
     for body in arm.coordinates:
         ends = np.array(body.limits.position, dtype=float)
@@ -69,9 +88,10 @@ def joint_inertias(arm: Model, poses: int | np.ndarray = 100_000, seed: int = 0)
     Returns:
         inertias: at each pose.
     Raises:
-        ScenarioError: as `sampled_poses`.
+        ScenarioError: as `sampled_poses`, or poses of another arm.
     """
-    q = sampled_poses(arm, poses, seed) if isinstance(poses, int) else np.asarray(poses, dtype=float)
+    listed = isinstance(poses, (np.ndarray, list, tuple))
+    q = np.atleast_2d(checked_poses(poses, arm.n)) if listed else sampled_poses(arm, poses, seed)
 
     def of_joints(q: Array) -> tuple[Array, Array, Array]:
         mass = mass_matrix(arm, q)

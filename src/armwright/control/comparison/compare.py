@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,7 @@ from armwright.control.comparison.measures import (
 from armwright.errors import ScenarioError
 from armwright.kernels.compiled import compile_arm
 from armwright.model import Model
+from armwright.output import check_destination, whole_file
 from armwright.parameters import Batch
 from armwright.simulation.checks import check_time, check_whole
 from armwright.simulation.inputs.payload import Payload
@@ -36,7 +38,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 INSTANTS = 400  # of the largest errors over time, in equal parts of a run
+RUNS = 8  # of a case, where nothing says otherwise
 DENSE = 4001  # samples of a commanded path
+ENDINGS = (".csv", ".nc")
 CASE = ("controller", "motion", "payload")
 OF_JOINTS = {  # variable → unit ("q": that of the position) and meaning
     "rms_error": ("q", "root mean square of the joint's error while the motion lasts, over all runs"),
@@ -92,6 +96,20 @@ class Comparison:
         rows = [[*names, *(_worst(case[each].values, 1e3) for each in OF_TOOL)] for names, case in self._cases()]
         return (*CASE, *heads), rows
 
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the measures: `.csv`, a row for each case and joint, or `.nc`, the whole dataset with units and meanings.
+
+        Raises:
+            ArmwrightError: another ending, or a file that cannot be written.
+        """
+        path = check_destination(path, ENDINGS)
+        with whole_file(path, ENDINGS) as temporary:
+            if path.suffix.lower() == ".nc":
+                self.data.to_netcdf(temporary, engine="h5netcdf")
+            else:
+                table = self.data[[*OF_JOINTS, *OF_TOOL, "failed"]].drop_vars("unit").to_dataframe()
+                table.to_csv(temporary, lineterminator="\n")
+
     def _cases(self) -> Iterator[tuple[list[str], xr.Dataset]]:
         """Names and measures of every case, controllers of the same motion and payload below each other."""
         data = self.data
@@ -107,7 +125,7 @@ def compare_controllers(
     controllers: Mapping[str, Any],
     motions: Mapping[str, Any],
     payloads: Mapping[str, Any] | Sequence[Any] = (None,),
-    runs: int = 8,
+    runs: int | None = None,
     *,
     band: Any = 1e-3,
     settle: float = 1.0,
@@ -115,7 +133,8 @@ def compare_controllers(
     """Errors, path accuracy, settling, overshoot and effort of controllers that follow the same motions.
 
     Each controller follows each motion with each payload in one compiled simulation, whose lanes are runs that differ in
-    noise, jitter, losses and draws alone. Measures as in [ISO9283]; the tool's place follows from the joints' by the record.
+    noise, jitter, losses and draws, and in what the scenario's own lanes differ in. Measures as in [ISO9283]; the tool's place
+    follows from the joints' by the record.
 
     Args:
         scenario: the arm with its loop: period, sensors, timing, solver. Its duration, start, reference and rows are replaced.
@@ -123,26 +142,34 @@ def compare_controllers(
         motions: by name a `Motion`, or an `aw.Plan` with what it carries.
         payloads: by name or in a row, in the hand of all motions: a `Payload`, several, or None for what a motion or its scenario
             has.
-        runs: seeds of noise, 1 or more; the repeatability needs 2.   band: [rad | m] of the settling time, one number or (n,).
+        runs: 1 or more, the repeatability needs 2; default: as many as the scenarios have lanes, or 8.
+        band: [rad | m] of the settling time, one number or (n,).
         settle: [s] that a run goes on after the motion's end.
     Returns:
         comparison: its dataset, and the rows of a table.
     Raises:
         ScenarioError: no controllers or motions, another arm, a motion of other joints or without an end; as `simulate`.
     """
+    if not isinstance(scenario, Scenario):
+        raise ScenarioError(place="scenario", value=scenario, expected="an aw.Scenario of the arm")
     arm = scenario.arm
-    check_whole("runs", runs, 1)
+    if runs is not None:
+        check_whole("runs", runs, 1)
     check_time("settle", settle)
     widths = _band(arm, band)
     loops = {name: _scenario_of(scenario, name, each) for name, each in _named("controllers", controllers).items()}
     paths = {name: _Course.of(arm, name, each) for name, each in _named("motions", motions).items()}
     hands = _payloads(payloads, any(each.payloads for each in paths.values()))
     dyn = compile_arm(arm) if arm.tip is not None else None
+    loops, count = _in_runs(loops, runs)
     cases = [
-        [[_case(loop, course, hand, runs, widths, settle, dyn) for hand in hands.values()] for course in paths.values()]
+        [
+            [_case(loop, course, hand, count, widths, settle, dyn) for hand in hands.values()]
+            for course in paths.values()
+        ]
         for loop in loops.values()
     ]
-    return Comparison(_dataset(arm, cases, (list(loops), list(paths), list(hands))), widths, runs)
+    return Comparison(_dataset(arm, cases, (list(loops), list(paths), list(hands))), widths, count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,6 +306,21 @@ def _scenario_of(base: Scenario, name: str, given: Any) -> Scenario:
     if given.controller is None:
         raise ScenarioError("has no controller", place=place, expected="a scenario whose loop has one")
     return given
+
+
+def _in_runs(loops: Mapping[str, Scenario], asked: int | None) -> tuple[dict[str, Scenario], int]:
+    """Scenarios of as many lanes as there are runs, where they have lanes, and that number: default the least that one has.
+
+    Raises:
+        ScenarioError: more runs than a scenario has lanes.
+    """
+    counts = {name: each.lane_count for name, each in loops.items() if each.lane_count is not None}
+    runs = min(counts.values(), default=RUNS) if asked is None else asked
+    for name, count in counts.items():
+        if runs > count:
+            raise ScenarioError(place="runs", value=runs, expected=f"{count} at most, the lanes of {name!r}")
+    cut = {name: replace(loops[name], lanes=range(runs)).resolved for name in counts}
+    return {name: cut.get(name, each) for name, each in loops.items()}, runs
 
 
 def _payloads(given: Any, planned: bool) -> dict[str, Any]:

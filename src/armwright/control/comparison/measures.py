@@ -75,7 +75,8 @@ def tool_path(t: np.ndarray, tool: np.ndarray, count: int = POINTS) -> ToolPath 
 def attained_points(path: ToolPath, t: np.ndarray, tool: np.ndarray) -> np.ndarray:
     """(runs, m, 3) [m] where each run's tool crosses the planes normal to the path, from behind to ahead.
 
-    Of several crossings the one nearest in time counts; where a tool crosses none, its point nearest to the path's.
+    Of several crossings the one nearest in time counts, unless the commanded path itself crosses the plane again nearer to that
+    time; where a tool crosses none, its point nearest to the path's.
 
     Args:
         path: m points.   t: (k,) [s].   tool: (runs, k, 3) [m].
@@ -87,6 +88,10 @@ def attained_points(path: ToolPath, t: np.ndarray, tool: np.ndarray) -> np.ndarr
         k = np.where(crosses, np.abs(t[:-1] - time), np.inf).argmin(axis=1)
         before, after = ahead[runs, k], ahead[runs, k + 1]
         found = crosses[runs, k]
+        own = (path.points - point) @ tangent
+        again = path.times[1:][(own[:-1] < 0.0) & (own[1:] >= 0.0) & (np.arange(1, len(own)) != i)]
+        if len(again):  # a tool that stops short of where the path turns crosses the plane on another of its ways
+            found &= np.abs(t[k] - time) <= np.abs(t[k, None] - again).min(axis=1)
         part = np.where(found, before / np.where(found, before - after, 1.0), 0.0)
         attained[:, i] = tool[runs, k] + part[:, None] * (tool[runs, k + 1] - tool[runs, k])
         if not found.all():
