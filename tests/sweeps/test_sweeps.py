@@ -106,6 +106,13 @@ def test_a_file_in_chunks_has_the_bits_of_one_run(
     assert_same(stored, whole)
 
 
+def test_the_example_is_swept(tmp_path: Path, client: Any) -> None:
+    example = Path(__file__).parents[2] / "examples" / "robust.scenario.toml"
+    stored = aw.sweep(example, tmp_path / "runs.zarr", lanes=40, chunk=20, client=client).load()
+    assert (stored["rms_error"].values < 0.1).all()
+    assert {"peak_error", "peak_torque", "saturation"} <= set(stored.data_vars)
+
+
 def test_draws_of_a_file_do_not_depend_on_the_count(file: Path, whole: xr.Dataset) -> None:
     few = aw.simulate(aw.read_scenario(file))
     np.testing.assert_array_equal(few["rms_error"].values, whole["rms_error"].values[:3])
@@ -281,8 +288,27 @@ def test_no_scheduler(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     arguments = ["sweep", str(file), "--lanes", "20", "-o", str(store), "--scheduler", "tcp://127.0.0.1:9"]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 2
-    assert "cannot be reached" in result.stderr
+    assert "error: --scheduler = 'tcp://127.0.0.1:9': cannot be reached" in result.stderr
     assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("address", ["nonsense", "tcp://host:99999", "http://host:8786", "host:0"])
+def test_no_address_of_a_scheduler_is_refused_at_once(address: str, file: Path, tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=f"scheduler = '{address}'"):
+        aw.sweep(file, tmp_path / "runs.zarr", lanes=5, client=address)
+    assert not (tmp_path / "runs.zarr").exists()
+
+
+def test_a_chunk_takes_seconds_by_default() -> None:
+    """Long runs have small chunks, so that a kill costs little, and short runs large ones, whose preparation is a small part."""
+    from armwright.sweeps.sweep import ENDLESS, ENOUGH, LEAST, MOST, _usual_chunk
+
+    for duration, count in ((0.05, 1e7), (5.0, 1e6), (100.0, 1e6), (5.0, 20_000)):
+        scenario = python_scenario(duration=duration)
+        lanes = _usual_chunk(scenario, int(count))
+        work = lanes * scenario.ticks * scenario.arm.n
+        assert LEAST <= lanes <= MOST
+        assert lanes == MOST or 0.99 * ENOUGH <= work <= 1.01 * ENDLESS * ENOUGH
 
 
 def test_the_command(file: Path, tmp_path: Path, client: Any) -> None:
@@ -293,7 +319,8 @@ def test_the_command(file: Path, tmp_path: Path, client: Any) -> None:
     assert "0 of 20 lanes, 20 were there" in result.stdout
     for arguments, message in (
         ([str(file), "--lanes", "21"], "lanes = 20"),
-        ([str(file), "--lanes", "0.5"], "--lanes"),
+        ([str(file), "--lanes", "0"], "error: --lanes = 0"),
+        ([str(file), "--lanes", "0.5"], "error: --lanes"),
         (["two-link", "--lanes", "5"], ".scenario.toml"),
     ):
         result = CliRunner().invoke(app, ["sweep", *arguments, "-o", str(store)])

@@ -8,16 +8,16 @@ import json
 import os
 import re
 import sys
-import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from armwright import scalar
-from armwright.description.toml_file import read_document, read_text
-from armwright.errors import ArmwrightError, DescriptionError, ExpressionError, ScenarioError
+from armwright.description.toml_file import read_text, toml_tables
+from armwright.errors import ArmwrightError, DescriptionError, ExpressionError, ModelError, Problem, ScenarioError
 from armwright.expressions import expression
 from armwright.model import Model, build_model
 from armwright.model.joint_signals import joint_units
@@ -27,6 +27,7 @@ from armwright.scalar import Scalar
 from armwright.scenarios.files import Files, FolderFiles
 from armwright.scenarios.lanes import TENSOR, vary
 from armwright.scenarios.records import Kind, PayloadTable, ScenarioTable, Tensor, key_in_file, keys_in_text
+from armwright.simulation.checks import check_time
 from armwright.simulation.inputs.input_schedule import WRENCH
 from armwright.simulation.inputs.payload import Payload
 from armwright.simulation.inputs.schedule import Schedule, parse_schedule
@@ -38,7 +39,7 @@ from armwright.simulation.scenario_parts import Inputs, Loop, Recording, Solver,
 from armwright.trajectory.limits import QUANTITIES, MotionLimits
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.motion_rows import parse_motion
-from armwright.validation import validated
+from armwright.validation import readable, validated
 
 HOMES = {"controller": "armwright.control", "filter": "armwright.control", "reference": "armwright.trajectory"}
 CONFIGURED = {
@@ -70,10 +71,10 @@ def read_scenario(path: str | os.PathLike[str], *, allow: Iterable[str | os.Path
             raise ScenarioError("no such folder", place="allow", value=str(folder))
     try:
         text = read_text(path)
-        document = read_document(path, text)
     except DescriptionError as error:
         raise ScenarioError.of(*error.problems) from None
-    return parse_scenario(document, str(path), FolderFiles(path.parent, folders), text)
+    with toml_tables(path, ScenarioError, text) as tables:
+        return parse_scenario(tables, str(path), FolderFiles(path.parent, folders), text)
 
 
 def parse_scenario(tables: dict[str, Any], place: str, files: Files, text: str, lanes: range | None = None) -> Scenario:
@@ -85,11 +86,15 @@ def parse_scenario(tables: dict[str, Any], place: str, files: Files, text: str, 
     """
     if "faults" in tables:
         raise ScenarioError(FAULTS, place="faults", file=place)
-    table = validated(ScenarioTable, tables, file=place, error=ScenarioError)
+    try:
+        table = validated(ScenarioTable, tables, file=place, error=ScenarioError)
+    except ScenarioError as error:
+        without = readable(ScenarioTable, tables)
+        raise error if without is None else _with_others(error, without, place, files) from None
     try:
         scenario = _scenario(table, files, lanes)
     except ArmwrightError as error:
-        raise error.renamed(key_in_file, keys_in_text).within(file=place) from None
+        raise _with_others(_in_file(error, table, place), table, place, files) from None
     document = files.document(text)
     notes = [
         f"{name} has {content.size / 2**20:.3g} MiB, too much to be kept with the run, which cannot be reproduced"
@@ -102,14 +107,27 @@ def parse_scenario(tables: dict[str, Any], place: str, files: Files, text: str, 
     return scenario
 
 
+def _tables_of(place: str, controller: Kind) -> dict[str, str]:
+    """The tables of a controller and of what it holds, by the names of their classes."""
+    known = _kinds("controller").get(controller.kind)
+    inner = controller.fields().get("inner")
+    below = _tables_of(f"{place}.inner", Kind(**inner)) if isinstance(inner, dict) and "kind" in inner else {}
+    return below | ({} if known is None else {known.__name__: place})
+
+
+def _key_of(place: str, tables: Mapping[str, str]) -> str:
+    """Place in the file of a place in a `Scenario`, or in a controller that calls itself by its class: JointPID.kp."""
+    name, dot, rest = place.partition(".")
+    return f"{tables[name]}.{rest}" if dot and name in tables else key_in_file(place)
+
+
 def _scenario(table: ScenarioTable, files: Files, lanes: range | None) -> Scenario:
     arm = build_model(files.robot(table.robot))
     if table.without:
         arm = arm.replace(**dict.fromkeys(table.without))
     parts = _parts(table, arm, files)
     if table.lanes is not None:
-        for name, column in table.lanes.columns(lanes).items():
-            vary(name, column, arm, parts)
+        vary(table.lanes.columns(lanes), arm, parts)
     inputs = parts["inputs"] | {"payload": [Payload(**fields) for fields in parts["inputs"]["payload"]] or None}
     return Scenario(
         arm,
@@ -125,6 +143,73 @@ def _scenario(table: ScenarioTable, files: Files, lanes: range | None) -> Scenar
         seed=table.seed,
         first_lane=0 if lanes is None else lanes.start,
     )
+
+
+def _in_file(error: ArmwrightError, table: ScenarioTable, place: str) -> ArmwrightError:
+    """The error with keys of the file in place of Python's names."""
+    tables_of = {} if table.loop is None else _tables_of("loop.controller", table.loop.controller)
+    return error.renamed(lambda at: _key_of(at, tables_of), keys_in_text).within(file=place)
+
+
+def _with_others(error: ArmwrightError, table: ScenarioTable, place: str, files: Files) -> ArmwrightError:
+    """The error with those of the other parts of the scenario, each of which is made by itself.
+
+    Args:
+        error: the first.   table: what could be read.   place: of the file.   files: that it names.
+    """
+    found: list[Problem] = []
+    try:
+        arm = build_model(files.robot(table.robot))
+        steps = _steps(table, arm, files)
+    except ArmwrightError as refused:
+        found, steps = list(_in_file(refused, table, place).problems), []
+    for step in steps:
+        try:
+            step()
+        except ArmwrightError as refused:
+            found += _in_file(refused, table, place).problems
+    known = {problem.place for problem in error.problems}
+    return error.joined(
+        *(problem for k, problem in enumerate(found) if problem.place not in known and problem not in found[:k])
+    )
+
+
+def _steps(table: ScenarioTable, arm: Model, files: Files) -> list[Callable[[], Any]]:
+    """Calls that make the parts of a scenario, one part each."""
+    start, inputs, recording, loop = table.start, table.inputs, table.recording, table.loop
+    steps: list[Callable[[], Any]] = [
+        lambda: _joints("start.q", start.q, arm),
+        lambda: _joints("start.qd", start.qd, arm),
+        *(partial(lambda key, value: Solver(**{key: value}), *each) for each in _without_units(table.solver).items()),
+        *(partial(check_time, key, value) for key, value in (("duration", table.duration_s),) if value is not None),
+        lambda: _reference("recording", recording.reference, arm, files),
+        lambda: _commands(table, arm, files),
+        lambda: _wrench(inputs.wrench, files),
+        lambda: _brake(inputs.brake, arm, files),
+        *(partial(lambda each: Payload(**_payload(each)), each) for each in inputs.payload),
+        *(partial(_value, name, value, arm) for name, value in table.values.items()),
+    ]
+    if loop is None:
+        return steps
+
+    def part(kind: Callable[..., Any], fields: dict[str, Any]) -> None:
+        try:
+            kind(**fields)
+        except ScenarioError as error:
+            raise error.within("loop") from None
+
+    if loop.period_s is not None:
+        steps.append(partial(check_time, "loop.period", loop.period_s))
+    controller, limits = loop.controller, loop.command_filter.model_dump()
+    return [
+        *steps,
+        lambda: _built("controller", controller.kind, _controller("loop.controller", controller, arm), arm),
+        lambda: _reference("loop", loop.reference, arm, files),
+        lambda: part(Sensors, loop.sensors.model_dump()),
+        lambda: part(Timing, _without_units(loop.timing)),
+        *(partial(_joints, f"loop.command_filter.{key}", value, arm) for key, value in limits.items()),
+        lambda: _joints("loop.initial_command", loop.initial_command, arm),
+    ]
 
 
 def _parts(table: ScenarioTable, arm: Model, files: Files) -> dict[str, dict[str, Any]]:
@@ -250,7 +335,11 @@ def _check_numbers(place: str, value: Any, arm: Model) -> None:
 
 def _value(name: str, value: float | tuple[float, ...], arm: Model) -> float | tuple[float, ...]:
     """A number of the record, or as many as it has there."""
-    size = len(Varied(arm, [name]).parameters)
+    try:
+        size = len(Varied(arm, [name]).parameters)
+    except ModelError as error:
+        what, choices = error.problems[0].what, error.problems[0].choices
+        raise ScenarioError(what, place=f"values.{name!r}", expected=error.expected, choices=choices) from None
     if np.shape(value) != (() if size == 1 else (size,)):
         expected = "one number" if size == 1 else f"{size} numbers"
         more = "; what differs by lane goes into [lanes.vary]"
@@ -385,11 +474,8 @@ def _motion(place: str, name: str, arm: Model, files: Files) -> Motion:
     text, file = files.table(place, name)
     if not name.endswith(".motion.toml"):
         return parse_motion(text, file, arm)
-    try:
-        tables = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ScenarioError(f"not TOML: {error}", file=file) from None
-    plan = plan_document(tables, file, files)
+    with toml_tables(Path(file), ScenarioError, text) as tables:
+        plan = plan_document(tables, file, files)
     if (plan.arm.name, *plan.arm.names) != (arm.name, *arm.names):
         expected = f"a motion of {arm.name}: {', '.join(arm.names)}"
         raise ScenarioError(f"is one of {plan.arm.name}", place=place, value=name, expected=expected)

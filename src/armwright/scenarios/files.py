@@ -5,12 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
 from armwright.description import builtin_names, read_description
 from armwright.description.content import LARGEST, Content, parse_robot, robot_text
+from armwright.description.database import XML_ENDINGS
 from armwright.description.drive_file import drive_file_beside
 from armwright.description.robot import RobotDescription
 from armwright.errors import RunError, ScenarioError
@@ -94,10 +95,11 @@ class FolderFiles(Files):
             raise ScenarioError(place="robot", value=name, expected=expected, choices=builtin_names())
         else:
             path = self._path("robot", name)
-            drives, reading = drive_file_beside(path), {}
+            drives = drive_file_beside(path)
+            reading: dict[str, Any] = {}
             if drives is not None:
                 self._path("robot", str(Path(name).with_name(drives.name)))
-                reading = {"drive": drives} if path.suffix.lower() == ".urdf" else {}
+                reading = {"drive": drives} if path.suffix.lower() in XML_ENDINGS else {}
             record = read_description(path, **reading)
             self._keep_origins(record, path.parent)
         self.read[name] = self.content(robot_text(record))

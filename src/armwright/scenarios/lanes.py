@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -22,27 +23,34 @@ NAME = re.compile(
 PAYLOAD_NUMBER = re.compile(r"\.(?P<key>\w+)(\[(?P<entry>\d)\]|\.(?P<tensor>\w\w))?")
 
 
-def vary(name: str, column: np.ndarray, arm: Model, parts: dict[str, Fields]) -> None:
-    """Puts a column of lanes in the place of one number of a scenario.
+def vary(columns: Mapping[str, np.ndarray], arm: Model, parts: dict[str, Fields]) -> None:
+    """Puts columns of lanes in the places of numbers of a scenario.
 
     Args:
-        name: as in the file, `loop.controller.kp[2]`, `start.q[1]`, `inputs.payload[0].mass_kg`, or of the robot's record.
-        column: (lanes,).   arm: the model.   parts: fields of the scenario's parts, by the part; they are changed.
+        columns: (lanes,) by name, as in the file: `loop.controller.kp[2]`, `start.q[1]`, `inputs.payload[0].mass_kg`, or of
+            the robot's record.   arm: the model.   parts: fields of the scenario's parts, by the part; they are changed.
     Raises:
         ScenarioError: a name of nothing that may differ by lane.
     """
-    match = NAME.fullmatch(name)
-    if match is None:
-        if name.partition(".")[0] in parts:
+    of_record = {}
+    for name, column in columns.items():
+        match = NAME.fullmatch(name)
+        if match is not None:
+            _vary_part(name, match, column, arm, parts)
+        elif name.partition(".")[0] in parts:
             expected = "a number of the robot, start, loop.timing, loop.controller or inputs"
             raise ScenarioError("cannot differ by lane", place="lanes", value=name, expected=expected)
-        parameters = Varied(
-            arm, [name]
-        ).parameters  # refuses what is no number of the record, and lists those there are
-        if len(parameters) > 1:
-            raise ScenarioError(f"{len(parameters)} numbers", place="lanes", value=name, expected=f"one, as {name}[0]")
-        parts["vary"][name] = Batch(column)
-        return
+        else:
+            of_record[name] = Batch(column)
+    sizes = Varied(arm, list(of_record)).sizes if of_record else {}  # which refuses what is no number of the record
+    for name, size in sizes.items():
+        if size > 1:
+            raise ScenarioError(f"{size} numbers", place="lanes", value=name, expected=f"one, as {name}[0]")
+    parts["vary"] |= of_record
+
+
+def _vary_part(name: str, match: re.Match[str], column: np.ndarray, arm: Model, parts: dict[str, Fields]) -> None:
+    """Puts a column in the place of a number that is not the robot's."""
     place, key, rest = match["place"], match["key"], match["rest"]
     entry = None if match["entry"] is None else int(match["entry"])
     if place == "inputs" and key == "payload" and entry is not None:

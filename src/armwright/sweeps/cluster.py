@@ -11,6 +11,8 @@ from typing import Any
 from armwright.errors import ScenarioError
 
 PATIENCE = 10  # [s] until a scheduler is taken to be absent
+START = 120  # [s] for a worker of this machine to start, which a loaded processor makes long
+LOGGERS = ("distributed", "distributed.client")  # the second has a level of its own
 LOG_LEVEL = "DASK_LOGGING__DISTRIBUTED"  # environment variable that Dask's programs read
 
 
@@ -36,6 +38,8 @@ def connected(client: Any = None) -> Iterator[Any]:
     if client is not None and not isinstance(client, str):
         expected = "a distributed.Client, or an address such as 'tcp://host:8786'"
         raise ScenarioError(place="client", value=client, expected=expected)
+    if client is not None:
+        _check_address(client)
     with contextlib.ExitStack() as stack:
         stack.enter_context(_quiet())
         address = stack.enter_context(local_cluster()) if client is None else client
@@ -47,6 +51,23 @@ def connected(client: Any = None) -> Iterator[Any]:
                 what, place="scheduler", value=client, expected="the address of a Dask scheduler"
             ) from None
         yield stack.enter_context(joined)
+
+
+def _check_address(address: str) -> None:
+    """Refuses what is no address of a scheduler, on which a client would hang."""
+    from distributed.comm.addressing import get_address_host_port, parse_address
+    from distributed.comm.registry import get_backend
+
+    try:
+        scheme = parse_address(address)[0]
+        get_backend(scheme)
+        if scheme in ("tcp", "tls"):
+            port = get_address_host_port(address, strict=False)[1]
+            if not 0 < port < 65536:
+                raise ValueError(f"no port {port}")
+    except ValueError as error:
+        expected = "the address of a Dask scheduler, such as tcp://host:8786"
+        raise ScenarioError(str(error), place="scheduler", value=address, expected=expected) from None
 
 
 def local_cluster(workers: int | None = None) -> Any:
@@ -65,7 +86,7 @@ def local_cluster(workers: int | None = None) -> Any:
     from distributed import SpecCluster
     from distributed.deploy.subprocess import SubprocessWorker
 
-    options = {"nthreads": 1, "death_timeout": PATIENCE, "dashboard": False, "host": "127.0.0.1"}
+    options = {"nthreads": 1, "death_timeout": START, "dashboard": False, "host": "127.0.0.1"}
     worker = {"cls": SubprocessWorker, "options": {"worker_kwargs": options}}
     scheduler = {
         "cls": distributed.Scheduler,
@@ -77,14 +98,16 @@ def local_cluster(workers: int | None = None) -> Any:
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
     """Keeps the log of Dask, here and in processes that start meanwhile, from the terminal; the sweep reports what matters."""
-    logger = logging.getLogger("distributed")
-    level, before = logger.level, os.environ.get(LOG_LEVEL)
-    logger.setLevel(logging.CRITICAL)
+    loggers = [logging.getLogger(name) for name in LOGGERS]
+    levels, before = [logger.level for logger in loggers], os.environ.get(LOG_LEVEL)
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
     os.environ[LOG_LEVEL] = "critical"
     try:
         yield
     finally:
-        logger.setLevel(level)
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
         os.environ.pop(LOG_LEVEL)
         if before is not None:
             os.environ[LOG_LEVEL] = before

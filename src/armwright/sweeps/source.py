@@ -11,14 +11,11 @@ import os
 import pickle
 import tomllib
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Set
-from dataclasses import dataclass, fields, is_dataclass, replace
-from enum import Enum
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from armwright.content import checksum
 from armwright.errors import ScenarioError
 from armwright.parameters import batches
 from armwright.scenarios.file import parse_scenario, read_scenario
@@ -90,10 +87,7 @@ class PythonSource(Source):
     @property
     def digest(self) -> str:
         """Checksum of all fields but the number of lanes."""
-        hashed = hashlib.sha256()
-        for piece in _pieces(replace(self.scenario, lanes=range(1)), frozenset()):
-            hashed.update(piece + b"\n")
-        return hashed.hexdigest()
+        return checksum(replace(self.scenario, lanes=range(1)))
 
     def part(self, lanes: range) -> Scenario:
         """The scenario of some lanes."""
@@ -138,53 +132,3 @@ def source_of(scenario: Scenario | str | os.PathLike[str]) -> Source:
         what = f"cannot be sent to another process: {' '.join(str(error).split())}"
         raise ScenarioError(what, place="scenario", expected="parts that pickle") from None
     return source
-
-
-def _pieces(value: Any, within: frozenset[int]) -> Iterator[bytes]:
-    """Bytes that are equal for equal values in every process; pickles are not."""
-    if id(value) in within:
-        yield b"itself"
-        return
-    yield type(value).__qualname__.encode()
-    inner = within | {id(value)}
-    if value is None or isinstance(value, (bool, int, float, complex, str, bytes, Path, range)):
-        yield repr(value).encode()
-    elif isinstance(value, Enum):
-        yield value.name.encode()
-    elif isinstance(value, (np.ndarray, np.generic)) and value.dtype != object:
-        yield f"{value.dtype.str} {value.shape}".encode()
-        yield np.ascontiguousarray(value).tobytes()
-    elif isinstance(value, (list, tuple, np.ndarray)):
-        yield str(len(value)).encode()
-        for each in value:
-            yield from _pieces(each, inner)
-    elif isinstance(value, Set):
-        yield from sorted(b"".join(_pieces(each, inner)) for each in value)
-    else:
-        yield from _pieces_of_object(value, inner)
-
-
-def _pieces_of_object(value: Any, within: frozenset[int]) -> Iterator[bytes]:
-    """Bytes of a mapping, a dataclass, a function or another object, by its fields."""
-    if isinstance(value, Mapping):
-        items = {str(key): each for key, each in value.items()}
-    elif isinstance(value, type):
-        items = {"module": value.__module__, "name": value.__qualname__}
-    elif is_dataclass(value):
-        items = {each.name: getattr(value, each.name) for each in fields(value)}
-    elif hasattr(value, "__code__"):
-        closed = [cell.cell_contents for cell in value.__closure__ or ()]
-        constants = [each for each in value.__code__.co_consts if not hasattr(each, "co_code")]
-        items = {"code": value.__code__.co_code, "constants": constants, "closed": closed, "of": value.__defaults__}
-    elif hasattr(value, "model_dump"):
-        items = value.model_dump()
-    elif hasattr(value, "__func__"):
-        items = {"method": value.__func__, "of": value.__self__}
-    else:
-        items = dict(getattr(value, "__dict__", {}))
-        if not items:
-            items = {"pickle": pickle.dumps(value, protocol=5)}
-    yield str(len(items)).encode()
-    for name, each in items.items():
-        yield name.encode()
-        yield from _pieces(each, within)

@@ -10,12 +10,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from armwright.errors import ArmwrightError, OutputError, ScenarioError
 from armwright.output import check_destination
+from armwright.progress import automatic
 from armwright.results.reducers import REDUCERS
 from armwright.scenarios.records import MOST_LANES
 from armwright.simulation.batch_runner import Progress
@@ -29,11 +30,10 @@ from armwright.sweeps.store import About, SweepStore, by_lane, difference, impor
 if TYPE_CHECKING:
     import xarray as xr
 
-LEAST, MOST = (
-    1000,
-    100_000,
-)  # lanes in a chunk by default: a task begins with 1 s of compilation, and lanes take 0.1 ms or more
-CHUNKS = 16  # of a small sweep, so that several workers have some each
+CHUNKS = 16  # by default, so that several workers have some each; within these:
+ENOUGH = 2e7  # joints times ticks of a chunk's lanes, some seconds: a chunk begins with up to 0.1 s of preparation
+ENDLESS = 20.0  # times that: a kill costs no more than a minute or two
+LEAST, MOST = 64, 100_000  # lanes
 AHEAD = 3  # tasks for each thread of the cluster that wait or run, so that memory stays bounded
 Result = tuple[dict[str, np.ndarray], dict[str, str]]
 
@@ -71,7 +71,7 @@ def sweep(
     chunk: int | None = None,
     rows: bool = False,
     retries: int = 2,
-    progress: Progress | None = None,
+    progress: Progress | Literal[False] | None = None,
 ) -> Sweep:
     """Many lanes of a scenario, simulated chunk by chunk on a Dask cluster and stored as they finish.
 
@@ -82,10 +82,11 @@ def sweep(
         scenario: what to run, or the path of a scenario file. Its draws are drawn for as many lanes as are asked for here.
         path: of the store, a folder that ends in .zarr.   lanes: of the whole sweep.
         client: a `distributed.Client`, or the address of a Dask scheduler; default: a cluster on this machine.
-        chunk: lanes in a task, by default up to 100,000; a store that is there keeps its own.
+        chunk: lanes in a task, by default so many that it takes seconds; a store that is there keeps its own.
         rows: whether recorded rows are stored too; else only what the scenario reduces.
         retries: how often a chunk is tried again after an error before it is marked as failed.
-        progress: called now and then with the lanes done and those there are.
+        progress: called now and then with the lanes done and those there are; by default a bar in terminals and notebooks;
+            False: none.
     Returns:
         sweep: what was done, and what failed; `load` reads the results.
     Raises:
@@ -105,13 +106,13 @@ def sweep(
         expected = f"what is kept of a lane, of {', '.join(REDUCERS)}"
         raise ScenarioError("keeps nothing", place="recording.reduce", value=[], expected=expected)
     first = simulate(_part(source, range(1), rows))
-    size = min(chunk or int(np.clip(-(-count // CHUNKS), LEAST, MOST)), count)
+    size = min(chunk or _usual_chunk(reduced, count), count)
     about = About(source.digest, count, size, rows, json.loads(first.attrs["made_with"]))
     store = _begun(path, about)
     missing = list(range(about.chunks)) if store is None else store.missing
     done = kept = 0
     if missing:
-        with connected(client) as cluster:
+        with connected(client) as cluster, automatic(progress, f"sweeping into {path.name}", "lanes") as tell:
             store = store or SweepStore.create(path, about, source.document, first)
             kept = store.lanes_done
             for which, result in _results(cluster, source, store.about, missing, retries):
@@ -120,8 +121,8 @@ def sweep(
                     continue
                 store.write(which, result)
                 done += len(store.about.lanes_of(which))
-                if progress is not None:
-                    progress(kept + done, count)
+                if tell:
+                    tell(kept + done, count)
     assert store is not None
     spent = time.perf_counter() - began
     return Sweep(path, count, done, store.lanes_done - done, dict(store.failures), store.about.chunk, spent)
@@ -137,6 +138,12 @@ def _checked_lanes(lanes: Any) -> int:
     if not whole or not 1 <= lanes <= 100 * MOST_LANES:
         raise ScenarioError(place="lanes", value=lanes, expected=f"a whole number from 1 to {100 * MOST_LANES:.0e}")
     return int(lanes)
+
+
+def _usual_chunk(scenario: Scenario, count: int) -> int:
+    """Lanes in a chunk that takes seconds, of a sweep of so many lanes."""
+    least = ENOUGH / (scenario.ticks * scenario.arm.n)
+    return int(np.clip(np.clip(-(-count // CHUNKS), least, ENDLESS * least), LEAST, MOST))
 
 
 def _part(source: Source, lanes: range, rows: bool) -> Scenario:
@@ -242,4 +249,4 @@ def _as_lost_cluster() -> Iterator[None]:
         raise
     except (OSError, TimeoutError, RuntimeError, StopIteration) as error:
         what = f"the Dask scheduler has gone ({' '.join(str(error).split()) or type(error).__name__})"
-        raise OutputError(what, expected="finished chunks are kept; the same sweep goes on from there") from None
+        raise OutputError(f"{what}; finished chunks are kept, and the same sweep goes on from there") from None

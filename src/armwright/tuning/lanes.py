@@ -1,4 +1,4 @@
-"""Lanes of uncertainty that candidates are scored in: those of the scenario, or masses and friction drawn about the record."""
+"""Lanes that candidates are scored in: those of the scenario, with what is drawn beside them."""
 
 from __future__ import annotations
 
@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ScenarioError
-from armwright.model import Model
-from armwright.parameters import Batch, uniform_numbers
+from armwright.parameters import Batch, batches
 from armwright.simulation.checks import check_whole
 from armwright.simulation.scenario import WITH_LANES, Scenario
+from armwright.tuning.uncertainty import USUAL, Uncertainty
 
-MASS = 0.3  # of each link's mass, either way
-FRICTION = 2.0  # factor either way of each joint's friction, all of its torques together
 LEAST = 4  # lanes: two to tune in, two to judge with
 
 
@@ -24,8 +22,8 @@ def scenario_lanes(scenario: Scenario, draws: Mapping[str, Any] | None, lanes: i
     """The scenario with all its lanes as batches.
 
     Args:
-        scenario: with lanes of its own or one run.   draws: further values for `vary`; None: `usual_draws` of a single run.
-        lanes: how many of a single run.   seed: of the usual draws.
+        scenario: with lanes of its own or one run.   draws: as `Uncertainty.of`; None: `USUAL` of a single run, nothing else.
+        lanes: how many of a single run.   seed: of the draws.
     Raises:
         ScenarioError: too few lanes, or nothing that differs between them.
     """
@@ -33,38 +31,20 @@ def scenario_lanes(scenario: Scenario, draws: Mapping[str, Any] | None, lanes: i
     own = scenario.resolved.lane_count
     count = lanes if own is None else own
     if draws is None:
-        draws = usual_draws(scenario.arm, count, seed) if own is None else {}
-        draws = {name: value for name, value in draws.items() if name not in scenario.vary}
-    if not isinstance(draws, Mapping):
-        raise ScenarioError(place="draws", value=draws, expected="values by name, such as {'link6.mass_kg': aw.Draw()}")
-    if own is None and not draws:
-        what = "nothing differs between the lanes"
-        raise ScenarioError(what, place="draws", expected="draws, or a scenario with lanes of its own")
+        draws = USUAL if own is None else {}
+    uncertainty = Uncertainty.of(draws)
     if count < LEAST:
         raise ScenarioError(f"{count} lanes", place="lanes", expected=f"{LEAST} or more: half of them judge the result")
-    asked = scenario.lanes if own is not None else count
-    return replace(scenario, vary={**scenario.vary, **draws}, lanes=asked).resolved
+    every = uncertainty.applied(scenario.resolved, count, seed) if draws else scenario.resolved
+    if every.lane_count is None or not any(_differing(every)):
+        what = "nothing differs between the lanes"
+        raise ScenarioError(what, place="draws", expected="draws, or a scenario with lanes of its own")
+    return every
 
 
-def usual_draws(arm: Model, lanes: int, seed: int) -> dict[str, Batch]:
-    """Masses of all links within ±30 %, evenly, and friction within a factor of two, evenly in its logarithm, by name.
-
-    Args:
-        arm: made from a record.   lanes: how many.   seed: of the draws.
-    """
-    found: dict[str, Batch] = {}
-    rubs = "friction" not in arm.changes
-    for row in arm.parameters if arm.description is not None else ():
-        owner, _, key = row.name.partition(".")
-        if key == "mass_kg" and row.value > 0.0:
-            u = uniform_numbers(seed, row.name, range(lanes), 1)[:, 0]
-            found[row.name] = Batch(row.value * (1.0 + MASS * (2.0 * u - 1.0)))
-        elif (
-            rubs and key.startswith("friction.") and row.unit.startswith("N") and row.value != 0.0 and row.entry is None
-        ):
-            u = uniform_numbers(seed, f"{owner}.friction", range(lanes), 1)[:, 0]
-            found[row.name] = Batch(row.value * FRICTION ** (2.0 * u - 1.0))
-    return found
+def _differing(scenario: Scenario) -> list[bool]:
+    """True for each batch of a scenario."""
+    return [True for name in WITH_LANES for _ in batches(getattr(scenario, name), name)]
 
 
 def taken(scenario: Scenario, index: np.ndarray) -> Scenario:

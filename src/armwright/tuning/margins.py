@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from armwright.control.analysis.linear_loop import LinearLoop
-from armwright.control.analysis.regions import longest_period
+from armwright.control.analysis.regions import longest_delay, longest_period
 from armwright.control.analysis.workspace import joint_inertias
 from armwright.errors import ScenarioError
 from armwright.simulation.scenario import Scenario
+from armwright.tuning.linear_measures import measure
 from armwright.tuning.space import GainSpace
 
 WATCHED = 6  # poses that all candidates are judged at; each that a best one fails at joins them
@@ -33,6 +34,7 @@ class MarginConstraint:
         inertias = joint_inertias(self._loop.plant.arm, poses, seed)
         self.poses = inertias.q[inertias.extremes()]
         self._watched = list(range(0, len(self.poses), max(1, len(self.poses) // WATCHED)))
+        self._measured = tuple(self._watched)
 
     def check_start(self) -> None:
         """Refuses start gains that are not stable.
@@ -45,7 +47,11 @@ class MarginConstraint:
         if not radius[worst] < 1.0:
             pose = ", ".join(f"{value:.3g}" for value in self.poses[worst])
             what = f"the start gains are unstable: an eigenvalue of {radius[worst]:.4g} a tick at q = [{pose}]"
-            raise ScenarioError(what, place="loop.controller", expected="stable gains to start from; armwright loops")
+            raise ScenarioError(
+                what,
+                place="loop.controller",
+                expected="stable gains to start from: armwright loops shows which joint, --start analytic designs some",
+            )
 
     def failing(self, gains: np.ndarray) -> np.ndarray:
         """(candidates,) share of the watched poses at which gains (candidates, gains * n) fail."""
@@ -53,6 +59,10 @@ class MarginConstraint:
         for k in self._watched:
             kept += self._loop.keeps(self._loop.slopes(self.poses[k], gains), *self.asked)
         return 1.0 - kept / len(self._watched)
+
+    def measured(self, name: str, gains: np.ndarray) -> np.ndarray:
+        """(candidates, n) of a measure of the linear loop, the largest over the poses watched from the beginning."""
+        return measure(name, self._loop, self.poses[list(self._measured)], gains)
 
     def keeps(self, gains: np.ndarray) -> bool:
         """True where gains (gains * n,) keep the margins at all poses; else the first pose where they fail is watched too."""
@@ -62,11 +72,18 @@ class MarginConstraint:
         return bool(kept.all())
 
     def refusal(self) -> ScenarioError:
-        """The error where no gains that keep the margins were found, with the sample period at which the start would."""
+        """The error where no gains that keep the margins were found, with the period or delay at which the start would."""
         gain, phase = self.asked
         period, _ = longest_period(self._one, self.poses, gain_margin=gain, phase_margin=phase)
-        what = f"no gains found that keep a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}°"
-        advice = "less margin, wider bounds or less delay"
+        loop = LinearLoop(self._one)
+        what = (
+            f"no gains found that keep a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}° at "
+            f"{1e3 * loop.period:.4g} ms with {1e3 * loop.delay:.4g} ms of delay"
+        )
+        advice = ["less margin or wider bounds"]
         if period > 0.0:
-            advice = f"a sample period of {1e3 * period:.3g} ms or less, at which the start keeps them, or {advice}"
-        return ScenarioError(what, place="gains", expected=advice)
+            advice.insert(0, f"a sample period of {1e3 * period:.3g} ms or less, at which the start keeps them")
+        delay = longest_delay(self._one, self.poses, gain_margin=gain, phase_margin=phase)
+        if delay is not None and loop.delay > 0.0:
+            advice.insert(0, f"a delay of {1e3 * delay:.3g} ms or less, with which the start keeps them")
+        return ScenarioError(what, place="gains", expected=", or ".join(advice))

@@ -5,18 +5,28 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import tomlkit
 
+from armwright.control.gains import gain_units
 from armwright.description.toml_file import read_text
 from armwright.errors import ScenarioError
 from armwright.output import check_destination, whole_file
 from armwright.scenarios.file import parse_scenario, read_scenario
 from armwright.scenarios.files import FolderFiles
 from armwright.simulation.scenario import Scenario
+from armwright.tuning.objective import measure_units
+from armwright.tuning.search import Tried
 
-HEADS = ("joint", "gain", "start", "tuned", "factor")
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+WORSE = 1.05  # times the start: what a sentence names
+HEADS = ("joint", "gain", "unit", "start", "tuned", "factor")
+JUDGED = ("joint", "measure", "unit", "start", "tuned")
+PICTURES = (".png", ".svg", ".pdf")
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +41,9 @@ class TuningResult:
         held_out: (2, n) by reducer, its mean over the held-out lanes at the start and with `gains`; inf where runs fail.
         history: (generations + 1,) best score on the tuned lanes.   lanes: tuned in, and held out.   simulations: how many runs.
         asked: gain and phase margin [rad] that are kept.   poses: at how many.
+        objectives: (start, tuned) by objective on held-out lanes, the mean over joints relative to the start on the tuned ones.
+        tried: all gains that were simulated and end their runs.   begun: what the start was.   drawn: the uncertainty, in words.
+        searched: names of the gains that were searched for; others were designed.
     """
 
     scenario: Scenario
@@ -45,25 +58,76 @@ class TuningResult:
     simulations: int
     asked: tuple[float, float]
     poses: int
+    objectives: dict[str, tuple[float, float]]
+    tried: Tried
+    begun: str
+    drawn: tuple[str, ...]
+    searched: tuple[str, ...]
 
     def __repr__(self) -> str:
         return f"TuningResult({self.sentences()[0]!r})"
 
     def rows(self) -> list[list[str]]:
         """A row for each gain and joint, as `HEADS`."""
+        arm, law = self.scenario.arm, self.scenario.controller
         return [
-            [joint, name, f"{old:.4g}", f"{new:.4g}", f"{new / old:.3g}" if old > 0.0 else "—"]
+            [joint, name, unit or "—", f"{old:.4g}", f"{new:.4g}", f"{new / old:.3g}" if old > 0.0 else "—"]
             for name, values in self.gains.items()
-            for joint, old, new in zip(self.scenario.arm.names, self.start[name], values, strict=True)
+            for joint, unit, old, new in zip(
+                arm.names, gain_units(arm, law, name), self.start[name], values, strict=True
+            )
         ]
 
     def judged(self) -> list[list[str]]:
-        """A row for each joint and reducer: joint, reducer, at the start, with the gains; means over the held-out lanes."""
+        """A row for each joint and measure, as `JUDGED`; means over the held-out lanes."""
+        arm = self.scenario.arm
         return [
-            [joint, name, f"{old:.4g}", f"{new:.4g}"]
+            [joint, name, unit, f"{old:.4g}", f"{new:.4g}"]
             for name, (before, after) in self.held_out.items()
-            for joint, old, new in zip(self.scenario.arm.names, before, after, strict=True)
+            for joint, unit, old, new in zip(arm.names, measure_units(arm, name), before, after, strict=True)
         ]
+
+    @property
+    def changed(self) -> bool:
+        """True if the gains are others than the scenario's own, and worth writing."""
+        return self.improved or not self.start_keeps or self.begun != "scenario"
+
+    def objective_rows(self) -> list[list[str]]:
+        """A row for each objective: its name, at the start and with the gains on held-out lanes, and the change."""
+        return [
+            [name, f"{before:.4g}", f"{after:.4g}", f"{100.0 * (after / before - 1.0):+.1f} %" if before > 0.0 else "—"]
+            for name, (before, after) in self.objectives.items()
+        ]
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | None:
+        """Figure of the Pareto front of the first two objectives: all gains tried, the front, start and result.
+
+        Args:
+            path: .png, .svg or .pdf to write; None: the figure is returned.
+        Raises:
+            ScenarioError: a single objective.   OutputError: it cannot be written.
+        """
+        from matplotlib.figure import Figure
+
+        from armwright.results.plot import save_figure
+        from armwright.tuning.pictures import draw_front
+
+        self.tried.front()  # which refuses a single objective
+        figure = Figure(figsize=(7.0, 5.0), dpi=150, layout="constrained", facecolor="white")
+        draw_front(figure, self.tried, self.chosen, "#222222", "#777777")
+        if path is None:
+            return figure
+        target = check_destination(path, PICTURES)
+        with whole_file(target, PICTURES) as temporary:
+            save_figure(figure, temporary, target.suffix[1:].lower())
+        return None
+
+    @property
+    def chosen(self) -> np.ndarray:
+        """(objectives,) of the returned gains on the tuned lanes."""
+        row = np.concatenate([self.gains[name] for name in self.searched])
+        same = np.flatnonzero((self.tried.gains == row).all(axis=1)) if len(self.tried.gains) else []
+        return self.tried.values[same[0]] if len(same) else self.tried.first
 
     def sentences(self) -> list[str]:
         """What was found, in words."""
@@ -78,8 +142,22 @@ class TuningResult:
             first = f"tuned for the margins: the score on {held} held-out lanes goes from {before:.4g} to {after:.4g}"
         lines = [
             first,
-            f"{self.simulations} simulations in {len(self.history) - 1} generations, {tuned} lanes tuned in",
+            f"{self.simulations} simulations in {len(self.history) - 1} generations, {tuned} lanes tuned in"
+            + (f": {', '.join(self.drawn)}" if self.drawn else ""),
         ]
+        if self.begun != "scenario":
+            lines.append(f"the start was designed ({self.begun})")
+        worse = [name for name, (before, after) in self.objectives.items() if after > before]
+        if self.improved and worse:
+            lines.append(f"worse than the start: {', '.join(worse)}; improve_each refuses that")
+        joints = [
+            f"{name} of {joint} ({100.0 * (new / old - 1.0):+.0f} %)"
+            for name, (before, after) in self.held_out.items()
+            for joint, old, new in zip(self.scenario.arm.names, before, after, strict=True)
+            if new > WORSE * old > 0.0
+        ]
+        if self.improved and joints:
+            lines.append(f"worse than the start at single joints, whose shares are averaged: {', '.join(joints)}")
         if not self.start_keeps:
             lines.append(f"the start gains do not keep {asked}")
         lines.append(

@@ -63,17 +63,16 @@ class GainSpace:
         """(gains * n,) true where a gain is searched for."""
         return self.start > 0.0
 
-    @property
-    def x_start(self) -> np.ndarray:
-        """(k,) the start."""
+    def point(self, row: np.ndarray) -> np.ndarray:
+        """(k,) point of gains (gains * n,)."""
         one = self.free
-        return np.log(self.start[one] / self.low[one]) / np.log(self.high[one] / self.low[one])
+        return np.log(row[one] / self.low[one]) / np.log(self.high[one] / self.low[one])
 
     def gains(self, x: np.ndarray) -> np.ndarray:
         """(candidates, gains * n) of points (candidates, k), rounded to `DIGITS` digits."""
         one, rows = self.free, np.tile(self.start, (len(x), 1))
         values = self.low[one] * (self.high[one] / self.low[one]) ** x
-        rows[:, one] = [[float(f"{value:.{DIGITS}g}") for value in row] for row in values]
+        rows[:, one] = rounded(values)
         return np.clip(rows, self.low, self.high)
 
     def by_name(self, row: np.ndarray) -> dict[str, np.ndarray]:
@@ -85,6 +84,11 @@ class GainSpace:
         parts = np.split(rows, len(self.names), axis=-1)
         values = {name: Batch(part) if rows.ndim == 2 else part for name, part in zip(self.names, parts, strict=True)}
         return replace(self.control, **values)
+
+
+def rounded(values: np.ndarray) -> np.ndarray:
+    """Gains of any shape with `DIGITS` digits."""
+    return np.array([float(f"{value:.{DIGITS}g}") for value in values.ravel()]).reshape(values.shape)
 
 
 def _numbers(control: Any, n: int) -> dict[str, np.ndarray]:

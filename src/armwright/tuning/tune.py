@@ -1,196 +1,312 @@
-"""Robust search for a controller's gains by the covariance matrix adaptation evolution strategy. [Hansen2016]"""
+"""Robust search for a controller's gains over uncertain arms, under a margin constraint."""
 
 from __future__ import annotations
 
-import warnings
+import os
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from armwright.control.analysis.regions import GAIN, PHASE, check_margins
+from armwright.control.analysis.regions import check_margins
+from armwright.control.design import design_gains
 from armwright.errors import ScenarioError
+from armwright.parameters import numbers_by_lane
+from armwright.scenarios.file import read_scenario
+from armwright.scenarios.files import Document
+from armwright.scenarios.tuning_records import TuningTable
 from armwright.simulation.checks import check_choice, check_whole
 from armwright.simulation.scenario import Scenario
 from armwright.tuning.lanes import scenario_lanes, taken
 from armwright.tuning.margins import MarginConstraint
-from armwright.tuning.objective import OBJECTIVES, Objective, checked_limits, checked_weights
+from armwright.tuning.objective import Objective, checked_limits, checked_weights
 from armwright.tuning.result import TuningResult
-from armwright.tuning.space import GainSpace
+from armwright.tuning.search import Progress, Search, Tried
+from armwright.tuning.space import GainSpace, rounded
+from armwright.tuning.uncertainty import USUAL, Uncertainty
+from armwright.validation import validated
 
-SPREAD = 0.15  # standard deviation of the first generation, as a share of the bounds' logarithm
-REFUSED = 1e9  # score of gains without the margins, and beyond: worse than any run that ends
 STILL = 1e-6  # [rad | m] of a tracking error: an arm that only holds its pose
-FAILED = 1e6  # of a run that diverges
+METHODS = ("cma", "differential-evolution")
+STARTS = ("scenario", "analytic", "pole-placement", "symmetric-optimum", "loop-shaping", "lqr")
 
 
 def tune(
-    scenario: Scenario,
+    scenario: Scenario | str | os.PathLike[str],
     gains: Mapping[str, Any] | None = None,
     *,
+    start: str | None = None,
     draws: Mapping[str, Any] | None = None,
     objectives: Mapping[str, float] | None = None,
     limits: Mapping[str, Any] | None = None,
-    over: str = "mean",
-    lanes: int = 64,
-    generations: int = 30,
+    improve_each: bool | None = None,
+    over: str | None = None,
+    lanes: int | None = None,
+    method: str | None = None,
+    generations: int | None = None,
     candidates: int | None = None,
-    gain_margin: float = GAIN,
-    phase_margin: float = PHASE,
-    poses: int = 2000,
-    seed: int = 0,
+    front: int | None = None,
+    gain_margin: float | None = None,
+    phase_margin: float | None = None,
+    poses: int | None = None,
+    seed: int | None = None,
+    client: Any = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> TuningResult:
-    """Gains that track better than the scenario's own over uncertain arms, and keep the margins.
+    """Gains that track better than the start over uncertain arms, and keep the margins.
 
-    CMA-ES in the logarithm of the gains, one for each joint. A generation's candidates run in all lanes of uncertainty together,
-    in one compiled simulation; those that do not keep the margins are not simulated. Every second lane is held out: the result is
-    judged there, and where it does not beat the start, the start is returned.
+    A search in the logarithm of the gains, one for each joint. A generation's candidates run in all lanes of uncertainty
+    together, in one compiled simulation; those that do not keep the margins are not simulated. Every second lane is held out:
+    the result is judged there, and where it does not beat the start, the start is returned.
 
     Args:
-        scenario: with a controller, whose gains are the start. Its lanes, if it has some, are the uncertainty.
+        scenario: with a controller, or the path of a scenario file. What is not stated here is taken from the file's [tuning];
+            a scenario made or changed in Python has none.
         gains: by name, a factor to either side of the start, or (low, high), numbers or (n,) each; default: all gains whose
             names end in kp, ki or kd, within a factor of 10. Gains of 0 stay 0.
-        draws: values for `vary` that differ by lane, a `Draw` or `Batch` each; default, where the scenario has one lane: each
-            mass within ±30 %, each joint's friction within a factor of two.
-        objectives: weights by reducer; default: rms_error 1, relative to the start's, and saturation 1.
-        limits: by peak reducer, such as {"peak_torque": 40.0}, what no run should go beyond [the reducer's unit].
-        over: "mean" or "worst" of the lanes.   lanes: how many of a scenario that has one; half of them judge the result.
-        generations: of the search.   candidates: in each; default: 4 + 3 ln k for k gains, and 8 at least.
-        gain_margin: factor either way that any one command bears.   phase_margin: [rad].
-        poses: drawn within the position limits; the margins are kept where an inertia or slope is extreme among them, with the
-            record's own numbers.   seed: of the search, the poses and default draws.   progress: called with (done, total).
+        start: "scenario": its own gains, the default; "analytic", or a method of `design_gains`: designed ones.
+        draws: what differs between the lanes: mass, friction, record, poses, payload, jitter, delay (`[tuning.draws]` has them),
+            and numbers of the record by name, a `Draw` or `Batch` each. Default: nothing beside the scenario's lanes; of a
+            scenario that is one run masses within ±30 %, friction within a factor of two, and the record's standard deviations.
+        objectives: weights of reducers, of "noise_gain" and of "sensitivity" (their peak over poses, of the linear loop);
+            default: rms_error 1, relative to the start's, and saturation 1.
+        limits: of these, such as {"peak_torque": 40.0}, what no run should go beyond [the reducer's unit].
+        improve_each: whether no objective may get worse than at the start; default False.
+        over: "mean" or "worst" of the lanes.   lanes: how many of a scenario that has one, default 64; half of them judge.
+        method: "cma", the default, or "differential-evolution".   generations: of the search, default 30.
+        candidates: in each; default: 4 + 3 ln k for k gains, and 8 at least.
+        front: further searches with other weights of the first two objectives, for the Pareto front; default 0.
+        gain_margin: factor either way that any one command bears, default 2.   phase_margin: [rad], default 30°.
+        poses: drawn within the position limits, default 2000; the margins are kept where an inertia or slope is extreme among
+            them, with the record's own numbers and the longest delay of the lanes.
+        seed: of the search, the poses and draws, default 0.   client: a `distributed.Client` whose workers simulate.
+        progress: called with (done, total).
     Returns:
         result: gains, scenario, and scores on held-out lanes.
     Raises:
         ScenarioError: unstable start gains, margins that no gains were found to keep, a reference that does not
             move, or bad arguments. `cma` is not installed.
     """
-    check_margins(gain_margin, phase_margin)
-    check_choice("over", over, ("mean", "worst"))
-    check_whole("generations", generations, 1)
-    check_whole("poses", poses, 1)
-    check_whole("seed", seed, 0)
-    if candidates is not None:
-        check_whole("candidates", candidates, 4)
-    space = GainSpace.of(scenario, gains)
-    weights = checked_weights(OBJECTIVES if objectives is None else objectives)
-    bounds = checked_limits({} if limits is None else limits, scenario.arm.n)
-    every = scenario_lanes(scenario, draws, lanes, seed)
+    if not isinstance(scenario, Scenario):
+        scenario = read_scenario(scenario)
+    told = {
+        "start": start, "gains": gains, "draws": draws, "objectives": objectives, "limits": limits, "over": over,
+        "improve_each": improve_each, "lanes": lanes, "method": method, "generations": generations,
+        "candidates": candidates, "front": front, "gain_margin": gain_margin, "phase_margin": phase_margin,
+        "poses": poses, "seed": seed,
+    }  # fmt: skip
+    asked = {name.removesuffix("_rad"): value for name, value in TuningTable().model_dump().items()}
+    asked |= in_file(scenario) | {name: value for name, value in told.items() if value is not None}
+    _check(asked)
+    margins, number = (asked["gain_margin"], asked["phase_margin"]), asked["seed"]
+    if scenario.controller is None:
+        raise ScenarioError("has no controller", place="loop", expected="a scenario with a loop and its controller")
+    weights, bounds = checked_weights(asked["objectives"]), checked_limits(asked["limits"], scenario.arm.n)
+    every, own, designed = scenario_lanes(scenario, asked["draws"], asked["lanes"], number), scenario, {}
+    if asked["start"] != "scenario":
+        designed = _designed(_slowest(every), asked["start"], margins, asked["poses"], number)
+        scenario, every = (_with_gains(each, designed) for each in (scenario, every))
+    space = GainSpace.of(scenario, asked["gains"])
     count = every.lane_count or 0
     tuned_in, judged_in = np.arange(0, count, 2), np.arange(1, count, 2)
-    objective = Objective(every, space, weights, bounds, over == "worst")
-    margins = MarginConstraint(taken(every, tuned_in[:1]), space, poses, seed, (gain_margin, phase_margin))
-    margins.check_start()
-    start = objective.values(space.start[None], tuned_in)
-    scales = objective.scales(start)
-    first = float(objective.score(start, scales)[0])
+    constraint = MarginConstraint(_slowest(every), space, asked["poses"], number, margins)
+    constraint.check_start()
+    worst = asked["over"] == "worst"
+    objective = Objective(every, space, weights, bounds, worst, constraint.measured, client=client)
+    values = objective.values(space.start[None], tuned_in)
+    scales = objective.scales(values)
+    first, means = float(objective.score(values, scales)[0]), objective.means(values, scales)
+    _check_first(first, values, weights)
+    if asked["improve_each"]:
+        objective = replace(objective, levels={name: float(each[0]) for name, each in means.items()})
+    budget = (asked["method"], asked["generations"], asked["candidates"], number)
+    search = Search(objective, constraint, scales, tuned_in, first if constraint.keeps(space.start) else np.inf)
+    total = asked["generations"] * (1 + asked["front"])
+    search.run(*budget, None if progress is None else _further(progress, 0, total))
+    if search.best is None:
+        raise constraint.refusal()
+    _along_the_front(search, asked["front"], budget, progress)
+    fixed = {name: each for name, each in designed.items() if name not in space.names}
+    uncertainty = Uncertainty.of(asked["draws"] or ({} if own.resolved.lane_count is not None else USUAL))
+    tried = _tried(search, means)
+    return _judged(own, scenario, search, judged_in, fixed, tried, asked["start"], uncertainty.words(own.arm))
+
+
+def _tried(search: Search, first: Mapping[str, np.ndarray]) -> Tried:
+    """The gains that were tried, less those on the front that lack the margins at a pose that was not watched."""
+    start, begun = search.objective.space.start, np.array([float(each[0]) for each in first.values()])
+    own = [(start, begun)] if search.margins.keeps(start) else []  # the start is one of those that were tried
+    values = np.array([each for _, each in (*own, *search.tried)]).reshape(-1, len(first))
+    gains = np.array([row for row, _ in (*own, *search.tried)]).reshape(-1, len(start))
+    tried = Tried(tuple(first), values, gains, begun)
+    passed: set[bytes] = set()
+    while len(tried.names) > 1:
+        new = [k for k in tried.front() if tried.gains[k].tobytes() not in passed]
+        failing = [k for k in new if not search.margins.keeps(tried.gains[k])]
+        passed |= {tried.gains[k].tobytes() for k in new}
+        if not failing:
+            break
+        tried = replace(tried, values=np.delete(tried.values, failing, 0), gains=np.delete(tried.gains, failing, 0))
+    return tried
+
+
+def in_file(scenario: Scenario) -> dict[str, Any]:
+    """What [tuning] of the scenario's file states, by the names of `tune`; nothing of a scenario made in Python."""
+    if scenario.document is None:
+        return {}
+    content = Document.model_validate_json(scenario.document).scenario
+    table = tomllib.loads(content.text or "").get("tuning")
+    if table is None:
+        return {}
+    found = validated(TuningTable, table, place="tuning", error=ScenarioError).asked()
+    if found.get("draws") is not None:
+        draws: Any = found["draws"]
+        stated = {name: getattr(draws, name) for name in draws.model_fields_set}
+        if "vary" in stated:
+            stated["vary"] = {name: each.draw() for name, each in draws.vary.items()}
+        found["draws"] = stated
+    return found
+
+
+def _check(asked: Mapping[str, Any]) -> None:
+    """Refuses settings that are none.
+
+    Raises:
+        ScenarioError: names the first.
+    """
+    check_margins(asked["gain_margin"], asked["phase_margin"])
+    check_choice("over", asked["over"], ("mean", "worst"))
+    check_choice("method", asked["method"], METHODS)
+    check_choice("start", asked["start"], STARTS)
+    for name, least in (("generations", 1), ("poses", 1), ("seed", 0), ("front", 0)):
+        check_whole(name, asked[name], least)
+    if asked["candidates"] is not None:
+        check_whole("candidates", asked["candidates"], 4)
+    if not isinstance(asked["improve_each"], (bool, np.bool_)):
+        raise ScenarioError(place="improve_each", value=asked["improve_each"], expected="true or false")
+
+
+def _designed(
+    scenario: Scenario, method: str, margins: tuple[float, float], poses: int, seed: int
+) -> dict[str, np.ndarray]:
+    """Designed gains of a scenario's controller by name, rounded as tuned ones are.
+
+    Raises:
+        ScenarioError: a controller around another one, whose gains are not searched for.
+    """
+    if hasattr(scenario.controller, "inner"):
+        expected = "start = 'scenario', or aw.design_gains, which designs the inner one"
+        raise ScenarioError("wraps another controller", place="loop.controller", expected=expected)
+    gain, phase = margins
+    name = None if method == "analytic" else method
+    design = design_gains(scenario, name, gain_margin=gain, phase_margin=phase, poses=poses, seed=seed)
+    return {name: rounded(each) for name, each in design.gains.items()}
+
+
+def _with_gains(scenario: Scenario, gains: dict[str, np.ndarray]) -> Scenario:
+    """The scenario with other gains."""
+    assert scenario.loop is not None
+    return replace(scenario, loop=replace(scenario.loop, controller=replace(scenario.controller, **gains)))
+
+
+def _slowest(every: Scenario) -> Scenario:
+    """The scenario of the first lane, with the longest delay of any."""
+    one = taken(every, np.arange(1))
+    assert one.loop is not None
+    assert every.loop is not None
+    longest = {
+        name: float(numbers_by_lane(getattr(every.loop.timing, name)).max())
+        for name in ("measurement_delay", "command_delay")
+    }
+    return replace(one, loop=replace(one.loop, timing=replace(one.loop.timing, **longest)))
+
+
+def _check_first(first: float, start: Mapping[str, np.ndarray], weights: Mapping[str, float]) -> None:
+    """Refuses a start whose runs do not end, or that has nothing to track.
+
+    Raises:
+        ScenarioError: says which.
+    """
     if not np.isfinite(first):
-        what = "the start gains fail in some lanes, which diverge or stall"
-        raise ScenarioError(what, place="loop.controller", expected="gains that end their runs in every lane")
+        failing = [name for name, each in start.items() if not np.isfinite(each).all()]
+        lanes = int((~np.isfinite(start[failing[0]][0]).all(axis=-1)).sum()) if failing else 0
+        count = next(iter(start.values())).shape[1]
+        what = f"the start gains have no finite {failing[0] if failing else 'score'} in {lanes} of {count} lanes"
+        expected = "gains that end their runs in every lane, neither diverging nor stalling"
+        raise ScenarioError(what, place="loop.controller", expected=expected)
     errors = [start[name].max() for name in ("rms_error", "peak_error") if weights.get(name, 0.0) > 0.0]
     if errors and max(errors) < STILL:
         what = f"nothing to track: the start's tracking errors stay below {STILL:g}"
         raise ScenarioError(what, place="loop.reference", expected="a reference that moves, or starts away from it")
-    search = _Search(objective, margins, scales, tuned_in, first if margins.keeps(space.start) else np.inf)
-    runs = search.run(generations, candidates, seed, progress)
-    if search.best is None:
-        raise margins.refusal()
-    return _judged(scenario, search, judged_in, len(tuned_in), runs)
 
 
-class _Search:
-    """The search: best gains so far, which keep the margins at all poses, their score, and the best score of each generation."""
-
-    def __init__(
-        self, objective: Objective, margins: MarginConstraint, scales: Any, lanes: np.ndarray, first: float
-    ) -> None:
-        self.objective, self.margins, self.scales, self.lanes = objective, margins, scales, lanes
-        self.start_keeps = np.isfinite(first)
-        self.best: np.ndarray | None = objective.space.start if self.start_keeps else None
-        self.score, self.history = first, [first]
-
-    def run(
-        self, generations: int, candidates: int | None, seed: int, progress: Callable[[int, int], None] | None
-    ) -> int:
-        """Goes through the generations; the number of simulations."""
-        cma, space = _cma(), self.objective.space
-        count = candidates or max(8, 4 + int(3 * np.log(space.free.sum())))
-        numbers = np.random.default_rng(seed)
-        options = {
-            "bounds": [0.0, 1.0], "popsize": count, "verbose": -9, "verb_log": 0, "maxiter": generations,
-            "seed": np.nan, "randn": lambda *shape: numbers.standard_normal(shape),  # NumPy's global numbers stay as they are
-        }  # fmt: skip
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about a single gain, and of options
-            strategy = cma.CMAEvolutionStrategy(space.x_start, SPREAD, options)
-            simulated = len(self.lanes)
-            for generation in range(generations):
-                if strategy.stop():
-                    break
-                points = strategy.ask()
-                scores, ran = self._scores(space.gains(np.array(points)))
-                strategy.tell(points, scores.tolist())
-                simulated += ran * len(self.lanes)
-                self.history.append(self.score)
-                if progress is not None:
-                    progress(generation + 1, generations)
-        return simulated
-
-    def _scores(self, gains: np.ndarray) -> tuple[np.ndarray, int]:
-        """(candidates,) scores of a generation, and how many were simulated; the best is kept if its margins hold everywhere."""
-        failing = self.margins.failing(gains)
-        scores, kept = REFUSED * (1.0 + failing), np.flatnonzero(failing == 0.0)
-        if kept.size:
-            found = self.objective.score(self.objective.values(gains[kept], self.lanes), self.scales)
-            scores[kept] = np.where(np.isfinite(found), np.minimum(found, FAILED), FAILED)
-        for k in np.argsort(scores, kind="stable"):
-            if scores[k] >= min(self.score, FAILED):
-                break
-            if self.margins.keeps(gains[k]):
-                self.best, self.score = gains[k], float(scores[k])
-                break
-            scores[k] = REFUSED
-        return scores, int(kept.size)
+def _along_the_front(
+    search: Search, count: int, budget: tuple[str, int, int | None, int], progress: Progress | None
+) -> None:
+    """Searches with other weights of the first two objectives, whose candidates join those that were tried."""
+    objective, (method, generations, candidates, seed) = search.objective, budget
+    names = [name for name, weight in objective.weights.items() if weight > 0.0][:2]
+    if count and len(names) < 2:
+        raise ScenarioError("a single objective", place="front", value=count, expected="two objectives, or front = 0")
+    for k, share in enumerate(np.linspace(0.0, 1.0, count + 2)[1:-1] if count else ()):
+        weights = {**objective.weights, names[0]: 2.0 * share, names[1]: 2.0 * (1.0 - share)}
+        other = Search(replace(objective, weights=weights), search.margins, search.scales, search.lanes, np.inf)
+        other.begun = search.best
+        shown = None if progress is None else _further(progress, generations * (k + 1), generations * (1 + count))
+        other.run(method, generations, candidates, seed + k + 1, shown)
+        search.tried += other.tried
+        search.simulated += other.simulated - len(search.lanes)
 
 
-def _judged(scenario: Scenario, search: _Search, lanes: np.ndarray, tuned: int, runs: int) -> TuningResult:
+def _further(progress: Progress, before: int, total: int) -> Progress:
+    """Progress of a search behind `before` generations of others, `total` in all."""
+    return lambda done, _: progress(before + done, total)
+
+
+def _judged(
+    own: Scenario,
+    started: Scenario,
+    search: Search,
+    lanes: np.ndarray,
+    fixed: dict[str, np.ndarray],
+    tried: Tried,
+    start: str,
+    drawn: list[str],
+) -> TuningResult:
     """The better of start and best on held-out lanes; the best where the start does not keep the margins."""
     objective, space = search.objective, search.objective.space
     assert search.best is not None
     values = objective.values(np.array([space.start, search.best]), lanes)
-    scores = objective.score(values, search.scales)
+    plain = replace(objective, levels=None)
+    scores, means = plain.score(values, search.scales), plain.means(values, search.scales)
     improved = bool(scores[1] < scores[0])
+    if objective.levels is not None:
+        improved &= all(each[1] <= each[0] for each in means.values())
     row = search.best if improved or not search.start_keeps else space.start
     chosen = 1 if row is search.best else 0
-    assert scenario.loop is not None
+    assert started.loop is not None
     if not np.isfinite(scores[chosen]):
         what = "the gains that were found fail in held-out lanes, and the start does not keep the margins"
         raise ScenarioError(what, place="gains", expected="more lanes, or less uncertainty")
-    means = {name: np.stack([each[0].mean(axis=0), each[chosen].mean(axis=0)]) for name, each in values.items()}
+    joint_means = {name: np.stack([each[0].mean(axis=0), each[chosen].mean(axis=0)]) for name, each in values.items()}
     return TuningResult(
-        replace(scenario, loop=replace(scenario.loop, controller=space.controller(row))),
-        space.by_name(row),
-        space.by_name(space.start),
+        replace(own, loop=replace(started.loop, controller=space.controller(row))),
+        space.by_name(row) | fixed,
+        space.by_name(space.start) | fixed,
         improved,
         search.start_keeps,
         (float(scores[0]), float(scores[chosen])),
-        means,
+        joint_means,
         np.array(search.history),
-        (tuned, len(lanes)),
-        runs + 2 * len(lanes),
+        (len(search.lanes), len(lanes)),
+        search.simulated + 2 * len(lanes),
         search.margins.asked,
         len(search.margins.poses),
+        {name: (float(each[0]), float(each[chosen])) for name, each in means.items()},
+        tried,
+        start,
+        tuple(drawn),
+        space.names,
     )
-
-
-def _cma() -> Any:
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about plots it cannot make
-            import cma  # type: ignore[import-untyped]
-    except ImportError:
-        expected = "pip install armwright[control]"
-        raise ScenarioError("needs cma, which is not installed", place="tune", expected=expected) from None
-    return cma

@@ -1,0 +1,134 @@
+"""Twenty mistakes in a scenario file, and many in a log and a motion file, are all reported at once with their lines."""
+
+from __future__ import annotations
+
+import pytest
+
+import armwright as aw
+from armwright.errors import ArmwrightError, ScenarioError
+
+SCENARIO = """\
+robot = "puma560"
+duration_s = -1  #! a time above 0
+sed = 3  #! did you mean seed
+comand = [1, 2]  #! did you mean commands
+[start]
+q = [0, 0, 0]  #! expected 6 numbers
+qd = "fast"  #! a finite number
+[solver]
+integrator = "rk9"  #! did you mean rk4
+step_s = 0  #! a time above 0
+substeps = 1.5  #! a whole number
+[recording]
+every = -1  #! expected
+[loop]
+period_s = -0.001  #! a time above 0
+[loop.controller]
+kind = "joint_pd"  #! did you mean joint_pid
+[loop.reference]
+kind = "stepp"  #! did you mean step
+[loop.sensors]
+counts = -5  #! counts above 0
+encoder = 3  #! unknown key
+[loop.timing]
+preset = "fastest"  #! there is ideal, one-tick, sync
+delay_s = -1  #! did you mean command_delay_s
+[inputs]
+wrench = [1, 2]  #! 6 numbers, not 2
+brake = { elbw = 1 }  #! a joint without a brake
+[[inputs.payload]]
+time_s = 0
+mass_kg = 1
+com_m = [0, 0]  #! 3 numbers, not 2
+[values]
+"link9.mass_kg" = 1  #! no such parameter
+[tuning]
+phase_margin_rad = 30  #! [rad]; 30° is 0.5236
+gain_margin = 0.5  #! a factor of 1 or more
+generations = 0  #! expected
+"""
+LOG = """\
+titel = "x"  #! did you mean title
+robot = 3  #! text
+joints = []  #! expected 1 or more
+[files.a]
+path = "none.csv"
+separator = 5  #! unknown key
+skip_linez = -1  #! did you mean skip_lines
+[time]
+columm = "t"  #! did you mean column
+unit = "hour"  #! expected 's'
+[[signals]]
+quantity = "torq"  #! expected 'position'
+columns = 3
+[[signals]]
+quantity = "position"
+columns = ["a", "b"]
+side = "moter"  #! expected 'joint' or 'motor'
+[[runs]]
+name = 5  #! text
+use = "fitt"  #! expected 'fit'
+from_s = "x"  #! unknown key
+"""
+MOTION = """\
+robot = "puma560"
+start = [0, 0, 0, 0, 0, 0]
+[limits]
+jrk = 3  #! did you mean jerk
+[[obstacle]]  #! unknown key
+[[segments]]
+kind = "move"
+goal = [1, 2, 0, 0, 0, 0]
+sped = 3  #! did you mean speed
+[[segments]]
+kind = "dwel"  #! expected move
+[[segments]]
+kind = "dwell"
+duration_s = -1  #! greater than 0
+[[segments]]
+kind = "grip"
+mass_kg = -2  #! greater than 0
+com_m = [0, 0]  #! 3 numbers, not 2
+inertia_kg_m2 = [0, 0, 0]
+[[segments]]
+kind = "waypoints"
+curve = "cubik"  #! expected 'cubic'
+points = [[0, 0, 0, 0, 0, 0]]
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "read", "least"),
+    [
+        (SCENARIO, "a.scenario.toml", aw.read_scenario, 20),
+        (LOG, "a.log.toml", aw.read_log, 10),
+        (MOTION, "a.motion.toml", aw.plan, 7),
+    ],
+)
+def test_all_are_reported_with_their_lines(tmp_path, text, name, read, least):
+    lines = text.split("\n")
+    planted = {k: line.partition("  #! ")[2] for k, line in enumerate(lines, 1) if "#! " in line}
+    assert len(planted) >= least
+    path = tmp_path / name
+    path.write_text("\n".join(line.partition("  #! ")[0] for line in lines), encoding="utf-8")
+    with pytest.raises(ArmwrightError) as refused:
+        read(path)
+    told = [(problem.line, str(problem)) for problem in refused.value.problems]
+    assert {line for line, _ in told} == planted.keys()
+    for line, words in planted.items():
+        assert any(at == line and words in said for at, said in told), (line, words, told)
+
+
+@pytest.mark.parametrize(("key", "value", "expected"), [
+    ("phase_margin_rad", "30", "an angle from 0 to below π [rad]; 30° is 0.5236"),
+    ("phase_margin_rad", "-1", "an angle from 0 to below π [rad]"),
+    ("gain_margin", "0", "a factor of 1 or more"),
+])  # fmt: skip
+def test_a_tuning_table_is_refused_with_file_line_and_unit(tmp_path, key, value, expected):
+    path = tmp_path / "a.scenario.toml"
+    path.write_text(
+        f'robot = "two-link"\nduration_s = 1\n[commands]\nconstant = 0\n[tuning]\n{key} = {value}\n', encoding="utf-8"
+    )
+    with pytest.raises(ScenarioError) as refused:
+        aw.read_scenario(path)
+    assert (refused.value.place, refused.value.expected, refused.value.file) == (f"tuning.{key}", expected, f"{path}:6")
