@@ -44,7 +44,65 @@ SECTIONS {
 """
 
 
-def run_on_board(board: str, sources: Sequence[Path], folder: Path, *flags: str) -> subprocess.CompletedProcess[str]:
+# Hooks of a controller's self-test: QEMU's -icount makes an instruction one nanosecond, SysTick counts every 40 of them.
+_METER = """\
+#include <stdint.h>
+#include <stdio.h>
+#define METER_CSR (*(volatile uint32_t *)0xE000E010u)
+#define METER_RVR (*(volatile uint32_t *)0xE000E014u)
+#define METER_CVR (*(volatile uint32_t *)0xE000E018u)
+#define METER_WORDS 16384
+static uint32_t meter_began, meter_steps, meter_stack;
+static uint64_t meter_ticks;
+static __attribute__((noinline)) uint32_t meter_painted(int paint)
+{
+    volatile uint32_t words[METER_WORDS]; /* where the step's stack will be, or was */
+    uint32_t k = 0u;
+    if (paint) {
+        for (k = 0u; k < METER_WORDS; k++) {
+            words[k] = 0xA5A5A5A5u;
+        }
+        return 0u;
+    }
+    while ((k < METER_WORDS) && (words[k] == 0xA5A5A5A5u)) {
+        k++;
+    }
+    return 4u * (METER_WORDS - k);
+}
+static void meter_before(void)
+{
+    (void)meter_painted(1);
+    METER_RVR = 0xFFFFFFu;
+    METER_CSR = 5u;
+    METER_CVR = 0u;
+    meter_began = METER_CVR;
+}
+static void meter_after(void)
+{
+    const uint32_t now = METER_CVR;
+    uint32_t used;
+    meter_ticks += (meter_began - now) & 0xFFFFFFu;
+    meter_steps++;
+    used = meter_painted(0);
+    meter_stack = used > meter_stack ? used : meter_stack;
+    if (meter_steps == METER_STEPS) {
+        printf("%-32s %lu instructions a step, %lu bytes of stack\\n", "meter",
+            (unsigned long)(40u * meter_ticks / meter_steps), (unsigned long)meter_stack);
+    }
+}
+"""
+
+
+def meter(name: str, steps: int, folder: Path) -> list[str]:
+    """Flags with which the self-test of a controller also prints the instructions of a step and its stack."""
+    (folder / "meter.h").write_text(_METER, encoding="ascii")
+    hooks = [f"-D{name.upper()}_SELFTEST_{when.upper()}=meter_{when}()" for when in ("before", "after")]
+    return [*hooks, f"-DMETER_STEPS={steps}", "-include", str(folder / "meter.h"), "-Wno-unused-function"]
+
+
+def run_on_board(
+    board: str, sources: Sequence[Path], folder: Path, *flags: str, emulator: Sequence[str] = ()
+) -> subprocess.CompletedProcess[str]:
     """Compiles a program for a board and runs it there; skips the test where compiler, newlib or QEMU is missing."""
     gcc, qemu = compiler("arm-none-eabi-gcc"), compiler("qemu-system-arm")
     asked = subprocess.run([gcc, "-print-file-name=rdimon.specs"], capture_output=True, text=True)
@@ -57,5 +115,5 @@ def run_on_board(board: str, sources: Sequence[Path], folder: Path, *flags: str)
     build([gcc, "-std=c99", "-O2", *BOARDS[board], "-ffp-contract=off", *flags, "--specs=rdimon.specs", *files])
     semihosting = ("-nographic", "-semihosting-config", "enable=on,target=native")
     return subprocess.run(
-        [qemu, "-M", board, *semihosting, "-kernel", program], capture_output=True, text=True, timeout=60
+        [qemu, "-M", board, *semihosting, *emulator, "-kernel", program], capture_output=True, text=True, timeout=60
     )

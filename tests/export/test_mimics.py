@@ -121,7 +121,7 @@ def test_what_is_no_line_of_one_driven_joint_is_refused(tmp_path, old, new, mess
 
 
 def test_a_urdf_without_numbers_follows_one_to_one(tmp_path):
-    """The format's defaults: multiplier 1, offset 0; names are renamed on both sides."""
+    """The format's defaults: multiplier 1, offset 0; names stay on both sides."""
     parts = [f'<link name="{name}"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
              "</inertial></link>" for name in ("a", "b")]  # fmt: skip
     joints = ('<joint name="the one" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/></joint>'
@@ -132,4 +132,4 @@ def test_a_urdf_without_numbers_follows_one_to_one(tmp_path):
     assert isinstance(joint, RevoluteJoint)
     mimic = joint.mimic
     assert mimic is not None
-    assert (mimic.joint, float(mimic.multiplier), float(mimic.offset)) == ("the_one", 1.0, 0.0)
+    assert (mimic.joint, float(mimic.multiplier), float(mimic.offset)) == ("the one", 1.0, 0.0)

@@ -68,7 +68,7 @@ def test_random_trees(tmp_path, seed):
     pytest.importorskip("mujoco", reason="MJCF is read through MuJoCo: pip install mujoco")
     write_mjcf(description, tmp_path / "arm.xml")
     plain = arm.replace(friction=None, efficiency=None)
-    back = aw.load(tmp_path / "arm.xml").replace(friction=None)
+    back = aw.load(tmp_path / "arm.xml").replace(friction=None, efficiency=None)
     assert sorted(back.names) == sorted(plain.names)
     order = [back.names.index(name) for name in plain.names]  # MuJoCo numbers joints by the nesting of its XML
     for q, qd, qdd in states(plain, seed):

@@ -1,1 +1,1 @@
-"""An arm in other programs' languages: C for microcontrollers."""
+"""An arm or a controller in other programs' languages: C for microcontrollers, URDF, MJCF."""

@@ -41,7 +41,7 @@ def write_c(arm: Model, functions: Sequence[str], folder: str | Path, real: str 
         OutputError: the folder or a file cannot be written.
     """
     texts = c_library(arm, functions, real)
-    with _folder(Path(folder)) as place, ExitStack() as files:
+    with folder_to_write(Path(folder)) as place, ExitStack() as files:
         for name, text in texts.items():
             temporary = files.enter_context(whole_file(place / name, follow_link=False))
             temporary.write_text(text, encoding="ascii", newline="\n")
@@ -74,7 +74,7 @@ def c_library(arm: Model, functions: Sequence[str], real: str = "double") -> dic
 
 
 @contextmanager
-def _folder(folder: Path) -> Iterator[Path]:
+def folder_to_write(folder: Path) -> Iterator[Path]:
     """A folder to write in; if the block fails, a folder created for it is removed."""
     created = not folder.exists()
     try:

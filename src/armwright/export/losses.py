@@ -29,7 +29,7 @@ class Losses:
         return [loss_of(what, names, word) for (what, word), names in self._names.items()]
 
 
-EFFECTS = ("current_loop_hz", "pwm", "thermal", "cogging", "coupling")
+EFFECTS = ("current_loop_hz", "pwm", "dead_zone_v", "thermal", "cogging", "coupling")
 
 
 def of_all_formats(robot: RobotDescription, kept: str = "") -> list[str]:

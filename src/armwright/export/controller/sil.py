@@ -1,0 +1,121 @@
+"""Software in the loop: an exported controller, compiled for this computer, on the inputs of a simulation."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from armwright.errors import ModelError
+from armwright.export.controller.recording import Recording
+from armwright.export.controller.selftest import input_rows, reader
+from armwright.export.controller.stages import ControllerStages
+from armwright.kernels.c import REALS
+from armwright.kernels.target import select_target
+
+COMPILERS = ("gcc", "clang", "cc")  # the first of these that is there
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
+TIMEOUT = 600.0  # [s] that the compiler, or the program, may take
+
+
+@dataclass(frozen=True, eq=False)
+class SoftwareInTheLoop:
+    """Commands of the compiled controller beside those of the simulation, on the same inputs.
+
+    Attributes:
+        compiler: that was used.   ticks: that were compared.   others: of them with a command of other bits.
+        first: the first of these; None: all are equal.
+        error: the largest difference of a command, in parts of that command's range in the simulation.
+        commands: (ticks, n) of the compiled code.   status: (ticks,) status words.   seconds: that a step took on average.
+    """
+
+    compiler: str
+    ticks: int
+    others: int
+    first: int | None
+    error: float
+    commands: np.ndarray
+    status: np.ndarray
+    seconds: float
+
+
+def find_compiler() -> str | None:
+    """Path of a C compiler of this computer; None where there is none."""
+    return next((path for path in map(shutil.which, COMPILERS) if path), None)
+
+
+def flags_of_host() -> tuple[str, ...]:
+    """Options with which a compiler of this computer gives the bits, fast: with the instruction for fma() where there is one."""
+    return (*FLAGS, *(("-mfma",) if "+fma" in select_target(None).features.split(",") else ()))
+
+
+def software_in_the_loop(
+    stages: ControllerStages,
+    recording: Recording,
+    folder: str | Path,
+    real: str = "double",
+    *,
+    compiler: str | None = None,
+    flags: tuple[str, ...] | None = None,
+    repeats: int = 1,
+) -> SoftwareInTheLoop:
+    """Compiles the controller in a folder and compares its commands with recorded ones.
+
+    Args:
+        stages, recording: the controller, and what it saw and commanded in its simulation.   folder: with its C file.
+        real: "double" or "float", as it was exported.   compiler: path; default: the first of `COMPILERS`.
+        flags: for it; default: `flags_of_host`.
+        repeats: how often all ticks are run, for the time that a step takes.
+    Raises:
+        ModelError: no compiler; it, or the program, ends with an error, which the message has.
+    """
+    compiler = compiler or find_compiler()
+    if compiler is None:
+        raise ModelError("there is none", place="compiler", expected=" or ".join(COMPILERS))
+    dtype = REALS[real].format.dtype
+    with tempfile.TemporaryDirectory(prefix="armwright-") as place:
+        work = Path(place)
+        (work / "reader.c").write_text(reader(stages, recording, real), encoding="ascii", newline="\n")
+        input_rows(stages, recording).astype(dtype).tofile(work / "inputs")
+        options = [*(flags_of_host() if flags is None else flags), f"-I{Path(folder)}"]
+        files = [work / "reader.c", Path(folder) / f"{stages.name}.c"]
+        _run([compiler, *options, *map(str, files), "-o", str(work / "reader"), "-lm"])
+        paths = [str(work / each) for each in ("reader", "inputs", "commands", "status")]
+        seconds = float(_run([*paths, str(repeats)]))
+        found = np.fromfile(work / "commands", dtype=dtype).reshape(recording.u.shape)
+        status = np.fromfile(work / "status", dtype=np.uint32)
+    expected = recording.u.astype(dtype)
+    differs = (found.view(f"u{dtype.itemsize}") != expected.view(f"u{dtype.itemsize}")).any(axis=1)
+    first = int(np.argmax(differs)) if differs.any() else None
+    per_step = seconds / (repeats * recording.ticks)
+    error = relative_error(found.astype(float), recording.u)
+    counts = (recording.ticks, int(differs.sum()), first)
+    return SoftwareInTheLoop(compiler, *counts, error, found.astype(float), status, per_step)
+
+
+def relative_error(found: np.ndarray, expected: np.ndarray) -> float:
+    """The largest difference of (ticks, n) commands, each in parts of its range in `expected`; a constant one's of its value."""
+    spans = np.ptp(expected, axis=0)
+    spans = np.where(spans > 0.0, spans, np.maximum(np.abs(expected).max(axis=0), np.finfo(float).tiny))
+    return float((np.abs(found - expected).max(axis=0) / spans).max())
+
+
+def _run(command: list[str]) -> str:
+    """What a program prints.
+
+    Raises:
+        ModelError: it ends with an error.
+    """
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise ModelError(str(error), place=Path(command[0]).name) from None
+    if done.returncode != 0:
+        lines = [line for line in (done.stderr or done.stdout).splitlines() if line.strip()]
+        what = next((line for line in lines if "error" in line), lines[0] if lines else f"ends with {done.returncode}")
+        raise ModelError(what, place=Path(command[0]).name)
+    return done.stdout

@@ -1,0 +1,274 @@
+"""The C file of an exported controller: the loop's programs, printed as kernels are, and a step that calls them in order.
+
+Blocks of the loop's stages become members of the state, of the parameters, or arrays of the step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from armwright.export.c_arithmetic import arithmetic
+from armwright.export.c_header import comment
+from armwright.export.controller.header import member
+from armwright.export.controller.stages import ControllerStages
+from armwright.kernels.c import REALS, Unit, c_text
+from armwright.kernels.c_syntax import identifier, literal
+from armwright.kernels.stages import NEXT
+from armwright.program import Program
+from armwright.program.passes import optimised
+from armwright.signals import Layout
+
+_CHECKS = """\
+/* 1 if all numbers are finite. */
+static int {name}_finite(const {real} *values, int count)
+{{
+    int k, finite = 1;
+    for (k = 0; k < count; k++) {{
+        if (!(fabs{f}(values[k]) <= {largest})) {{
+            finite = 0;
+        }}
+    }}
+    return finite;
+}}
+
+/* 1 if a number is outside of its limits. */
+static int {name}_outside(const {real} *values, const {real} *low, const {real} *high, int count)
+{{
+    int k, outside = 0;
+    for (k = 0; k < count; k++) {{
+        if ((values[k] < low[k]) || (values[k] > high[k])) {{
+            outside = 1;
+        }}
+    }}
+    return outside;
+}}
+
+/* 1 if the magnitude of a number is at its limit or beyond. */
+static int {name}_reaches(const {real} *values, const {real} *limits, int count)
+{{
+    int k, reaches = 0;
+    for (k = 0; k < count; k++) {{
+        if (fabs{f}(values[k]) >= limits[k]) {{
+            reaches = 1;
+        }}
+    }}
+    return reaches;
+}}"""
+
+_INIT = """\
+void {name}_init({name}_state *state, const {name}_parameters *parameters,
+    const {name}_measurement *measurement, const {name}_command *in_force)
+{{
+{arrays}
+    state->tick = 0u;
+    state->lost = 0u;
+    state->status = 0u;
+{gather}
+{calls}
+    memcpy(state->issued, in_force->u, sizeof state->issued);
+{end}
+}}
+
+void {name}_reset({name}_state *state, const {name}_parameters *parameters,
+    const {name}_measurement *measurement)
+{{
+    {name}_command in_force;
+    memcpy(in_force.u, state->issued, sizeof in_force.u);
+    {name}_init(state, parameters, measurement, &in_force);
+}}"""
+
+_STEP = """\
+uint32_t {name}_step({name}_state *state, const {name}_parameters *parameters,
+    const {name}_reference *reference, const {name}_measurement *measurement, {name}_command *command)
+{{
+    {name}_state next = *state;
+    const {real} tick[1] = {{({real})state->tick}};
+{arrays}
+    uint32_t status = 0u;
+    int finite;
+{reference}
+    if (measurement->lost != 0) {{
+        status |= {macro}_LOST;
+        next.lost += (next.lost < UINT32_MAX) ? 1u : 0u;
+    }} else {{
+        next.lost = 0u;
+{arrived}
+    }}
+{gather}
+{calls}
+{finite}
+    if (finite != 0) {{
+{judge}
+        *state = next;
+    }} else {{
+        status |= {macro}_NOT_FINITE;
+        state->lost = next.lost;
+    }}
+    state->tick++;
+    state->status = status;
+    memcpy(command->u, state->issued, sizeof command->u);
+    {macro}_WATCHDOG(state);
+    return status;
+}}"""
+
+
+def source(stages: ControllerStages, real: str) -> str:
+    """The C file's text."""
+    name, dialect = stages.name, REALS[real]
+    unit = Unit(dialect, f"{name}_")
+    for program in (stages.begin, stages.law, stages.shape):
+        if not any(port.size for port in program.outputs):
+            continue  # a law that remembers nothing
+        unit.add_function(program, f"{name}_{program.name}")
+    unit.functions[f"{name}_arithmetic"] = arithmetic(name, real)
+    words = {"name": name, "macro": name.upper(), "real": real, "f": dialect.format.suffix}
+    largest = f"{'FLT' if dialect.format.suffix else 'DBL'}_MAX"
+    unit.functions["checks"] = _CHECKS.format(**words, largest=largest)
+    unit.functions["parameters"] = _default_parameters(stages, real)
+    unit.functions["init"] = _INIT.format(**words, **_init(stages, real))
+    unit.functions["step"] = _STEP.format(**words, **_step(stages, real))
+    hook = f"#ifndef {name.upper()}_WATCHDOG\n#define {name.upper()}_WATCHDOG(state) ((void)(state))\n#endif\n"
+    top = comment([f"{name}.c: see {name}.h, and README.md, which says how this is compiled."])
+    text = c_text(unit, [f'"{name}.h"', "<string.h>"])
+    return f"{top}\n\n{hook}\n{text}"
+
+
+def copies(layout: Layout, struct: str, flat: str, first: int = 0, *, into: bool = False) -> list[str]:
+    """Statements that copy a struct's members into entries of a flat array, or, `into`, the array into the struct."""
+    lines = []
+    for signal in layout:
+        place, value = f"{flat}[{first + layout.place(signal.name).start}]", f"{struct}{member(signal)}"
+        if not signal.shape:
+            lines.append(f"{value} = {place};" if into else f"{place} = {value};")
+        elif signal.size:
+            pair = (value, f"&{place}") if into else (f"&{place}", value)
+            lines.append(f"memcpy({', '.join(pair)}, sizeof {value});")
+    return lines
+
+
+def _call(name: str, program: Program, places: Mapping[str, str]) -> str:
+    """A program called on the places of its blocks."""
+    arrays = [places[port.name] for port in (*program.inputs, *program.outputs) if port.size]
+    return f"{name}_{program.name}({', '.join(arrays)});"
+
+
+def _indented(lines: Iterable[str], depth: int = 1) -> str:
+    return "\n".join("    " * depth + line for line in lines)
+
+
+def _gains(stages: ControllerStages, real: str) -> tuple[list[str], list[str]]:
+    """The array of the law's open fields, and the statements that fill it from the parameters."""
+    size, first, lines = stages.gains.values.shape[1], 0, []
+    for name, shape in zip(stages.gains.names, stages.gains.shapes, strict=True):
+        value = f"parameters->{identifier(name)}"
+        lines.append(f"memcpy(&c[{first}], {value}, sizeof {value});" if shape else f"c[{first}] = {value};")
+        first += int(np.prod(shape, dtype=int))
+    return ([f"{real} c[{size}];"] if size else []), lines
+
+
+def _init(stages: ControllerStages, real: str) -> dict[str, str]:
+    """Parts of the text of `init`."""
+    arrays, gains = _gains(stages, real)
+    measured = stages.measured.size
+    reads = stages.begin.outputs[0].size > 0
+    filled = copies(stages.measured, "measurement->", "state->measured")
+    total = measured + stages.applied.size
+    if reads:
+        arrays = [f"{real} y[{total}];", *arrays]
+        filled += ["memcpy(y, state->measured, sizeof state->measured);"] if measured else []
+        filled += copies(stages.applied, "measurement->", "y", measured) + gains
+    else:
+        arrays = []
+    unread = [] if reads and gains else ["(void)parameters;"]
+    call = [_call(stages.name, stages.begin, {"y": "y", "c": "c", "s": "state->law"})] if reads else []
+    kept = ["memcpy(state->kept, in_force->u, sizeof state->kept);"] if stages.remembers else []
+    parts = {"arrays": arrays, "gather": filled, "calls": [*unread, *call], "end": kept}
+    return {key: _indented(lines) for key, lines in parts.items()}
+
+
+def _step(stages: ControllerStages, real: str) -> dict[str, str]:
+    """Parts of the text of `step`."""
+    n, measured, size = stages.arm.n, stages.measured.size, stages.reference.size
+    total = measured + stages.applied.size
+    arrays, gains = _gains(stages, real)
+    arrays = [f"{real} r[{size}];", f"{real} y[{total}];", *arrays, f"{real} u_asked[{n}];"]
+    remembers = stages.remembers
+    places = {"tick": "tick", "r": "r", "y": "y", "c": "c", "s": "state->law", f"s{NEXT}": "next.law"}
+    places |= {"u_asked": "u_asked", "u_issued": "state->issued", "u_kept": "state->kept"}
+    places |= {"u": "next.issued", f"u_issued{NEXT}": "next.issued", f"u_kept{NEXT}": "next.kept"}
+    results = [("next.law", stages.law.outputs[1].size), ("next.issued", n), ("u_asked", n)]
+    finite = [*_read(stages.law, "r"), *_read(stages.law, "y"), *results]
+    calls = [f"({stages.name}_finite({array}, {count}) != 0)" for array, count in finite if count]
+    texts = {
+        "arrays": arrays,
+        "reference": copies(stages.reference, "reference->", "r"),
+        "gather": [
+            *(["memcpy(y, next.measured, sizeof next.measured);"] if measured else []),
+            *copies(stages.applied, "measurement->", "y", measured),
+            *gains,
+        ],
+        "calls": [_call(stages.name, program, places) for program in (stages.law, stages.shape)],
+        "finite": ["finite = " + "\n        && ".join(calls) + ";"],
+    }
+    arrived = copies(stages.measured, "measurement->", "next.measured")
+    return {key: _indented(lines) for key, lines in texts.items()} | {
+        "arrived": _indented(arrived, 2),
+        "judge": _indented(_judged(stages, remembers=remembers), 2),
+    }
+
+
+def _read(program: Program, block: str) -> list[tuple[str, int]]:
+    """Runs of entries of an input that a program reads: where each begins in C, and its length.
+
+    Others may be NaN: the current of a motor whose torque constant the record does not have.
+    """
+    number = [port.name for port in program.inputs].index(block)
+    places = [
+        each.place for each in optimised(program.instructions) if each.operation == "INPUT" and each.place is not None
+    ]
+    entries = sorted({entry for port, entry in places if port == number})
+    begins = [entry for entry in entries if entry - 1 not in entries]
+    ends = [entry + 1 for entry in entries if entry + 1 not in entries]
+    return [(f"&{block}[{begin}]", end - begin) for begin, end in zip(begins, ends, strict=True)]
+
+
+def _judged(stages: ControllerStages, *, remembers: bool) -> list[str]:
+    """Statements that set the bits of the status word."""
+    name, macro, n = stages.name, stages.name.upper(), stages.arm.n
+    saturated = [f"({name}_reaches(u_asked, parameters->command_limit, {n}) != 0)"]
+    if remembers:
+        saturated.append(f"({name}_outside(u_asked, next.kept, next.kept, {n}) != 0)")
+    outside = []
+    for layout, flat in ((stages.measured, "y"), (stages.reference, "r")):
+        for signal, call in (
+            ("q", "{name}_outside(&{flat}[{k}], parameters->position_low, parameters->position_high, {n})"),
+            ("qd", "{name}_reaches(&{flat}[{k}], parameters->velocity, {n})"),
+        ):
+            if signal in layout and layout[signal].shape == (n,):
+                text = call.format(name=name, flat=flat, k=layout.place(signal).start, n=n)
+                outside.append(f"({text} != 0)")
+    lines = [f"if ({' || '.join(saturated)}) {{", f"    status |= {macro}_SATURATED;", "}"]
+    if outside:
+        lines += [f"if ({' || '.join(outside)}) {{", f"    status |= {macro}_OUT_OF_RANGE;", "}"]
+    return lines
+
+
+def _default_parameters(stages: ControllerStages, real: str) -> str:
+    """The constant struct of the scenario's numbers."""
+    dialect = REALS[real]
+    rows = [*stages.ranges.values(), stages.limits, stages.initial_command]
+    ends = np.cumsum([int(np.prod(shape, dtype=int)) for shape in stages.gains.shapes])
+    values = np.split(stages.gains.values[0], ends[:-1]) if len(ends) else []
+    texts = [_braced([literal(float(v), dialect) for v in row], True) for row in rows]
+    texts += [
+        _braced([literal(float(v), dialect) for v in row], bool(shape))
+        for row, shape in zip(values, stages.gains.shapes, strict=True)
+    ]
+    body = ",\n".join(f"    {text}" for text in texts)
+    return f"const {stages.name}_parameters {stages.name}_default_parameters = {{\n{body}\n}};"
+
+
+def _braced(numbers: list[str], array: bool) -> str:
+    return f"{{{', '.join(numbers)}}}" if array else numbers[0]

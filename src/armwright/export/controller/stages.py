@@ -1,0 +1,242 @@
+"""The stages of a simulated loop that run on the controller's processor, with the layouts of what crosses its borders.
+
+    measured, reference ─→ control law ─→ rate limit, limit, resolution ─→ command
+
+The programs are those that the simulation's loop is compiled from. Sensors, queues of measurements and commands, jitter and
+losses belong to the bus and to the arm; of them the controller has the rule that a lost sample repeats the last one.
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armwright.errors import ScenarioError
+from armwright.interfaces import UNTRACEABLE, why
+from armwright.kernels.c_syntax import identifier
+from armwright.kernels.loop import Lanes
+from armwright.kernels.stages import NEXT, Call
+from armwright.model import Model
+from armwright.parameters import Batch, LaneFields
+from armwright.program import Program, trace
+from armwright.scalar import Array
+from armwright.signals import Layout, Signal
+from armwright.simulation.loop.config import LoopConfig, Sampling
+from armwright.simulation.loop.controller import place_of, traced_controller
+from armwright.simulation.loop.initialisation import Initialisation
+from armwright.simulation.loop_runner import LoopRunner
+from armwright.simulation.scenario import Scenario
+
+DRAWN = "w_timing"  # the block of random numbers that decide which samples are lost
+LOSS = 2  # its entry for a measurement
+PACKAGE = Path(__file__).parents[2]
+
+
+class RecordedLoop(LoopRunner):
+    """The loop of a scenario that records what its controller sees and what it commands, and nothing of the plant."""
+
+    def _configured(self) -> tuple[LoopConfig, Initialisation]:
+        config, initialisation = super()._configured()
+        sampling = config.sampling
+        assert sampling is not None
+        assert self.reference is not None
+        recorded = {"r": self.reference.layout, "y": sampling.sensors.y, "u_issued": self.scenario.command_layout}
+        if np.any(sampling.delays.measurement_loss):
+            recorded[DRAWN] = Layout((Signal(DRAWN, "-", (3,)),))
+        return replace(config, recorded=recorded), initialisation
+
+    def lane(self) -> Lanes:
+        """Memory of the one lane."""
+        return Lanes(1, self.loop.loops[0].target.width, 0, self.scenario.first_lane)
+
+    @property
+    def initial(self) -> dict[str, np.ndarray]:
+        """Initial values of its blocks, (entries,) each."""
+        return {name: rows[0] for name, rows in self.initial_blocks(self.lane()).items()}
+
+
+@dataclass(frozen=True, eq=False)
+class ControllerStages:
+    """The controller's part of a loop.
+
+    Attributes:
+        name: a C identifier, which all of its names in C begin with.   loop: of the simulation.
+        measured: layout of what arrives with a sample, which may be lost.   applied: of what the drives did, which is known.
+        reference, command: layouts of what it follows and of what leaves.
+        begin: (y, c) → s, the law's state before the first tick.   law: (tick, r, y, s, c) → u_asked, s_next.
+        shape: (u_asked, u_kept or u_issued) → u_issued_next, and u_kept_next where the rate is limited.
+        initial_command: (n,) in force before the first tick.   gains: the law's fields that are no constants of its code.
+        limits: (n,) of commands: the smaller of the filter's and the drive's.
+    """
+
+    name: str
+    loop: RecordedLoop
+    measured: Layout
+    applied: Layout
+    reference: Layout
+    command: Layout
+    begin: Program
+    law: Program
+    shape: Program
+    initial_command: np.ndarray
+    gains: LaneFields
+    limits: np.ndarray
+
+    @classmethod
+    def of(cls, scenario: Scenario, name: str | None = None, gains: tuple[str, ...] = ()) -> ControllerStages:
+        """The controller's part of a scenario's loop.
+
+        Args:
+            scenario: with a controller that can be traced, and no lanes.   name: in C; default: the arm's, and "controller".
+            gains: fields of the controller that become parameters.
+        Raises:
+            ScenarioError: no controller, several lanes, a state to go on from, a law that cannot be traced, no such field.
+        """
+        _check(scenario)
+        scenario = _with_gains(scenario, gains)
+        loop = RecordedLoop(scenario)
+        sampling, arm = loop.config.sampling, loop.arm
+        assert sampling is not None
+        assert loop.reference is not None
+        begin = _traced(loop, sampling)
+        programs = {
+            s.program.name: s.program for s in (*loop.loop.tick.before, *loop.loop.tick.after) if isinstance(s, Call)
+        }
+        y, measured = sampling.sensors.y, sampling.sensors.layout
+        return cls(
+            identifier(name or f"{arm.name} controller"),
+            loop,
+            measured,
+            Layout(tuple(signal for signal in y if signal.name not in measured)),
+            loop.reference.layout,
+            scenario.command_layout,
+            begin,
+            programs["control"],
+            programs["shape"],
+            loop.initial["u"],
+            sampling.controller.lanes,
+            np.minimum(_filter_limits(sampling, arm.n), _drive_limits(arm)),
+        )
+
+    @property
+    def arm(self) -> Model:
+        """The arm that it controls."""
+        return self.loop.arm
+
+    @property
+    def period(self) -> float:
+        """[s] from step to step."""
+        return self.loop.period
+
+    @property
+    def remembers(self) -> bool:
+        """True where the command before rounding is remembered, for the rate limit."""
+        return any(port.name == f"u_kept{NEXT}" for port in self.shape.outputs)
+
+    @property
+    def loss(self) -> float:
+        """Probability that a measurement is lost in the simulation."""
+        assert self.loop.config.sampling is not None
+        return float(self.loop.config.sampling.delays.measurement_loss[0])
+
+    @property
+    def ranges(self) -> Mapping[str, np.ndarray]:
+        """Limits (n,) of joints beyond which a measurement or reference is out of range; infinite where the record has none."""
+        limits = [body.limits for body in self.arm.coordinates]
+        return {
+            "position_low": np.array([each.position[0] for each in limits]),
+            "position_high": np.array([each.position[1] for each in limits]),
+            "velocity": np.array([each.velocity for each in limits]),
+        }
+
+
+def _check(scenario: Scenario) -> None:
+    """Refuses scenarios that have not one controller, from its beginning."""
+    if scenario.controller is None:
+        raise ScenarioError("no controller", place="loop.controller", expected="one to export")
+    if (scenario.lane_count or 1) > 1:
+        what = f"{scenario.lane_count} lanes, and a controller's code is that of one"
+        raise ScenarioError(what, place="lanes", expected="a scenario without batches and draws")
+    if scenario.started is not None:
+        raise ScenarioError("goes on from a state", place="start", expected="initial positions and speeds")
+
+
+def _with_gains(scenario: Scenario, gains: tuple[str, ...]) -> Scenario:
+    """The scenario with fields of its controller as values of one lane, so that they are traced as inputs."""
+    if not gains:
+        return scenario
+    assert scenario.loop is not None
+    control, changed = scenario.controller, {}
+    for gain in gains:
+        value = getattr(control, gain, None)
+        try:
+            numbers = np.asarray(value, dtype=float)
+        except (TypeError, ValueError):
+            numbers = np.full(0, np.nan)
+        if value is None or isinstance(value, (bool, int)) or not numbers.size:
+            choices = [
+                name for name in getattr(control, "__dataclass_fields__", {}) if _is_gain(getattr(control, name))
+            ]
+            raise ScenarioError(place="gains", value=gain, choices=choices)
+        changed[gain] = value if isinstance(value, Batch) else Batch(numbers[None])
+    return replace(scenario, loop=replace(scenario.loop, controller=replace(control, **changed)))
+
+
+def _is_gain(value: Any) -> bool:
+    """True for what may become a parameter: a real number, or real numbers."""
+    if isinstance(value, (bool, int, str)) or value is None:
+        return False
+    try:
+        return bool(np.asarray(value, dtype=float).size)
+    except (TypeError, ValueError):
+        return False
+
+
+def _traced(loop: RecordedLoop, sampling: Sampling) -> Program:
+    """The law's state before the first tick as a program (y, c) → s.
+
+    Raises:
+        ScenarioError: the law, or its beginning, cannot be traced; names the line that stops it, and why.
+    """
+    adapter, arm = sampling.controller, loop.arm
+
+    def begin(y: Array, c: Array) -> Array:
+        return adapter.initial(arm, y, c)
+
+    try:
+        if adapter.vectorised:
+            raise ScenarioError(
+                "asks for all lanes at once", place=place_of(adapter.name), expected="a law of one lane"
+            )
+        program = trace("begin", begin, {"y": (adapter.y.size,), "c": adapter.values.shape[1:]}, ("s",))
+        if loop.untraced is not None:
+            traced_controller(adapter, arm, loop.period, sampling.states)
+    except UNTRACEABLE as error:
+        if isinstance(error, ScenarioError):
+            raise
+        what = f"cannot be traced{_line(error)}: {why(error)}"
+        raise ScenarioError(
+            what, place=place_of(adapter.name), expected="a law written with armwright.scalar"
+        ) from None
+    return program
+
+
+def _line(error: Exception) -> str:
+    """The last line of the user's that an error passed through: " (law.py, line 12)"."""
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if not Path(f.filename).is_relative_to(PACKAGE)]
+    return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
+
+
+def _filter_limits(sampling: Sampling, n: int) -> np.ndarray:
+    limit = sampling.command_filter.limit
+    return np.full(n, np.inf) if limit is None else np.broadcast_to(np.asarray(limit, dtype=float), n)
+
+
+def _drive_limits(arm: Model) -> np.ndarray:
+    """(n,) the most that each drive takes, in its command's unit; infinite where the record is silent."""
+    return np.array([float(getattr(body.limits, body.drive.command)) for body in arm.coordinates])

@@ -1,0 +1,116 @@
+"""The controller of a scenario as a folder of C99, and the proof that it does what was simulated."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from armwright.errors import ModelError
+from armwright.export.c import folder_to_write
+from armwright.export.controller.build_files import cmake, readme
+from armwright.export.controller.header import header
+from armwright.export.controller.recording import Recording, record
+from armwright.export.controller.selftest import selftest
+from armwright.export.controller.sil import SoftwareInTheLoop, find_compiler, software_in_the_loop
+from armwright.export.controller.source import source
+from armwright.export.controller.stages import ControllerStages
+from armwright.kernels.c import REALS
+from armwright.output import whole_file
+from armwright.simulation.scenario import Scenario
+
+COMPARED = 100_000  # ticks that are compared behind an export, at most
+WRITTEN = 256  # of them in the self-test
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedController:
+    """The C of a controller.
+
+    Attributes:
+        name: that everything in it begins with.   paths: header, C file, self-test, CMakeLists.txt, README.md.
+        comparison: with the simulation, of the code as this computer's compiler makes it; None where there is no compiler.
+        notes: for the user.
+    """
+
+    name: str
+    paths: tuple[Path, ...]
+    comparison: SoftwareInTheLoop | None
+    notes: tuple[str, ...] = ()
+
+
+def export_controller(
+    scenario: Scenario,
+    directory: str | Path,
+    *,
+    name: str | None = None,
+    gains: Sequence[str] = (),
+    ticks: int | None = None,
+    real: str = "double",
+) -> ExportedController:
+    """The controller of a scenario's loop as C99, compared with the simulation to the bit where a compiler is at hand.
+
+    Written are `NAME.h`, `NAME.c`, a self-test with recorded inputs, `CMakeLists.txt` and `README.md`: all of them or none. The
+    code is the programs that the simulation is compiled from: control law, rate limit, limit and resolution of the command,
+    and the rule that a lost sample repeats the last one. It allocates nothing and does not recurse.
+
+    Args:
+        scenario: with a loop whose controller can be traced, and without lanes.
+        directory: created if it does not exist; files of those names in it are replaced.
+        name: what names in C begin with; default: the arm's name and "controller".
+        gains: fields of the controller that become members of the struct of parameters; the simulation is then the one of
+            a `Batch` of one value, whose bits may differ from those of the constant.
+        ticks: of the scenario that are compared; default: all, at most 100,000.
+        real: "double" or "float". In float the commands are near to those of the simulation, by the `error` of the comparison,
+            and the self-test expects the bits that this computer's compiler gives.
+    Returns:
+        exported: the files, and how the code compares with the simulation.
+    Raises:
+        ScenarioError: no controller, several lanes, a law that cannot be traced: names the line and why.
+        OutputError: the directory or a file cannot be written.
+        ModelError: the compiler ends with an error, or the compiled code gives other commands than the simulation; nothing is
+            then written. Float without a compiler.
+    """
+    if real not in REALS:
+        raise ModelError(place="real", value=real, choices=REALS)
+    if real == "float" and find_compiler() is None:
+        raise ModelError("needs a C compiler to say what it costs", place="real", value=real, expected="'double'")
+    stages = ControllerStages.of(scenario, name, tuple(gains))
+    recording = record(stages, ticks or min(scenario.ticks, COMPARED))
+    code = {f"{stages.name}.h": header(stages, real), f"{stages.name}.c": source(stages, real)}
+    comparison = _compared(stages, recording, code, real) if find_compiler() is not None else None
+    short = recording.first(WRITTEN)
+    expected = short.u if comparison is None else comparison.commands[:WRITTEN]
+    texts = code | {
+        f"{stages.name}_selftest.c": selftest(stages, short, expected, real),
+        "CMakeLists.txt": cmake(stages.name),
+        "README.md": readme(stages, short.ticks, real),
+    }
+    folder = Path(directory)
+    with folder_to_write(folder), ExitStack() as files:
+        for file, text in texts.items():
+            temporary = files.enter_context(whole_file(folder / file, follow_link=False))
+            temporary.write_text(text, encoding="utf-8" if file.endswith(".md") else "ascii", newline="\n")
+    note = "no C compiler here (gcc, clang, cc): compile and run the self-test where there is one"
+    notes = (note,) if comparison is None else ()
+    return ExportedController(stages.name, tuple(folder / file for file in texts), comparison, notes)
+
+
+def _compared(stages: ControllerStages, recording: Recording, code: Mapping[str, str], real: str) -> SoftwareInTheLoop:
+    """How header and C file compare with the simulation.
+
+    Raises:
+        ModelError: in double, a command with other bits.
+    """
+    with tempfile.TemporaryDirectory(prefix="armwright-") as place:
+        for file, text in code.items():
+            (Path(place) / file).write_text(text, encoding="ascii", newline="\n")
+        comparison = software_in_the_loop(stages, recording, place, real)
+    if real == "double" and comparison.first is not None:
+        what = f"{comparison.others} of {comparison.ticks} commands have other bits than the simulation's, the first in tick"
+        raise ModelError(
+            f"{what} {comparison.first}", place=stages.name, expected="equal bits; an fma() that rounds once"
+        )
+    return comparison
