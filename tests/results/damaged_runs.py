@@ -394,8 +394,9 @@ def outcome(path: Path, number: int, folder: Path) -> str:
             use()
         except ArmwrightError as error:
             refused = True
-            if "\n" in str(error) or len(str(error)) > 2000:
-                return f"{name}: not one short line: {str(error)[:300]!r}"
+            lines = str(error).splitlines()
+            if len(lines) != len(error.problems) + (len(error.problems) > 1) or max(map(len, lines)) > 2000:
+                return f"{name}: not a short line a problem: {str(error)[:300]!r}"
         except Exception as error:  # noqa: BLE001 - that there is none is what is tested
             return f"{name}: {type(error).__name__}: {' '.join(str(error).split())[:200]}"
     return "refused" if refused else "accepted"

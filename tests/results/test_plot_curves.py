@@ -30,8 +30,8 @@ def test_joints_of_each_unit_have_their_panel(run):
         ("Joint positions", "q", "m", "slide"),
         ("Joint velocities", "q̇", "rad/s", "turn", "hinge"),
         ("Joint velocities", "q̇", "m/s", "slide"),
-        ("Motor torques", "τ", "N m", "turn", "hinge"),
-        ("Motor forces", "τ", "N", "slide"),
+        ("Motor torques, joint side", "τ", "N m", "turn", "hinge"),
+        ("Motor forces, joint side", "τ", "N", "slide"),
         ("Motor voltages", "V", "V", "turn"),
         ("Motor currents", "i", "A", "turn", "hinge"),
     ]
@@ -39,7 +39,8 @@ def test_joints_of_each_unit_have_their_panel(run):
 
 
 @pytest.mark.parametrize(
-    ("name", "last"), [("cmu-dd", "Motor voltages"), ("lwa4p", "Motor currents"), ("panda", "Motor torques")]
+    ("name", "last"),
+    [("cmu-dd", "Motor voltages"), ("lwa4p", "Motor currents"), ("panda", "Motor torques, joint side")],
 )
 def test_the_last_panel_is_what_the_drives_were_given(name, last):
     assert describe(invented(aw.load(name))).panels[-1].title == last

@@ -76,10 +76,10 @@ def arm_glb(
         turn, slide = _rotation(body, np.array([position]))[0], _translation(body, np.array([position]))[0]
         nodes.append({"name": name, "rotation": turn.tolist(), "translation": slide.tolist()})
     for k, body in enumerate(arm.bodies):
-        nodes[_node(body.parent)].setdefault("children", []).append(_node(k))
+        nodes[node_of(body.parent)].setdefault("children", []).append(node_of(k))
     meshes: list[dict[str, Any]] = []
     for body, parts in shapes.items():
-        nodes[_node(body)]["mesh"] = len(meshes)
+        nodes[node_of(body)]["mesh"] = len(meshes)
         name = "base" if body == BASE else arm.bodies[body].link
         meshes.append({"name": name, "primitives": [_primitive(shape, arrays, materials) for shape in parts]})
     _add_tip(arm, nodes)
@@ -105,7 +105,7 @@ def arm_glb(
     return container(document, arrays)
 
 
-def _node(body: int) -> int:
+def node_of(body: int) -> int:
     """Index of a body's node: the base is 1, joints follow in the order of q."""
     return body + 2 if body != BASE else 1
 
@@ -116,7 +116,7 @@ def _add_tip(arm: Model, nodes: list[dict[str, Any]]) -> None:
     tip = arm.frame()
     turn = np.roll(rotation_quaternion(tip.placement.rotation), -1)  # w x y z → x y z w
     position = np.asarray(tip.placement.position, dtype=float)
-    nodes[_node(tip.body)].setdefault("children", []).append(len(nodes))
+    nodes[node_of(tip.body)].setdefault("children", []).append(len(nodes))
     nodes.append({"name": f"tip {arm.tip}", "rotation": turn.tolist(), "translation": position.tolist()})
 
 
@@ -165,13 +165,21 @@ def _animation(
         turns = body.kind == "revolute"
         times, positions = keyframes(t, q[:, k], TOLERANCE / (len(arm.bodies) * (reach if turns else 1.0)), turns)
         values = _rotation(body, positions) if turns else _translation(body, positions)
-        add(_node(k), "rotation" if turns else "translation", arrays.samples(times, bounds=True), values)
+        add(node_of(k), "rotation" if turns else "translation", arrays.samples(times, bounds=True), values)
     for node, (number, part) in cylinders.items():
         times, places, turned = part_keyframes(arm, number, part, t, q)
         keys = arrays.samples(times, bounds=True)
         add(node, "rotation", keys, turned)
         add(node, "translation", keys, places)
     return {"name": name, "channels": channels, "samplers": samplers}
+
+
+def still_place(body: Body) -> dict[str, list[float]]:
+    """Placement of a body at q = -offset: quaternion x, y, z, w, position [m] and the axis of its joint in the parent."""
+    rotation = np.asarray(body.placement.rotation, dtype=float)
+    turn = np.roll(rotation_quaternion(body.placement.rotation), -1)
+    position = np.asarray(body.placement.position, dtype=float)
+    return {"turn": turn.tolist(), "at": position.tolist(), "axis": rotation[:, 2].tolist()}
 
 
 def _rotation(body: Body, q: np.ndarray) -> np.ndarray:

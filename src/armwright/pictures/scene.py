@@ -1,58 +1,82 @@
-"""Files of an arm in one pose: binary glTF, and a page that turns it, by trimesh's viewer. [DawsonHaggerty2019]"""
+"""Files of an arm in one pose: binary glTF, and a page with a slider for every joint."""
 
 from __future__ import annotations
 
-import html
-import io
+from dataclasses import replace
+from math import isfinite, pi
 from pathlib import Path
-from string import Template
+from typing import Any
 
 import numpy as np
 
-from armwright.pictures.arm_glb import arm_glb
-from armwright.pictures.png import AZIMUTH, ELEVATION, spacing
+from armwright.errors import RunError
+from armwright.model import Model
+from armwright.pictures.arm_glb import arm_glb, node_of, still_place
+from armwright.pictures.body_shapes import body_shapes
 from armwright.pictures.posed_arm import PosedArm
-from armwright.pictures.render import camera
-from armwright.results.plot_page import embedded
+from armwright.results.plot_page import PAGES as PLOT_PAGES
+from armwright.results.plot_page import embedded, packed, page
 
-Y_UP = np.array(
-    [[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]]
-)  # glTF's y is up, z that of a picture
-RESOLUTION, FIELD = (1200, 900), 0.5  # of the page's first view: pixels, and the angle of view [rad]
-SQUARES = 24  # of the page's grid along each side
-
-PAGE = Path(__file__).parent / "pages" / "pose.html"  # what is added to trimesh's page: lights, a grid, a line of text
+PAGES = Path(__file__).parent / "pages"
+SCRIPTS = (PLOT_PAGES / "unpack.js", *(PAGES / name for name in ("gltf.js", "stage.js", "pose.js")))
+STYLES = (PLOT_PAGES / "page.css", PAGES / "player.css", PAGES / "pose.css")
+OPEN = {"revolute": pi, "prismatic": 0.5}  # [rad | m] to either side: a slider of a joint without a limit there
 
 
 def write_glb(posed: PosedArm, path: Path) -> None:
     """Writes a binary glTF file with a node for every body, named after its link, below the node of its parent."""
-    path.write_bytes(_glb(posed))
+    path.write_bytes(arm_glb(posed.arm, posed.q, posed.shapes, _names(posed.arm)))
 
 
 def write_html(posed: PosedArm, path: Path) -> None:
-    """Writes a page without other files: drag to turn the arm, wheel to zoom; three.js is inside, under the MIT licence."""
-    import trimesh
-    from trimesh.viewer import scene_to_html
+    """Writes a page without other files: sliders move the joints, and it tells where the end effector is then."""
+    arm, q = posed.arm, posed.q
+    joints, own = _joints(arm, q), q if arm.mimics is None else q[list(arm.mimics.drivers)]
+    mimics = arm.mimics
+    ends = np.array([[joint["low"], joint["high"]] for joint in joints]).T
+    moved = ends if mimics is None else np.array([mimics.positions(end) for end in ends])
+    travel = {k: (float(moved[:, k].min()), float(moved[:, k].max())) for k in range(len(arm.bodies))}
+    try:
+        shapes = body_shapes(arm, travel)[0]
+    except RunError:  # a mesh that cannot be read, of which `posed` has the note
+        shapes = body_shapes(replace(arm, description=None), travel)[0]
+    bodies = [
+        {
+            "node": node_of(k), "angle": body.kind == "revolute", "offset": float(body.offset), **still_place(body),
+            "joint": k if mimics is None else mimics.coordinate[k],
+            "factor": 1.0 if mimics is None else float(mimics.factor[k]),
+            "shift": 0.0 if mimics is None else float(mimics.offset[k]),
+        }
+        for k, body in enumerate(arm.bodies)
+    ]  # fmt: skip
+    for joint, position in zip(joints, own, strict=True):
+        joint["start"] = float(position)
+    legs = [
+        {"nodes": [node_of(body) for body in each.bodies], "ends": [np.asarray(end, dtype=float).tolist() for end in each.ends]}
+        for each in arm.cylinders
+    ]  # fmt: skip
+    about = {"joints": joints, "bodies": bodies, "legs": legs}
+    data = {"joints": embedded(about), "arm": packed(arm_glb(arm, q, shapes, _names(arm)))}
+    title = "" if arm.description is None or not arm.description.title else arm.description.title
+    words = {"title": arm.name, "heading": arm.name, "subtitle": title, "tip": arm.tip or ""}
+    path.write_text(page(PAGES / "pose.html", SCRIPTS, STYLES, words, **data), encoding="utf-8", newline="\n")
 
-    scene = trimesh.load_scene(io.BytesIO(_glb(posed)), file_type="glb")
-    corners = posed.surfaces().corners.reshape(-1, 3)
-    view = camera(corners, AZIMUTH, ELEVATION, *RESOLUTION, field=FIELD)
-    at = np.eye(4)
-    at[:3, :3] = view.rotation.T * (1.0, -1.0, -1.0)  # the camera looks along its -z, y up
-    at[:3, 3] = view.eye
-    scene.camera.resolution = RESOLUTION
-    scene.camera.fov = tuple(np.degrees(2 * np.arctan(0.5 * np.array(RESOLUTION) / view.focal)))
-    scene.camera_transform = Y_UP @ at
-    square = spacing(float(np.linalg.norm(np.ptp(corners, axis=0))))
-    floor = min(float(corners[:, 2].min()), 0.0)
-    settings = embedded({"title": posed.arm.name, "square": square, "squares": SQUARES, "floor": floor})
-    page = scene_to_html(scene).replace("trimesh: threejs viewer", html.escape(posed.arm.name))
-    before, _, after = page.rpartition("</body>")
-    added = Template(PAGE.read_text(encoding="utf-8")).substitute(settings=settings)
-    path.write_text(before + added + after, encoding="utf-8", newline="\n")
+
+def _joints(arm: Model, q: np.ndarray) -> list[dict[str, Any]]:
+    """Name and range of every slider; the range holds the pose q too."""
+    drivers = range(len(arm.bodies)) if arm.mimics is None else arm.mimics.drivers
+    found = []
+    for k in drivers:
+        body, position = arm.bodies[k], float(q[k])
+        low, high = (float(limit) for limit in body.limits.position)
+        bounded = isfinite(low) and isfinite(high)
+        low, high = (low if isfinite(low) else -OPEN[body.kind]), (high if isfinite(high) else OPEN[body.kind])
+        range_ = {"low": min(low, position), "high": max(high, position), "open": not bounded}
+        found.append({"name": body.joint, "angle": body.kind == "revolute", **range_})
+    return found
 
 
-def _glb(posed: PosedArm) -> bytes:
-    description = posed.arm.description
-    base = "base" if description is None else description.base
-    return arm_glb(posed.arm, posed.q, posed.shapes, [base, *(body.link for body in posed.arm.bodies)])
+def _names(arm: Model) -> list[str]:
+    """Names of the nodes: links, the base's first."""
+    base = "base" if arm.description is None else arm.description.base
+    return [base, *(body.link for body in arm.bodies)]

@@ -33,8 +33,8 @@ def show(arm: Model, path: str | os.PathLike[str], q: Any = None, *, size: int |
 
     Args:
         arm: the arm.
-        path: of the picture: .png, .html (a page that can be turned, with all it needs inside) or .glb (a scene for other
-            programs, a node for each body); one that is there is replaced.
+        path: of the picture: .png, .html (a page with a slider for every joint and all it needs inside) or .glb (a scene
+            for other programs, a node for each body); one that is there is replaced.
         q: (n,) [rad | m] the pose; by default 0.   size: pixels of a PNG's longer side; by default 900.
     Returns:
         shown: where the picture is, and notes.

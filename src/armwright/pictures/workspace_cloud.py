@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.pictures.png import spacing
-from armwright.pictures.scene import SQUARES, Y_UP
+from armwright.pictures.workspace_maps import flat_axes, readable_unit
 from armwright.results.plot_page import embedded
 
 if TYPE_CHECKING:
@@ -20,20 +20,26 @@ POINTS = 60_000  # of the cloud; more hide each other and make the page slow
 SIZE = 1.0 / 170.0  # of a point, as a share of the cloud
 CUT = 99.0  # percentile of the manipulability that gets the last colour
 STEPS = 9  # colours of the scale in the legend
+Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])  # glTF's y is up
+SQUARES = 24  # of the page's grid along each side
 PAGE = Path(__file__).parent / "pages" / "cloud.html"
 
 
 def cloud_page(dataset: xr.Dataset) -> str:
-    """HTML page of 60,000 samples outside the quarter x > 0, y < 0, so that the inside shows, with three.js (MIT licence)."""
+    """HTML page of 60,000 samples, with three.js (MIT licence).
+
+    Those in the quarter x > 0, y < 0 are left out, so that the inside shows, unless the cloud is flat.
+    """
     import trimesh
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
     from trimesh.viewer import scene_to_html
 
     points, w = dataset.position.values, dataset.manipulability.values
-    kept = np.flatnonzero(~((points[:, 0] > 0.0) & (points[:, 1] < 0.0)))[:POINTS]  # the quarter before the camera
-    if not len(kept):  # an arm that moves in this quarter alone
-        kept = np.arange(min(len(points), POINTS))
+    cut = (points[:, 0] > 0.0) & (points[:, 1] < 0.0)  # the quarter before the camera
+    if cut.all() or flat_axes(points):  # an arm that moves in this quarter alone, or in a plane
+        cut = np.zeros(len(points), dtype=bool)
+    kept = np.flatnonzero(~cut)[:POINTS]
     points, w = points[kept], w[kept]
     most = max(float(dataset.manipulability_percentiles.sel(percentile=CUT)), np.finfo(float).tiny)
     viridis = colormaps["viridis"]
@@ -41,8 +47,9 @@ def cloud_page(dataset: xr.Dataset) -> str:
     scene = trimesh.Scene()
     scene.add_geometry(trimesh.PointCloud(points @ Y_UP[:3, :3].T, colours))
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    a, unit = dataset.attrs, dataset.manipulability.attrs["units"]
-    words = f"{len(points):,} of {a['samples']:,} joint positions, the quarter x > 0, y < 0 left out, {a['aim']} of {a['frame']}"
+    a, unit = dataset.attrs, readable_unit(dataset)
+    without = ", the quarter x > 0, y < 0 left out" if cut.any() else ""
+    words = f"{len(points):,} of {a['samples']:,} joint positions{without}, {a['aim']} of {a['frame']}"
     settings = {
         "title": f"{a['arm']}: workspace",
         "words": f"{a['arm']}: {words}",

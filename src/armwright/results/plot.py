@@ -68,21 +68,28 @@ def plot(
         quantities: one or several variables of the run, or the session's names of them, such as ("q", "tau") or
             ("theta", "torque"); None: positions, velocities, torques and the drives' voltages or currents, with their references.
     Returns:
-        figure: a matplotlib figure that does not belong to pyplot; None if it was written to a file.
+        figure: a matplotlib figure that does not belong to pyplot and that notebooks show by themselves; None if it was written
+            to a file.
     Raises:
         RunError: no run, an unknown joint or quantity, runs of arms with different joints, nothing finite to draw.
         OutputError: an unknown ending, a folder that is missing, no permission, a full disk.
     """
     path = None if path is None else check_plot(path)
     described = describe(runs, joints, quantities)
-    if path is None:
-        return draw(described)
+    return draw(described) if path is None else write_plot(described, path)
+
+
+def write_plot(described: Plot, path: Path) -> None:
+    """Writes a description as a page or a still picture, whole or not at all.
+
+    Raises:
+        OutputError: as `plot`.
+    """
     with whole_file(path, ENDINGS) as temporary:
         if path.suffix.lower() == ".html":
             temporary.write_text(plot_page(described), encoding="utf-8")
         else:
             save_figure(draw(described), temporary, path.suffix[1:].lower())
-    return None
 
 
 def save_figure(figure: Figure, path: Path, ending: str) -> None:
@@ -104,15 +111,16 @@ def check_plot(path: str | os.PathLike[str]) -> Path:
 
 def draw(plot: Plot) -> Figure:
     """Matplotlib figure of a description, made without pyplot and so without its list of open figures."""
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from matplotlib.text import Text
+
+    from armwright.results.inline_figure import InlineFigure
 
     count = len(plot.panels)
     columns = 2 if count % 2 == 0 or count > 3 else 1
     rows = -(-count // columns)
     size = ((5.6 if columns == 2 else 8.0) * columns + 1.2, (2.9 if rows > 1 else 4.0) * rows + 0.9)
-    figure = Figure(figsize=size, dpi=150, layout="constrained", facecolor="white")
+    figure = InlineFigure(figsize=size, dpi=150, layout="constrained", facecolor="white")
     axes = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
     for panel, axis in zip(plot.panels, axes, strict=False):
         _draw_panel(panel, plot, axis)

@@ -33,7 +33,8 @@ TITLES = {  # quantity → title for revolute, for prismatic joints; the others 
     "q": ("Joint angles", "Joint positions"),
     "qd": ("Joint velocities", "Joint velocities"),
     "qdd": ("Joint accelerations", "Joint accelerations"),
-    "tau": ("Motor torques", "Motor forces"),
+    "tau": ("Motor torques, joint side", "Motor forces, joint side"),  # of motors, referred to their joints
+    "tau_link": ("Torques behind the gears, joint side", "Forces behind the gears, joint side"),
     "voltage": ("Motor voltages", "Motor voltages"),
     "current": ("Motor currents", "Motor currents"),
     "u": ("Drive commands", "Drive commands"),

@@ -23,7 +23,7 @@ import numpy as np
 from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.model import Model
-from armwright.program import Program, trace
+from armwright.program import Program, kept, trace
 from armwright.scalar import Array, Scalar
 
 CLIPPED = 1e-9  # of a command: less is no clipping
@@ -197,6 +197,10 @@ class Reduction:
 
     def program(self, config: Any) -> Program:
         """One row as a program over blocks; config: a `LoopConfig` with a reference."""
+        layout = tuple((signal.name, signal.shape) for signal in config.reference.layout)
+        return kept(("reduce", config.structure, tuple(self.reducers), layout), lambda: self._program(config))
+
+    def _program(self, config: Any) -> Program:
         n, state, layout = self.n, config.bare.size, config.reference.layout
 
         def follow(

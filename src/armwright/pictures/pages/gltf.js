@@ -1,4 +1,4 @@
-// Reads what pictures/animated.py writes: nodes that turn and slide, meshes of triangles, linear animations.
+// Reads what pictures/arm_glb.py writes: nodes that turn and slide, meshes of triangles, linear animations.
 "use strict";
 
 const multiplied = (a, b, out = new Float32Array(16)) => { // 4 x 4 matrices, column by column
@@ -22,7 +22,7 @@ class Gltf {
     this.order = [];
     const visit = (k) => { this.order.push(k); this.nodes[k].children.forEach(visit); };
     this.json.scenes[0].nodes.forEach(visit);
-    this.animations = Object.fromEntries(this.json.animations.map((one) => [one.name, one.channels.map((channel) => {
+    this.animations = Object.fromEntries((this.json.animations || []).map((one) => [one.name, one.channels.map((channel) => {
       const sampler = one.samplers[channel.sampler];
       return { ...channel.target, times: this.array(sampler.input), values: this.array(sampler.output) };
     })]));
@@ -43,6 +43,11 @@ class Gltf {
     const turns = new Map(), slides = new Map();
     for (const channel of this.animations[animation])
       (channel.path === "rotation" ? turns : slides).set(channel.node, this.sample(channel, t));
+    return this.placements(turns, slides);
+  }
+
+  // World matrices of all nodes, of which some are turned and slid in another way than in the file.
+  placements(turns = new Map(), slides = new Map()) {
     const world = [];
     for (const k of this.order) {
       const node = this.nodes[k], own = placed(turns.get(k) || node.turn, slides.get(k) || node.slide);
@@ -67,14 +72,18 @@ class Gltf {
   // Where the corners of all meshes' boxes are at 61 times of an animation, (k, 3): the arm stays among them. y up.
   corners(animation, duration) {
     const found = [];
-    for (let k = 0; k <= 60; k++) {
-      const world = this.pose(animation, duration * k / 60);
-      this.nodes.forEach((node, n) => { if (node.mesh !== undefined) for (const { box } of this.meshes[node.mesh])
-        for (let corner = 0; corner < 8; corner++) {
-          const p = [0, 1, 2].map((i) => (corner >> i & 1 ? box.max : box.min)[i]), m = world[n];
-          found.push([0, 1, 2].map((i) => m[i] * p[0] + m[i + 4] * p[1] + m[i + 8] * p[2] + m[i + 12]));
-        } });
-    }
+    for (let k = 0; k <= 60; k++) found.push(...this.boxes(this.pose(animation, duration * k / 60)));
+    return found;
+  }
+
+  // Corners of all meshes' boxes where the nodes are in the world.
+  boxes(world) {
+    const found = [];
+    this.nodes.forEach((node, n) => { if (node.mesh !== undefined) for (const { box } of this.meshes[node.mesh])
+      for (let corner = 0; corner < 8; corner++) {
+        const p = [0, 1, 2].map((i) => (corner >> i & 1 ? box.max : box.min)[i]), m = world[n];
+        found.push([0, 1, 2].map((i) => m[i] * p[0] + m[i + 4] * p[1] + m[i + 8] * p[2] + m[i + 12]));
+      } });
     return found;
   }
 }

@@ -1,4 +1,4 @@
-// Draws an arm by WebGL 2: one light with a shadow on the floor, a ghost, the tip's path, a camera that goes around.
+// Draws an arm by WebGL 2: one light with a shadow on the floor, a ghost, the tip's path, axes, a camera that goes around.
 "use strict";
 
 const SOLID = [`#version 300 es
@@ -33,17 +33,21 @@ const SUN = [0.42, 0.83, 0.36];
 const UNIT = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
 const VIEWS = { home: [0.7, 0.42], front: [1.5708, 0.02], side: [0, 0.02], top: [0.0001, 1.5607] }; // around and above [rad]
 const LENS = 2.1, FILLED = 0.92; // of the picture's half: 1 / tan of half the field of view; what the arm's whole motion may fill
+const BASE = 1; // its node, below that of the whole arm
+const ABOVE = 0.02; // of the motion's size: how far the camera stays above the floor
+const AXIS = 0.13; // of the motion's size: length of drawn axes
+const AXES = [["x", [0.85, 0.2, 0.2]], ["y", [0.15, 0.6, 0.15]], ["z", [0.25, 0.45, 0.95]]];
 const NEAREST = 0.6; // of the motion's size: nearer, what is at the sides looks stretched
 
 class Stage {
-  constructor(canvas, gltf, duration, changed) {
+  // corners: points that the first view shows; words: element over the canvas for the names of axes and the scale.
+  constructor(canvas, gltf, corners, words, changed) {
     const g = canvas.getContext("webgl2", { antialias: true, stencil: true });
     if (!g) throw new Error("this browser shows no 3-D pictures (WebGL 2 is off)");
-    Object.assign(this, { canvas, g, gltf, changed });
+    Object.assign(this, { canvas, g, gltf, corners, words, changed });
     this.solid = this.program(SOLID);
     this.flat = this.program(FLAT);
     this.meshes = gltf.meshes.map((parts) => parts.map((part) => this.upload(part)));
-    this.corners = Object.keys(gltf.animations).flatMap((name) => gltf.corners(name, duration));
     const [low, high] = [(a, b) => a < b, (a, b) => a > b].map((first) => [0, 1, 2].map((i) =>
       this.corners.reduce((found, corner) => (first(corner[i], found) ? corner[i] : found), this.corners[0][i])));
     this.floor = low[1];
@@ -54,6 +58,11 @@ class Stage {
     this.quad = this.buffered(new Float32Array([-1, 0, -1, 1, 0, -1, -1, 0, 1, 1, 0, 1].map((v, k) =>
       k % 3 === 1 ? this.floor : this.middle[k % 3] + 3 * this.size * v)));
     this.line = { buffer: g.createBuffer(), array: g.createVertexArray() };
+    this.tip = gltf.nodes.findIndex((node) => node.name.startsWith("tip "));
+    this.names = new Map();
+    const scale = document.createElement("b");
+    scale.textContent = `grid ${+this.cell.toPrecision(1)} m`;
+    words.append(scale);
     this.look("home");
     this.listen();
   }
@@ -192,8 +201,16 @@ class Stage {
     return { across: along / aspect, along };
   }
 
+  // Turns the view upward where the eye would come below the floor.
+  keepAbove() {
+    const least = this.floor + ABOVE * this.size;
+    this.target[1] = Math.max(this.target[1], least);
+    this.above = Math.max(this.above, Math.asin(Math.min(Math.max((least - this.target[1]) / this.away, -1), 1)));
+  }
+
   // Matrix from the world to the screen, and where the eye is.
   camera() {
+    this.keepAbove();
     const { away, target } = this, { right, up, back } = this.axes(), { across, along } = this.lens();
     const eye = target.map((v, i) => v + away * back[i]), dot = (a) => -(a[0] * eye[0] + a[1] * eye[1] + a[2] * eye[2]);
     const view = [right[0], up[0], back[0], 0, right[1], up[1], back[1], 0, right[2], up[2], back[2], 0, dot(right), dot(up), dot(back), 1];
@@ -202,8 +219,8 @@ class Stage {
     return { matrix: multiplied(lens, view), eye };
   }
 
-  // pose: matrices of all nodes; ghost: those of the reference, or null; colours: of paper, ink and ghost, 0 to 1.
-  draw(pose, ghost, path, colours) {
+  // pose: matrices of all nodes; ghost: those of the reference, or null; colours: of paper, ink and ghost, 0 to 1; legs: further lines.
+  draw(pose, ghost, path, colours, legs = []) {
     const { g, canvas } = this, ratio = Math.min(devicePixelRatio || 1, 2);
     const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
     if (!width || !height) return;
@@ -220,13 +237,21 @@ class Stage {
     const camera = this.camera();
     this.drawSolid(pose, camera, null, 1);
     this.drawFloor(camera, pose, colours);
-    const stand = this.gltf.nodes.findIndex((node) => node.name === "base"), at = pose[stand].subarray(12, 15);
+    const at = pose[BASE].subarray(12, 15);
     if (at[1] > this.floor + 0.02 * this.size) this.drawLine(new Float32Array([...at, at[0], this.floor, at[2]]), [...colours.ink, 0.5]);
-    if (path) for (const [x, y] of [[0, 0], [ratio, 0], [0, ratio], [ratio, ratio]]) { // WebGL's lines are one pixel wide
-      g.viewport(x, y, width, height);
-      this.drawLine(path, [...colours.accent, 1]);
-    }
-    g.viewport(0, 0, width, height);
+    const thick = (points, tint) => { // WebGL's lines are one pixel wide
+      for (const [x, y] of [[0, 0], [ratio, 0], [0, ratio], [ratio, ratio]]) {
+        g.viewport(x, y, width, height);
+        this.drawLine(points, tint);
+      }
+      g.viewport(0, 0, width, height);
+    };
+    if (path) thick(path, [...colours.accent, 1]);
+    for (const leg of legs) thick(leg, [...colours.ink, 0.8]);
+    g.disable(g.DEPTH_TEST); // axes are seen through the arm
+    this.axesOf(pose[BASE], "", camera, thick);
+    if (this.tip >= 0) this.axesOf(pose[this.tip], "tip ", camera, thick);
+    g.enable(g.DEPTH_TEST);
     if (ghost) {
       g.enable(g.POLYGON_OFFSET_FILL); // where both are in one place the arm is in front
       g.polygonOffset(1, 4);
@@ -238,6 +263,27 @@ class Stage {
       g.depthFunc(g.LESS);
       g.disable(g.POLYGON_OFFSET_FILL);
     }
+  }
+
+  // Three axes at a node, each with its name where it ends.
+  axesOf(at, of, camera, thick) {
+    const m = camera.matrix, from = [at[12], at[13], at[14]], length = AXIS * this.size * (of ? 0.7 : 1);
+    AXES.forEach(([name, colour], k) => {
+      const end = from.map((v, i) => v + length * at[4 * k + i]), far = from.map((v, i) => v + 1.18 * length * at[4 * k + i]);
+      thick(new Float32Array([...from, ...end]), [...colour, 1]);
+      const [x, y, w] = [0, 1, 3].map((i) => m[i] * far[0] + m[i + 4] * far[1] + m[i + 8] * far[2] + m[i + 12]);
+      let word = this.names.get(of + name);
+      if (!word) {
+        word = document.createElement("i");
+        word.textContent = of ? "" : name;
+        word.style.color = `rgb(${colour.map((v) => Math.round(255 * v)).join()})`;
+        this.names.set(of + name, word);
+        this.words.append(word);
+      }
+      word.hidden = w <= 0;
+      word.style.left = `${50 * (1 + x / w)}%`;
+      word.style.top = `${50 * (1 - y / w)}%`;
+    });
   }
 
   drawSolid(pose, camera, colour, alpha) {
