@@ -1,4 +1,4 @@
-"""Armwright: from the parts of a robot arm to the C that runs it, with one parameter record all the way.
+"""Robot arms with their motors: models, compiled dynamics, sampled simulation, identification, motion and control.
 
 import armwright as aw
 
@@ -10,6 +10,7 @@ tau = dyn.inverse_dynamics(q, qd, qdd)
 from __future__ import annotations
 
 import importlib
+import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -28,10 +29,13 @@ if TYPE_CHECKING:
     )
     from armwright.control.analysis.analyse import LoopAnalysis, analyse_loops
     from armwright.control.analysis.hold import sampled_system, zero_order_hold
+    from armwright.control.analysis.limit_cycles import LimitCycle, limit_cycle
     from armwright.control.analysis.linear_loop import LinearLoop, Margins
+    from armwright.control.analysis.noise import NoiseGain, Quantisation, noise_gain, quantisation
     from armwright.control.analysis.regions import GainRegion, gain_region, longest_period
     from armwright.control.analysis.workspace import JointInertias, joint_inertias
     from armwright.control.comparison.compare import Comparison, compare_controllers
+    from armwright.control.design import GainDesign, design_gains, state_space
     from armwright.description import RobotDescription, builtin_names
     from armwright.description.writer import to_toml, write_toml
     from armwright.dynamics import (
@@ -57,6 +61,8 @@ if TYPE_CHECKING:
         spring_torques,
     )
     from armwright.errors import ArmwrightError
+    from armwright.examples import copy_examples
+    from armwright.export.controller.write import ExportedController, export_controller
     from armwright.identification.arm.drive_gains import identify_drive_gains
     from armwright.identification.arm.friction import identify_friction
     from armwright.identification.arm.identify import ArmEstimate, identify_arm
@@ -70,9 +76,11 @@ if TYPE_CHECKING:
     from armwright.identification.linear.frequency import FrequencyResponse, frequency_response
     from armwright.identification.linear.model import LinearModel
     from armwright.identification.linear.n4sid import fit_n4sid
-    from armwright.identification.logs.log import Log, read_log
+    from armwright.identification.logs.log import Log
     from armwright.identification.logs.plot import plot_log
-    from armwright.identification.logs.preparation import Preparation, choose_preparation, prepare_log
+    from armwright.identification.logs.preparation import Preparation, choose_preparation
+    from armwright.identification.logs.prepared import prepare_log
+    from armwright.identification.logs.read import read_log
     from armwright.identification.motor.identify import MotorFit, identify_motor
     from armwright.identification.validation.limits import Limits
     from armwright.identification.validation.report import write_report
@@ -103,7 +111,7 @@ if TYPE_CHECKING:
     from armwright.results.recording import save
     from armwright.results.run_file import load_run
     from armwright.results.statistics import statistics
-    from armwright.robotfiles import check, convert, diff
+    from armwright.robotfiles import check, convert, diff, new_robot
     from armwright.scenarios import read_scenario, reproduce
     from armwright.signals import Layout, Signal
     from armwright.simulation.inputs.payload import Payload
@@ -139,10 +147,12 @@ if TYPE_CHECKING:
         Waypoints,
         limits_report,
     )
-    from armwright.trajectory.cartesian.motion import CartesianMotion, follow_path
+    from armwright.trajectory.cartesian.follow import follow_path
+    from armwright.trajectory.cartesian.motion import CartesianMotion
     from armwright.trajectory.cartesian.path import CartesianPath
     from armwright.trajectory.cartesian.segments import Arc, Circle, Line, Poses
     from armwright.trajectory.cartesian.solve import ToolPathSolution, solve_path
+    from armwright.trajectory.keep_clear import check_clearance
     from armwright.trajectory.motion_rows import load_motion
     from armwright.trajectory.online import ReferenceFilter
     from armwright.trajectory.path import JointPath
@@ -156,7 +166,9 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.collision": ("BoxObstacle", "PlaneObstacle", "SphereObstacle", "clearance"),
     "armwright.control.analysis.analyse": ("LoopAnalysis", "analyse_loops"),
     "armwright.control.analysis.hold": ("sampled_system", "zero_order_hold"),
+    "armwright.control.analysis.limit_cycles": ("LimitCycle", "limit_cycle"),
     "armwright.control.analysis.linear_loop": ("LinearLoop", "Margins"),
+    "armwright.control.analysis.noise": ("NoiseGain", "Quantisation", "noise_gain", "quantisation"),
     "armwright.control.analysis.regions": ("GainRegion", "gain_region", "longest_period"),
     "armwright.control.analysis.workspace": ("JointInertias", "joint_inertias"),
     "armwright.control": (
@@ -171,6 +183,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
         "Notch",
     ),
     "armwright.control.comparison.compare": ("Comparison", "compare_controllers"),
+    "armwright.control.design": ("GainDesign", "design_gains", "state_space"),
     "armwright.description": ("RobotDescription", "builtin_names"),
     "armwright.modules.assemble": ("assemble",),
     "armwright.modules.assembly": ("read_modules",),
@@ -184,6 +197,8 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
         *("regressor", "regressor_drive", "spring_torques"),
     ),
     "armwright.errors": ("ArmwrightError",),
+    "armwright.export.controller.write": ("ExportedController", "export_controller"),
+    "armwright.examples": ("copy_examples",),
     "armwright.identification.arm.friction": ("identify_friction",),
     "armwright.identification.arm.drive_gains": ("identify_drive_gains",),
     "armwright.identification.arm.payload": ("identify_payload",),
@@ -197,9 +212,11 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.identification.experiments.expected": ("compare_experiments",),
     "armwright.identification.experiments.motor": ("MotorGuess", "motor_experiment"),
     "armwright.identification.experiments.plot": ("plot_experiment",),
-    "armwright.identification.logs.log": ("Log", "read_log"),
+    "armwright.identification.logs.log": ("Log",),
+    "armwright.identification.logs.read": ("read_log",),
     "armwright.identification.logs.plot": ("plot_log",),
-    "armwright.identification.logs.preparation": ("Preparation", "choose_preparation", "prepare_log"),
+    "armwright.identification.logs.preparation": ("Preparation", "choose_preparation"),
+    "armwright.identification.logs.prepared": ("prepare_log",),
     "armwright.ik.measures": ("Manipulability", "manipulability"),
     "armwright.ik.solutions": ("PoseBranches", "PoseSolutions"),
     "armwright.ik.solve": ("inverse_kinematics",),
@@ -222,7 +239,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.parameters": ("Batch", "Draw"),
     "armwright.pictures.animate": ("animate",),
     "armwright.pictures.show": ("show",),
-    "armwright.robotfiles": ("check", "convert", "diff"),
+    "armwright.robotfiles": ("check", "convert", "diff", "new_robot"),
     "armwright.simulation.inputs.payload": ("Payload",),
     "armwright.results.plot": ("plot",),
     "armwright.interfaces": ("Controller", "JointReference", "Measurement", "Sensor", "Trajectory"),
@@ -260,8 +277,10 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
         "Waypoints",
         "limits_report",
     ),
+    "armwright.trajectory.keep_clear": ("check_clearance",),
     "armwright.trajectory.motion_rows": ("load_motion",),
-    "armwright.trajectory.cartesian.motion": ("CartesianMotion", "follow_path"),
+    "armwright.trajectory.cartesian.follow": ("follow_path",),
+    "armwright.trajectory.cartesian.motion": ("CartesianMotion",),
     "armwright.trajectory.cartesian.path": ("CartesianPath",),
     "armwright.trajectory.cartesian.segments": ("Arc", "Circle", "Line", "Poses"),
     "armwright.trajectory.cartesian.solve": ("ToolPathSolution", "solve_path"),
@@ -295,11 +314,13 @@ __all__ = [
     "Draw",
     "Estimate",
     "Excitation",
+    "ExportedController",
     "FeedForward",
     "Filtered",
     "Fourier",
     "FrequencyResponse",
     "FrictionCompensation",
+    "GainDesign",
     "GainRegion",
     "InputShaper",
     "Inputs",
@@ -309,6 +330,7 @@ __all__ = [
     "JointPath",
     "JointReference",
     "Layout",
+    "LimitCycle",
     "Limits",
     "Line",
     "LinearLoop",
@@ -327,6 +349,7 @@ __all__ = [
     "MotionLimits",
     "MotorFit",
     "MotorGuess",
+    "NoiseGain",
     "Notch",
     "PathMotion",
     "Payload",
@@ -337,6 +360,7 @@ __all__ = [
     "PoseSolutions",
     "Poses",
     "Preparation",
+    "Quantisation",
     "Quintic",
     "Ramp",
     "Recording",
@@ -371,6 +395,7 @@ __all__ = [
     "builtin_names",
     "centre_of_mass",
     "check",
+    "check_clearance",
     "choose_preparation",
     "clearance",
     "compare_controllers",
@@ -378,12 +403,15 @@ __all__ = [
     "compile",
     "composite_body",
     "convert",
+    "copy_examples",
     "coriolis_matrix",
     "design_excitation",
+    "design_gains",
     "diff",
     "draw_workspace",
     "energy",
     "enumerate_assemblies",
+    "export_controller",
     "fit_armax",
     "fit_arx",
     "fit_n4sid",
@@ -410,6 +438,7 @@ __all__ = [
     "joint_inertias",
     "joint_stops",
     "kinetic_energy",
+    "limit_cycle",
     "limits_report",
     "load",
     "load_motion",
@@ -422,6 +451,8 @@ __all__ = [
     "motor_experiment",
     "motor_torque",
     "motor_voltage",
+    "new_robot",
+    "noise_gain",
     "operational_inertia",
     "plan",
     "plot",
@@ -429,6 +460,7 @@ __all__ = [
     "plot_log",
     "potential_energy",
     "prepare_log",
+    "quantisation",
     "rank_assemblies",
     "read_log",
     "read_modules",
@@ -445,6 +477,7 @@ __all__ = [
     "simulate",
     "solve_path",
     "spring_torques",
+    "state_space",
     "statistics",
     "step_study",
     "stored_verdict",
@@ -465,11 +498,14 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
-        raise AttributeError(f"module 'armwright' has no attribute {name!r}")
+        from armwright.other_names import advice
+
+        text = f"module 'armwright' has no attribute {name!r}{advice(name, _HOME)}"
+        raise AttributeError(text, name=name, obj=sys.modules[__name__])  # Python adds the nearest name
     value = getattr(importlib.import_module(_HOME[name]), _CALLED.get(name, name))
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted([*__all__, "__version__"])

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from armwright.cli.arguments import vector
+import armwright as aw
+from armwright.cli.arguments import start_of, vector
 from armwright.errors import ScenarioError
 
 NAMES, UNITS = ("turn", "slide"), ("rad", "m")
@@ -34,3 +35,9 @@ def test_refuses(text):
     with pytest.raises(ScenarioError, match=r"^--q0") as error:
         vector("--q0", text, NAMES, UNITS)
     assert "expected" in str(error.value)
+
+
+@pytest.mark.parametrize(("text", "noted"), [("30", True), ("0,-30,0,0,0,0", True), ("30deg", False), ("2pi", False)])
+def test_initial_positions_of_turns_are_noted(text, noted, capsys):
+    start_of(aw.load("puma560"), text, None)
+    assert ("30 rad is 4.8 turns" in capsys.readouterr().err) is noted

@@ -45,7 +45,8 @@ def run(*arguments: str, code: int = 0) -> str:
     assert result.exit_code == code, result.output
     if code:
         assert result.stdout == ""
-        assert result.stderr.count("\n") == 1
+        first, *mistakes = result.stderr.splitlines()
+        assert not mistakes or f": {len(mistakes)} mistakes" in first
         return result.stderr
     return result.stdout
 

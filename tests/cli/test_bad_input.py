@@ -74,7 +74,9 @@ def refused(arguments):
     assert result.exit_code == 2, result.output
     assert result.stdout == ""
     assert result.stderr.startswith("armwright: error: ")
-    assert result.stderr.count("\n") == 1
+    first, *mistakes = result.stderr.splitlines()
+    assert not mistakes or f": {len(mistakes)} mistakes" in first
+    assert all(line.startswith("  ") for line in mistakes)
     return result.stderr
 
 

@@ -88,9 +88,9 @@ def test_info_of_every_kind_of_joint(tmp_path):
     assert "Denavit-Hartenberg, classic" in shown
     assert re.search(r"^slide +prismatic +column +carriage +28.648 +0.1 +q \+ 0.2 +14.324", shown, re.M)
     assert "Denavit-Hartenberg, modified" in shown
-    assert re.search(r"^hinge +revolute +carriage +hand +0 +0 +0.3 +q − 28.648", shown, re.M)
+    assert re.search(r"^hinge +revolute +carriage +hand +0 +0 +0.3 +q - 28.648", shown, re.M)
     assert "Joint frames in the parent link" in shown
-    assert "−0.1 … 0.6 m" in shown
+    assert "-0.1 … 0.6 m" in shown
 
 
 def test_info_shows_an_arm_that_load_would_refuse(tmp_path):
@@ -105,8 +105,8 @@ def test_info_shows_springs(tmp_path):
     path = tmp_path / "sprung.toml"
     path.write_text(aw.to_toml(arm("sprung").record), encoding="utf-8")
     shown = " ".join(run("info", path).stdout.split())
-    assert "joint2 positions_m [−0.8, −0.1, 0.3, 0.9], forces_n [30, 12, −8, −9], outside linear" in shown
-    assert "balancer base (0.3, −0.2, 0.9) link1 (0.1, 0.5, 0) −80 0.9 240" in shown
+    assert "joint2 positions_m [-0.8, -0.1, 0.3, 0.9], forces_n [30, 12, -8, -9], outside linear" in shown
+    assert "balancer base (0.3, -0.2, 0.9) link1 (0.1, 0.5, 0) -80 0.9 240" in shown
 
 
 def test_info_shows_coupled_motors_and_efficiency_by_load(tmp_path):
@@ -123,7 +123,7 @@ coupling = [{ joint = "wrist_pitch", ratio = -40.0 }]
     path.write_text(f"{before}[joints.motor]\n{table}{last}", encoding="utf-8")
     shown = run("info", path).stdout
     name, ratio = aw.load(path).names[-1], aw.load(path).coordinates[-1].drive.gear_ratio
-    assert re.search(rf"^{name} +{f'{ratio:.5g}'.replace('-', '−')} · {name} \+ −40 · ", shown, re.M)
+    assert re.search(rf"^{name} +{f'{ratio:.5g}'} · {name} \+ -40 · ", shown, re.M)
     assert re.search(rf"^{name} +\[1, 5\] +0.5 +\[0.5, 0.7\] +\[0.45, 0.6\]", shown, re.M)
     assert re.search(rf"^{name} +\[1, 5\] +3 +\[0.4, 0.6\] +\[0.4, 0.6\]", shown, re.M)
 
@@ -182,7 +182,7 @@ def test_simulate_writes_run_and_picture(tmp_path):
 def test_simulate_shows_the_end_state():
     shown = run("simulate", "two-link", "--torque", "0", "--duration", "0.1", "--q0=-90deg,0").stdout
     assert re.search(r"^joint +q \[rad\] +qd \[rad/s\] +tau \[N m\]$", shown, re.M)
-    assert re.search(r"^shoulder +−1.5708 ", shown, re.M)  # it hangs straight down and stays there
+    assert re.search(r"^shoulder +-1.5708 ", shown, re.M)  # it hangs straight down and stays there
 
 
 def test_simulate_reads_a_schedule(tmp_path):

@@ -57,12 +57,15 @@ def run(folder, *arguments):
 def test_two_controllers_on_two_motions(files):
     code, text = run(
         files, "soft.scenario.toml", "stiff.scenario.toml", "--motion", "move.motion.toml", "--motion", "saved.csv",
-        "--runs", 2, "--settle", "0.2", "--plot", "errors.png",
+        "--runs", 2, "--settle", "0.2", "--plot", "errors.png", "-o", "errors.csv",
     )  # fmt: skip
     assert code == 0, text
     for word in ("soft", "stiff", "move", "saved", "AT_p", "settling"):
         assert word in text
     assert (files / "errors.png").read_bytes().startswith(b"\x89PNG")
+    rows = (files / "errors.csv").read_text(encoding="utf-8").splitlines()
+    assert rows[0].startswith("controller,motion,payload,joint,rms_error,largest_error")
+    assert len(rows) == 1 + 2 * 2 * 2
 
 
 @pytest.mark.parametrize(
@@ -75,6 +78,8 @@ def test_two_controllers_on_two_motions(files):
         (("soft.scenario.toml", "--motion", "saved.csv", "--payload", "-1"), "--payload"),
         (("soft.scenario.toml", "--motion", "saved.csv", "--runs", "0"), "runs"),
         (("soft.scenario.toml", "--motion", "saved.csv", "--plot", "errors.gif"), ".gif"),
+        (("soft.scenario.toml", "--motion", "saved.csv", "-o", "errors.txt"), ".txt"),
+        (("soft.scenario.toml", "--motion", "saved.csv", "-o", "saved.csv"), "saved.csv"),
     ],
 )
 def test_bad_input(files, arguments, words):

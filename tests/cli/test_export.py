@@ -1,12 +1,16 @@
 """`armwright export`: what it writes, and what it refuses in one line."""
 
 import subprocess
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from armwright.cli.app import app
 from kernels.c_compilers import BITS, STRICT, build, compiler
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+SWING = EXAMPLES / "swing.scenario.toml"
 
 
 def run(*arguments, code=0):
@@ -27,13 +31,29 @@ def test_a_library_that_compiles_and_passes_its_self_test(tmp_path, real):
     assert subprocess.run([tmp_path / "selftest"], capture_output=True).returncode == 0
 
 
+def test_a_controller_that_is_compared_with_its_simulation(tmp_path):
+    folder = tmp_path / "firmware"
+    shown = run("export", "controller", SWING, "--name", "swing", "-o", folder).stdout
+    names = ["swing.h", "swing.c", "swing_selftest.c", "CMakeLists.txt", "README.md"]
+    lines = shown.splitlines()
+    assert [line.split("/")[-1] for line in lines[:5]] == names
+    assert sorted(path.name for path in folder.iterdir()) == sorted(names)
+    compiler("gcc")
+    assert lines[5].startswith("1000 steps: every command has the bits of the simulation; ")
+
+
 def test_help_teaches_by_example():
     shown = run("export", "c", "--help").stdout
     assert "Examples:" in shown
     assert "armwright export c puma560 --functions" in shown
 
 
+LANES = EXAMPLES / "bus-4ms.scenario.toml"
 REFUSED = [
+    (("export", "controller", "none.scenario.toml", "-o", "x"), "none.scenario.toml"),
+    (("export", "controller", str(LANES), "-o", "x"), "lanes: 64 lanes, and a controller's code is that of one"),
+    (("export", "controller", str(SWING), "-o", "x", "--gains", "kq"), "gains = 'kq': did you mean kp or kd?"),
+    (("export", "controller", str(SWING), "-o", "file"), "file: cannot be created, or is no folder"),
     (("export",), "Missing command"),
     (("export", "rust"), "No such command 'rust'"),
     (("export", "c"), "Missing argument 'ROBOT'"),

@@ -35,7 +35,7 @@ def test_a_loop_that_keeps_its_margins(tmp_path):
     code, text = run(tmp_path, "--report", report, "--plot", plot)
     assert code == 0, text
     assert "shoulder" in text
-    assert "it stays stable up to a period of" in text
+    assert "it would be stable up to a period of" in text
     assert plot.read_bytes().startswith(b"\x89PNG")
     page = report.read_text(encoding="utf-8")
     assert page.startswith("<!DOCTYPE html>")

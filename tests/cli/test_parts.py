@@ -73,8 +73,9 @@ def test_bad_parts(old, new, message, tmp_path):
     result = run("parts", "build", path, "-o", tmp_path / "a.toml", "--audit", tmp_path / "a.html", code=2)
     assert result.stdout == ""
     assert result.stderr.startswith("armwright: error: ")
-    assert message in result.stderr
-    assert result.stderr.count("\n") == 1
+    assert message in re.sub(r"toml:\d+: ", "toml: ", result.stderr)
+    first, *mistakes = result.stderr.splitlines()
+    assert not mistakes or f": {len(mistakes)} mistakes" in first
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
 
 

@@ -20,7 +20,7 @@ def runs(tmp_path, monkeypatch):
 
 def test_in_the_terminal(runs):
     shown = run("plot", "before.nc").stdout
-    for title in ("Joint angles [rad]", "Joint velocities [rad/s]", "Motor torques [N m]"):
+    for title in ("Joint angles [rad]", "Joint velocities [rad/s]", "Motor torques, joint side [N m]"):
         assert title in shown
     assert "⠤" in shown
     assert all(f"\n{name}" in shown for name in aw.load("two-link").names)

@@ -6,6 +6,7 @@ import sys
 import pytest
 
 from armwright.cli.progress import PATIENCE, progress, rate
+from armwright.progress import automatic
 
 
 def test_silent_without_a_terminal(capfd):
@@ -17,14 +18,33 @@ def test_silent_without_a_terminal(capfd):
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
 @pytest.mark.parametrize(("seconds", "seen"), [(0.0, False), (1.4 * PATIENCE, True)])
 def test_on_a_terminal(seconds, seen):
-    import pty
-    import subprocess
-
-    leader, follower = pty.openpty()
     script = (
         "import time\nfrom armwright.cli.progress import progress\n"
         f"with progress('working', 'steps') as tell:\n    tell(1, 2)\n    time.sleep({seconds})"
     )
+    assert (b"working" in on_terminal(script)) == seen
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
+@pytest.mark.parametrize(("argument", "seen"), [("", True), ("progress=False", False)])
+def test_a_simulation_in_python_shows_one_bar_where_a_person_sees_it(argument, seen):
+    script = (
+        "import armwright as aw, armwright.progress\narmwright.progress.PATIENCE = 0.0\n"
+        "scenario = aw.Scenario(aw.load('two-link'), command=[0.1, 0.0], duration=200.0, solver=aw.Solver(step=1e-3),"
+        " recording=aw.Recording(1000))\n"
+        f"aw.simulate(scenario, {argument})"
+    )
+    shown = on_terminal(script)
+    assert (b"simulating two-link" in shown) == seen
+    assert b"compiling" not in shown  # inside of another bar none is opened
+
+
+def on_terminal(script):
+    """What a script writes to standard error where that is a terminal."""
+    import pty
+    import subprocess
+
+    leader, follower = pty.openpty()
     environment = {key: value for key, value in os.environ.items() if key not in ("NO_COLOR", "CI")} | {"TERM": "xterm"}
     subprocess.run([sys.executable, "-c", script], stderr=follower, env=environment, check=True)
     os.set_blocking(leader, False)
@@ -34,7 +54,7 @@ def test_on_a_terminal(seconds, seen):
         shown = b""
     os.close(leader)
     os.close(follower)
-    assert (b"working" in shown) == seen
+    return shown
 
 
 @pytest.mark.parametrize(
@@ -42,3 +62,14 @@ def test_on_a_terminal(seconds, seen):
 )
 def test_rates(speed, said):
     assert rate(speed, "steps") == said
+
+
+def test_other_threads_and_pipes_see_nothing(capfd):
+    with automatic(None, "working") as tell:
+        assert tell is False
+    told = []
+    with automatic(lambda *at: told.append(at), "working") as tell:
+        assert tell
+        tell(1, 2)
+    assert told == [(1, 2)]
+    assert capfd.readouterr() == ("", "")

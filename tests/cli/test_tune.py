@@ -49,6 +49,13 @@ def test_a_tuned_scenario_is_the_file_with_other_gains(tmp_path):
     tuned = aw.read_scenario(tmp_path / "tuned.scenario.toml")
     assert tuned.controller.kp.tolist() != [600.0, 120.0]
     assert "held-out lanes goes from" in text
+    for words in (
+        "kp    N m/rad",
+        "kd    N m s/rad",
+        "rms_error   rad",
+        "1 is the start's mean over the lanes tuned in",
+    ):
+        assert words in text, words
     page = (tmp_path / "tuned.html").read_text(encoding="utf-8")
     assert "<svg" in page
     assert "held-out lanes goes from" in page

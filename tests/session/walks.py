@@ -45,11 +45,11 @@ def same_text(told: str, expected: str) -> str | None:
 
 
 def refused(session: Session, line: str) -> ArmwrightError:
-    """The error of a line, which is one line as text; the session is as it was before."""
+    """The error of a line, which is one line a problem as text; the session is as it was before."""
     before, past = session.state, session.undo_stack
     with pytest.raises(ArmwrightError) as error:
         session.run(line)
     assert session.state is before
     assert session.undo_stack == past
-    assert "\n" not in str(error.value)
+    assert len(str(error.value).splitlines()) == len(error.value.problems) + (len(error.value.problems) > 1)
     return error.value

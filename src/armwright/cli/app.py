@@ -21,13 +21,16 @@ from armwright.cli.compare_controllers import compare_controllers
 from armwright.cli.convert import convert
 from armwright.cli.diff import diff
 from armwright.cli.dynamics import forward_dynamics, inverse_dynamics
+from armwright.cli.examples import examples
 from armwright.cli.excite import excite
 from armwright.cli.export import export
 from armwright.cli.identify import identify
 from armwright.cli.ik import ik
 from armwright.cli.info import info
+from armwright.cli.json_output import with_json
 from armwright.cli.log import log
 from armwright.cli.loops import loops
+from armwright.cli.new import new
 from armwright.cli.parts import parts
 from armwright.cli.plan import plan
 from armwright.cli.plot import plot
@@ -49,7 +52,7 @@ UsageError: Any = typer.BadParameter.__mro__[1]  # typer keeps it to itself
 
 
 class Commands(TyperGroup):
-    """Commands whose errors are shown in one line."""
+    """Commands whose errors are shown in one line, or one a mistake of a file."""
 
     def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
         """Runs a command; ends the process with its exit code."""
@@ -106,12 +109,19 @@ def _silence() -> None:
 
 
 def _fail(message: str) -> int:
-    line = " ".join(message.split())
-    say(f"armwright: error: {line if len(line) <= LONGEST else f'{line[:LONGEST]}…'}", err=True)
+    """Shows an error, further mistakes of a file on lines of their own, and gives the exit code."""
+    lines = [" ".join(line.split()) for line in message.split("\n  ")]
+    shown = [line if len(line) <= LONGEST else f"{line[:LONGEST]}…" for line in lines]
+    say("\n  ".join([f"armwright: error: {shown[0]}", *shown[1:]]), err=True)
     return 2
 
 
-app = typer.Typer(cls=Commands, add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
+app = typer.Typer(
+    cls=Commands,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+)
 
 
 def _version(wanted: bool) -> None:
@@ -127,7 +137,7 @@ def _commands(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and stop.")
     ] = False,
 ) -> None:
-    """Models and simulates robot arms, from the parts of an arm to the code that runs it.
+    """Models, simulates, identifies and controls robot arms with their motors.
 
     ROBOT is the name of a built-in arm (see `armwright robots`) or the path of its TOML, URDF or MJCF file.
 
@@ -168,9 +178,11 @@ for command in (
     sim,
 ):
     app.command()(command)
+app.add_typer(examples, name="examples")
 app.add_typer(excite, name="excite")
 app.add_typer(export, name="export")
 app.add_typer(identify, name="identify")
+app.add_typer(new, name="new")
 app.add_typer(parts, name="parts")
 
 
@@ -182,11 +194,22 @@ def _unwrapped(text: str) -> str:
 
 for entry in (
     *app.registered_commands,
+    *examples.registered_commands,
     *export.registered_commands,
     *identify.registered_commands,
     *excite.registered_commands,
+    *new.registered_commands,
     *export.registered_commands,
     *parts.registered_commands,
 ):
     assert entry.callback is not None
     entry.help = _unwrapped(entry.callback.__doc__ or "")
+DRAWN = (show, plot, animate, sim)  # these draw, or converse: --json would have nothing to write
+GROUPS = {"": app, "export ": export, "identify ": identify, "excite ": excite, "parts ": parts}
+for group, commands in GROUPS.items():
+    for entry in commands.registered_commands:
+        assert entry.callback is not None
+        entry.help = _unwrapped(entry.callback.__doc__ or "")
+        entry.name = entry.name or entry.callback.__name__.replace("_", "-")
+        if entry.callback not in DRAWN:
+            entry.callback = with_json(entry.callback, group + entry.name)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armwright.errors import ABSENT, ArmwrightError, DivergenceError, ScenarioError
+from armwright.terminal import say
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,10 +30,21 @@ def option(names: str, metavar: str, text: str) -> Any:
     return typer.Option(*names.split(), metavar=metavar, help=text, show_default=False)
 
 
+def complete_robot(incomplete: str) -> list[str]:
+    """Names of built-in arms and paths of files that begin like this, for the completion of shells."""
+    from armwright.description.database import builtin_names
+
+    typed = Path(incomplete)
+    folder = typed if incomplete.endswith(("/", "\\")) else typed.parent
+    paths = [f"{path}/" if path.is_dir() else str(path) for path in sorted(folder.glob("*"))]
+    return [word for word in (*builtin_names(), *paths) if word.startswith(incomplete)]
+
+
 Robot = Annotated[
     str,
     typer.Argument(
         metavar="ROBOT",
+        autocompletion=complete_robot,
         help="Name of a built-in arm, or path of a robot's TOML, URDF or MJCF file.",
         show_default=False,
     ),
@@ -112,8 +124,15 @@ def start_of(arm: Model, q0: str | None, qd0: str | None) -> Start:
     import armwright as aw
     from armwright.model.joint_signals import joint_units
 
+    units = joint_units(arm, "q")
+    q = None if q0 is None else vector("--q0", q0, arm.names, units)
+    if q is not None and q0 is not None and "deg" not in q0:
+        far = [k for k, unit in enumerate(units) if unit == "rad" and abs(q[k]) > 2.0 * pi]
+        for k in far[:1]:
+            turns = f"radians? {q[k]:g} rad is {abs(q[k]) / (2.0 * pi):.1f} turns"
+            say(f"armwright: note: --q0 of joint {arm.names[k]!r}: {turns}; degrees are written {q[k]:g}deg", err=True)
     return aw.Start(
-        None if q0 is None else vector("--q0", q0, arm.names, joint_units(arm, "q")),
+        q,
         None if qd0 is None else vector("--qd0", qd0, arm.names, joint_units(arm, "qd")),
     )
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
 
 from armwright.cli.arguments import Robot
+from armwright.cli.excerpts import excerpt
 from armwright.cli.tables import console_for_tables, table
+from armwright.errors import ArmwrightError, Problem
+from armwright.terminal import say
 
 FOUND = 1  # the exit code where something was found
 
@@ -18,7 +22,8 @@ def check(
 ) -> None:
     """Make every physical check of a robot file, those that open its meshes included.
 
-    Errors are what no real arm can be: mass properties that are impossible. Warnings look like a mistake, and name it.
+    Errors are what no real arm can be: mass properties that are impossible. Warnings look like a mistake, and name it;
+    notes are right on some arms.
     Exit code: 0 nothing found, 1 errors (with --strict: or warnings), 2 a file that cannot be read at all.
 
     \b
@@ -29,7 +34,11 @@ def check(
     import armwright as aw
     from armwright.robotfiles.check import CHECKS
 
-    report = aw.check(robot)
+    try:
+        report = aw.check(robot)
+    except ArmwrightError as error:
+        say(f"armwright: error: {_with_lines(error.problems, str(error).splitlines()[0])}", err=True)
+        raise typer.Exit(2) from None
     console = console_for_tables()
     rows = []
     for name, about in CHECKS.items():
@@ -37,21 +46,32 @@ def check(
         rows.append([name, about, _counted(levels)])
     moving = f"{_plural(report.joints, 'joint')} that {'moves' if report.joints == 1 else 'move'}"
     console.print(table(f"{report.name}: {_plural(report.links, 'link')}, {moving}", HEADS, rows, HEADS))
-    for level, style in (("error", "red"), ("warning", "yellow")):
+    for level, style in (("error", "red"), ("warning", "yellow"), ("note", None)):
         for finding in report.findings:
             if finding.level == level:
                 console.print(f"\n{level}: {finding.problem}", style=style, soft_wrap=True)
+                shown = excerpt(finding.problem)
+                if shown:
+                    console.print(shown, soft_wrap=True)
     errors, warnings = len(report.errors), len(report.warnings)
     console.print(f"\n{_plural(errors, 'error')}, {_plural(warnings, 'warning')}")
     if errors or (strict and warnings):
         raise typer.Exit(FOUND)
 
 
+def _with_lines(problems: Sequence[Problem], summary: str) -> str:
+    """The summary, then each problem with the line that it stands on; of a single one the summary says it."""
+    ordered = sorted(problems, key=lambda problem: problem.line)
+    told = [f"  {problem}" for problem in ordered] if len(ordered) > 1 else [""]
+    pairs = zip(told, map(excerpt, ordered), strict=True)
+    return "\n".join([summary, *(text for pair in pairs for text in pair if text)])
+
+
 HEADS = ("check", "what it looks at", "found")
 
 
 def _counted(levels: list[str]) -> str:
-    counts = {level: levels.count(level) for level in ("error", "warning")}
+    counts = {level: levels.count(level) for level in ("error", "warning", "note")}
     return ", ".join(_plural(count, level) for level, count in counts.items() if count) or "nothing"
 
 

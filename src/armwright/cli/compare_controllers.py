@@ -41,9 +41,14 @@ def compare_controllers(
             "Point mass at the tip during all of every motion; 0: what the motion carries; may be repeated.",
         ),
     ] = None,
-    runs: Annotated[int, option("--runs", "N", "Runs with different noise; default 8.")] = 8,
+    runs: Annotated[
+        int | None, option("--runs", "N", "Runs with different noise and draws; default: the files' lanes, or 8.")
+    ] = None,
     band: Annotated[float, option("--band", "B", "Band of the settling time in rad or m; default 0.001.")] = 1e-3,
     settle: Annotated[float, option("--settle", "S", "Time to watch after each motion's end, s; default 1.")] = 1.0,
+    output: Annotated[
+        Path | None, option("--output -o", "FILE", "Write every measure: .csv by case and joint, or .nc.")
+    ] = None,
     plot: Annotated[Path | None, option("--plot", "FILE", "Draw the errors: .png, .svg or .pdf.")] = None,
     allow: Allow = None,
 ) -> None:
@@ -54,14 +59,16 @@ def compare_controllers(
     \b
     Examples:
       armwright compare-controllers pid.scenario.toml cascade.scenario.toml --motion pick.motion.toml
-      armwright compare-controllers a.scenario.toml --motion a.csv --payload 0 --payload 2 --plot errors.png
+      armwright compare-controllers a.scenario.toml --motion a.csv --payload 0 --payload 2 -o errors.csv --plot errors.png
     """
     import armwright as aw
     from armwright.cli.progress import progress
+    from armwright.control.comparison.compare import ENDINGS
     from armwright.output import check_destination, whole_file
 
-    if plot is not None:
-        check_destination(plot, PICTURES, read=(*scenarios, *motion))
+    for path, endings in ((plot, PICTURES), (output, ENDINGS)):
+        if path is not None:
+            check_destination(path, endings, read=(*scenarios, *motion))
     names = _names(scenarios, SCENARIO)
     found = {name: aw.read_scenario(path, allow=allow or ()) for name, path in names.items()}
     first = next(iter(found.values()))
@@ -69,10 +76,13 @@ def compare_controllers(
     with progress("comparing controllers"):
         comparison = aw.compare_controllers(first, found, motions, _payloads(payload), runs, band=band, settle=settle)
     screen = console_for_tables()
-    title = f"{first.arm.name}: joints, the worst of each case; {runs} runs each, settled within {band:g} rad | m"
+    title = f"{first.arm.name}: joints, the worst of each case; {comparison.runs} runs each, settled within {band:g} rad | m"
     for name, (heads, rows) in ((title, comparison.joint_rows()), ("tool off its path", comparison.tool_rows())):
         if any(set(row[3:]) != {"—"} for row in rows):
             screen.print(table(name, heads, rows, left=("motion", "payload")))
+    if output is not None:
+        comparison.save(output)
+        say(f"wrote {output}")
     if plot is not None:
         from armwright.pictures.controller_errors import draw_comparison
         from armwright.results.plot import save_figure

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from armwright.cli.arguments import Out, Robot, Table
-from armwright.terminal import PrintableStream
+from armwright.cli.tables import show_columns
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,7 +33,7 @@ def inverse_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
     from armwright.actuators import demanded_drive
     from armwright.cli.progress import progress
     from armwright.model.joint_signals import joint_units
-    from armwright.results.tables import joint_columns, write_table
+    from armwright.results.tables import joint_columns
 
     arm = _arm(robot, table, output)
     with progress("inverse dynamics"):
@@ -47,7 +46,7 @@ def inverse_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
                 columns |= joint_columns(quantity, arm.names, joint_units(arm, quantity), values)
             if not np.isnan(values).any():
                 break  # with the voltages of all motors, currents say nothing new
-        write_table(output, columns, PrintableStream(sys.stdout))
+        show_columns(output, columns)
 
 
 def forward_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
@@ -65,13 +64,13 @@ def forward_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
     import armwright as aw
     from armwright.cli.progress import progress
     from armwright.model.joint_signals import joint_units
-    from armwright.results.tables import joint_columns, write_table
+    from armwright.results.tables import joint_columns
 
     arm = _arm(robot, table, output)
     with progress("forward dynamics"):
         q, qd, u = _sets(arm, table, ("q", "qd", "u"))
         qdd = aw.compile(arm).forward_arm(q, qd, u)
-        write_table(output, joint_columns("qdd", arm.names, joint_units(arm, "qdd"), qdd), PrintableStream(sys.stdout))
+        show_columns(output, joint_columns("qdd", arm.names, joint_units(arm, "qdd"), qdd))
 
 
 def _arm(robot: str, table: Path, output: Path | None) -> Model:

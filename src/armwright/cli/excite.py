@@ -172,7 +172,7 @@ def _guess(robot: str | None, joint: str | None, given: dict[str, Any]) -> Motor
 
     try:
         if robot is not None:
-            return replace(aw.MotorGuess.of(aw.load(robot), joint), **given)
+            return replace(aw.MotorGuess.of(aw.load(robot), joint, most=given.get("most")), **given)
         needed = [name for name in ("gain", "time_constant", "most") if name not in given]
         if needed:
             options = ", ".join(f"--{name.replace('_', '-')}" for name in needed)

@@ -10,6 +10,7 @@ import typer
 from armwright.cli.arguments import option
 from armwright.terminal import say
 
+NOT_IDENTIFIED = 1  # exit code
 HEADS = ("joint", "speed [rad/s | m/s]", "friction [N m | N]", "± std", "rows")
 
 
@@ -25,7 +26,7 @@ def friction(
         option(
             "--warming",
             "RUN=K,…",
-            "Gears above the reference temperature, in kelvin, by run: slopes over it are tried.",
+            "Gears above the reference temperature, in kelvin, by run, instead of the log's temperatures.",
         ),
     ] = "",
     table: Annotated[bool, typer.Option("--table", help="Show friction over speed as well.")] = False,
@@ -39,8 +40,8 @@ def friction(
     """Identify friction of an arm's joints: viscous and Coulomb, and what else a held-out part of the log asks for.
 
     Candidates are Stribeck's fall, load-proportional friction, the sigmoid law, a spring and a counterbalance, and slopes over
-    temperature where runs have a warming; each stays only if it lowers the held-out error by 1 %.
-    Exit code: 0 identified, 2 bad input.
+    temperature where the log has temperatures or runs a warming; each stays only if it lowers the held-out error by 1 %.
+    Exit code: 0 identified, 1 friction does not explain the torques, 2 bad input.
 
     \b
     Examples:
@@ -68,13 +69,15 @@ def friction(
             for line in friction_over_speed(moved).tolist()
         ]
         console_for_tables().print(shown_table("Friction over speed", HEADS, rows, HEADS[:1]))
-    say(str(found))
+    say(found)
     if output is not None:
         aw.write_into(with_identified_friction(arm, found), found, output, key="friction")
         say(f"wrote {output}")
     if report is not None:
         aw.write_report(report, f"{log.title}: friction", found)
         say(f"wrote {report}")
+    if found.verdict != "identified":
+        raise typer.Exit(NOT_IDENTIFIED)
 
 
 def _warming(text: str, runs: list[str]) -> dict[str, float] | None:

@@ -88,7 +88,7 @@ def show_linear(
         check_linear_plot(picture)
     log = aw.read_log(file)
     found = fit_linear(log, model, order=order, delay=delay, select=select, input=input, output=output, joint=joint)
-    say(str(found))
+    say(found)
     if picture is not None:
         plot_linear(log, found, picture, joint)
         say(f"wrote {picture}")

@@ -45,8 +45,8 @@ def motor(
         option(
             "--free",
             "NAME,…",
-            "Fitted: R L Kt Ke J viscous coulomb coulomb_positive coulomb_negative stribeck friction_offset efficiency delay "
-            "offset, or keys of the joint; by default all that the record has, and the delay.",
+            "Fitted: R L Kt Ke J viscous coulomb coulomb_positive coulomb_negative stribeck friction_offset efficiency "
+            "dead_zone delay offset, or keys of the joint; by default all that the record has, and the delay.",
         ),
     ] = None,
     fix: Annotated[
@@ -59,7 +59,9 @@ def motor(
     static: Annotated[
         Path | None, option("--static", "LOG.log.toml", "Steady states, a row each, as additional data.")
     ] = None,
-    pwm: Annotated[str | None, option("--pwm", "brake|coast", "What the bridge does while off.")] = None,
+    pwm: Annotated[
+        str | None, option("--pwm", "brake|coast|compare", "What the bridge does while off; compare: by the fit.")
+    ] = None,
     priors: Annotated[
         bool,
         typer.Option(
@@ -117,7 +119,7 @@ def motor(
             starts=starts,
             progress=tell,
         )
-    say(str(found.estimate))
+    say(found.estimate)
     if output is not None:
         found.write(output)
         say(f"wrote {output}")
@@ -173,9 +175,9 @@ def _load(words: list[str] | None) -> float | dict[str, float] | None:
         raise ModelError(place="--load", value=words[-1], expected="an inertia, or JOINT=INERTIA,…") from None
 
 
-def _pwm(word: str | None) -> Literal["brake", "coast"] | None:
+def _pwm(word: str | None) -> Literal["brake", "coast", "compare"] | None:
     from armwright.errors import ModelError
 
-    if word in (None, "brake", "coast"):
+    if word in (None, "brake", "coast", "compare"):
         return word  # type: ignore[return-value]
-    raise ModelError(place="--pwm", value=word, choices=("brake", "coast"))
+    raise ModelError(place="--pwm", value=word, choices=("brake", "coast", "compare"))

@@ -58,7 +58,7 @@ def payload(
     found = aw.identify_payload(
         logs[0], arm, loaded_log=logs[1] if len(logs) > 1 else None, frame=frame, preparation=preparation
     )
-    say(str(found))
+    say(found)
     if report is not None:
         aw.write_report(report, f"{logs[0].title}: payload", found)
         say(f"wrote {report}")

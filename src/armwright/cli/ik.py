@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from armwright.cli.arguments import Out, Robot, Table, option, vector
-from armwright.terminal import PrintableStream, say
+from armwright.cli.tables import show_columns
+from armwright.terminal import say
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -67,7 +67,7 @@ def ik(
     from armwright.cli.progress import progress
     from armwright.model.joint_signals import joint_units
     from armwright.output import check_destination
-    from armwright.results.tables import joint_columns, write_table
+    from armwright.results.tables import joint_columns
 
     arm = aw.load(robot)
     if output is not None:
@@ -84,7 +84,7 @@ def ik(
     numbers, q, off, turned_off = _every(found) if every else _best(found)
     columns = numbers | joint_columns("q", arm.names, joint_units(arm, "q"), q)
     columns |= {"off [mm]": 1e3 * off, "off [mrad]": 1e3 * turned_off}
-    write_table(output, columns, PrintableStream(sys.stdout))
+    show_columns(output, columns)
     if output is not None or not found.success.all():
         say(str(found), err=output is None)
     if not found.success.all():

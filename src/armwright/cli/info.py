@@ -11,8 +11,7 @@ from armwright.cli.arguments import Robot
 from armwright.cli.tables import number, table
 
 if TYPE_CHECKING:
-    from rich.console import Group
-
+    from armwright.cli.tables import Table
     from armwright.description import RobotDescription
     from armwright.model import Model
 
@@ -72,7 +71,7 @@ def info(robot: Robot, operations: Operations = False) -> None:
 
 def _summary(arm: Model, record: RobotDescription) -> str:
     from armwright.errors import ModelError
-    from armwright.ik.closed_form.geometry import geometry_of
+    from armwright.ik.closed_form.geometry import NEARLY, geometry_of
     from armwright.kinematics.reach import reach
 
     try:
@@ -88,12 +87,14 @@ def _summary(arm: Model, record: RobotDescription) -> str:
         "gravity": f"{'  '.join(f'{g:g}' for g in arm.gravity)} m/s², in base axes",
     }
     if arm.tip is not None and arm.n > 1:
-        geometry = geometry_of(arm)
-        lines["inverse"] = "numeric" if geometry is None else f"closed form, {geometry.description}"
+        geometry, kind = geometry_of(arm), "closed form"
+        if geometry is None:
+            geometry, kind = geometry_of(arm, tolerance=NEARLY), "closed form of nearly this arm, polished"
+        lines["inverse"] = "numeric" if geometry is None else f"{kind}, {geometry.description}"
     return "\n".join(f"{name:<8} {value}" for name, value in lines.items())
 
 
-def _geometry(record: RobotDescription) -> list[Group | None]:
+def _geometry(record: RobotDescription) -> list[Table | None]:
     """One table for each way in which the file places joints: classic DH, modified DH, explicit frames."""
     parts = []
     for way, title in (("dh", "Denavit-Hartenberg, classic"), ("modified_dh", "Denavit-Hartenberg, modified (Craig)")):
@@ -136,12 +137,12 @@ def _values(quantity: Any) -> tuple[float, ...]:
     return quantity.value
 
 
-def _masses(record: RobotDescription) -> Group | None:
+def _masses(record: RobotDescription) -> Table | None:
     rows = [[link.name, *map(number, (link.mass_kg, *_values(link.com_m)))] for link in record.links]
     return table("Links: mass [kg], centre of mass [m] in the link's frame", ("link", "mass", "x", "y", "z"), rows)
 
 
-def _inertias(record: RobotDescription) -> Group | None:
+def _inertias(record: RobotDescription) -> Table | None:
     rows = []
     for link in record.links:
         i = link.inertia_kg_m2
@@ -150,7 +151,7 @@ def _inertias(record: RobotDescription) -> Group | None:
     return table("Links: inertia about the centre of mass, in the link's axes [kg m²]", heads, rows)
 
 
-def _drives(arm: Model, record: RobotDescription) -> Group | None:
+def _drives(arm: Model, record: RobotDescription) -> Table | None:
     with_motor = {joint.name for joint in record.joints if getattr(joint, "motor", None) is not None}
     rows = []
     for body in arm.coordinates:
@@ -177,7 +178,7 @@ def _drives(arm: Model, record: RobotDescription) -> Group | None:
     return table("Drives (DC-equivalent constants)", heads, rows, left=("command",))
 
 
-def _efficiencies(record: RobotDescription) -> Group | None:
+def _efficiencies(record: RobotDescription) -> Table | None:
     """Tables of gear efficiency, a line for each speed."""
     rows = []
     for joint in record.joints:
@@ -195,7 +196,7 @@ def _efficiencies(record: RobotDescription) -> Group | None:
     return table("Gear efficiency by load", heads, rows, left=(heads[1], *heads[3:]))
 
 
-def _couplings(record: RobotDescription) -> Group | None:
+def _couplings(record: RobotDescription) -> Table | None:
     """Motors that other joints turn too, as in a wrist."""
     rows = []
     for joint in record.joints:
@@ -207,7 +208,7 @@ def _couplings(record: RobotDescription) -> Group | None:
     return table("Coupled motors: other joints turn them too", heads, rows, left=heads[1:])
 
 
-def _mimics(record: RobotDescription) -> Group | None:
+def _mimics(record: RobotDescription) -> Table | None:
     rows = []
     for joint in record.joints:
         mimic = getattr(joint, "mimic", None)
@@ -218,7 +219,7 @@ def _mimics(record: RobotDescription) -> Group | None:
     return table("Joints that mimic others: q = multiplier · q_master + offset", heads, rows, left=("master",))
 
 
-def _friction(record: RobotDescription) -> Group | None:
+def _friction(record: RobotDescription) -> Table | None:
     """As the file gives it: keys with their units, so that either law, side and kind of joint fits one table."""
     rows = []
     for joint in record.joints:
@@ -231,7 +232,7 @@ def _friction(record: RobotDescription) -> Group | None:
     return table("Friction", ("joint", "law", "side", "numbers"), rows, left=("law", "side", "numbers"))
 
 
-def _springs(record: RobotDescription) -> Group | None:
+def _springs(record: RobotDescription) -> Table | None:
     """As the file gives them."""
     rows = []
     for joint in record.joints:
@@ -251,7 +252,7 @@ def _one_or_many(quantity: Any) -> str:
     return f"[{', '.join(map(number, value))}]" if isinstance(value, tuple) else number(value)
 
 
-def _cylinders(record: RobotDescription) -> Group | None:
+def _cylinders(record: RobotDescription) -> Table | None:
     rows = []
     for c in record.cylinders:
         ends = ((c.link_a, c.anchor_a_m), (c.link_b, c.anchor_b_m))
@@ -268,7 +269,7 @@ def _cylinders(record: RobotDescription) -> Group | None:
     return table("Cylinders between links; a push below 0 is a pull", heads, rows, left=heads[1:3])
 
 
-def _limits(arm: Model) -> Group | None:
+def _limits(arm: Model) -> Table | None:
     rows = []
     for body in arm.bodies:
         low, high = body.limits.position
@@ -287,7 +288,7 @@ def _limits(arm: Model) -> Group | None:
     return table("Limits", heads, rows)
 
 
-def _sources(record: RobotDescription) -> Group | None:
+def _sources(record: RobotDescription) -> Table | None:
     from armwright.description.paths import quantities
 
     counts = Counter(source or "" for _, _, source in quantities(record, pictures=False))

@@ -32,8 +32,9 @@ def log(
 ) -> None:
     """Read a log of measurements, check it, and tell how it would be prepared for a fit.
 
-    Errors are what makes a log unusable: time that goes backwards, units, sides or signs that contradict each other. Notes say
-    what to know: gaps, quantisation, delays between columns. Exit code: 0 it can be used, 2 it cannot.
+    Errors are what makes a log unusable: time that goes backwards, units, sides or signs that contradict each other. Warnings
+    say what may make a fit wrong: saturation, rows that repeat, forces against the motion; notes what else to know: gaps,
+    quantisation, delays between columns. Exit code: 0 it can be used, 2 it cannot.
 
     \b
     Examples:
@@ -54,7 +55,7 @@ def log(
     console = console_for_tables()
     console.print(_runs(found))
     console.print(_signals(found))
-    for level, style in (("error", "red"), ("note", None)):
+    for level, style in (("error", "red"), ("warning", "yellow"), ("note", None)):
         for finding in found.findings:
             if finding.level == level:
                 console.print(f"\n{finding}", style=style, soft_wrap=True, markup=False, highlight=False)

@@ -9,7 +9,7 @@ import typer
 
 from armwright.cli.arguments import Allow, option
 from armwright.cli.tables import console_for_tables, table
-from armwright.terminal import say
+from armwright.terminal import result, say
 
 if TYPE_CHECKING:
     from armwright.control.analysis.analyse import LoopAnalysis
@@ -54,7 +54,6 @@ def loops(
 
     import armwright as aw
     from armwright.cli.progress import progress
-    from armwright.control.analysis.analyse import HEADS
     from armwright.output import check_destination
 
     for path, endings in ((plot, PICTURES), (report, (".html",))):
@@ -66,7 +65,8 @@ def loops(
             found, poses, seed=seed, gain_margin=gain_margin, phase_margin=math.radians(phase_margin)
         )
         regions, delays = _regions(found, analysis) if plot is not None or report is not None else ([], [])
-    console_for_tables().print(table(f"{found.arm.name}: loops over {poses} poses", HEADS, analysis.rows()))
+    console_for_tables().print(table(f"{found.arm.name}: loops over {poses} poses", analysis.heads(), analysis.rows()))
+    result(analysis)
     say("")
     for sentence in analysis.sentences():
         say(sentence)
@@ -128,7 +128,6 @@ def _report(
 ) -> None:
     from html import escape
 
-    from armwright.control.analysis.analyse import HEADS
     from armwright.identification.validation.pictures import INK, page_svg
     from armwright.identification.validation.report import html_table, write_report
     from armwright.pictures.gain_regions import draw_regions
@@ -139,7 +138,7 @@ def _report(
     rows = [[escape(cell) for cell in row] for row in analysis.rows()]
     sections = [
         ("Verdict", f'<p class="verdict{good}">The loop {verdict}</p><ul>{words}</ul>'),
-        ("Every joint", html_table(HEADS, rows, (0,))),
+        ("Every joint", html_table(analysis.heads(), rows, (0,))),
     ]
     if regions:
         height = 0.8 + 3.0 * -(-len(regions) // 3)
@@ -149,5 +148,5 @@ def _report(
             f"Gains that keep a gain margin of {gain:g} and a phase margin of {phase * 57.29578:.3g}° where a "
             "joint's inertia and gravity are extreme, the other joints held still. A longer delay leaves less."
         )
-        sections.append(("Gain regions", f"<p>{about}</p>{svg}"))
+        sections.append(("Gain regions", f'<p>{about}</p><div class="plot">{svg}</div>'))
     write_report(path, title, sections=sections)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from armwright.cli.arguments import option
-from armwright.terminal import say
+from armwright.terminal import result, say
 
 
 def reproduce(
@@ -38,6 +38,7 @@ def reproduce(
     if output is not None:
         aw.save(done.run, output)
         say(f"wrote {output}")
+    result(done)
     for line in done.surroundings:
         say(f"differs  {line}")
     if done.part:

@@ -8,16 +8,15 @@ def robots() -> None:
 
     Each is a TOML file that can be copied and changed; a path to such a file goes wherever a robot's name does.
     """
-    from rich.table import Table
-    from rich.text import Text
-
     import armwright as aw
-    from armwright.cli.tables import console_for_tables
+    from armwright.cli.tables import console_for_tables, number, table
 
-    table = Table("name", "joints", "drive", "title", box=None, header_style="bold", pad_edge=False)
+    rows = []
     for name in aw.builtin_names():
         arm = aw.load(name)
         title = (arm.description.title if arm.description else None) or ""
         drives = dict.fromkeys(body.drive.command for body in arm.coordinates)
-        table.add_row(Text(name, style="bold"), Text(str(arm.n)), Text(", ".join(drives)), Text(title))
-    console_for_tables().print(table)
+        rows.append([name, number(arm.n), ", ".join(drives), title])
+    console_for_tables().print(
+        table(None, ("name", "joints", "drive", "title"), rows, left=("joints", "drive", "title"))
+    )

@@ -26,8 +26,8 @@ def show(
 ) -> None:
     """Draw an arm in one pose, without a display: from its sections and meshes, or as a figure of its joints.
 
-    A PNG is a shaded picture; an HTML file is a page that turns under the mouse, and needs no network; a GLB file is a scene
-    for Blender and other programs, with a node for each link.
+    A PNG is a shaded picture; an HTML file is a page with a slider for every joint, which needs no network; a GLB file is a
+    scene for Blender and other programs, with a node for each link.
 
     \b
     Examples:

@@ -29,7 +29,7 @@ from armwright.cli.arguments import (
     start_of,
 )
 from armwright.errors import DivergenceError, Interrupted, ScenarioError
-from armwright.terminal import console, say
+from armwright.terminal import console, gathering, say
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -214,7 +214,7 @@ def _show(scenario: Scenario, run: xr.Dataset, spent: float, written: list[Path]
     screen.print(f"{scenario.arm.name}: {end:g} s in {extent}{lanes}, compiled and run in {spent:.2f} s")
     for path in written:
         screen.print(f"wrote {path}")
-    if not written:
+    if not written or gathering() is not None:
         screen.print(end_state(run) or "")
     for note in str(run.attrs.get("notes", "")).splitlines():
         say(f"armwright: note: {note}", err=True)

@@ -29,6 +29,7 @@ from armwright.cli.arguments import (
     start_of,
 )
 from armwright.errors import ScenarioError
+from armwright.terminal import result
 
 if TYPE_CHECKING:
     from armwright.simulation.step_study import StepStudy, Trial
@@ -119,6 +120,7 @@ def _accuracies(text: str) -> list[float]:
 def _show(study: StepStudy, spent: float) -> None:
     from armwright.cli.tables import console_for_tables, table
 
+    result(study)
     console = console_for_tables()
     title = f"{study.name}: {study.integrator} (order {study.order}) against {study.reference}, in {spent:.1f} s"
     heads = ["step [ms]", "error in q [rad | m]", "error in qd [rad/s | m/s]", "order seen", "evaluations a second"]

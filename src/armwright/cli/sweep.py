@@ -9,7 +9,7 @@ import typer
 
 from armwright.cli.arguments import SCENARIO, Allow, as_options, option
 from armwright.errors import ScenarioError
-from armwright.terminal import console, say
+from armwright.terminal import console, result, say
 
 if TYPE_CHECKING:
     from armwright.sweeps.sweep import Sweep
@@ -22,7 +22,9 @@ def sweep(
     scheduler: Annotated[
         str | None, option("--scheduler", "ADDRESS", "A Dask scheduler, tcp://host:8786; default: this machine alone.")
     ] = None,
-    chunk: Annotated[int | None, option("--chunk", "K", "Lanes in a task, by default up to 100,000.")] = None,
+    chunk: Annotated[
+        int | None, option("--chunk", "K", "Lanes in a task, by default so many that it takes seconds.")
+    ] = None,
     retries: Annotated[int, option("--retries", "K", "How often a chunk is tried again after an error.")] = 2,
     rows: Annotated[bool, typer.Option("--rows", help="Store recorded rows too, not only what is reduced.")] = False,
     allow: Allow = None,
@@ -47,11 +49,16 @@ def sweep(
         raise ScenarioError(place="SCENARIO", value=str(scenario), expected=f"a file that ends in {SCENARIO}")
     made = aw.read_scenario(scenario, allow=allow or ())
     try:
-        with as_options("lanes", "chunk", "retries"), progress(f"sweeping {made.arm.name}", "lanes") as tell:
+        with (
+            as_options("lanes", "chunk", "retries", "scheduler"),
+            progress(f"sweeping {made.arm.name}", "lanes") as tell,
+        ):
             done = aw.sweep(
                 made, output, lanes=lanes, client=scheduler, chunk=chunk, rows=rows, retries=retries, progress=tell
             )
     except ScenarioError as error:  # of the run, which does not know the file
+        if all(str(each.place).startswith("--") for each in error.problems):
+            raise
         raise error.renamed(key_in_file, keys_in_text).within(file=scenario) from None
     except KeyboardInterrupt:
         say("armwright: stopped; finished chunks are kept, and the same command goes on", err=True)
@@ -69,6 +76,7 @@ def _show(done: Sweep) -> None:
     console(soft_wrap=True).print(
         f"{done.path}: {done.done:,} of {done.lanes:,} lanes{kept}; {done.seconds:.1f} s, {speed}"
     )
+    result(done)
     for which, reason in list(done.failed.items())[:3]:
         say(f"armwright: chunk {which} failed: {reason}", err=True)
     if len(done.failed) > 3:

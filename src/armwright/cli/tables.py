@@ -2,27 +2,40 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from math import isnan
 from typing import TYPE_CHECKING, Any
 
-from armwright.terminal import console
+from armwright.terminal import PrintableStream, console, gathering
 
 if TYPE_CHECKING:
     import xarray as xr
-    from rich.console import Console, Group
+    from rich.console import Console, ConsoleOptions, Group, RenderResult
 
 WIDTH = 140  # columns, where no terminal says how many
 MOTION = ("q", "qd", "tau", "voltage", "current")  # of a run, that an end state is told with
 OVER_LANES = ("mean", "min", "max")
 
 
-def number(value: Any) -> str:
+class Cell(str):
+    """A number's text with the number itself, so that --json loses no digits.
+
+    Attributes:
+        value: the number; None if not known.
+    """
+
+    value: float | None
+
+
+def number(value: Any) -> Cell:
     """A number as people read it; — for one that is not known, ∞ for a limit that there is not."""
-    if value is None or isnan(float(value)):
-        return "—"
-    value = float(value) + 0.0  # no -0
-    return f"{value:.5g}".replace("inf", "∞").replace("-", "−")
+    exact = None if value is None or isnan(float(value)) else float(value) + 0.0  # no -0
+    cell = Cell("—" if exact is None else f"{exact:.5g}".replace("inf", "∞").replace("-", "−"))
+    cell.value = exact
+    return cell
 
 
 def console_for_tables() -> Console:
@@ -33,26 +46,64 @@ def console_for_tables() -> Console:
     return screen
 
 
-def table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], left: Sequence[str] = ()) -> Group | None:
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A title over a table of texts.
+
+    Attributes:
+        title: above it, if any.   heads: of the columns, with units in brackets.   rows: their cells.
+        words: numbers of the columns that hold words.   used: numbers of the columns with any entry.
+    """
+
+    title: str | None
+    heads: Sequence[str]
+    rows: Sequence[Sequence[Any]]
+    words: frozenset[int]
+    used: Sequence[int]
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        from rich import table
+        from rich.text import Text
+
+        shown = table.Table(box=None, header_style="dim", pad_edge=False, padding=(0, 2, 0, 0))
+        for k in self.used:
+            shown.add_column(Text(self.heads[k]), justify="left" if k in self.words else "right", overflow="fold")
+        for row in self.rows:
+            shown.add_row(*(Text(row[k]) for k in self.used))
+        if self.title is not None:
+            yield Text(self.title, style="bold")
+        yield shown
+
+
+def table(
+    title: str | None, heads: Sequence[str], rows: Iterable[Sequence[str]], left: Sequence[str] = ()
+) -> Table | None:
     """A title and a table whose first column, and those named in `left`, hold words.
 
     Columns without any entry are left out, and the whole of it where only the first column would be left.
     """
-    from rich.console import Group
-    from rich.table import Table
-    from rich.text import Text
-
     rows = [list(row) for row in rows]
     used = [k for k in range(len(heads)) if k == 0 or any(row[k] not in ("", "—") for row in rows)]
     if len(used) == 1:
         return None
-    shown = Table(box=None, header_style="dim", pad_edge=False, padding=(0, 2, 0, 0))
-    for k in used:
-        words = k == 0 or heads[k] in left
-        shown.add_column(Text(heads[k]), justify="left" if words else "right", overflow="fold")
-    for row in rows:
-        shown.add_row(*(Text(row[k]) for k in used))
-    return Group(Text(title, style="bold"), shown)
+    words = frozenset(k for k in range(len(heads)) if k == 0 or heads[k] in left)
+    return Table(title, heads, rows, words, used)
+
+
+def show_columns(path: str | os.PathLike[str] | None, columns: Mapping[str, Any]) -> None:
+    """Writes a CSV file of columns of equal length; without a path they go to standard output.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    from armwright.results.tables import write_table
+
+    things = gathering()
+    if path is None and things is not None:
+        rows = list(zip(*(list(values) for values in columns.values()), strict=True))
+        things.append(Table(None, list(columns), rows, frozenset(), range(len(columns))))
+    else:
+        write_table(path, columns, PrintableStream(sys.stdout))
 
 
 def end_state(run: xr.Dataset) -> Group | None:
@@ -78,7 +129,7 @@ def lanes_that_stopped(run: xr.Dataset) -> int:
     return sum(int(run[name].notnull().sum()) for name in ("diverged_at", "stalled_at") if name in run)
 
 
-def _of_joints(run: xr.Dataset, shown: Mapping[str, Sequence[str]], title: str) -> Group | None:
+def _of_joints(run: xr.Dataset, shown: Mapping[str, Sequence[str]], title: str) -> Table | Group | None:
     """A row a joint of variables (joint,), told with the units that occur; of (lane, joint), a row each of some statistics."""
     from rich.console import Group
     from rich.text import Text

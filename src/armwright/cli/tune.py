@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from armwright.tuning.result import TuningResult
 
 SAME = 1  # the exit code where nothing better than the start was found
-JUDGED = ("joint", "measure", "start", "tuned")
+OBJECTIVES = ("objective", "start", "tuned", "change")
+RELATIVE = "1 is the start's mean over the lanes tuned in, saturation and overshoot are shares of their own"
 
 
 def tune(
@@ -24,83 +25,124 @@ def tune(
         Path, typer.Argument(metavar="FILE.scenario.toml", help="A scenario with a controller.", show_default=False)
     ],
     out: Annotated[Path, option("--output -o", f"TUNED{SCENARIO}", "The scenario with the tuned gains.")],
+    start: Annotated[
+        str | None, option("--start", "METHOD", "scenario (its own gains), analytic, or a method of design.")
+    ] = None,
     gain: Annotated[
         list[str] | None,
         option("--gain", "NAME=F|LOW:HIGH", "A gain to tune, within a factor or bounds; default: all, within 10."),
     ] = None,
     objective: Annotated[
         list[str] | None,
-        option("--objective", "NAME=WEIGHT", "A reducer that counts; default rms_error=1 and saturation=1."),
+        option(
+            "--objective",
+            "NAME=WEIGHT",
+            "What counts: a reducer, noise_gain or sensitivity; default rms_error=1 and saturation=1.",
+        ),
     ] = None,
     limit: Annotated[
-        list[str] | None, option("--limit", "NAME=VALUE", "A peak that no run should pass, such as peak_torque=40.")
+        list[str] | None, option("--limit", "NAME=VALUE", "What no run should go beyond, such as peak_torque=40.")
     ] = None,
-    worst: Annotated[bool, typer.Option("--worst", help="The worst lane counts, not the mean.")] = False,
+    improve_each: Annotated[
+        bool | None, typer.Option("--improve-each", help="No objective may get worse.", show_default=False)
+    ] = None,
+    worst: Annotated[
+        bool | None, typer.Option("--worst", help="The worst lane counts, not the mean.", show_default=False)
+    ] = None,
     lanes: Annotated[
-        int, option("--lanes", "N", "Of a scenario that has one; half judge the result; default 64.")
-    ] = 64,
-    generations: Annotated[int, option("--generations", "N", "Of the search; default 30.")] = 30,
+        int | None, option("--lanes", "N", "Of a scenario that has one; half judge the result; default 64.")
+    ] = None,
+    method: Annotated[str | None, option("--method", "NAME", "cma, the default, or differential-evolution.")] = None,
+    generations: Annotated[int | None, option("--generations", "N", "Of the search; default 30.")] = None,
     candidates: Annotated[int | None, option("--candidates", "N", "In each; default 4 + 3 ln of the gains.")] = None,
-    gain_margin: Annotated[float, option("--gain-margin", "G", "Factor of a command to bear; default 2.")] = 2.0,
-    phase_margin: Annotated[float, option("--phase-margin", "DEG", "Phase lag to bear, degrees; default 30.")] = 30.0,
+    front: Annotated[
+        int | None, option("--front", "N", "Further searches for the Pareto front of two objectives; default 0.")
+    ] = None,
+    gain_margin: Annotated[
+        float | None, option("--gain-margin", "G", "Factor of a command to bear; default 2.")
+    ] = None,
+    phase_margin: Annotated[
+        float | None, option("--phase-margin", "DEG", "Phase lag to bear, degrees; default 30.")
+    ] = None,
+    plot: Annotated[Path | None, option("--plot", "FILE", "Draw the Pareto front: .png, .svg or .pdf.")] = None,
     report: Annotated[Path | None, option("--report", "FILE.html", "Write all of it as a page.")] = None,
-    seed: Annotated[int, option("--seed", "N", "Of search, poses and draws; default 0.")] = 0,
+    scheduler: Annotated[
+        str | None, option("--scheduler", "ADDRESS", "Dask scheduler whose workers simulate; local: on this machine.")
+    ] = None,
+    seed: Annotated[int | None, option("--seed", "N", "Of search, poses and draws; default 0.")] = None,
     allow: Allow = None,
 ) -> None:
     """Tune a controller's gains over uncertain arms, by compiled simulations, under a margin constraint.
 
-    A scenario without lanes gets masses within ±30 % and friction within a factor of two. Half of the lanes judge the result.
+    What the file's table tuning states holds where no option says otherwise. A
+    scenario without lanes and draws gets masses within
+    ±30 % and friction within a factor of two. Half of the lanes judge the result.
     Exit code: 0 better gains were found and written, 1 none were and nothing was written, 2 bad input.
 
     \b
     Examples:
       armwright tune arm.scenario.toml -o tuned.scenario.toml
-      armwright tune arm.scenario.toml -o tuned.scenario.toml --gain position_kp=2:40 --gain speed_kp=5 --report tuned.html
+      armwright tune arm.scenario.toml -o tuned.scenario.toml --start analytic --report tuned.html
+      armwright tune arm.scenario.toml -o tuned.scenario.toml --gain position_kp=2:40 --gain speed_kp=5
     """
+    import contextlib
     import math
 
     import armwright as aw
     from armwright.cli.progress import progress
     from armwright.output import check_destination
-    from armwright.tuning.result import HEADS
+    from armwright.sweeps.cluster import connected
+    from armwright.tuning.result import HEADS, JUDGED, PICTURES
 
     check_destination(out, (".toml",), read=(scenario,))
-    if report is not None:
-        check_destination(report, (".html",), read=(scenario, out))
+    for path, endings in ((plot, PICTURES), (report, (".html",))):
+        if path is not None:
+            check_destination(path, endings, read=(scenario, out))
     found = aw.read_scenario(scenario, allow=allow or ())
     gains, objectives, limits = (
         _pairs("--gain", gain, bounds=True),
         _pairs("--objective", objective),
         _pairs("--limit", limit),
     )
-    with progress(f"tuning {scenario.name}") as shown:
+    cluster = contextlib.nullcontext() if scheduler is None else connected(None if scheduler == "local" else scheduler)
+    with cluster as client, progress(f"tuning {scenario.name}") as shown:
         result = aw.tune(
             found,
             gains,
+            start=start,
             objectives=objectives,
             limits=limits,
-            over="worst" if worst else "mean",
+            improve_each=improve_each,
+            over="worst" if worst else None,
             lanes=lanes,
+            method=method,
             generations=generations,
             candidates=candidates,
+            front=front,
             gain_margin=gain_margin,
-            phase_margin=math.radians(phase_margin),
+            phase_margin=None if phase_margin is None else math.radians(phase_margin),
             seed=seed,
+            client=client,
             progress=shown,
         )
-    better = result.improved or not result.start_keeps
-    if better:
+    if plot is not None:
+        result.plot(plot)
+    if result.changed:
         result.save(out, scenario, tuple(allow or ()))
     screen = console_for_tables()
-    screen.print(table(f"{found.arm.name}: gains", HEADS, result.rows()))
-    screen.print(table(f"{found.arm.name}: means over {result.lanes[1]} held-out lanes", JUDGED, result.judged()))
+    screen.print(table(f"{found.arm.name}: gains", HEADS, result.rows(), ("gain", "unit")))
+    held = f"{result.lanes[1]} held-out lanes"
+    screen.print(table(f"{found.arm.name}: means over {held}", JUDGED, result.judged(), ("measure", "unit")))
+    screen.print(table(f"objectives over {held}; {RELATIVE}", OBJECTIVES, result.objective_rows()))
     say("")
     for sentence in result.sentences():
         say(sentence)
+    if plot is not None:
+        say(f"wrote {plot}")
     if report is not None:
         _report(report, scenario.name, result)
         say(f"wrote {report}")
-    if not better:
+    if not result.changed:
         raise typer.Exit(SAME)
     say(f"wrote {out}")
 
@@ -128,30 +170,34 @@ def _pairs(place: str, texts: list[str] | None, bounds: bool = False) -> dict[st
 def _report(path: Path, title: str, result: TuningResult) -> None:
     from html import escape
 
-    from armwright.identification.validation.pictures import INK, page_svg
+    from armwright.identification.validation.pictures import INK, QUIET, page_svg
     from armwright.identification.validation.report import html_table, write_report
-    from armwright.tuning.result import HEADS
+    from armwright.tuning.pictures import draw_front, draw_history
+    from armwright.tuning.result import HEADS, JUDGED
 
-    first, *others = result.sentences()
+    first, *others = (f"{each[:1].upper()}{each[1:]}." for each in result.sentences())
     good = " good" if result.improved else ""
     words = "".join(f"<li>{escape(each)}</li>" for each in others)
-    gains, judged = ([[escape(cell) for cell in row] for row in rows] for rows in (result.rows(), result.judged()))
 
-    def history(figure: Any) -> None:
-        axes = figure.subplots()
-        axes.plot(result.history, color=INK, drawstyle="steps-post")
-        axes.set_facecolor("none")
-        axes.set_xlabel("generation", color=INK)
-        axes.set_ylabel("best score on the tuned lanes", color=INK)
-        axes.tick_params(colors=INK)
-        for edge in axes.spines.values():
-            edge.set_color(INK)
+    def cells(rows: list[list[str]]) -> list[list[str]]:
+        return [[escape(cell) for cell in row] for row in rows]
 
-    svg = page_svg(history, (9.2, 3.2), "constrained")
+    held = "<p>Means over lanes that were not tuned in.</p>"
+    relative = f"<p>Means over joints; {RELATIVE}.</p>"
+    history = page_svg(lambda figure: draw_history(figure, result.history, INK), (9.2, 3.2), "constrained")
     sections = [
         ("Verdict", f'<p class="verdict{good}">{escape(first)}</p><ul>{words}</ul>'),
-        ("Gains", html_table(HEADS, gains, (0, 1))),
-        ("Held-out lanes", f"<p>Means over lanes that were not tuned in.</p>{html_table(JUDGED, judged, (0, 1))}"),
-        ("Search", svg),
+        ("Objectives", relative + html_table(OBJECTIVES, cells(result.objective_rows()), (0,))),
+        ("Gains", html_table(HEADS, cells(result.rows()), (0, 1, 2))),
+        ("Held-out lanes", held + html_table(JUDGED, cells(result.judged()), (0, 1, 2))),
+        ("Search", f'<div class="plot">{history}</div>'),
     ]
+    if len(result.tried.names) > 1 and len(result.tried.values):
+        about = (
+            "<p>Gains that were simulated, on the tuned lanes; those on the front keep the margins. Less is better.</p>"
+        )
+        front = page_svg(
+            lambda figure: draw_front(figure, result.tried, result.chosen, INK, QUIET), (9.2, 4.6), "constrained"
+        )
+        sections.append(("Pareto front", f'{about}<div class="plot">{front}</div>'))
     write_report(path, title, sections=sections)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from armwright.cli.arguments import Robot, option
-from armwright.terminal import say
+from armwright.terminal import result, say
 
 SHOWN = (1.0, 50.0, 99.0, 100.0)  # percentiles of the summary
 
@@ -54,6 +54,9 @@ def workspace(
     for name in ("reach", "manipulability", "smallest_singular_value", "condition"):
         values = found[f"{name}_percentiles"].sel(percentile=list(SHOWN)).values
         unit = found[name].attrs["units"]
+        result(
+            {"quantity": name, "unit": unit, "percentiles": dict(zip(map(str, SHOWN), values.tolist(), strict=True))}
+        )
         parts = zip(("1 %", "median", "99 %", "most"), values, strict=True)
         say(f"{name.replace('_', ' ')} [{unit}]: " + ", ".join(f"{word} {value:.4g}" for word, value in parts))
     if output is not None:

@@ -50,7 +50,12 @@ def read_script(file: str) -> list[str]:
 def run_script(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     """`run-script FILE`: does its lines as if they were typed; the first one that fails ends it, what came before stays."""
     output: list[Output] = []
-    session.run_lines(read_script(arguments["file"]), arguments["file"], session.show or output.append)
+    lines = read_script(arguments["file"])
+    session.inner_scripts += 1
+    try:
+        session.run_lines(lines, arguments["file"], session.show or output.append)
+    finally:
+        session.inner_scripts -= 1
     session.ended = False  # `quit` in a script ends the script
     return output
 
@@ -77,6 +82,7 @@ def save(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     run = xr.Dataset() if state.run is None else state.run.copy()
     run.attrs = {**run.attrs, SESSION: json.dumps(_saved_state(state))}
     aw.save(run, file)
+    session.saved = state.run
     return [Line(f"wrote {file}", "good")]
 
 
@@ -122,6 +128,7 @@ def restore(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     if controller is not None:
         built_controller(state, controller)
     session.change(state)
+    session.saved = last_run
     output: list[Output] = [Line(f"restored {loaded.robot} from {file}", "good")]
     if loaded.robot in aw.builtin_names() and robot_text(aw.load(loaded.robot).record) != record["record"]["text"]:
         output.append(

@@ -13,12 +13,13 @@ from armwright.errors import ArmwrightError, SessionError
 from armwright.session.arguments import Argument, quoted, read_words, same, uncommented, unknown, words
 from armwright.session.commands import COMMANDS
 from armwright.session.listing import Line, Output
-from armwright.session.variables import VARIABLES, assigned, joint_number, variable_output
+from armwright.session.variables import VARIABLES, assigned, joint_number, remarks, variable_output
 from armwright.session.workspace import Ask, Command, Workspace
 
 ASSIGNMENT = re.compile(r"^(?P<name>[A-Za-z][\w-]*)\s*(?:\[(?P<index>[^\]]*)\])?\s*=(?!=)(?P<value>.*)$", re.DOTALL)
 NAME = re.compile(r"^(?P<name>[A-Za-z][\w-]*)\s*(?:\[(?P<index>[^\]]*)\])?$")
 NOTHING = "none"  # may be typed for an argument that is left out
+LEAVING = ("exit", "quit")  # as an answer: back to the prompt of the session; ./exit is a file of that name
 MAX_DEPTH = 20  # scripts that call scripts
 
 
@@ -106,7 +107,7 @@ class Session(Workspace):
             raise unknown("no such variable", name, [variable.name for variable in VARIABLES.values()])
         after = assigned(self.state, name, None if index is None else index.strip(), value)
         self.change(after.replace(lines=(*self.state.lines, text)))
-        return []
+        return remarks(self.state, VARIABLES[same(name)], value)
 
     def _variable(self, name: str, index: str | None) -> list[Output]:
         variable = VARIABLES[same(name)]
@@ -180,6 +181,8 @@ class Session(Workspace):
                 text = ask(argument, default).strip()
             except EOFError:
                 raise SessionError("not done", place=command.name) from None
+            if same(text) in LEAVING:
+                raise SessionError("not done", place=command.name)
             if text in ("", NOTHING) and default is not None:
                 text = default
             try:

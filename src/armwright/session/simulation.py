@@ -251,7 +251,9 @@ def write_graphic_file(session: Workspace, arguments: dict[str, Any]) -> list[Ou
 
 def save_run(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     """`save-simulation FILE`: the run as .nc, .csv or .parquet."""
-    aw.save(last_run(session, "save-simulation"), arguments["file"])
+    run = last_run(session, "save-simulation")
+    aw.save(run, arguments["file"])
+    session.saved = run
     return [Line(f"wrote {arguments['file']}", "good")]
 
 

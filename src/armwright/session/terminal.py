@@ -51,7 +51,7 @@ def interact(session: Workspace, screen: Screen, **options: Any) -> None:
         except KeyboardInterrupt:
             continue
         except EOFError:
-            break
+            line = "quit"
         with _reporting(screen), _progress(session, screen):
             for output in session.run(line):
                 screen(output)

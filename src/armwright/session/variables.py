@@ -192,6 +192,28 @@ def _finite(variable: Variable, text: str, state: State) -> State:
     return state
 
 
+def remarks(after: State, variable: Variable, text: str) -> list[Output]:
+    """Notes about a value that was set: DACOut that sets voltage, angles of turns, gravity against the file's.
+
+    Args:
+        after: the state with it.   variable: what was set.   text: the value as it was typed.
+    """
+    if variable.name == "DACOut" and after.controller is None:
+        volts = " ".join(significant(value) for value in motor_quantities.voltage(after))
+        return [Line(f"no controller reads DACOut: it is the motor voltage, now voltage = {volts} V", "note")]
+    if variable.name == "theta" and "deg" not in text:
+        far = [(name, q) for name, unit, q in zip(after.arm.names, variable.units(after.arm), after.q, strict=True)
+               if unit == "rad" and abs(q) > 2.0 * np.pi]  # fmt: skip
+        turns = (f"{name} = {significant(q)} rad, {abs(q) / (2.0 * np.pi):.1f} turns" for name, q in far[:1])
+        return [Line(f"radians? {each}; degrees are written {significant(far[0][1])} deg", "note") for each in turns]
+    given, own = _gravity(after), 0.0 - float(after.loaded.base.gravity[2])
+    if variable.name == "gravity" and given * own < 0.0:
+        points = "down" if own < 0.0 else "up"
+        what = f"in this arm's file gravity is {significant(own)} m/s², as z of its base points {points}"
+        return [Line(f"{what}: with {significant(given)} m/s² the arm falls upward", "note")]
+    return []
+
+
 def lookup(state: State) -> Callable[[str, str | None], Any]:
     """The session's variables, as formulas look them up: (name, index or None) → value."""
 

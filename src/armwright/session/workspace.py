@@ -10,11 +10,15 @@ from typing import Any
 
 from armwright.errors import SessionError
 from armwright.output import whole_file
-from armwright.session.arguments import Argument, quoted
+from armwright.session.arguments import YES_NO, Argument, quoted
 from armwright.session.listing import Line, Listing, Output
 from armwright.session.state import State, initial_state, load_arm
 
 MAX_UNDO = 100  # changes
+UNSAVED = "the simulation is not saved; save-simulation FILE.nc saves it"
+LEAVE = Argument(
+    "leave", "choice", "leave all the same", YES_NO, "The simulation is not saved. Leave without it?", "no"
+)
 
 Ask = Callable[[Argument, str | None], str]
 """(argument, meaning of an empty answer; None: it must be given) → the answer. EOFError: no more; the command is dropped."""
@@ -27,7 +31,8 @@ class Workspace(ABC):
         state: the present one.   undo_stack: the states before each change.   recording: file that holds all lines so far.
         commands: all there are, by the names that `same` gives.   ask: answers prompts; None in scripts, which give arguments.
         show: called with output along the way.   progress: called with (steps done, all steps) of long runs.
-        ended: True once `quit` was typed.
+        ended: True once `quit` was typed.   saved: the simulation that was last saved or restored.
+        inner_scripts: how many scripts that `run-script` began are being done, whose `quit` ends only them.
     """
 
     def __init__(self, robot: str, commands: Mapping[str, Command], ask: Ask | None):
@@ -44,6 +49,8 @@ class Workspace(ABC):
         self.show: Callable[[Output], None] | None = None
         self.progress: Callable[[int, int], None] | None = None
         self.ended = False
+        self.saved: Any = None
+        self.inner_scripts = 0
         self.recorded_line = ""
 
     @abstractmethod
@@ -77,9 +84,18 @@ class Workspace(ABC):
         return [Line(f"undone: {'; '.join(undone)}" if undone else "undone", "good")]
 
     def quit(self) -> list[Output]:
-        """Ends the session after this line."""
+        """Ends the session after this line; of a simulation that is not saved it asks, in a script it says so."""
+        unsaved = self.state.run is not None and self.state.run is not self.saved and not self.inner_scripts
+        if unsaved and self.ask is not None:
+            try:
+                answer = self.ask(LEAVE, LEAVE.default).strip() or LEAVE.default
+            except EOFError:  # Ctrl-D at the question
+                answer = "yes"
+            if LEAVE.read("quit", answer or "") == "no":
+                return [Line(UNSAVED, "note")]
+            unsaved = False
         self.ended = True
-        return []
+        return [Line(UNSAVED, "note")] if unsaved else []
 
     def emit(self, listing: Listing) -> list[Output]:
         """Shows a listing on the screen, or prints it into the open output file."""

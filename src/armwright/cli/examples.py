@@ -1,0 +1,57 @@
+"""`armwright examples`: the example programs, listed and copied."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armwright.terminal import say
+
+examples = typer.Typer()
+
+Folder = Annotated[
+    Path, typer.Argument(metavar="DIR", help="Where the copies go; made if it is not there.", show_default=False)
+]
+
+
+@examples.callback()
+def _about() -> None:
+    """List and copy the example programs, robots, scenarios and motions."""
+
+
+@examples.command("list")
+def list_examples() -> None:
+    """List the examples that come with Armwright, each with its title.
+
+    \b
+    Example:
+      armwright examples list
+    """
+    from rich.table import Table
+    from rich.text import Text
+
+    from armwright.cli.tables import console_for_tables
+    from armwright.examples import example_files, example_title
+
+    table = Table("file", "what it is", box=None, header_style="bold", pad_edge=False)
+    for name, path in example_files().items():
+        table.add_row(Text(name, style="bold"), Text(example_title(path)))
+    console_for_tables().print(table)
+
+
+@examples.command("copy")
+def copy(folder: Folder) -> None:
+    """Copy all examples into a folder, to be run and changed. A file that is there already is not overwritten.
+
+    \b
+    Examples:
+      armwright examples copy examples
+      python examples/01_first_motion.py
+    """
+    from armwright.examples import copy_examples
+
+    copied = copy_examples(folder)
+    say(f"copied {len(copied)} files into {folder}")
+    say(f"try: python {copied[0]}")

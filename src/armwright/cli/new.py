@@ -1,0 +1,50 @@
+"""`armwright new`: files to start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armwright.cli.arguments import option
+from armwright.terminal import say
+
+new = typer.Typer()
+
+
+@new.callback()
+def _new() -> None:
+    """Write a file to start from."""
+
+
+@new.command()
+def robot(
+    target: Annotated[Path, typer.Argument(metavar="ARM.toml", help="The robot file to write.", show_default=False)],
+    source: Annotated[
+        str | None,
+        option("--from", "FILE", "Take links and joints of a robot's file (URDF, MJCF, TOML) or a built-in arm."),
+    ] = None,
+    joints: Annotated[int | None, option("--joints", "N", "Number of joints, without --from.")] = None,
+    command: Annotated[
+        str, option("--command", "WORD", "What the drives are told: voltage, current or torque.")
+    ] = "current",
+    drive: Annotated[Path | None, option("--drive", "FILE", "Its drive file; by default the one beside it.")] = None,
+) -> None:
+    """Write a robot file to fill in. Every number that its drives need and that is not known is marked TODO.
+
+    `armwright check ARM.toml` then names each TODO with its line, what is wanted, and where a datasheet has it.
+
+    \b
+    Examples:
+      armwright new robot my-arm.toml --from arm.urdf
+      armwright new robot my-arm.toml --from arm.xml --command voltage
+      armwright new robot my-arm.toml --joints 3
+    """
+    import armwright as aw
+
+    notes = aw.new_robot(target, source, joints=joints, command=command, **({} if drive is None else {"drive": drive}))
+    say(f"wrote {target}")
+    for line in notes:
+        say(f"note: {line}")
+    say(f"next: armwright check {target}")
