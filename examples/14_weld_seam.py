@@ -30,7 +30,8 @@ print(f"{seam.length:.3f} m in {motion.duration:.2f} s, {motion.slowed:.2f} time
 print(f"off the path by less than {np.ceil(1e6 * off):.0f} µm and {np.ceil(1e6 * angle):.0f} µrad")
 
 axes = (figure := Figure(figsize=(11.0, 3.2), layout="constrained")).subplots(1, 3)
-figure.colorbar(axes[0].scatter(y, z, c=speed, s=4, vmin=0.0), ax=axes[0], label="torch [m/s]", shrink=0.5)
+dots = axes[0].scatter(y, z, c=speed, s=4, vmin=0.0)
+figure.colorbar(dots, ax=axes[0], label="torch [m/s]", location="bottom", shrink=0.8)
 axes[0].set(xlabel="y [m]", ylabel="z [m]", aspect="equal")
 axes[1].plot(t, speed)
 axes[1].set(xlabel="time [s]", ylabel="torch [m/s]")

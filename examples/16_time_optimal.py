@@ -11,8 +11,7 @@ import armwright as aw
 
 arm, period = aw.load("cmu-dd"), 1e-3
 points = [0.0, 0.35, 0.0, 0.6, 0.0, 0.4], [0.7, 0.3, 0.5, 0.2, -0.6, 0.1], [1.6, -0.5, 0.6, 1.2, -0.8, -0.6]
-path = aw.JointPath(points)
-limits = aw.MotionLimits.of(arm)
+path, limits = aw.JointPath(points), aw.MotionLimits.of(arm)
 fast = aw.time_optimal(arm, path)
 most = np.abs(fast.at(np.linspace(0.0, fast.duration, 3000))[2]).max(axis=0)  # accelerations that it reaches
 free = limits.replace(torque=np.inf, voltage=np.inf, acceleration=most)
@@ -35,6 +34,7 @@ for column, (name, plan) in zip(axes.T, {"with motors": fast, "by acceleration":
     for axis, rows, label in zip(column, (share, error), ("voltage, part of its limit", "error [mrad]"), strict=True):
         axis.plot(run.time, rows, label=arm.names)
         axis.set_title(f"{name}: {label}")
+    column[1].set_xlabel("time [s]")
 figure.legend(arm.names, loc="outside lower center", ncols=6)
 (folder := Path(sys.argv[1] if len(sys.argv) > 1 else "build/examples")).mkdir(parents=True, exist_ok=True)
 figure.savefig(folder / "time_optimal.png", dpi=110)
