@@ -192,13 +192,13 @@ def _guarded(case: Case, run: Callable[[Case], Any], guard: Guard) -> Outcome:
 
 
 def refusal(text: str, place: str = "") -> Outcome:
-    """The outcome of an error of ours: refused, if it is one line that a terminal can show."""
+    """The outcome of an error of ours: refused, if it is one line, or one a mistake, that a terminal can show."""
     lines = text.splitlines()
-    if len(lines) != 1:
+    if not lines or len(lines) == 2 or not all(line.startswith("  ") for line in lines[1:]):
         return Outcome(OTHER, f"{len(lines)} lines: {text!r}"[:3000], f"lines {place}")
-    if len(text) > LONGEST:
+    if max(map(len, lines)) > LONGEST:
         return Outcome(OTHER, f"{len(text)} characters: {text!r}"[:3000], f"long {place}")
-    if any(ord(mark) < 32 or 127 <= ord(mark) < 160 for mark in text):
+    if any(ord(mark) < 32 or 127 <= ord(mark) < 160 for mark in "".join(lines)):
         return Outcome(OTHER, f"control characters: {text!r}"[:3000], f"control {place}")
     return Outcome(REFUSED, text)
 

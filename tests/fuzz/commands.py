@@ -25,6 +25,10 @@ DIFFERENT = (
     "identify",
     "validate",
     "ik",
+    "plan",
+    "loops",
+    "tune",
+    "sweep",
 )  # whose exit code 1 means: there is something to say
 SHORT = ("--torque", "0", "--duration", "0.01")
 LINES: tuple[tuple[str, ...], ...] = (
@@ -73,13 +77,23 @@ LINES: tuple[tuple[str, ...], ...] = (
     ("excite", "motor", "prbs", "-o", "new.csv", "--gain", "12", "--time-constant", "0.05", "--most", "12"),
     ("excite", "arm", "two-link", "-o", "new.csv", "--velocity", "2,2", "--starts", "1", "--harmonics", "2"),
     ("ik", "two-link", "poses.csv", "-o", "new.csv"),
+    ("ik", "puma560", "poses.csv", "--all"),
+    ("plan", "one.motion.toml"),
+    ("plan", "one.motion.toml", "-o", "motion.csv", "--plot", "motion.html", "--rate", "100"),
+    ("simulate", "tuned.scenario.toml", "--reference", "one.motion.toml", "--duration", "0.02", "-o", "new.nc"),
+    ("workspace", "two-link", "-o", "work.png", "--samples", "200", "--aim", "position"),
+    ("workspace", "arm.toml", "--samples", "200", "--seed", "1"),
+    ("loops", "tuned.scenario.toml", "--poses", "5", "--report", "loops.html"),
+    ("tune", "tuned.scenario.toml", "-o", "new.scenario.toml", "--generations", "1", "--candidates", "3"),
+    ("sweep", "tuned.scenario.toml", "--lanes", "4", "--chunk", "2", "-o", "runs.zarr"),
+    ("compare-controllers", "tuned.scenario.toml", "--motion", "one.motion.toml", "--runs", "2", "--settle", "0.01"),
 )
 MAKERS = {  # what makes each of the files that a line may name
     "arm.toml": files.make_robot, "arm.urdf": files.make_urdf, "arm.xml": files.make_mjcf, "arm.parts.toml": files.make_parts,
     "toy.assembly.toml": files.make_assembly, "toy.modules.toml": files.make_assembly, "one.scenario.toml": files.make_scenario,
     "torques.csv": files.make_csv, "sets.csv": files.make_csv, "poses.csv": files.make_poses,
     "one.nc": files.make_run, "day.sim": files.make_session,
-    "bench.log.toml": files.make_log,
+    "bench.log.toml": files.make_log, "one.motion.toml": files.make_motion, "tuned.scenario.toml": files.make_tuned,
 }  # fmt: skip
 LENGTHS = (
     "--duration",
@@ -91,6 +105,15 @@ LENGTHS = (
     "--record-every",
     "--starts",
     "--harmonics",
+    "--rate",
+    "--samples",
+    "--poses",
+    "--lanes",
+    "--chunk",
+    "--generations",
+    "--candidates",
+    "--runs",
+    "--settle",
 )  # of work
 
 

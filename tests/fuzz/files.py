@@ -115,9 +115,9 @@ def run_task(case: Case) -> None:
 
 
 def make_scenario(rng: Random) -> Case:
-    name = rng.choice(("driven.scenario.toml", "loop.scenario.toml"))
+    names = ("driven.scenario.toml", "loop.scenario.toml", "tuned.scenario.toml")
     files = {file: seed(file).encode() for file in ("everything.toml", "torques.csv")}
-    text = mutated(seed(name), "toml", rng, [seed("driven.scenario.toml"), seed("loop.scenario.toml")])
+    text = mutated(seed(rng.choice(names)), "toml", rng, [seed(name) for name in names])
     return Case("scenario", {"one.scenario.toml": text, **files, **MESHES}, rng.choice(("read",) * 30 + ("start",)))
 
 
@@ -125,6 +125,25 @@ def run_scenario(case: Case) -> None:
     scenario = aw.read_scenario("one.scenario.toml")
     if case.call == "start":
         aw.Simulation(scenario)
+
+
+def make_tuned(rng: Random) -> Case:
+    text = mutated(seed("tuned.scenario.toml"), "toml", rng)
+    return Case("scenario", {"tuned.scenario.toml": text}, "read")  # of a command line only
+
+
+def make_motion(rng: Random) -> Case:
+    names = ("two.motion.toml", "two.motion.toml", "tool.motion.toml")
+    text = mutated(seed(rng.choice(names)), "toml", rng, [seed(name) for name in names])
+    return Case("motion", {"one.motion.toml": text}, rng.choice((None,) * 4 + ("motion.csv", "motion.nc")))
+
+
+def run_motion(case: Case) -> None:
+    plan = aw.plan("one.motion.toml")
+    assert not plan.report.excesses() or str(plan)
+    if case.call is not None:
+        plan.save(case.call)
+        aw.load_motion(case.call, plan.arm)
 
 
 def make_csv(rng: Random) -> Case:
@@ -348,6 +367,7 @@ FILES: dict[str, tuple[float, Callable[[Random], Case], Callable[[Case], Any]]] 
     "assembly": (5, make_assembly, run_assembly),
     "task": (5, make_task, run_task),
     "scenario": (4, make_scenario, run_scenario),
+    "motion": (1, make_motion, run_motion),
     "csv": (15, make_csv, run_csv),
     "log": (2, make_log, run_log),
     "mesh": (10, make_mesh, run_mesh),
