@@ -106,6 +106,18 @@ def _plan(head: str, column: str) -> Column:
     return Column(head, cell)
 
 
+def _whole(head: str) -> Column:
+    """Seconds of all the work, and whether they are as few as is wanted, if anything is."""
+
+    def cell(r: Record) -> str:
+        seconds, most = r["facts"].get("seconds"), r["facts"].get("wanted")
+        if seconds is None:
+            return ""
+        return number(seconds) + ("" if most is None else f" {'✓' if seconds <= most else '✗'} ≤ {most:g}")
+
+    return Column(head, cell)
+
+
 def _least(head: str, part: str) -> Column:
     """The best of the samples, and whether it is as little as is wanted, if anything is."""
 
@@ -136,6 +148,15 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
                 share("as flops", "of_flops", judged=False),
             ),
             worst("error"),
+        ),
+    ),
+    "calls": (
+        "One call, from Python, ns per call",
+        (
+            *(label("arm", "arm"), label("joints", "joints"), label("kernel", "work"), label("states", "states")),
+            *(time("plain", "plain"), time("Pinocchio", "pinocchio_python")),
+            *(ratio("Pinocchio ÷ plain", "pinocchio_python"), time("bound", "bound"), ratio("bound ÷ plain", "bound")),
+            *(time("general path", "general"), ratio("general ÷ plain", "general"), worst("error")),
         ),
     ),
     "variants": (
@@ -189,6 +210,14 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
             worst("error"),
         ),
     ),
+    "closed loops": (
+        "Closed loops of lwa4p as a tuning runs them, ns a lane and tick",
+        (
+            *(label("work", "work"), label("lanes", "lanes"), label("threads", "threads"), time("ours", "ours")),
+            *(fact("price", "price", number), _whole("all of them, s"), time("MuJoCo Euler", "Euler")),
+            *(ratio("Euler ÷ ours", "Euler"), worst("error")),
+        ),
+    ),
     "batch size": (
         "Batch size, ns per state",
         (
@@ -229,9 +258,13 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
         "Inverse kinematics, ns per pose",
         (
             *(label("arm", "arm"), label("work", "work"), label("poses", "states"), time("ours", "ours")),
+            time("ours, by default", "default"),
             *(time("EAIK", "eaik"), ratio("EAIK ÷ ours", "eaik")),
             *(time("Robotics Toolbox C++, tol 1e-6", "toolbox"), ratio("tol 1e-6 ÷ ours", "toolbox")),
-            *(time("tol 1e-16", "toolbox fine"), ratio("tol 1e-16 ÷ ours", "toolbox fine"), worst("error")),
+            *(time("tol 1e-16", "toolbox fine"), ratio("tol 1e-16 ÷ ours", "toolbox fine")),
+            fact("iterations, mean", "iterations", number),
+            fact("solved from the first start", "first start", "{:.1%}".format),
+            worst("error"),
         ),
     ),
     "planning": (
@@ -284,9 +317,23 @@ def tables(saved: Saved) -> Iterator[tuple[str, list[str], list[list[str]], list
             used = [k for k in range(len(columns)) if any(line[k] for line in cells)]  # a peer that is not there
             heads = [columns[k].head for k in used]
             notes = saved["chapters"][chapter]["notes"] + (_sharing(rows) if chapter == "threads" else [])
+            notes = _another_day(saved["chapters"][chapter]) + notes
             yield title, heads, [[line[k] for k in used] for line in cells], notes, [columns[k].left for k in used]
         if chapter == "kernels":
             yield from _per_joint(rows)
+
+
+def _another_day(chapter: dict[str, Any]) -> list[str]:
+    """When a chapter was measured that is not of the same run as the others."""
+    if "machine" not in chapter:
+        return []
+    machine = chapter["machine"]
+    load = "" if machine["load"] is None else f", load average when it began {machine['load'][0]:g}"
+    of = f"{DATED}{machine['date']}, commit {machine['commit']}, on a machine of the same kind{load}"
+    return [f"{of}; median of {chapter['repetitions']} samples"]
+
+
+DATED = "measured on "  # how the note begins
 
 
 def _sharing(rows: list[Record]) -> list[str]:

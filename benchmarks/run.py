@@ -1,6 +1,6 @@
 """`make bench`: what Armwright does in a nanosecond, beside its peers in the same minutes. One command, one report.
 
-python benchmarks/run.py [--quick] [--only WORDS] [--save [FOLDER]]
+python benchmarks/run.py [--quick] [--only WORDS] [--chapters NAME …] [--save [FOLDER]] [--million]
 """
 
 from __future__ import annotations
@@ -24,11 +24,13 @@ from rich.progress import Progress
 
 MODULES = (
     "rows_kernels",
+    "rows_calls",
     "rows_variants",
     "rows_simulation",
     "rows_auto",
     "rows_stiff",
     "rows_control",
+    "rows_closed_loops",
     "rows_identification",
     "rows_ik",
     "rows_planning",
@@ -46,7 +48,15 @@ def main(arguments: list[str] | None = None) -> int:
     if lacking:
         print(f"the peers check every row, and are not installed: pip install {' '.join(lacking)}", file=sys.stderr)
         return 2
-    saved = measured(options.quick, options.only or "")
+    if options.chapters and options.save is False and newest_of_this(described(), RESULTS) is None:
+        print(
+            f"{RESULTS}: no result of this processor to put chapters into; make bench ARGS=--save first",
+            file=sys.stderr,
+        )
+        return 2
+    saved = measured(
+        options.quick, options.only or "", chapters=options.chapters or [*CHAPTERS], million=options.million
+    )
     if not any(chapter["rows"] for chapter in saved["chapters"].values()):
         print(f"--only {options.only!r}: no row has these words; --list tells them all", file=sys.stderr)
         return 2
@@ -56,6 +66,8 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"FAILED its check: {row['labels']}", file=sys.stderr)
     if failed:
         return 1
+    if options.chapters and options.save is False:
+        saved = merged(saved, RESULTS)
     if options.save is not None:
         paths = save(saved, options.save or RESULTS, options.save or IMAGES)
         for path in paths if options.save else [*paths, update(saved)]:
@@ -73,6 +85,17 @@ def parsed(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--only", metavar="WORDS", help='only rows whose title has all of these words: "puma560 inverse"'
     )
+    parser.add_argument(
+        "--million", action="store_true", help="nothing but a million closed loops, and what makes them up"
+    )
+    parser.add_argument(
+        *("--chapters",),
+        metavar="NAME",
+        nargs="+",
+        choices=[*CHAPTERS],
+        help=f"only whole chapters, of {', '.join(CHAPTERS)}; with --save they take the place of those in the newest result of "
+        "this processor, with their own date and commit",
+    )
     parser.add_argument("--list", action="store_true", help="print the titles of all rows and stop")
     parser.add_argument(
         *("--save",),
@@ -83,8 +106,10 @@ def parsed(arguments: list[str] | None) -> argparse.Namespace:
         help="keep tables and pictures there; without a folder: in benchmarks/results, docs/images and the README",
     )
     options = parser.parse_args(arguments)
+    if options.million:
+        options.only = options.only or "closed loops"
     if options.list:
-        for task, _ in tasks(options.quick):
+        for task, _ in tasks(options.quick, million=options.million):
             print(f"{task.chapter}: {task.title}")
         parser.exit()
     if options.save == Path():
@@ -94,17 +119,26 @@ def parsed(arguments: list[str] | None) -> argparse.Namespace:
     return options
 
 
-def tasks(quick: bool) -> list[tuple[Task, Any]]:
-    """Every task, and the module that it is from."""
+def tasks(quick: bool, *, million: bool = False) -> list[tuple[Task, Any]]:
+    """Every task, and the module that it is from; those of a million only where they are asked for: they take minutes."""
     modules = [importlib.import_module(name) for name in MODULES]
-    return [(task, module) for module in modules for task in module.tasks(quick)]
+    found = [(task, module) for module in modules for task in module.tasks(quick)]
+    if million:
+        found += [
+            (task, module)
+            for module in modules
+            if hasattr(module, "million_tasks")
+            for task in module.million_tasks(quick)
+        ]
+    return found
 
 
-def measured(quick: bool, only: str) -> Saved:
-    """Runs the tasks whose title has all the words, and tells what came out of it."""
-    wanted = [(task, module) for task, module in tasks(quick) if all(word in task.title for word in only.split())]
+def measured(quick: bool, only: str, *, chapters: list[str], million: bool = False) -> Saved:
+    """Runs the tasks of some chapters whose title has all the words, and tells what came out of it."""
+    found = [(task, module) for task, module in tasks(quick, million=million) if task.chapter in chapters]
+    wanted = [(task, module) for task, module in found if all(word in task.title for word in only.split())]
     repetitions = QUICK_REPETITIONS if quick else REPETITIONS
-    chapters: dict[str, dict[str, list[Any]]] = {chapter: {"rows": [], "notes": []} for chapter in CHAPTERS}
+    filled: dict[str, dict[str, list[Any]]] = {chapter: {"rows": [], "notes": []} for chapter in CHAPTERS}
     machine = described()
     notes = {module: module.notes(quick) for module in dict.fromkeys(module for _, module in wanted)}
     console = Console(stderr=True)
@@ -115,10 +149,32 @@ def measured(quick: bool, only: str) -> Saved:
             if not console.is_terminal:
                 console.print(task.title, highlight=False)  # a log tells how far it came
             rows: list[Record] = task.run(repetitions)
-            chapters[task.chapter]["rows"] += rows
-            chapters[task.chapter]["notes"] = notes[module][task.chapter]
+            filled[task.chapter]["rows"] += rows
+            filled[task.chapter]["notes"] = notes[module][task.chapter]
             progress.advance(bar)
-    return {"machine": machine, "repetitions": repetitions, "quick": quick, "chapters": chapters}
+    return {"machine": machine, "repetitions": repetitions, "quick": quick, "chapters": filled}
+
+
+SAME = ("processor", "cpu", "width", "processors")  # of two machines whose times may stand in one result
+
+
+def newest_of_this(machine: Record, results: Path) -> Saved | None:
+    """The newest saved result of this machine's kind."""
+    for path in sorted(results.glob("*.json"), reverse=True):
+        saved = json.loads(path.read_text(encoding="utf-8"))
+        if all(saved["machine"][key] == machine[key] for key in SAME):
+            return saved
+    return None
+
+
+def merged(saved: Saved, results: Path) -> Saved:
+    """The newest saved result of this machine's kind with these chapters, which say when and of what commit they are."""
+    whole = newest_of_this(saved["machine"], results)
+    assert whole is not None
+    about = {"machine": saved["machine"], "repetitions": saved["repetitions"]}
+    ours = {name: chapter | about for name, chapter in saved["chapters"].items() if chapter["rows"]}
+    chapters = whole["chapters"] | ours
+    return whole | {"chapters": {name: chapters[name] for name in CHAPTERS if name in chapters}}
 
 
 def save(saved: Saved, results: Path, images: Path) -> list[Path]:
@@ -147,10 +203,12 @@ def as_json(saved: Saved) -> str:
     def lines(values: list[Any]) -> str:
         return "[" + ",".join(f"\n  {text(value)}" for value in values) + "]"
 
-    chapters = [
-        f'{text(name)}: {{"notes": {lines(chapter["notes"])},\n "rows": {lines(chapter["rows"])}}}'
-        for name, chapter in saved["chapters"].items()
-    ]
+    def one(chapter: dict[str, Any]) -> str:
+        """Notes and rows, and what else a chapter of another day says of itself."""
+        others = "".join(f"{text(key)}: {text(chapter[key])},\n " for key in chapter if key not in ("notes", "rows"))
+        return f'{{{others}"notes": {lines(chapter["notes"])},\n "rows": {lines(chapter["rows"])}}}'
+
+    chapters = [f"{text(name)}: {one(chapter)}" for name, chapter in saved["chapters"].items()]
     head = text({key: value for key, value in saved.items() if key != "chapters"})
     return head[:-1] + ', "chapters": {\n' + ",\n".join(chapters) + "\n}}\n"
 

@@ -97,30 +97,33 @@ class Row:
         return [b / a for a, b in zip(ours.samples, peer.samples, strict=False)]
 
 
-def race(entries: list[Entry], repetitions: int, least: float = 2e-3) -> list[Row]:
+def race(
+    entries: list[Entry], repetitions: int, least: float = 2e-3, clock: Callable[[], float] = time.perf_counter
+) -> list[Row]:
     """Checks every contestant, then times those that passed, in turns.
 
     Args:
         entries: rows to come; a contestant may be in several.   repetitions: samples of each.
-        least: [s] a sample takes at least; short work is repeated within one.
+        least: [s] a sample takes at least; short work is repeated within one.   clock: [s]; `time.process_time` where
+            everything is done by this process: waiting for a processor does not count.
     """
     contestants = list(dict.fromkeys(c for entry in entries for c in entry.contestants.values()))
     timings = {c: Timing(c.name, c.check(c.run()), []) for c in contestants}
     able = [c for c in contestants if timings[c].check.passed]
-    loops = {c: max(1, round(least / _seconds(c.run, 1))) for c in able}
+    loops = {c: max(1, round(least / max(_seconds(c.run, 1, clock), 1e-9))) for c in able}
     gc.collect()
     gc.disable()
     try:
         for _ in range(repetitions):
             for c in able:
-                timings[c].samples.append(1e9 * _seconds(c.run, loops[c]) / (loops[c] * c.units))
+                timings[c].samples.append(1e9 * _seconds(c.run, loops[c], clock) / (loops[c] * c.units))
     finally:
         gc.enable()
     return [Row(e, {column: timings[c] for column, c in e.contestants.items()}) for e in entries]
 
 
-def _seconds(run: Callable[[], Any], loops: int) -> float:
-    start = time.perf_counter()
+def _seconds(run: Callable[[], Any], loops: int, clock: Callable[[], float]) -> float:
+    start = clock()
     for _ in range(loops):
         run()
-    return time.perf_counter() - start
+    return clock() - start

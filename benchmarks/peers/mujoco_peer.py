@@ -36,17 +36,18 @@ class MuJoCoArm:
     """An arm in MuJoCo with motors as actuators: force = n Kt/R u - (n Kt)(n Ke)/R q̇, and no limits.
 
     Args:
-        arm: a chain driven by voltages, with nothing but viscous friction.
+        arm: a chain driven by voltages or currents, with nothing but viscous friction.
         integrator: "Euler" or "RK4".   step: [s].
+        dry: whether joints also have the dry friction of the record, as MuJoCo's constraint of that name.
     """
 
     name = f"MuJoCo {mujoco.__version__}"
 
-    def __init__(self, arm: Model, integrator: str, step: float):
+    def __init__(self, arm: Model, integrator: str, step: float, *, dry: bool = False):
         possible = all(
             np.linalg.eigvalsh(np.array(b.inertia_com, dtype=float))[0] > 0 and b.mass > 0 for b in arm.bodies
         )
-        self.model = mujoco.MjModel.from_xml_string(mjcf(arm, integrator, step, own_masses=possible))
+        self.model = mujoco.MjModel.from_xml_string(mjcf(arm, integrator, step, own_masses=possible, dry=dry))
         if not possible:
             put_masses(self.model, arm)
         self.data = mujoco.MjData(self.model)
@@ -62,9 +63,13 @@ class MuJoCoArm:
             state[: self.n], state[self.n :] = self.data.qpos, self.data.qvel
         return states
 
-    def trajectories(self, commands: np.ndarray, steps: int) -> np.ndarray:
-        """(lanes, steps, 2n) states after every step: `mujoco.rollout`, one thread; commands (lanes, n) or (lanes, steps, n)."""
+    def trajectories(self, commands: np.ndarray, steps: int, start: np.ndarray | float = 0.0) -> np.ndarray:
+        """(lanes, steps, 2n) states after every step: `mujoco.rollout`, one thread; commands (lanes, n) or (lanes, steps, n).
+
+        The arm begins at rest, at positions `start` (n,).
+        """
         rest = np.zeros((len(commands), mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
+        rest[:, 1 : 1 + self.n] = start
         held = commands if commands.ndim == 3 else np.broadcast_to(commands[:, None, :], (len(commands), steps, self.n))
         states, _ = rollout.rollout(self.model, self.data, rest, np.ascontiguousarray(held))
         return np.asarray(states)[:, :, 1 : 1 + 2 * self.n]
@@ -114,7 +119,9 @@ def compiled_loop(build: bool) -> Path:
     return library(SOURCE, ("gcc", "clang"), flags, mujoco.__version__, build)
 
 
-def mjcf(arm: Model, integrator: str, step: float, motors: bool = True, own_masses: bool = True) -> str:
+def mjcf(
+    arm: Model, integrator: str, step: float, motors: bool = True, own_masses: bool = True, *, dry: bool = False
+) -> str:
     """The arm as MuJoCo's XML: no geometry, no contacts, no limits; every joint turns about (or slides along) its z axis.
 
     Args:
@@ -126,7 +133,8 @@ def mjcf(arm: Model, integrator: str, step: float, motors: bool = True, own_mass
     root = ElementTree.Element("mujoco", model=arm.name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="false", balanceinertia="false")
     option = {"gravity": _text(arm.gravity), "timestep": repr(step), "integrator": integrator}
-    ElementTree.SubElement(ElementTree.SubElement(root, "option", option), "flag", dict.fromkeys(ABSENT, "disable"))
+    absent = set(ABSENT) - ({"constraint", "frictionloss"} if dry else set())
+    ElementTree.SubElement(ElementTree.SubElement(root, "option", option), "flag", dict.fromkeys(absent, "disable"))
     element = ElementTree.SubElement(root, "worldbody")
     actuators = ElementTree.SubElement(root, "actuator")
     for body, (rotation, position) in zip(arm.bodies, joint_places(arm), strict=True):
@@ -134,7 +142,8 @@ def mjcf(arm: Model, integrator: str, step: float, motors: bool = True, own_mass
         joint = {"name": body.joint, "type": "hinge" if body.kind == "revolute" else "slide", "axis": "0 0 1"}
         joint["armature"] = repr(float(body.drive.armature))
         if motors:
-            joint["damping"] = _damping(body)
+            joint["damping"] = _damping(body, dry)
+            joint |= {"frictionloss": repr(float(body.friction.coulomb_positive))} if dry and body.friction else {}
             ElementTree.SubElement(actuators, "general", _motor(body))
         ElementTree.SubElement(element, "joint", joint)
         ElementTree.SubElement(element, "inertial", _mass(body) if own_masses else ANY_MASS)
@@ -147,17 +156,19 @@ def _mass(body: Body) -> dict[str, str]:
     return {"mass": repr(float(body.mass)), "pos": _text(body.com), "fullinertia": full}
 
 
-def _damping(body: Body) -> str:
+def _damping(body: Body, dry: bool) -> str:
     if body.friction is None:
         return "0"
-    assert not body.friction.is_dry, "MuJoCo's own dry friction is another law: viscous only"
+    assert dry or not body.friction.is_dry, "MuJoCo's own dry friction is another law: viscous only"
     return repr(float(body.friction.viscous))
 
 
 def _motor(body: Body) -> dict[str, str]:
     drive = body.drive
-    assert drive.command == "voltage", "MuJoCo's motor here takes volts"
+    assert drive.command in ("voltage", "current"), "MuJoCo's motor here takes volts or amperes"
     assert drive.efficiency in (None, 1.0), "MuJoCo has no gear loss"
+    if drive.command == "current":
+        return {"joint": body.joint, "gainprm": repr(float(drive.gear_ratio * drive.torque_constant))}  # n Kt [N m/A]
     gain = drive.gear_ratio * drive.torque_constant / drive.resistance  # n Kt/R [N m/V]
     bias = -gain * drive.gear_ratio * drive.back_emf_constant  # [N m s/rad]
     force = {"gainprm": repr(float(gain)), "biastype": "affine", "biasprm": _text((0, 0, bias))}

@@ -19,6 +19,7 @@ CHAPTERS = (
     "auto",
     "stiff",
     "control",
+    "closed loops",
     "batch size",
     "threads",
     "ik",
@@ -101,6 +102,48 @@ def test_some_rows_only():
     assert done.returncode == 0, done.stderr
     assert "Threads" in done.stdout
     assert "Kernels" not in done.stdout
+
+
+def test_the_million_is_run_where_it_is_asked_for():
+    done = bench("--quick", "--million", "--only", "million closed")
+    assert done.returncode == 0, done.stderr
+    assert "2 generations of 2 candidates and 500 arms" in done.stdout
+
+
+def test_chapters_of_another_day_say_so(at_home, tmp_path):
+    from report import markdown  # type: ignore[import-not-found]
+    from run import as_json, merged  # type: ignore[import-not-found]
+
+    machine = {
+        "date": "2026-01-01", "processor": "P", "cpu": "c", "width": 8, "processors": 2, "cores": 2, "topology": "two",
+        "load": [0.1], "system": "S", "versions": {"python": "3"}, "commit": "abc",
+    }  # fmt: skip
+    timing = {
+        "name": "ours",
+        "error": 0.0,
+        "tolerance": 1.0,
+        "passed": True,
+        "median": 5.0,
+        "best": 4.0,
+        "samples": [5.0],
+    }
+    row = {"labels": {"arm": "x"}, "timings": {"ours": timing}, "ratios": {}, "facts": {}, "checked": True}
+    other = row | {"labels": {"arm": "y"}}
+    chapters = {"stiff": {"rows": [row], "notes": []}, "ik": {"rows": [row], "notes": ["old"]}}
+    whole = {"machine": machine, "repetitions": 11, "quick": False, "chapters": chapters}
+    (tmp_path / "2026-01-01-p.json").write_text(as_json(whole), encoding="utf-8")
+    (tmp_path / "2026-02-01-q.json").write_text(as_json(whole | {"machine": machine | {"cpu": "d"}}), encoding="utf-8")
+    today = {"machine": machine | {"date": "2026-03-01", "commit": "def"}, "repetitions": 3, "quick": False}
+    made = merged(
+        today | {"chapters": {"stiff": {"rows": [], "notes": []}, "ik": {"rows": [other], "notes": ["n"]}}}, tmp_path
+    )
+    assert made["machine"] == machine
+    assert made["chapters"]["stiff"] == chapters["stiff"]
+    assert made["chapters"]["ik"]["rows"] == [other]
+    assert json.loads(as_json(made)) == made
+    text = markdown(made)
+    assert "- measured on 2026-03-01, commit def, on a machine of the same kind, load average when it began 0.1" in text
+    assert text.count("measured on") == 1
 
 
 @pytest.mark.parametrize("words", [("--only", "no such arm"), ("--quick", "--save"), ("--only", "puma560", "--save")])
