@@ -1,73 +1,66 @@
-"""Parts of the site generated from the source, so that they cannot drift: `<!-- generated: NAME -->` in a page becomes a table
-made from the kernels' signatures, the record types, the robots' files or the command line. Docstrings become reST here.
+"""Parts of the pages that are made from the source, so that they cannot drift: kernels' signatures, record types, robots' files,
+the command line, docstrings.
+
+They are committed as plain Markdown, between two comments: `<!-- generated: NAME -->` and `<!-- end of NAME -->`.
+`make reference` writes them anew; `python docs/ext/armwright_pages.py --check` only names the pages that are out of date.
 """
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Iterable, Sequence
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
-import armwright_record
-import armwright_session
-import armwright_tables
+sys.path.insert(0, str(Path(__file__).parent))
+os.environ["COLUMNS"] = "80"  # no text may depend on the terminal
 
-GENERATORS = {**armwright_tables.GENERATORS, **armwright_record.GENERATORS, **armwright_session.GENERATORS}
-MARK = re.compile(r"<!-- generated: ([\w-]+)(?: ([\w-]+))? -->")
-KEY = re.compile(r"\[([A-Z][A-Za-z]+(?:\d{4})?)\]")  # a citation: [WalkerOrin1982]
-SECTION = re.compile(r"^(Args|Attributes|Returns|Raises):$")
-SEVERAL = re.compile(r" {3}(?=\w+: )")  # between two arguments on one line
-
-
-def fill(app, name: str, content: list[str]) -> None:
-    """Replaces marks by generated text."""
-    content[0] = MARK.sub(lambda mark: GENERATORS[mark[1]](*filter(None, [mark[2]])), content[0])
+DOCS = Path(__file__).parents[1]
+MARK = re.compile(
+    r"<!-- generated: (?P<name>[\w-]+)(?P<words>[^>]*?)\s*-->(?:\n.*?<!-- end of (?P=name) -->)?", re.DOTALL
+)
 
 
-def outdated(app, env, added: set[str], changed: set[str], removed: set[str]) -> list[str]:
-    """All pages: generated text may change although the page does not."""
-    return sorted(env.found_docs)
+def generators() -> dict[str, Callable[..., str]]:
+    """Functions that write a part of a page, by the name in its mark."""
+    import armwright_api
+    import armwright_record
+    import armwright_session
+    import armwright_tables
+
+    modules = (armwright_api, armwright_record, armwright_session, armwright_tables)
+    return {name: function for module in modules for name, function in module.GENERATORS.items()}
 
 
-def docstring(app, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
-    """Rewrites a docstring as reST: code in backticks, equations as they are, one argument in each line, keys as links."""
-    lines[:] = list(_rewritten(lines))
+def pages() -> Iterator[tuple[Path, str, str]]:
+    """Every page that has generated parts: its path, its text, and what the text should be."""
+    made = generators()
+    for path in sorted(DOCS.rglob("*.md")):
+        text = path.read_text(encoding="utf-8")
+        if MARK.search(text):
+            yield path, text, MARK.sub(lambda mark, path=path: _part(mark, path, made), text)
 
 
-def _rewritten(lines: Sequence[str]) -> Iterable[str]:
-    section = ""
-    for line in lines:
-        found = SECTION.match(line)
-        if found:
-            section = found[1]
-            yield from ("",) if section == "Returns" else ("", line)
-        elif section in ("Args", "Attributes") and line.startswith("    "):
-            more = line.startswith("     ")  # goes on with the argument above
-            for part in [line.strip()] if more else SEVERAL.split(line.strip()):
-                yield ("        " if more else "    ") + _escaped(part)
-        elif section == "Returns" and line.startswith("    "):
-            name, _, what = line.strip().partition(": ")
-            more = line.startswith("     ")
-            yield f"    {_escaped(line.strip())}" if more else f":returns: **{name}** – {_escaped(what)}"
-        else:
-            yield _escaped(line)
+def _part(mark: re.Match[str], path: Path, made: dict[str, Callable[..., str]]) -> str:
+    """A mark with the text that belongs below it. A list of names stands on lines of its own, other words beside the name."""
+    words = mark["words"].strip("\n").split("\n") if "\n" in mark["words"] else mark["words"].split()
+    text = made[mark["name"]](*words)
+    relative = "../" * (len(path.relative_to(DOCS).parts) - 1) + "references.md"
+    end = "\n" if "\n" in mark["words"] else " "
+    head = f"<!-- generated: {mark['name']}{mark['words'].rstrip()}{end}-->"
+    return f"{head}\n\n{text.replace('@references.md', relative)}\n\n<!-- end of {mark['name']} -->"
 
 
-def _escaped(line: str) -> str:
-    """A line with backticks as literals and everything else escaped, since our docstrings have no other markup."""
-    parts = line.split("`")
-    for k, part in enumerate(parts):
-        if k % 2:
-            parts[k] = f"``{part}``"
-        else:
-            part = re.sub(r"([*|\\])", r"\\\1", part)
-            part = re.sub(r"(?<=\w)_(?=\W|$)", r"\\_", part)
-            parts[k] = KEY.sub(lambda key: rf":ref:`[{key[1]}] <{key[1].lower()}>`", part)
-    return "".join(parts)
+def main(arguments: list[str]) -> int:
+    """Exit code: 1 if a page is out of date and only checked."""
+    outdated = [(path, new) for path, text, new in pages() if text != new]
+    for path, new in outdated:
+        print(f"{path.relative_to(DOCS.parent)} {'is out of date: run make reference' if arguments else 'written'}")
+        if not arguments:
+            path.write_text(new, encoding="utf-8", newline="\n")
+    return int(bool(arguments) and bool(outdated))
 
 
-def setup(app) -> dict[str, bool]:
-    """Connects the functions above to Sphinx."""
-    app.connect("env-get-outdated", outdated)
-    app.connect("source-read", fill)
-    app.connect("autodoc-process-docstring", docstring, priority=100)  # before napoleon, which has 500
-    return {"parallel_read_safe": True}
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -24,6 +24,7 @@ from armwright.parts import materials
 from armwright.parts import records as parts
 from armwright.quantity import Quantity, Source
 from armwright.scenarios import records as scenario
+from armwright.scenarios import tuning_records as tuning
 from armwright.solids import shapes as solids
 from armwright.solids import visual
 
@@ -89,6 +90,8 @@ SCENARIO_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("[recording]", "", (scenario.RecordingTable,)),
     ("[lanes]", "", (scenario.Lanes,)),
     ("What a number is in the lanes", "", (scenario.Values,)),
+    ("[tuning]", "", (tuning.TuningTable,)),
+    ("[tuning.draws]", "", (tuning.DrawsTable,)),
 )
 MOTION_TABLES = (
     ("The file", "", (motions.MotionTable,)),
@@ -144,6 +147,7 @@ UNITS = {  # endings of keys, the longest first
     "_j_per_k": "J/K",
     "_k_per_w": "K/W",
     "_per_k": "1/K",
+    "counts_per_m": "1/m",
     "_v_s_per_rad": "V s/rad",
     "_n_m_per_a": "N m/A",
     "_rad_per_s": "rad/s",
@@ -180,6 +184,11 @@ def unit(key: str) -> str:
     if key in INERTIA:
         return "kg m²"
     return next((text for ending, text in UNITS.items() if key.endswith(ending)), "")
+
+
+def units() -> str:
+    """Table of the endings of keys and their units."""
+    return table(("a key that ends in", "has the unit"), [[f"`{ending}`", text] for ending, text in UNITS.items()])
 
 
 def meaning(name: str, field: FieldInfo) -> str:
@@ -307,12 +316,13 @@ def _prose(record: type[BaseModel]) -> str:
     """The docstring: its first paragraph as text, equations below it line by line."""
     head, _, rest = inspect.cleandoc(record.__doc__ or "").partition("\n\n")
     if not rest:
-        return KEY.sub(lambda key: rf"[\[{key[1]}\]](#{key[1].lower()})", head)
+        return KEY.sub(lambda key: rf"[\[{key[1]}\]](@references.md#{key[1].lower()})", head)
     lines = [textwrap.fill(line.replace("`", ""), 84, subsequent_indent="    ") for line in rest.splitlines()]
     return "\n".join([head, "", "```text", *lines, "```"])
 
 
 GENERATORS = {
+    "units": units,
     "robot-file": robot_file,
     "log-file": log_file,
     "module-files": module_files,

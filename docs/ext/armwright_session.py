@@ -17,7 +17,7 @@ KEY = re.compile(r"\[([A-Z][A-Za-z]+\d{4}[a-z]?)\]")
 
 def _cited(text: str) -> str:
     """Keys of sources as links."""
-    return KEY.sub(lambda key: rf"[\[{key[1]}\]](#{key[1].lower()})", text)
+    return KEY.sub(lambda key: rf"[\[{key[1]}\]](@references.md#{key[1].lower()})", text)
 
 
 def variables() -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from csv import reader
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ KINDS_OF_INPUT = {
     "log": "logs of measurements and their CSV",
     "mesh": "STL, OBJ and PLY, as text and binary",
     "mjcf": "MJCF",
+    "motion": "motion files",
     "object": "arguments of schedules, references, controllers, sensors and other parts of a scenario",
     "other": "arguments of further functions",
     "parts": "parts files",
@@ -92,6 +94,13 @@ def fuzz() -> str:
     return f"{counted}\n\n{effort}, which never took more than {data['peak_mib']} MiB."
 
 
+def csv(name: str) -> str:
+    """A file of `docs/data` as a table."""
+    with (Path(__file__).parents[1] / "data" / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+        heads, *rows = reader(file)
+    return table(heads, rows)
+
+
 def brushless() -> str:
     """Factors to DC-equivalent constants."""
     rows = []
@@ -121,7 +130,7 @@ def _robot(name: str) -> str:
     picture = f"![{name} in one pose](images/robot-{name}.png)"
     parts = [f"## {name}", f"{record.title}.", record.notes or "", picture, table(("", ""), facts), _joints(arm)]
     parts += ["Where the numbers come from:", _sources(record)]
-    parts += [f":::{{note}}\n{warning}\n:::" for warning in arm.warnings]
+    parts += [f"> **Note:** {warning}" for warning in arm.warnings]
     return "\n\n".join(part for part in parts if part)
 
 
@@ -225,7 +234,11 @@ def benchmark(name: str) -> str:
         return f"*{newest.name} has no table of this.*"
     kept = [k for k, column in enumerate(rows[0]) if not wanted or column in wanted]
     heads = [rows[0][k] for k in kept]
-    return table(heads, [[row[k].replace("_", " ") for k in kept] for row in rows[2:]])
+    cells = table(heads, [[row[k].replace("_", " ") for k in kept] for row in rows[2:]])
+    dated = [
+        line[2:] for line in section.splitlines() if line.startswith("- measured on ")
+    ]  # of another day than the rest
+    return "\n\n".join([cells, *(f"This table was {line}." for line in dated)])
 
 
 BENCHMARK: dict[
@@ -240,8 +253,18 @@ BENCHMARK: dict[
         ("arm", "kernel", "ours, batch", "operations", "at the machine's limit", "of the limit", "as flops"),
     ),
     "calls": (
-        "Kernels",
-        ("arm", "kernel", "ours, one call, bound", "plain", "Pinocchio from Python", "from Python ÷ bound"),
+        "One call, from Python",
+        (
+            "arm",
+            "kernel",
+            "states",
+            "plain",
+            "Pinocchio",
+            "Pinocchio ÷ plain",
+            "bound",
+            "bound ÷ plain",
+            "general path",
+        ),
     ),
     "joints": ("Cost per joint", ()),
     "forms": ("Other forms", ("kernel", "form", "this form", "usual ÷ this", "Pinocchio C++ ÷ ours")),
@@ -252,6 +275,14 @@ BENCHMARK: dict[
         ("work", "all", "load", "kernel", "import numpy", "import casadi", "import llvmlite", "import pydantic"),
     ),
     "compile": ("Tracing and compiling", ("arm", "kernel", "operations", "all")),
+    "ik": (
+        "Inverse kinematics",
+        ("arm", "work", "ours", "ours, by default", "EAIK", "EAIK ÷ ours", "tol 1e-6 ÷ ours", "tol 1e-16 ÷ ours"),
+    ),
+    "planning": (
+        "Planning",
+        ("arm", "work", "points", "ours", "toppra", "toppra ÷ ours", "our motion, s", "toppra's motion, s"),
+    ),
 }
 
 
@@ -260,6 +291,7 @@ GENERATORS = {
     "kernels": kernels,
     "results": results,
     "brushless": brushless,
+    "csv": csv,
     "robots": robots,
     "commands": commands,
     "fuzz": fuzz,

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-FILE = re.compile(r"```\{code-block\} \w+\n:caption: (?P<name>\S+)\n\n(?P<text>.*?)```", re.DOTALL)
-BLOCK = re.compile(r"^```(?P<kind>sh|console|python|text)\n(?P<text>.*?)^```", re.DOTALL | re.MULTILINE)
+FILE = re.compile(r"^\*\*`(?P<name>\S+)`\*\*\n\n```\w+\n(?P<text>.*?)^```", re.DOTALL | re.MULTILINE)
+BLOCK = re.compile(r"(?<!`\*\*\n\n)^```(?P<kind>sh|console|python|text)\n(?P<text>.*?)^```", re.DOTALL | re.MULTILINE)
 TIME = re.compile(r"in \d+(\.\d+)? s$")  # how long something took
 LONG = re.compile(r"\d+\.\d{9,}(e-?\d+)?")  # a number in all its digits
 

@@ -16,6 +16,7 @@ from docs.pages import ROOT, blocks, comparable, page, python
 PROGRAMS = (
     "docs/extending.md",
     "docs/cartesian-motion.md",
+    "docs/collision.md",
     "docs/how-to/simulation.md",
     "docs/identify-linear.md",
     "docs/time-optimal.md",

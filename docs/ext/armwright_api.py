@@ -1,0 +1,158 @@
+"""Python reference as Markdown: signature and docstring of every name that a page lists."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import inspect
+import re
+import textwrap
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import armwright as aw
+
+PAGE = Path(__file__).parents[1] / "reference" / "api.md"
+ENTRY = re.compile(r"^([\w.]+)(\([^)]*\))?(?:: (.*))?$")  # NAME, NAME(what the signature shows), NAME: members
+LISTED = re.compile(r"<!-- generated: api\n(.*?)-->", re.DOTALL)
+SECTION = re.compile(r"^(Args|Attributes|Returns|Raises|Yields):$")
+SEVERAL = re.compile(r" {3}(?=[\w, ]+: )")  # between two arguments on one line
+CITATION = re.compile(r"\[([A-Z][A-Za-z]+(?:\d{4}[a-z]?)?)\](?!\()")
+WIDTH = 100  # of a signature
+LONGEST = 40  # characters of a default that is shown; also left out: a repr that is no Python, such as <factory>
+REFERENCES = "@references.md"  # the page's own way to it stands instead of it in the end
+HEADS = {"Args": "Arguments", "Attributes": "Attributes", "Returns": "Returns", "Raises": "Raises", "Yields": "Yields"}
+
+
+def api(*lines: str) -> str:
+    """Entries for names of `armwright`, one on each line, with the members of classes after a colon."""
+    return "\n\n".join(part for line in lines if line.strip() for part in _entry(line.strip()))
+
+
+def others() -> str:
+    """Entries for the public names that no list of the page has."""
+    lines = [line for text in LISTED.findall(_page()) for line in text.splitlines()]
+    listed = {re.split(r"[:(]", line)[0].rpartition(".")[2] for line in lines}
+    return "\n\n".join(part for name in sorted(set(aw.__all__) - listed) for part in _entry(name))
+
+
+def _page() -> str:
+    return PAGE.read_text(encoding="utf-8")
+
+
+def _entry(line: str) -> Iterator[str]:
+    match = ENTRY.match(line)
+    assert match is not None, f"docs/reference/api.md: {line!r} is no name"
+    path, shown, members = match.groups()
+    thing = _found(path)
+    name = f"aw.{path}" if path in aw.__all__ else f"armwright.{path}"
+    yield f"### `{name}`"
+    yield from _body(name, thing, shown)
+    for member in _documented(thing) if members == "*" else (members or "").split():
+        yield f"#### `{path.rpartition('.')[2]}.{member}`"
+        yield from _body(member, inspect.getattr_static(thing, member, None), None)
+
+
+def _documented(thing: type) -> list[str]:
+    """Public methods and properties of a class that have a docstring."""
+    members = {name: getattr(value, "func", value) for name, value in vars(thing).items() if not name.startswith("_")}
+    kinds = (property, classmethod, staticmethod)
+    return [
+        n for n, value in members.items() if (inspect.isfunction(value) or isinstance(value, kinds)) and value.__doc__
+    ]
+
+
+def _found(path: str) -> Any:
+    """Object by its path within the package."""
+    if path in aw.__all__:
+        return getattr(aw, path)
+    module, _, name = path.rpartition(".")
+    try:
+        return getattr(importlib.import_module(f"armwright.{module}"), name)
+    except AttributeError:
+        return importlib.import_module(f"armwright.{path}")
+
+
+def _body(name: str, thing: Any, shown: str | None) -> Iterator[str]:
+    thing = thing.func if isinstance(thing, functools.cached_property) else thing
+    thing = thing.__func__ if isinstance(thing, (classmethod, staticmethod)) else thing
+    signature = shown if shown is not None else _signature(thing)
+    if signature not in ("", "()") or inspect.isfunction(thing):
+        call = textwrap.fill(f"{name}{signature}", WIDTH, subsequent_indent="    ", break_long_words=False)
+        yield f"```python\n{call}\n```"
+    text = inspect.getdoc(thing) if callable(thing) or inspect.ismodule(thing) or isinstance(thing, property) else ""
+    yield from markdown(text or "")
+
+
+def _signature(thing: Any) -> str:
+    """Arguments with their defaults and without their types, of which the docstring says more."""
+    protocol = getattr(thing, "_is_protocol", False)
+    if not callable(thing) or protocol:
+        return ""
+    parameters = [p.replace(annotation=p.empty) for p in inspect.signature(thing).parameters.values()]
+    kept = [p for p in parameters if p.name not in ("self", "cls")]
+    return str(inspect.Signature([p if p.default is p.empty else p.replace(default=_Shown(p.default)) for p in kept]))
+
+
+class _Shown:
+    """A default as it is typed."""
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+
+    def __repr__(self) -> str:
+        text = repr(self.value).replace("'", '"')
+        return "..." if text.startswith("<") or len(text) > LONGEST else text
+
+
+def markdown(text: str) -> Iterator[str]:
+    """Paragraphs, indented blocks and sections of a docstring as Markdown."""
+    section, lines = "", []
+    for line in [*text.splitlines(), "Raises:"]:
+        found = SECTION.match(line)
+        if found:
+            yield from _section(section, lines)
+            section, lines = found[1], []
+        else:
+            lines.append(line)
+
+
+def _section(name: str, lines: list[str]) -> Iterator[str]:
+    if name:
+        items = list(_items(lines))
+        yield from [f"**{HEADS[name]}**", "\n".join(f"- {item}" for item in items)] if items else []
+        return
+    for paragraph in re.split(r"\n\s*\n", "\n".join(lines).strip("\n")):
+        if paragraph.startswith("    "):
+            yield f"```text\n{textwrap.dedent(paragraph)}\n```"
+        elif paragraph:
+            yield "\n".join(escaped(line.strip()) for line in paragraph.splitlines())
+
+
+def _items(lines: Iterable[str]) -> Iterator[str]:
+    """Entries of a section, one for each name; a line indented further goes on with the entry above."""
+    entries: list[str] = []
+    for line in filter(None, map(str.rstrip, lines)):
+        if line.startswith("     ") and entries:
+            entries[-1] += f" {line.strip()}"
+        else:
+            entries += SEVERAL.split(line.strip())
+    for entry in entries:
+        name, colon, rest = entry.partition(": ")
+        named = colon and re.fullmatch(r"[\w*,. ]+", name)
+        yield f"`{name}`: {escaped(rest)}" if named else escaped(entry)
+
+
+def escaped(line: str) -> str:
+    """A line of a docstring: text between backticks as it is, signs of Markdown escaped, keys of sources as links."""
+    parts = line.split("`")
+    for k in range(0, len(parts), 2):
+        part = re.sub(r"(\*(?=\S)|(?<=\S)\*|[\\~]|<(?=\w))", r"\\\1", parts[k])
+        part = re.sub(r"(?<![\w\u0300-\u036f])_|_(?!\w)", r"\\_", part)
+        part = re.sub(r"\]\(", r"]\\(", part)
+        parts[k] = CITATION.sub(lambda key: rf"[\[{key[1]}\]]({REFERENCES}#{key[1].lower()})", part)
+    return "`".join(parts)
+
+
+GENERATORS = {"api": api, "api-others": others}
