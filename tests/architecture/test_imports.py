@@ -14,17 +14,22 @@ PACKAGE = "armwright"
 # The order of design section 2, top to bottom. A room imports from those above it or on its own line.
 ORDER = (
     ("printable",),
-    ("errors",),
+    ("terminal",),  # the one place that writes to it
+    ("progress", "notebook"),  # a bar; HTML, made far below
+    ("errors", "content"),
     ("scalar",),
     ("program",),  # traced functions; it knows no robots
     ("interpolation",),  # tables that trace
     ("matrix_exponential",),
     ("expressions",),
     ("output", "reading", "named_file"),
+    ("examples",),  # copies of the example programs
     ("signals",),  # named layouts of vectors
     ("spatial",),
     ("lazy_schema",),  # tables that few files have
     ("validation",),  # pydantic's errors as ours
+    ("other_names",),
+    ("toml_text",),  # and the lines that they are on
     ("quantity",),  # values with unit, source and uncertainty
     ("solids",),
     ("robots",),  # data files only; description reads them
@@ -49,7 +54,6 @@ ORDER = (
     ("sweeps",),
     ("tuning",),  # gains searched for over simulations
     (PACKAGE,),  # __init__.py: the public names
-    ("terminal",),  # what writes to it
     ("session",),  # the report's `sim`, in the public names
     ("cli", "studio"),
     ("__main__",),
