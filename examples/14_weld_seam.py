@@ -15,7 +15,7 @@ folder = Path(sys.argv[1] if len(sys.argv) > 1 else "build/examples")
 folder.mkdir(parents=True, exist_ok=True)
 arm = aw.load("puma560")
 wall = np.array([[0.0, 0.0, 1.0, 0.5], [0.0, 1.0, 0.0, -0.25], [-1.0, 0.0, 0.0, 0.3], [0.0, 0.0, 0.0, 1.0]])
-c, s = np.cos(0.3), np.sin(0.3)  # of the torch's tilt at the lower end of the first line
+c, s = np.cos(0.3), np.sin(0.3)  # the torch's tilt at the lower end of the first line
 tilted = np.array([[0.0, -s, c, 0.5], [0.0, c, s, -0.25], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 lines = [aw.Line(tilted), aw.Line([0.5, 0.0, 0.0]), aw.Line([0.5, 0.2, 0.3])]
 arc = aw.Arc([0.5, 0.1, 0.1], [0.5, 0.2, 0.0])
@@ -34,8 +34,8 @@ dots = axes[0].scatter(y, z, c=speed, s=4, vmin=0.0)
 figure.colorbar(dots, ax=axes[0], label="torch [m/s]", location="bottom", shrink=0.8)
 axes[0].set(xlabel="y [m]", ylabel="z [m]", aspect="equal")
 axes[1].plot(t, speed)
-axes[1].set(xlabel="time [s]", ylabel="torch [m/s]")
 axes[2].plot(t, qd, label=arm.names)
-axes[2].set(xlabel="time [s]", ylabel="joints [rad/s]")
+for each, label in zip(axes[1:], ("torch [m/s]", "joints [rad/s]"), strict=True):
+    each.set(xlabel="time [s]", ylabel=label)
 axes[2].legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 figure.savefig(folder / "weld_seam.png", dpi=110)

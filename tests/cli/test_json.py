@@ -17,7 +17,15 @@ from armwright.cli.json_output import document
 from armwright.cli.tables import number, table
 from armwright.terminal import console, say
 
-NO_JSON = {"show", "plot", "animate", "sim"}  # these draw, or converse
+NO_JSON = {
+    "show",
+    "plot",
+    "animate",
+    "sim",
+    "new robot",
+    "examples list",
+    "examples copy",
+}  # these draw, converse, or write files
 
 
 def shown(*arguments, code=0):

@@ -12,7 +12,8 @@ import armwright as aw
 from armwright.cli.app import app
 
 PAGE = (Path(__file__).parents[2] / "docs" / "parts.md").read_text(encoding="utf-8")
-FILE, SHOWN = (re.search(pattern, PAGE, re.S) for pattern in (r"parts\.toml\n\n(.*?)```", r"```console\n(.*?)```"))
+FILE = re.search(r"parts\.toml`\*\*\n\n```toml\n(.*?)```", PAGE, re.S)
+SHOWN = re.search(r"```console\n(.*?)```", PAGE, re.S)
 assert FILE is not None
 assert SHOWN is not None
 EXAMPLE, CONSOLE = FILE[1], SHOWN[1]
