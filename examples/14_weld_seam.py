@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 
 import armwright as aw
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "build/examples")
-folder.mkdir(parents=True, exist_ok=True)
+(folder := Path(sys.argv[1] if len(sys.argv) > 1 else "build/examples")).mkdir(parents=True, exist_ok=True)
 arm = aw.load("puma560")
 wall = np.array([[0.0, 0.0, 1.0, 0.5], [0.0, 1.0, 0.0, -0.25], [-1.0, 0.0, 0.0, 0.3], [0.0, 0.0, 0.0, 1.0]])
 c, s = np.cos(0.3), np.sin(0.3)  # the torch's tilt at the lower end of the first line
@@ -37,5 +36,5 @@ axes[1].plot(t, speed)
 axes[2].plot(t, qd, label=arm.names)
 for each, label in zip(axes[1:], ("torch [m/s]", "joints [rad/s]"), strict=True):
     each.set(xlabel="time [s]", ylabel=label)
-axes[2].legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+axes[2].legend(fontsize=7, loc="upper left", bbox_to_anchor=(1, 1))
 figure.savefig(folder / "weld_seam.png", dpi=110)

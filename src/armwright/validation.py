@@ -275,8 +275,8 @@ def _problem(error: Any, record: type[pydantic.BaseModel]) -> Problem:
         return Problem(value=value, expected=f"{least} or more, not {length}")
     if kind == "string_pattern_mismatch":
         with_dots = error["ctx"]["pattern"] == NAMEABLE
-        rest = "brackets, quotation marks and spaces at its ends" if with_dots else "spaces, dots and brackets"
-        return Problem(value=value, expected=f"a name without {rest}")
+        others = "quotation marks, control characters and spaces at its ends" if with_dots else "spaces and dots"
+        return Problem(value=value, expected=f"a name without brackets, {others}")
     if kind == "literal_error":
         return Problem(value=value, expected=error["ctx"]["expected"])
     message = error["msg"].removeprefix("Input should be ")  # pydantic's own words, which end in what it expects

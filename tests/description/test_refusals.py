@@ -131,7 +131,7 @@ PUMA: dict[str, tuple[tuple[Any, ...], Any, str, Any, str]] = {  # where, what; 
     "two joints of a name": (("joints", 3, "name"), "elbow", "name", SAME, "two joints have this name"),
     "two links of a name": (("links", 3, "name"), "link3", "name", SAME, "two links have this name"),
     "name with a bracket": ((*ELBOW, "name"), "elbow[1]",
-     "joint 'elbow[1]' name", SAME, "a name without brackets, quotation marks and spaces at its ends"),
+     "joint 'elbow[1]' name", SAME, "a name without brackets, quotation marks, control characters and spaces at its ends"),
     "empty name": ((*ELBOW, "name"), "", "joints[2] name", SAME, "text that is not empty"),
     "number as name": ((*ELBOW, "name"), 5, "joints[2] name", SAME, "text"),
     "unknown tip": (("tip",), "link7", "tip", SAME, "no frame or link"),

@@ -52,7 +52,7 @@ def todo_problems(data: Any) -> list[Problem]:
 
 
 def _todos(value: Any, at: Location) -> Iterator[Location]:
-    if value == TODO and isinstance(value, str):
+    if isinstance(value, str) and value == TODO:
         yield at
     pairs = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, inner in pairs:

@@ -24,7 +24,7 @@ SHORTEST = 32  # rows of a signal that has a spectrum
 WIDER = 4.0  # cut-off of a motion that a model is evaluated on, by that of the preparation
 FINEST = 64.0  # rate of such a motion by the preparation's cut-off: dry friction jumps somewhere between two rows
 CLOSEST = 0.3  # its cut-off as a share of the rate, where the preparation's own is not higher
-# Weights of central differences: of row k after less row k before, and of both less twice the row's own. [Fornberg1988]
+# Weights of central differences: of row k after less row k before, and of both less twice the row's own.
 FIRST_DIFFERENCE = {"central": (4 / 5, -1 / 5, 4 / 105, -1 / 280), "three rows": (1 / 2,)}
 SECOND_DIFFERENCE = {"central": (8 / 5, -1 / 5, 8 / 315, -1 / 560), "three rows": (1.0,)}
 BESIDE = {"central": 4, "savgol": 4, "three rows": 1}  # rows on either side of one that its derivative needs

@@ -156,7 +156,7 @@ def zero_phase(preparation: Preparation, values: np.ndarray) -> np.ndarray:
 
 
 def _derivative(values: np.ndarray, period: float, order: int, preparation: Preparation) -> np.ndarray:
-    """First or second derivative (rows, joints)."""
+    """First or second derivative (rows, joints), by central differences as of [Fornberg1988]."""
     if preparation.differentiation == "savgol" and len(values) >= SAVGOL:
         return np.asarray(sp.savgol_filter(values, SAVGOL, 3, deriv=order, delta=period, axis=0))
     half = np.array((FIRST_DIFFERENCE if order == 1 else SECOND_DIFFERENCE)[preparation.differentiation])
