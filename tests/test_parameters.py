@@ -143,6 +143,18 @@ def test_fields_of_any_shape_vary():
     np.testing.assert_array_equal(part.K.values, rows[1:])
 
 
+def test_fields_of_fields_vary():
+    outer = Gains(Gains(aw.Batch([[1.0, 2.0], [3.0, 4.0]]), 7.0), aw.Batch([5.0, 6.0]))
+    fields = LaneFields.of(outer, "controller")
+    assert fields.names == ("K.K", "k")
+    own = fields.with_values(fields.values[1])
+    assert (own.K.K.tolist(), own.K.k, own.k) == ([3.0, 4.0], 7.0, 6.0)
+    assert isinstance(outer.K, Gains)
+    assert len(outer.K.K) == 2  # the object itself stays
+    with pytest.raises(ScenarioError, match=r"controller\.K\[0\]: a Batch; expected it as a field"):
+        LaneFields.of(Gains([aw.Batch([1.0])]), "controller")
+
+
 # The table.
 
 

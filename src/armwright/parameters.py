@@ -285,7 +285,9 @@ class LaneFields:
     """An object with fields that may be batches: the fields that vary, and their values side by side.
 
     Attributes:
-        owner: the object, such as a controller.   names: of its fields that are batches.   shapes: of one lane's value of each.
+        owner: the object, such as a controller.
+        names: of fields that are batches, its own or those of the dataclasses in its fields, as `kp` and `inner.kp`.
+        shapes: of one lane's value of each.
         values: (lanes, k) of them, side by side; (1, 0) where nothing varies.
     """
 
@@ -306,15 +308,12 @@ class LaneFields:
         if not is_dataclass(owner) or isinstance(owner, type):
             return cls(owner)
         rows: dict[str, np.ndarray] = {}
-        for each in fields(owner):
-            value = getattr(owner, each.name)
-            if isinstance(value, Batch):
-                if value.shape is None:
-                    raise ScenarioError(place=f"{place}.{each.name}", value=value, expected="a batch of numbers")
-                rows[each.name] = value.values.astype(float)
-        inner = [path for path, _ in batches(owner, place) if path not in {f"{place}.{name}" for name in rows}]
-        if inner:
-            raise ScenarioError("a Batch", place=inner[0], expected=f"it as a field of the {place} itself")
+        for path, value in batches(owner, place):
+            if "[" in path:
+                raise ScenarioError("a Batch", place=path, expected="it as a field, not in a list or a mapping")
+            if value.shape is None:
+                raise ScenarioError(place=path, value=value, expected="a batch of numbers")
+            rows[path.removeprefix(f"{place}.")] = value.values.astype(float)
         if not rows:
             return cls(owner)
         check_counts({f"{place}.{name}": len(value) for name, value in rows.items()})
@@ -333,8 +332,15 @@ class LaneFields:
             return self.owner
         rows = np.asarray(rows)
         ends = np.cumsum([math.prod(shape) for shape in self.shapes])
-        changed = copy.copy(self.owner)
+        changed = self.owner
         for name, part, shape in zip(self.names, np.split(rows, ends[:-1], axis=-1), self.shapes, strict=True):
             value = scalar.array(part.reshape((*rows.shape[:-1], *shape)))
-            object.__setattr__(changed, name, value if value.ndim else value[()])
+            changed = _with_field(changed, name.split("."), value if value.ndim else value[()])
         return changed
+
+
+def _with_field(owner: Any, path: list[str], value: Any) -> Any:
+    """A copy of an object with another value of one field, its own or one of an object in its fields; unchecked."""
+    changed, (name, *inner) = copy.copy(owner), path
+    object.__setattr__(changed, name, _with_field(getattr(owner, name), inner, value) if inner else value)
+    return changed
