@@ -258,7 +258,7 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
         "Inverse kinematics, ns per pose",
         (
             *(label("arm", "arm"), label("work", "work"), label("poses", "states"), time("ours", "ours")),
-            time("ours, by default", "default"),
+            *(time("ours, for AVX2", "avx2"), time("ours, by default", "default")),
             *(time("EAIK", "eaik"), ratio("EAIK ÷ ours", "eaik")),
             *(time("Robotics Toolbox C++, tol 1e-6", "toolbox"), ratio("tol 1e-6 ÷ ours", "toolbox")),
             *(time("tol 1e-16", "toolbox fine"), ratio("tol 1e-16 ÷ ours", "toolbox fine")),

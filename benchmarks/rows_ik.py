@@ -6,8 +6,10 @@ within the limits, beside Robotics Toolbox's Levenberg-Marquardt in C++, on the 
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import time
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -16,6 +18,7 @@ from records import Record, Task, record
 from timing import Check, Contestant, Entry, race
 
 import armwright as aw
+from armwright.kernels import target
 from armwright.kinematics.forward_kinematics import body_placements
 
 ARMS = ("puma560", "lwa4p", "cmu-dd")
@@ -103,6 +106,8 @@ def numeric_records(name: str, quick: bool, repetitions: int) -> list[Record]:
     checked = partial(check_numeric, arm, poses)
     contestants = {"ours": Contestant("ours", solve, count, checked)}
     contestants["default"] = Contestant("ours", partial(aw.inverse_kinematics, arm, poses), count, checked)
+    if target.select_target().width > target.WIDTHS["x86-64-v3"]:
+        contestants["avx2"] = Contestant("ours, AVX2", narrow(name, poses), count, checked)
     if importlib.util.find_spec("roboticstoolbox") is not None:
         for column, tolerance in TOOLBOX.items():
             checked = partial(check_toolbox, arm, poses, tolerance)
@@ -113,6 +118,32 @@ def numeric_records(name: str, quick: bool, repetitions: int) -> list[Record]:
     labels = {"arm": name, "joints": arm.n, "work": "numeric, one solution", "states": count}
     entry = Entry(labels, contestants, dict.fromkeys(peers, "ours"), dict.fromkeys(peers, TIMES), facts)
     return [record(row) for row in race([entry], repetitions, clock=time.process_time)]
+
+
+def narrow(name: str, poses: np.ndarray) -> Any:
+    """The same work by code for AVX2."""
+    with without_avx512():
+        arm = aw.load(name)  # another object, for which nothing is compiled yet
+        solve = partial(aw.inverse_kinematics, arm, poses, method="numeric")
+        solve()
+    return solve
+
+
+@contextlib.contextmanager
+def without_avx512() -> Iterator[None]:
+    """What is compiled in the block is compiled as on this processor without AVX-512."""
+    whole = target._host_features
+
+    def features() -> dict[str, bool]:
+        return {name: has and not name.startswith("avx512") for name, has in whole().items()}
+
+    try:
+        target._host_features = features
+        target.select_target.cache_clear()
+        yield
+    finally:
+        target._host_features = whole
+        target.select_target.cache_clear()
 
 
 def check_numeric(arm: aw.Model, poses: np.ndarray, found: aw.PoseSolutions) -> Check:
@@ -161,6 +192,7 @@ def notes(quick: bool) -> dict[str, list[str]]:
         "branches, without limits",
         "times are those of the processor, which a busy machine does not lengthen as much",
         "by default: the same poses without `method`, which solves them in closed form where the arm has one",
+        "for AVX2: the numeric solution by code for this processor without AVX-512",
         f"numeric: {QUICK_POSES if quick else NUMERIC_POSES:,} such poses, solved to 1e-8 m and rad within the limits; Robotics "
         "Toolbox by `ETS.ik_LM`, its C++ called once a pose, on the same chain with the same limits, from its own random starts: "
         f"at its default `tol` of {TOOLBOX['toolbox']:g}, which bounds half the squared error (pose errors to 1.4e-3), and at "
