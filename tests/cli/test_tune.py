@@ -1,5 +1,7 @@
 """`armwright tune`: the written file, the page, exit codes."""
 
+import re
+
 import pytest
 from typer.testing import CliRunner
 
@@ -85,6 +87,18 @@ def test_an_unstable_start(tmp_path):
     assert code == 2
     assert "start gains are unstable" in text
     assert len(text.strip().splitlines()) == 1
+
+
+def test_margins_that_no_gains_reach_say_which_delay_or_period_would_do(tmp_path):
+    file = tmp_path / "arm.scenario.toml"
+    file.write_text(SCENARIO.format(period=2e-3) + "command_delay_s = 0.02\n")
+    output = tmp_path / "tuned.scenario.toml"
+    asked = ("--gain", "kp=1.01", "--phase-margin", "35", "--generations", "1", "--lanes", "4")
+    result = CliRunner().invoke(app, ["tune", str(file), "-o", str(output), *asked])
+    assert result.exit_code == 2
+    assert re.search(r"no gains found that keep .* at 2 ms .*; expected a delay of [\d.]+ ms or less", result.stderr)
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert not output.exists()
 
 
 def test_the_scenario_itself_is_never_replaced(tmp_path):

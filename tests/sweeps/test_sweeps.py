@@ -1,5 +1,6 @@
 """Sweeps: the bits of one run whatever the chunks, resumption after kills, and refusals."""
 
+import contextlib
 import os
 import signal
 from collections.abc import Iterator
@@ -240,6 +241,28 @@ def test_a_full_disk_keeps_what_is_done(
     assert_same(done.load(), whole)
 
 
+@pytest.mark.parametrize("most", [0, 4000])
+def test_files_that_the_system_refuses_to_write(
+    most: int, file: Path, tmp_path: Path, client: Any, whole: xr.Dataset
+) -> None:
+    """A limit on the size of files, which Zarr meets as it meets a full disk: in the first file, or in a chunk of results."""
+    resource = pytest.importorskip("resource", reason="no limits on the size of files here")
+    aw.sweep(file, tmp_path / "first.zarr", lanes=LANES, client=client)  # compiles, and keeps what it compiled
+    path, before = tmp_path / "runs.zarr", resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, before[1]))
+    try:
+        with pytest.raises(OutputError, match=r"runs\.zarr: cannot be written: .*[Ff]ile too large") as refused:
+            aw.sweep(file, path, lanes=LANES, client=client, progress=False)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert "\n" not in str(refused.value)
+    assert path.exists() == (most > 0)
+    assert not list(tmp_path.glob(".armwright-*"))
+    done = aw.sweep(file, path, lanes=LANES, client=client)
+    assert done.kept == 0
+    assert_same(done.load(), whole)
+
+
 def test_a_chunk_that_fails_is_marked_and_tried_again(tmp_path: Path, client: Any) -> None:
     """One lane's mass is drawn below 0, which no simulation takes; the chunks without it are done."""
     vary = {"forearm.mass_kg": aw.Draw.normal(1.0, 0.4)}
@@ -317,12 +340,30 @@ def test_the_command(file: Path, tmp_path: Path, client: Any) -> None:
     result = CliRunner().invoke(app, ["sweep", str(file), "--lanes", "2e1", "-o", str(store)])
     assert result.exit_code == 0, result.stderr
     assert "0 of 20 lanes, 20 were there" in result.stdout
+    other = tmp_path / "other.scenario.toml"
+    other.write_text(SCENARIO.replace("kp = 60.0", "kp = 61.0"))
     for arguments, message in (
         ([str(file), "--lanes", "21"], "lanes = 20"),
         ([str(file), "--lanes", "0"], "error: --lanes = 0"),
         ([str(file), "--lanes", "0.5"], "error: --lanes"),
         (["two-link", "--lanes", "5"], ".scenario.toml"),
+        ([str(other), "--lanes", "20"], "runs.zarr: holds a sweep of another scenario"),
     ):
         result = CliRunner().invoke(app, ["sweep", *arguments, "-o", str(store)])
         assert result.exit_code == 2
         assert message in result.stderr
+        assert len(result.stderr.splitlines()) == 1
+    assert aw.load_sweep(store).attrs["lanes_finished"] == 20
+
+
+def test_the_command_on_a_full_disk(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("armwright.sweeps.sweep.connected", lambda _: contextlib.nullcontext())
+    monkeypatch.setattr("armwright.sweeps.store.SweepStore._mark", full)
+    monkeypatch.setattr("armwright.sweeps.sweep._results", lambda *_: iter([(0, {})]))
+    result = CliRunner().invoke(app, ["sweep", str(file), "--lanes", "20", "-o", str(tmp_path / "runs.zarr")])
+    assert result.exit_code == 2
+    assert "runs.zarr: cannot be written: No space left on device; finished chunks are kept" in result.stderr
+    assert len(result.stderr.splitlines()) == 1
