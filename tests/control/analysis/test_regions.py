@@ -61,6 +61,7 @@ def test_a_region_holds_what_margins_say():
     joint = "elbow"
     region = aw.gain_region(scenario(preset="one-tick"), joint, values, POSES, gain_margin=2.0, phase_margin=0.5)
     assert region.own == (300.0, 40.0)
+    assert region.units == ("N m/rad", "N m s/rad")
     assert 0 < region.keeps.sum() < region.keeps.size
     for i, kp in enumerate(values["kp"]):
         for k, kd in enumerate(values["kd"]):

@@ -11,6 +11,7 @@ import numpy as np
 from armwright import scalar
 from armwright.control.analysis.linear_loop import LinearLoop
 from armwright.control.analysis.workspace import checked_poses
+from armwright.control.gains import gain_units
 from armwright.errors import ScenarioError
 from armwright.parameters import Batch, numbers_by_lane
 from armwright.simulation.checks import check_choice
@@ -34,6 +35,7 @@ class GainRegion:
         joint: its name.   names: of the two gains.   values: of each, (rows,) and (columns,).
         keeps: (rows, columns) true where all poses keep the margins.   poses: how many.
         gain_margin, phase_margin: [-] and [rad] that are kept.   own: the controller's own two gains.
+        units: of the two gains; "" where they are not known.
     """
 
     joint: str
@@ -44,6 +46,7 @@ class GainRegion:
     gain_margin: float
     phase_margin: float
     own: tuple[float, float]
+    units: tuple[str, str]
 
 
 def gain_region(
@@ -105,6 +108,7 @@ def gain_region(
         gain_margin,
         phase_margin,
         (own[0], own[1]),
+        (gain_units(arm, control, first)[place], gain_units(arm, control, second)[place]),
     )
 
 
