@@ -16,7 +16,8 @@ import numpy as np
 def checksum(value: Any) -> str:
     """SHA-256 of all that a value holds: numbers, texts, arrays, containers, fields of objects, code of functions.
 
-    Of a class its name alone counts, and of a function not what it uses from its module.
+    Of a class its name alone counts, and of a function not what it uses from its module. An object that says how it is copied
+    (`__reduce__`, `__getstate__`) counts by that: of a compiled arm the arm and its settings, not the code compiled so far.
     """
     hashed = hashlib.sha256()
     for piece in _pieces(value, frozenset()):
@@ -64,6 +65,10 @@ def _pieces_of_object(value: Any, within: frozenset[int]) -> Iterator[bytes]:
         items = value.model_dump()
     elif hasattr(value, "__func__"):
         items = {"method": value.__func__, "of": value.__self__}
+    elif type(value).__reduce__ is not object.__reduce__:
+        items = {"made by": value.__reduce__()}
+    elif type(value).__getstate__ is not object.__getstate__:
+        items = {"state": value.__getstate__()}
     else:
         items = dict(getattr(value, "__dict__", {}))
         if not items:
