@@ -39,6 +39,18 @@ def test_a_built_in_arm_need_not_be_named(folder):
     assert (folder / "one.glb").read_bytes() == (folder / "two.glb").read_bytes()
 
 
+def test_the_arm_of_a_scenario_file_need_not_be_named(folder):
+    text = aw.to_toml(aw.load("two-link")).replace('name = "two-link"', 'name = "mine"')
+    (folder / "mine.toml").write_text(text, encoding="utf-8")
+    text = 'robot = "mine.toml"\nduration_s = 0.1\n[commands]\nconstant = 0\n'
+    (folder / "mine.scenario.toml").write_text(text, encoding="utf-8")
+    run("simulate", "mine.scenario.toml", "-o", "mine.nc")
+    run("animate", "mine.nc", "--robot", "mine.toml", "-o", "named.glb")
+    (folder / "mine.toml").unlink()
+    run("animate", "mine.nc", "-o", "kept.glb")
+    assert (folder / "kept.glb").read_bytes() == (folder / "named.glb").read_bytes()
+
+
 def test_a_lane_as_a_page(folder):
     run("animate", "batch.nc", "--robot", "two-link", "--lane", "2", "-o", "lane.html")
     text = (folder / "lane.html").read_text(encoding="utf-8")
@@ -58,7 +70,7 @@ def test_a_lane_as_a_page(folder):
         (("gone.nc", "--robot", "two-link", "-o", "x.glb"), "gone.nc: no such file"),
         (("run.nc", "--robot", "two-lnk", "-o", "x.glb"), "did you mean two-link?"),
         (("run.nc", "--robot", "two-link"), "Missing option '--output'"),
-        (("unnamed.nc", "-o", "x.glb"), "not built in; expected --robot FILE"),
+        (("unnamed.nc", "-o", "x.glb"), "not built in, and the run keeps no scenario; expected --robot FILE"),
     ],
 )
 def test_refused(folder, arguments, words):

@@ -16,6 +16,7 @@ from description.urdf_files import link, robot, written
 
 LINE = re.compile(r'^(?P<key>\w+) = (?P<value>.*"TODO".*?)(?:  #.*)?$', re.MULTILINE)
 VALUES = {"text": '"RD 50/08, 2021"', "gear_ratio": "50", "axis": "[0, 0, 1]", "com_m": "[0.1, 0, 0]", "mass_kg": "2",
+          "xyz_m": "[0, 0, 0.2]",
           "frame": "{ xyz_m = [0, 0.3, 0], rpy_rad = [0, 0, 0] }", "position_rad": "[-1, 1]",
           "inertia_kg_m2": "{ xx = 0.01, xy = 0, xz = 0, yy = 0.01, yz = 0, zz = 0.01 }"}  # fmt: skip
 
@@ -74,11 +75,21 @@ def test_every_value_says_what_is_wanted_and_where_it_is_found(tmp_path):
         "gear_ratio": ("a number other than 0", '"reduction"'),
         "rotor_inertia_kg_m2": ("[kg m²]", "1 g cm² = 1e-7 kg m²"),
         "voltage_v": ("[V]", "supply voltage"),
-        "xyz_m": ("3 numbers [m]", "drawing"),
+        "xyz_m": ("3 numbers [m]", "of a frame in its link"),
         "mass_kg": ("[kg]", "scales"),
         "viscous_n_m_s_per_rad": ("[N m s/rad]", "identify friction"),
     }.items():
         assert all(word in by_key[key] for word in words), by_key[key]
+
+
+def test_optional_keys_of_datasheets_are_there_to_uncomment(tmp_path):
+    path = tmp_path / "new.toml"
+    aw.new_robot(path, joints=1, command="voltage")
+    text = path.read_text(encoding="utf-8")
+    path.write_text(filled_in(re.sub(r"^# (?=\w+ = )", "", text, flags=re.MULTILINE))[0], encoding="utf-8")
+    (joint,) = (arm := aw.load(path)).coordinates
+    assert (joint.drive.efficiency, joint.limits.current, arm.tip) == (0.75, 5.0, "tip")
+    np.testing.assert_allclose(aw.forward_kinematics(arm, [0.0])[:3, 3], [0, 0.3, 0.2])
 
 
 def test_what_is_wrong_besides_is_reported_with_it(tmp_path):

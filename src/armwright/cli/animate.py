@@ -22,7 +22,8 @@ def animate(
         option(
             "--robot",
             "ROBOT",
-            "The arm that moved: a built-in one, or path of its file; by default the built-in one that the run names.",
+            "The arm that moved: a built-in one, or path of its file; by default the built-in one that the run names, or "
+            "the one that the run of a scenario file keeps, drawn as a figure of its joints.",
         ),
     ] = None,
     lane: Annotated[
@@ -43,12 +44,17 @@ def animate(
     import armwright as aw
     from armwright.errors import RunError
     from armwright.pictures.animate import check_animation
+    from armwright.scenarios.reproduce import kept_scenario
 
     check_animation(output)
     loaded = aw.load_run(run)
-    if robot is None:
-        robot = str(loaded.attrs.get("robot", ""))
-        if robot not in aw.builtin_names():
-            raise RunError("not built in", place="robot", value=robot, expected="--robot FILE", file=run)
-    aw.animate(loaded, aw.load(robot), output, lane=lane)
+    name = robot or str(loaded.attrs.get("robot", ""))
+    if robot is not None or name in aw.builtin_names():
+        arm = aw.load(name)
+    elif loaded.attrs.get("scenario"):
+        arm = kept_scenario(loaded, run).arm
+    else:
+        what = "not built in, and the run keeps no scenario"
+        raise RunError(what, place="robot", value=name, expected="--robot FILE", file=run)
+    aw.animate(loaded, arm, output, lane=lane)
     say(f"wrote {output}")

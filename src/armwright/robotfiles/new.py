@@ -16,6 +16,18 @@ from armwright.errors import DescriptionError, OutputError
 from armwright.output import check_destination, whole_file
 
 MOST_JOINTS = 100
+EFFICIENCY = "gear_efficiency = 0.75  # if the gear's datasheet has it"
+OPTIONAL = {  # lines to uncomment, by table and command
+    "motor": {"voltage": (EFFICIENCY,), "current": (EFFICIENCY,)},
+    "limits": {"voltage": ("current_a = 5.0  # the smaller of motor's and amplifier's",)},
+}
+TIP = f"""
+[[frames]]
+name = "tip"
+link = "link{{k}}"
+xyz_m = "{TODO}"
+rpy_rad = [0, 0, 0]
+"""
 DATASHEET = f"""
 [sources.datasheet]
 kind = "datasheet"
@@ -85,9 +97,10 @@ def new_robot(
 def _empty(name: str, joints: int) -> str:
     """An arm of n joints of which nothing is known."""
     name = re.sub(r'[\s"\[\]\\]', "_", name)
-    head = f'name = "{name}"\nsource = "datasheet"\n'
+    head = f'name = "{name}"\nsource = "datasheet"\ntip = "tip"\n'
     parents = ("base", *(f"link{k}" for k in range(1, joints)))
-    return head + "".join(JOINT.format(k=k, parent=parent) for k, parent in enumerate(parents, 1))
+    bodies = (JOINT.format(k=k, parent=parent) for k, parent in enumerate(parents, 1))
+    return "".join((head, *bodies, TIP.format(k=joints)))
 
 
 def _of(robot: RobotDescription, folder: Path) -> tuple[str, tuple[str, ...]]:
@@ -108,9 +121,8 @@ def _with_drives(text: str, command: str) -> str:
         f'# Fill in each "{TODO}": `armwright check` on this file says what is wanted, and where a datasheet has it.\n'
     )
     head = about + "".join(line for line in blocks[0].splitlines(keepends=True) if not line.startswith("command = "))
-    done = [
-        head.rstrip("\n") + f'\ncommand = "{command}"  # or "voltage", "current", "torque"; in a joint for that one\n'
-    ]
+    others = " or ".join(f'"{other}"' for other in COMMAND_NEEDS if other != command)
+    done = [head.rstrip("\n") + f'\ncommand = "{command}"  # of all joints; {others} may stand in a joint\n']
     if not any(block.startswith("[sources.datasheet]") for block in blocks):
         done.append(DATASHEET.lstrip("\n"))
     k = 1
@@ -138,7 +150,11 @@ def _joint(tables: dict[str, str], command: str) -> Iterator[str]:
             quoted = f'"{TODO}"' if given is None else f'{{ value = "{TODO}", source = "datasheet" }}'
             missing = [key for key in keys if f"\n{key} = " not in lines]
             is_known = name == "friction" and given is not None
+            besides = [
+                each for each in OPTIONAL.get(name, {}).get(command, ()) if f"\n{each.split()[0]} = " not in lines
+            ]
             tables[name] = lines + "".join(f"{key} = {quoted}\n" for key in missing if not is_known)
+            tables[name] += "".join(f"# {each}\n" for each in besides)
     yield from tables.values()
 
 

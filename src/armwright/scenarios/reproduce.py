@@ -23,6 +23,8 @@ from armwright.validation import validated
 if TYPE_CHECKING:
     import xarray as xr
 
+    from armwright.simulation.scenario import Scenario
+
 STOPPED = "stopped by Ctrl-C"  # how the first note of such a run begins
 
 
@@ -58,18 +60,8 @@ def reproduce(path: str | os.PathLike[str], progress: Progress | None = None) ->
             command and not from a scenario file, or files were too large to be kept.
     """
     old = load_run(path)
-    if not old.attrs.get("scenario"):
-        what = "keeps no scenario: only runs of a scenario file as it is read keep one"
-        raise RunError(what, file=path, expected="a run of armwright simulate FILE.scenario.toml")
     now, then = provenance(), _made_with(path, old.attrs.get("made_with", "{}"))
-    kept = _kept_document(path, old.attrs["scenario"])
-    text = kept.scenario.checked("content of the scenario", path)
-    try:
-        tables = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise RunError(f"the scenario that it keeps is not TOML: {error}", file=path) from None
-    scenario = parse_scenario(tables, f"{path} (scenario)", KeptFiles(Path(path), kept), text)
-    new = simulate(scenario, progress=progress)
+    new = simulate(kept_scenario(old, path), progress=progress)
     changed = [
         f"{name}: {then.get(name, 'unknown')} then, {now[name]} now" for name in now if then.get(name) != now[name]
     ]
@@ -77,6 +69,28 @@ def reproduce(path: str | os.PathLike[str], progress: Progress | None = None) ->
     part = part if part.startswith(STOPPED) else ""
     differences, reshaped = _compared(old, _kept_part(old, new) if part else new, whole=not part)
     return Reproduction(new, not differences and not reshaped, tuple(changed), differences, tuple(reshaped), part)
+
+
+def kept_scenario(run: xr.Dataset, path: str | os.PathLike[str]) -> Scenario:
+    """The scenario that a run keeps; no other file is read, and its arm has no visuals.
+
+    Args:
+        run: as `load_run` returned it.   path: its file, for errors.
+    Returns:
+        scenario: what the run was made from.
+    Raises:
+        RunError: as `reproduce`.
+    """
+    if not run.attrs.get("scenario"):
+        what = "keeps no scenario: only runs of a scenario file as it is read keep one"
+        raise RunError(what, file=path, expected="a run of armwright simulate FILE.scenario.toml")
+    kept = _kept_document(path, run.attrs["scenario"])
+    text = kept.scenario.checked("content of the scenario", path)
+    try:
+        tables = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise RunError(f"the scenario that it keeps is not TOML: {error}", file=path) from None
+    return parse_scenario(tables, f"{path} (scenario)", KeptFiles(Path(path), kept), text)
 
 
 def _kept_document(path: str | os.PathLike[str], text: Any) -> Document:

@@ -86,9 +86,10 @@ def noise_gain(loop: LinearLoop, q: Any, *, gains: Any = None, joint: int | None
         product = each @ product
         total = each[..., None, :, :] @ total @ _turned(each)[..., None, :, :] + _squares(entry)
     covariance, mean = _summed(product, total), 0.0
-    for each, entry in zip(maps, entries, strict=True):
-        covariance = each[..., None, :, :] @ covariance @ _turned(each)[..., None, :, :] + _squares(entry)
-        mean = mean + np.diagonal(covariance, axis1=-2, axis2=-1)[..., rows] / loop.cycle  # (…, from joint, row)
+    with np.errstate(over="ignore", invalid="ignore"):  # of an unstable loop, which has no covariance
+        for each, entry in zip(maps, entries, strict=True):
+            covariance = each[..., None, :, :] @ covariance @ _turned(each)[..., None, :, :] + _squares(entry)
+            mean = mean + np.diagonal(covariance, axis1=-2, axis2=-1)[..., rows] / loop.cycle  # (…, from joint, row)
     stable = np.abs(np.linalg.eigvals(product)).max(axis=-1) < 1.0
     found = np.where(stable[..., None, None], np.sqrt(np.maximum(mean, 0.0)), np.nan).swapaxes(-1, -2)
     return NoiseGain(found[..., :n, :], found[..., n:, :])
