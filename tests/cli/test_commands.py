@@ -97,7 +97,7 @@ def test_info_shows_an_arm_that_load_would_refuse(tmp_path):
     path = mixed_file(tmp_path)
     path.write_text(path.read_text().replace("mass_kg = 1\n", "mass_kg = 1e-9\n").replace("zz = 0.1 }", "zz = 9 }"))
     run("simulate", path, "--command", "0", "--duration", "1", code=2)
-    assert "warning: link 'hand': an impossible inertia" in run("info", path).stdout
+    assert "warning: link 'hand' inertia_kg_m2: an impossible inertia" in run("info", path).stdout
 
 
 def test_info_shows_springs(tmp_path):

@@ -49,7 +49,7 @@ def test_check_ends_by_what_it_found(tmp_path):
     data["links"][0]["inertia_kg_m2"]["xx"] = 5.0
     path = write_toml(parse(data, "workshop"), tmp_path / "arm.toml")
     shown = run("check", path, code=1).stdout
-    assert "link 'link1': an impossible inertia" in shown
+    assert "link 'link1' inertia_kg_m2: an impossible inertia" in shown
     assert "1 error, " in shown
 
 

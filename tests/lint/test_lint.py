@@ -116,7 +116,7 @@ def test_a_joint_far_from_a_base_without_mass(tmp_path):
 def test_improv_l5_breaks_the_triangle_inequality(tmp_path):
     """Robot-facts 2.2: zz = 7.43e-4 > 2 · 3.28e-4."""
     told = warnings(tmp_path, inertial(0.17, (0, 0, 0.042), (3.28e-4, 3.28e-4, 7.43e-4)))
-    assert "link 'upper': an impossible inertia" in told[0]
+    assert "link 'upper' inertia_kg_m2: an impossible inertia" in told[0]
 
 
 def test_improv_l1_is_about_the_frame_origin(tmp_path):

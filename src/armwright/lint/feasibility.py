@@ -29,7 +29,7 @@ def check_bodies(robot: RobotDescription, on_impossible: str) -> list[Problem]:
     if errors:
         raise DescriptionError.of(*errors)
     return [
-        Problem(f"{_fault(link)}{'; accepted: ' if reason else ''}{reason}", f"link {link.name!r}")
+        Problem(f"{_fault(link)}{'; accepted: ' if reason else ''}{reason}", f"link {link.name!r} inertia_kg_m2")
         for link in impossible_links(robot)
         for reason in [link.accept_impossible or ""]
     ]
