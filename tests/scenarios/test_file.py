@@ -152,6 +152,10 @@ def test_a_run_of_python_keeps_no_scenario(tmp_path):
         (DRIVEN + "[start]\nq = { joint9 = 1 }\n", r"start\.q = 'joint9': no joint of the arm"),
         (PID.replace("joint_pid", "joint_pidd"), "kind = 'joint_pidd': unknown; did you mean joint_pid"),
         (PID.replace("kd =", "kdd ="), r"loop\.controller = 'kdd': no key of a joint_pid"),
+        (
+            PID.replace("joint_pid", "computed_torque").replace("kd =", "inertia = 1\nfriction = true\nkd ="),
+            r"(?s)'inertia': no key of a computed_torque.*'friction': no key.*expected { kind = \"feed_forward\", friction = ",
+        ),
         (PID.replace("[400, 900, 300, 150, 30, 20]", "[400, 900]"), "kp"),
         (PID.replace("sin(3*t)", "sinn(3*t)"), "'sinn': unknown function"),
         (PID.replace("joint4 =", "joint7 ="), r"loop\.reference\.q = 'joint7': no joint of the arm"),

@@ -412,9 +412,12 @@ def _built(home: str, kind: str, values: Mapping[str, Any], arm: Model, place: s
     names = [each.name for each in dataclasses.fields(kinds[kind]) if each.init]
     keys = [name for name in names if name not in CONFIGURED[home]]
     limited = QUANTITIES if home == "reference" and "limits" in names else ()
-    for name in values:
-        if name not in keys and name not in limited:
-            raise ScenarioError(f"no key of a {kind}", place=place, value=name, choices=[*keys, *limited])
+    unknown = [name for name in values if name not in keys and name not in limited]
+    if unknown:
+        what, choices = f"no key of a {kind}", tuple(sorted((*keys, *limited)))
+        raise ScenarioError.of(
+            *(Problem(what, place, name, expected=_around(name, kind, kinds), choices=choices) for name in unknown)
+        )
     values = {**({"arm": arm} if "arm" in names else {}), **({"model": arm} if "model" in names else {}), **values}
     overrides = {name: values.pop(name) for name in limited if name in values}
     try:
@@ -431,6 +434,15 @@ def _built(home: str, kind: str, values: Mapping[str, Any], arm: Model, place: s
         raise error.renamed(
             lambda each: f"{place}.{each.partition('.')[2]}" if each.startswith(own) else each
         ) from None
+
+
+def _around(name: str, kind: str, kinds: Mapping[str, type]) -> str:
+    """The controller that has a key and may stand around one that has not: `gravity` of a feed_forward around a cascade."""
+    fields = {each: {field.name for field in dataclasses.fields(kinds[each])} for each in kinds}
+    around = [each for each, names in fields.items() if {name, "inner"} <= names]
+    if not around or "inner" in fields[kind]:
+        return ""
+    return f'{{ kind = "{around[0]}", {name} = …, inner = {{ kind = "{kind}", … }} }}, or its own keys'
 
 
 def _is_needed(field: dataclasses.Field) -> bool:

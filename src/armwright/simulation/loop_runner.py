@@ -22,7 +22,7 @@ from armwright.simulation.loop.config import LoopConfig, Sampling
 from armwright.simulation.loop.controller import ControllerAdapter
 from armwright.simulation.loop.initialisation import Initialisation
 from armwright.simulation.loop.python_controller import PythonController
-from armwright.simulation.loop.references import PARAMETERS, LoopReference
+from armwright.simulation.loop.references import PARAMETERS, LoopReference, start_notes
 from armwright.simulation.loop.sensor_set import SensorSet
 from armwright.simulation.loop.state import LoopState
 from armwright.simulation.loop.tick import plant_derivative, plant_watched
@@ -69,6 +69,8 @@ class LoopRunner:
         self.reference = self.reference_of_ticks(
             1 if scenario.duration is None else scenario.ticks, first=scenario.duration is not None
         )
+        if scenario.sampled and self._started is None and scenario.start.q is None:
+            self.notes += start_notes(self.arm, self.reference)
         self.config, self.initialisation = self._configured()
         target, outputs = scenario.solver.target, scenario.recording.what == "all"
         if loop is not None:

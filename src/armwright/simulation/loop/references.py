@@ -23,6 +23,7 @@ from armwright.simulation.inputs.input_schedule import InputSchedule, in_order, 
 from armwright.simulation.inputs.schedule import Schedule
 
 FAR = 1e-9  # [rad | m] past a limit that is no rounding
+AWAY = 1e-3  # [rad | m] between the arm and the beginning of a reference: no rounding of a pose in a file
 PARAMETERS = "c_reference"  # block of a trajectory's own values in each lane
 
 
@@ -283,3 +284,20 @@ def reference_notes(arm: Model, rows: np.ndarray, t: np.ndarray) -> list[str]:
                 k = int(np.argmax(jumps))
                 notes.append(f"{body.joint}: the reference jumps by {moved[k]:.4g} at t = {t[k + 1]:g} s")
     return notes
+
+
+def start_notes(arm: Model, reference: LoopReference | None) -> list[str]:
+    """A note where a motion begins at rest away from 0, where an arm starts whose initial positions nobody stated."""
+    if reference is None or reference.table is None or "q" not in reference.layout:
+        return []
+    rows = reference.table[:, : arm.n]
+    if len(rows) < 2 or np.ptp(rows, axis=0).max() < FAR:  # a pose is a step that was asked for
+        return []
+    if np.abs(rows[0]).max() < AWAY or np.abs(rows[1] - rows[0]).max() > AWAY:
+        return []
+    k = int(np.abs(rows[0]).argmax())
+    pose = ", ".join(f"{value + 0.0:.4g}" for value in rows[0].round(9))
+    return [
+        f"{arm.names[k]}: the reference begins at {rows[0, k]:.4g} and the arm at 0, since no start is stated; "
+        f"start q = [{pose}] begins on the reference"
+    ]
