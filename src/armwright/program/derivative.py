@@ -26,7 +26,9 @@ def derivative(program: Program, by: str) -> Program:
     return _program(f"{program.name}_by_{by}", program.inputs, ports, symbols, [*outputs, *rows])
 
 
-def with_tangents(program: Program, active: Collection[str], seeds: Mapping[str, np.ndarray], count: int) -> Program:
+def with_tangents(
+    program: Program, active: Collection[str], seeds: Mapping[str, np.ndarray], count: int, *, noinline: bool = False
+) -> Program:
     """The program with tangents in `count` directions carried along:  ẏ = Σ ∂y/∂b ḃ  over its inputs b.
 
     An active input, and every output, holds behind its n values their tangents, (n, count) in row-major order.
@@ -34,6 +36,7 @@ def with_tangents(program: Program, active: Collection[str], seeds: Mapping[str,
     Args:
         program: what is carried along.   active: names of inputs that come with tangents.
         seeds: constant tangents (n, count) of further inputs, by name.   count: directions.
+        noinline: a traced function that calls this program keeps one call of it instead of a copy of its operations.
     """
     symbols = _symbols(program)
     outputs = program.graph.call(symbols)
@@ -57,7 +60,7 @@ def with_tangents(program: Program, active: Collection[str], seeds: Mapping[str,
                 slopes += casadi.jtimes(y, symbol, tangent)
         results.append(casadi.vertcat(y, casadi.reshape(casadi.densify(slopes).T, -1, 1)))
     enlarged = tuple(Port(port.name, (port.size * (1 + count),)) for port in program.outputs)
-    return _program(f"{program.name}_tangents", tuple(ports), enlarged, inputs, results)
+    return _program(f"{program.name}_tangents", tuple(ports), enlarged, inputs, results, noinline)
 
 
 def _symbols(program: Program) -> list[casadi.SX]:
@@ -65,8 +68,10 @@ def _symbols(program: Program) -> list[casadi.SX]:
 
 
 def _program(
-    name: str, inputs: tuple[Port, ...], outputs: tuple[Port, ...], columns: list[casadi.SX], results: list[casadi.SX]
-) -> Program:
+    name: str, inputs: tuple[Port, ...], outputs: tuple[Port, ...], columns: list[casadi.SX], results: list[casadi.SX],
+    noinline: bool = False,
+) -> Program:  # fmt: skip
     """A program from columns; names of ports may be alike on both sides, as those of blocks are."""
-    graph = casadi.Function(name, columns, casadi.cse([casadi.densify(column) for column in results]))
+    dense = [casadi.densify(column) for column in results]
+    graph = casadi.Function(name, columns, casadi.cse(dense), {"never_inline": noinline})
     return Program(name, inputs, outputs, graph)

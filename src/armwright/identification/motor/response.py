@@ -149,7 +149,9 @@ class Response:
         measure = trace("measured", measured, {"x": (self.size,), "q_before": (n,), **row}, ("y", "q_before_next"))
         if slopes:
             seeds = {"p": np.eye(self.columns, self.directions)}
-            step = with_tangents(step, {"x"}, seeds, self.directions)
+            step = with_tangents(
+                step, {"x"}, seeds, self.directions, noinline=True
+            )  # 2 * substeps copies compile for seconds
             measure = with_tangents(measure, {"x", "q_before"}, seeds, self.directions)
         sampled = trace("sample", sample(step), {"x": (self.size * size,), **row}, ("x_next",))
         return Table("row", 2 + n * (lags + 1)), Call(measure), Record("run", ("y",), (count * size,)), Call(sampled)
