@@ -111,3 +111,13 @@ def test_linear_counts_need_a_prismatic_joint():
         scenario_of(
             arm("cmu-dd"), sensors=Sensors(counts_per_m=1e5, side="link"), controller=lambda t, r, y: y.q, **SHORT
         )
+
+
+def test_noisy_currents_are_recorded_as_measured():
+    """As a drive's log has them; without noise they are the run's current, and stored once."""
+    model, law = arm("cmu-dd"), {"controller": lambda t, r, y: 5.0 + 0.0 * y.q, "period": 1e-3, "duration": 0.5}
+    run = aw.simulate(scenario_of(model, sensors=Sensors(current_noise=0.02), **law))
+    noise = (run.current_measured - run.current).values[1:]
+    assert noise.std() == pytest.approx(0.02, rel=0.1)
+    assert run.current_measured.attrs["units"] == "A"
+    assert "current_measured" not in aw.simulate(scenario_of(model, sensors=Sensors(position_noise=1e-4), **law))

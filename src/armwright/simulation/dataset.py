@@ -18,7 +18,6 @@ from armwright.signals import Signal
 from armwright.simulation.batch_runner import Finished
 from armwright.simulation.inputs.input_schedule import values_at_ticks
 from armwright.simulation.integrate.lane_status import LaneStatus
-from armwright.simulation.loop.config import LoopConfig
 from armwright.simulation.loop.tick import USUAL
 from armwright.simulation.loop_runner import LoopRunner
 
@@ -145,17 +144,19 @@ def _with_rows(
     variables = {name: _output(arm, name, values, dims) for name, values in further.items()}
     labels: dict[str, Any] = {}
     if "y" in parts:
-        for name, signal, values in _signals(simulation.config, parts):
+        for name, signal, values in _signals(simulation, parts):
             variables[name], labels = _signal(name, signal, squeeze(values), dims, labels)
     dataset = dataset.assign(variables) if variables else dataset  # at once: xarray compares coordinates each time
     return dataset.assign_coords(labels) if labels else dataset
 
 
-def _signals(config: LoopConfig, parts: Mapping[str, np.ndarray]) -> Iterator[tuple[str, Signal, np.ndarray]]:
+def _signals(simulation: LoopRunner, parts: Mapping[str, np.ndarray]) -> Iterator[tuple[str, Signal, np.ndarray]]:
     """Name, signal and values of what was measured, what was to be followed, and the commands as they left the controller."""
+    config, loop = simulation.config, simulation.scenario.loop
+    noisy = loop is not None and loop.joint_sensors.noisy_current  # else it is the run's current
     for block, ending in (("y", "measured"), ("r", "reference")):
         for signal in config.recorded[block]:
-            if signal.name not in UNSTORED:
+            if signal.name not in UNSTORED or (noisy and (block, signal.name) == ("y", "current")):
                 values = config.recorded[block].part(parts[block], signal.name)
                 about = signal.about if block == "y" or signal.joints is None else f"reference {MOTION[signal.name]}"
                 yield f"{signal.name}_{ending}", replace(signal, about=about), values

@@ -175,6 +175,12 @@ class Sensors:
         """True where positions are measured in counts."""
         return self.counts is not None or self.counts_per_m is not None
 
+    @property
+    def noisy_current(self) -> bool:
+        """True where measured currents are not the true ones."""
+        noise = self.current_noise
+        return bool(np.any(noise.values if isinstance(noise, Batch) else noise))
+
     def _quantised(self, arm: Model, q: Array) -> np.ndarray:
         if not self.quantised:
             return q
