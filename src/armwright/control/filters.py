@@ -3,6 +3,9 @@
 The rule is prewarped at the filter's own frequency f, where the sampled filter has the gain and phase of the continuous one:
 
     s = 2π f / tan(π f T) · (z - 1) / (z + 1)
+
+Filters are computed in powers of 1/δ, δ = z - 1: poles of a slow filter lie near z = 1, where coefficients in powers of 1/z are
+small differences of large numbers, which single precision rounds away.  [MiddletonGoodwin1986]
 """
 
 from __future__ import annotations
@@ -79,7 +82,7 @@ KINDS = (LowPass, Notch)
 
 
 def sampled(filter_: LowPass | Notch, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Numerator and denominator (3,) in powers of 1/z, by Tustin's rule; the denominator begins with 1.
+    """Numerator and denominator (3,) in falling powers of δ = z - 1, by Tustin's rule; the denominator begins with 1.
 
     Args:
         filter_: the continuous one.   period: [s].
@@ -90,8 +93,8 @@ def sampled(filter_: LowPass | Notch, period: float) -> tuple[np.ndarray, np.nda
         place, expected = f"{type(filter_).__name__}.hz", f"below half of the sampling rate, {0.5 / period:g}"
         raise ScenarioError(place=place, value=filter_.hz, expected=expected)
     k = math.tan(math.pi * filter_.hz * period)
-    # s/ω = (1 - z⁻¹) / (k (1 + z⁻¹)), both sides times k² (1 + z⁻¹)²
-    powers = np.array([[1.0, -2.0, 1.0], [k, 0.0, -k], [k * k, 2.0 * k * k, k * k]])
+    # s/ω = δ / (k (2 + δ)), both sides times k² (2 + δ)²
+    powers = np.array([[1.0, 0.0, 0.0], [k, 2.0 * k, 0.0], [k * k, 4.0 * k * k, 4.0 * k * k]])
     b, a = (np.array(each) @ powers for each in filter_.polynomials)
     return b / a[0], a / a[0]
 
@@ -133,15 +136,15 @@ class Filtered(Wrapper):
         """Two numbers of each filter and joint, in steady state."""
         rows: list[Any] = []
         for b, a in self.sections:
-            rows += [(b[1] + b[2] - a[1] - a[2]) * y.applied, (b[2] - a[2]) * y.applied]
+            rows += [(1.0 - b[0]) * y.applied, (a[1] - b[1]) * y.applied]
         return scalar.array(np.concatenate(rows))
 
     def changed(self, r: JointReference, y: Measurement, u: Array, s: Array) -> tuple[Array, Array]:
-        """The command through all filters, each in transposed direct form II."""
+        """The command through all filters, each in transposed direct form II of δ; their gain at rest is 1, so b[2] = a[2]."""
         rows: list[Any] = []
         states = s.reshape(-1, 2, len(u))
         for (b, a), (first, second) in zip(self.sections, states, strict=True):
             out = b[0] * u + first
-            rows += [b[1] * u - a[1] * out + second, b[2] * u - a[2] * out]
+            rows += [first + (b[1] * u - a[1] * out + second), second + a[2] * (u - out)]
             u = out
         return u, np.concatenate(rows)
