@@ -20,9 +20,10 @@ from armwright.export.controller.sil import relative_error, software_in_the_loop
 from armwright.export.controller.stages import ControllerStages
 from armwright.export.controller.write import WRITTEN
 from export import random_loops
-from export.controllers import CONTROLLERS, EXAMPLES, swinging
+from export.controllers import CONTROLLERS, EXAMPLES
 from export.cortex import meter, run_on_board
 from export.random_loops import compared, loops
+from export.running import pid_loop, run_c
 from kernels.c_compilers import BITS, STRICT, build, compiler
 from physics.arms import arm
 
@@ -40,42 +41,6 @@ def exported(tmp_path_factory):
         return aw.export_controller(CONTROLLERS[which](TICKS), tmp_path_factory.mktemp(which))
 
     return controller
-
-
-def pid_loop(model=None, **changes):
-    """A scenario of a short loop."""
-    model = model or arm("two-link")
-    loop = {"controller": aw.JointPID(kp=20.0, kd=2.0, ki=5.0), "reference": swinging(model, 0.3, 1.0), "period": 1e-3}
-    return aw.Scenario(model, duration=0.2, loop=aw.Loop(**{**loop, **changes}))
-
-
-def run_c(folder, name, body, *flags):
-    """The words that a program around an exported controller prints: `body` stands in main, behind `state`, `y`, `r` and `u`."""
-    types = (
-        f"static {name}_state state; static {name}_measurement y; static {name}_reference r; static {name}_command u;"
-    )
-    call = f"#define STEP {name}_step(&state, &{name}_default_parameters, &r, &y, &u)\n"
-    heads = f'#include <math.h>\n#include <stdio.h>\n#include "{name}.h"\n{call}'
-    (folder / "main.c").write_text(
-        f"{heads}int main(void)\n{{\n    {types}\n{body}\n    return 0;\n}}\n", encoding="ascii"
-    )
-    build(
-        [
-            compiler("gcc"),
-            *BITS,
-            "-Wall",
-            "-Werror",
-            *flags,
-            folder / f"{name}.c",
-            folder / "main.c",
-            "-o",
-            folder / "main",
-            "-lm",
-        ]
-    )
-    done = subprocess.run([folder / "main"], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return done.stdout.split()
 
 
 @pytest.mark.parametrize("which", CONTROLLERS)

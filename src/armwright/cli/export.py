@@ -72,6 +72,9 @@ def controller(
         typer.Option("--gains", metavar="G1,G2,…", help="Fields of the controller that become parameters of the code."),
     ] = "",
     single: Annotated[bool, typer.Option("--float", help="Compute in float instead of double.")] = False,
+    counts: Annotated[
+        bool, typer.Option("--counts", help="Take positions in counts of the scenario's encoders.")
+    ] = False,
     allow: Allow = None,
 ) -> None:
     """Write the controller of a scenario as C99 for a microcontroller, and compare it with the simulation.
@@ -94,7 +97,7 @@ def controller(
     with progress(f"exporting the controller of {read.arm.name}"):
         try:
             real = "float" if single else "double"
-            exported = aw.export_controller(read, output, name=name, gains=fields, real=real)
+            exported = aw.export_controller(read, output, name=name, gains=fields, real=real, counts=counts)
         except ScenarioError as error:  # which does not know the file
             raise error.renamed(key_in_file, keys_in_text).within(file=scenario) from None
     for path in exported.paths:

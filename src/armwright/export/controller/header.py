@@ -108,11 +108,22 @@ def members(layout: Layout, real: str, joints: Sequence[str]) -> list[str]:
 
 
 def _measurement(stages: ControllerStages, real: str, joints: Sequence[str]) -> list[str]:
+    rows = zip(stages.measured, members(stages.measured, real, joints), strict=True)
     return [
         "int32_t lost; /* not 0: the sample did not arrive; then only what the drives applied is read of this struct */",
-        *members(stages.measured, real, joints),
+        *(_counts(stages) if in_counts(stages, signal) else member_line for signal, member_line in rows),
         *members(stages.applied, real, joints),
     ]
+
+
+def in_counts(stages: ControllerStages, signal: Signal) -> bool:
+    """True for the measured positions where they come in counts."""
+    return signal.name == "q" and stages.count.size > 0
+
+
+def _counts(stages: ControllerStages) -> str:
+    """The member that stands in the place of measured positions."""
+    return f"int32_t counts[{stages.arm.n}]; /* [1] counts of the encoders in the joints' sense, 0 at position 0 */"
 
 
 def _parameters(stages: ControllerStages, real: str) -> list[str]:
@@ -126,6 +137,7 @@ def _parameters(stages: ControllerStages, real: str) -> list[str]:
         f"{real} velocity[{n}]; /* [rad/s | m/s] the same of speeds */",
         f"{real} command_limit[{n}]; /* at and beyond which a command is saturated, in its own unit */",
         f"{real} initial_command[{n}]; /* in force before the first tick of the simulation */",
+        *([f"{real} count[{n}]; /* [rad | m] one count of each encoder */"] if stages.count.size else []),
         *gains,
     ]
 

@@ -9,16 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from armwright.errors import ScenarioError
 from armwright.export.c_arithmetic import FAULTS, TWO_ROUNDINGS
 from armwright.export.c_header import comment
 from armwright.export.controller.recording import Recording
-from armwright.export.controller.source import copies
+from armwright.export.controller.source import copies, measured_copies
 from armwright.export.controller.stages import ControllerStages
 from armwright.kernels.c import REALS
 from armwright.kernels.c_syntax import literal
 
 #: A lost sample's numbers, which the controller must not read.
 GARBAGE = -12345.5
+#: The largest magnitude of a count: an int32_t's, also where single precision rounds it.
+MOST = 2.0**31 - 128
 
 _ROW = """\
 /* A row of inputs as the controller's structs. */
@@ -120,12 +123,31 @@ def input_rows(stages: ControllerStages, recording: Recording) -> np.ndarray:
     """(1 + ticks, width) inputs as rows: the one that the controller begins from, then those of the ticks.
 
     Entries of a sample that was lost are `GARBAGE`, as the controller must not read them.
+
+    Raises:
+        ScenarioError: positions that are to come in counts, and are no whole counts.
     """
     measured = stages.measured.size
-    y = recording.y.copy()
+    y, y_begin = _in_counts(stages, recording.y), _in_counts(stages, recording.y_begin)
     y[recording.lost, :measured] = GARBAGE
-    begin = np.concatenate([np.zeros(1 + stages.reference.size), recording.y_begin])
+    begin = np.concatenate([np.zeros(1 + stages.reference.size), y_begin])
     return np.concatenate([begin[None], np.column_stack([recording.lost.astype(float), recording.r, y])])
+
+
+def _in_counts(stages: ControllerStages, y: np.ndarray) -> np.ndarray:
+    """A copy of measurements (…, size), their positions in counts where the code takes counts."""
+    y = y.copy()
+    if not stages.count.size:
+        return y
+    place = stages.measured.place("q")
+    q, counts = y[..., place], np.rint(y[..., place] / stages.count)
+    if not np.array_equal(counts * stages.count, q) or np.abs(counts).max() > MOST:
+        what = "positions are no whole counts, or more than an int32_t has"
+        raise ScenarioError(
+            what, place="loop.sensors.counts", expected="sensors whose positions are counts of their encoders"
+        )
+    y[..., place] = counts
+    return y
 
 
 def selftest(stages: ControllerStages, recording: Recording, expected: np.ndarray, real: str) -> str:
@@ -173,7 +195,7 @@ def _from_row(stages: ControllerStages, real: str) -> str:
     first = 1 + stages.reference.size
     lines = [
         *copies(stages.reference, "reference->", "row", 1, into=True),
-        *copies(stages.measured, "measurement->", "row", first, into=True),
+        *measured_copies(stages, real, "row", first, into=True),
         *copies(stages.applied, "measurement->", "row", first + stages.measured.size, into=True),
     ]
     half = literal(0.5, REALS[real])

@@ -11,7 +11,7 @@ import numpy as np
 
 from armwright.export.c_arithmetic import arithmetic
 from armwright.export.c_header import comment
-from armwright.export.controller.header import member
+from armwright.export.controller.header import in_counts, member
 from armwright.export.controller.stages import ControllerStages
 from armwright.kernels.c import REALS, Unit, c_text
 from armwright.kernels.c_syntax import identifier, literal
@@ -148,6 +148,24 @@ def copies(layout: Layout, struct: str, flat: str, first: int = 0, *, into: bool
     return lines
 
 
+def measured_copies(stages: ControllerStages, real: str, flat: str, first: int = 0, *, into: bool = False) -> list[str]:
+    """Statements as of `copies` for what arrives with a sample; counts of encoders become positions."""
+    lines: list[str] = []
+    for signal in stages.measured:
+        if not in_counts(stages, signal):
+            lines += copies(
+                Layout((signal,)), "measurement->", flat, first + stages.measured.place(signal.name).start, into=into
+            )
+            continue
+        for k, place in enumerate(range(stages.measured.place("q").start, stages.measured.place("q").stop)):
+            count, value = f"measurement->counts[{k}]", f"{flat}[{first + place}]"
+            if into:
+                lines.append(f"{count} = (int32_t){value};")
+            else:
+                lines.append(f"{value} = ({real}){count} * parameters->count[{k}];")
+    return lines
+
+
 def _call(name: str, program: Program, places: Mapping[str, str]) -> str:
     """A program called on the places of its blocks."""
     arrays = [places[port.name] for port in (*program.inputs, *program.outputs) if port.size]
@@ -173,7 +191,7 @@ def _init(stages: ControllerStages, real: str) -> dict[str, str]:
     arrays, gains = _gains(stages, real)
     measured = stages.measured.size
     reads = stages.begin.outputs[0].size > 0
-    filled = copies(stages.measured, "measurement->", "state->measured")
+    filled = measured_copies(stages, real, "state->measured")
     total = measured + stages.applied.size
     if reads:
         arrays = [f"{real} y[{total}];", *arrays]
@@ -181,7 +199,7 @@ def _init(stages: ControllerStages, real: str) -> dict[str, str]:
         filled += copies(stages.applied, "measurement->", "y", measured) + gains
     else:
         arrays = []
-    unread = [] if reads and gains else ["(void)parameters;"]
+    unread = [] if (reads and gains) or stages.count.size else ["(void)parameters;"]
     call = [_call(stages.name, stages.begin, {"y": "y", "c": "c", "s": "state->law"})] if reads else []
     kept = ["memcpy(state->kept, in_force->u, sizeof state->kept);"] if stages.remembers else []
     parts = {"arrays": arrays, "gather": filled, "calls": [*unread, *call], "end": kept}
@@ -212,7 +230,7 @@ def _step(stages: ControllerStages, real: str) -> dict[str, str]:
         "calls": [_call(stages.name, program, places) for program in (stages.law, stages.shape)],
         "finite": ["finite = " + "\n        && ".join(calls) + ";"],
     }
-    arrived = copies(stages.measured, "measurement->", "next.measured")
+    arrived = measured_copies(stages, real, "next.measured")
     return {key: _indented(lines) for key, lines in texts.items()} | {
         "arrived": _indented(arrived, 2),
         "judge": _indented(_judged(stages, remembers=remembers), 2),
@@ -261,6 +279,7 @@ def _default_parameters(stages: ControllerStages, real: str) -> str:
     rows = [*stages.ranges.values(), stages.limits, stages.initial_command]
     ends = np.cumsum([int(np.prod(shape, dtype=int)) for shape in stages.gains.shapes])
     values = np.split(stages.gains.values[0], ends[:-1]) if len(ends) else []
+    rows += [stages.count] if stages.count.size else []
     texts = [_braced([literal(float(v), dialect) for v in row], True) for row in rows]
     texts += [
         _braced([literal(float(v), dialect) for v in row], bool(shape))

@@ -72,6 +72,7 @@ class ControllerStages:
         shape: (u_asked, u_kept or u_issued) → u_issued_next, and u_kept_next where the rate is limited.
         initial_command: (n,) in force before the first tick.   gains: the law's fields that are no constants of its code.
         limits: (n,) of commands: the smaller of the filter's and the drive's.
+        count: (n,) [rad | m] one count of each encoder, where positions come in counts; else empty.
     """
 
     name: str
@@ -86,16 +87,20 @@ class ControllerStages:
     initial_command: np.ndarray
     gains: LaneFields
     limits: np.ndarray
+    count: np.ndarray
 
     @classmethod
-    def of(cls, scenario: Scenario, name: str | None = None, gains: tuple[str, ...] = ()) -> ControllerStages:
+    def of(
+        cls, scenario: Scenario, name: str | None = None, gains: tuple[str, ...] = (), *, counts: bool = False
+    ) -> ControllerStages:
         """The controller's part of a scenario's loop.
 
         Args:
             scenario: with a controller that can be traced, and no lanes.   name: in C; default: the arm's, and "controller".
-            gains: fields of the controller that become parameters.
+            gains: fields of the controller that become parameters.   counts: true: positions come as the encoders' counts.
         Raises:
-            ScenarioError: no controller, several lanes, a state to go on from, a law that cannot be traced, no such field.
+            ScenarioError: no controller, several lanes, a state to go on from, a law that cannot be traced, no such field,
+                counts of encoders that have none.
         """
         _check(scenario)
         scenario = _with_gains(scenario, gains)
@@ -121,6 +126,7 @@ class ControllerStages:
             loop.initial["u"],
             sampling.controller.lanes,
             np.minimum(_filter_limits(sampling, arm.n), _drive_limits(arm)),
+            _counts(scenario, arm) if counts else np.zeros(0),
         )
 
     @property
@@ -230,6 +236,21 @@ def _line(error: Exception) -> str:
     """The last line of the user's that an error passed through: " (law.py, line 12)"."""
     frames = [f for f in traceback.extract_tb(error.__traceback__) if not Path(f.filename).is_relative_to(PACKAGE)]
     return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
+
+
+def _counts(scenario: Scenario, arm: Model) -> np.ndarray:
+    """(n,) one count of each encoder [rad | m].
+
+    Raises:
+        ScenarioError: a joint whose position is not measured in counts.
+    """
+    assert scenario.loop is not None
+    count = scenario.loop.joint_sensors.counts_of(arm)
+    without = [joint for joint, one in zip(arm.names, count, strict=True) if one == 0.0]
+    if without:
+        what = f"{', '.join(without)}: measured exactly, not in counts"
+        raise ScenarioError(what, place="loop.sensors.counts", expected="counts of every joint's encoder")
+    return count
 
 
 def _filter_limits(sampling: Sampling, n: int) -> np.ndarray:

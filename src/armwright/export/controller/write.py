@@ -49,6 +49,7 @@ def export_controller(
     gains: Sequence[str] = (),
     ticks: int | None = None,
     real: str = "double",
+    counts: bool = False,
 ) -> ExportedController:
     """The controller of a scenario's loop as C99, compared with the simulation to the bit where a compiler is at hand.
 
@@ -65,6 +66,7 @@ def export_controller(
         ticks: of the scenario that are compared; default: all, at most 100,000.
         real: "double" or "float". In float the commands are near to those of the simulation, by the `error` of the comparison,
             and the self-test expects the bits that this computer's compiler gives.
+        counts: true: positions are measured in counts of the scenario's encoders, as whole numbers.
     Returns:
         exported: the files, and how the code compares with the simulation.
     Raises:
@@ -77,7 +79,7 @@ def export_controller(
         raise ModelError(place="real", value=real, choices=REALS)
     if real == "float" and find_compiler() is None:
         raise ModelError("needs a C compiler to say what it costs", place="real", value=real, expected="'double'")
-    stages = ControllerStages.of(scenario, name, tuple(gains))
+    stages = ControllerStages.of(scenario, name, tuple(gains), counts=counts)
     recording = record(stages, ticks or min(scenario.ticks, COMPARED))
     code = {f"{stages.name}.h": header(stages, real), f"{stages.name}.c": source(stages, real)}
     comparison = _compared(stages, recording, code, real) if find_compiler() is not None else None
