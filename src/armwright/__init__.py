@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from armwright.errors import ArmwrightError
     from armwright.examples import copy_examples
     from armwright.export.controller.write import ExportedController, export_controller
+    from armwright.export.fmu.write import ExportedFmu, export_fmu
     from armwright.identification.arm.drive_gains import identify_drive_gains
     from armwright.identification.arm.friction import identify_friction
     from armwright.identification.arm.identify import ArmEstimate, identify_arm
@@ -198,6 +199,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     ),
     "armwright.errors": ("ArmwrightError",),
     "armwright.export.controller.write": ("ExportedController", "export_controller"),
+    "armwright.export.fmu.write": ("ExportedFmu", "export_fmu"),
     "armwright.examples": ("copy_examples",),
     "armwright.identification.arm.friction": ("identify_friction",),
     "armwright.identification.arm.drive_gains": ("identify_drive_gains",),
@@ -315,6 +317,7 @@ __all__ = [
     "Estimate",
     "Excitation",
     "ExportedController",
+    "ExportedFmu",
     "FeedForward",
     "Filtered",
     "Fourier",
@@ -412,6 +415,7 @@ __all__ = [
     "energy",
     "enumerate_assemblies",
     "export_controller",
+    "export_fmu",
     "fit_armax",
     "fit_arx",
     "fit_n4sid",

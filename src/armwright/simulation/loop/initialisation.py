@@ -24,6 +24,15 @@ from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.view import PlantView
 
 OF_PLANT, OF_LOOP = ("x_0",), ("u_0", "y_0", "m_0", "s_0")
+BEGUN = {  # blocks of a sampled loop, by the result of the program that they begin with
+    "x": "x_0",
+    "x_seen": "x_0",
+    "m_sensors": "m_0",
+    "y": "y_0",
+    "y_kept": "y_0",  # without what the drives applied, which stands behind it
+    "s": "s_0",
+    **dict.fromkeys(("u", "u_issued", "u_kept", "u_base", "u_seen"), "u_0"),
+}
 NO_CONTROLLER = ControllerAdapter(LaneFields(None), Layout(), Layout())
 
 
@@ -123,23 +132,14 @@ class Initialisation:
         values = self._kernel(*arguments)
         if sampling is None:
             return {"x": np.asarray(values)}
-        x, u, y, memory, s = (np.asarray(each) for each in values)
+        results = dict(zip(OF_PLANT + OF_LOOP, (np.asarray(each) for each in values), strict=True))
+        begun = {name: results[result] for name, result in BEGUN.items()}
         d = sampling.delays
         numbers = [lanes.own(each) for each in (d.later, d.jitter, d.drift, d.command_loss, d.measurement_loss)]
-        return {
-            "x": x,
-            "x_seen": x,
+        return begun | {
+            "y_kept": begun["y"][:, : sampling.sensors.layout.size],
             "see_at": (sampling.period * (1.0 - lanes.own(d.earlier)))[:, None],
-            "m_sensors": memory,
-            "y": y,
-            "y_kept": y[:, : sampling.sensors.layout.size],
             "d_measured": lanes.own(d.measured)[:, None],
-            "s": s,
-            "u": u,
-            "u_issued": u,
-            "u_kept": u,
-            "u_base": u,
-            "u_seen": u,
             "arrivals": np.full((lanes.count, 1), NEVER),
             "d_commanded": lanes.own(d.commanded)[:, None],
             "d": np.stack(np.broadcast_arrays(*numbers), axis=1),

@@ -1,0 +1,143 @@
+"""Binaries of an FMU: its sources as shared libraries, by a compiler of this computer or, for others too, by zig."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from armwright.errors import ModelError
+from armwright.kernels.cache import cache_folder
+
+COMPILERS = ("gcc", "clang", "cc")  # the first of these that is there
+#: Equal bits need that products and sums stay apart; without math errno square roots are one instruction.
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-shared", "-DNDEBUG")
+TIMEOUT = 600.0  # [s] that a compiler may take
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A kind of computer.
+
+    Attributes:
+        name: in FMI 3.0, which is the folder of its binaries.   older: the same in FMI 2.0.
+        triple: zig's name.   level: processor that is asked for, with its multiply-add.   ending: of shared libraries.
+    """
+
+    name: str
+    older: str
+    triple: str
+    level: str
+    ending: str
+
+
+X86, ARM = "x86_64_v3", "generic"
+PLATFORMS = {
+    each.name: each
+    for each in (
+        Platform("x86_64-linux", "linux64", "x86_64-linux-gnu.2.17", X86, ".so"),
+        Platform("aarch64-linux", "aarch64-linux", "aarch64-linux-gnu.2.17", ARM, ".so"),
+        Platform("x86_64-windows", "win64", "x86_64-windows-gnu", X86, ".dll"),
+        Platform("aarch64-windows", "aarch64-windows", "aarch64-windows-gnu", ARM, ".dll"),
+        Platform("x86_64-darwin", "darwin64", "x86_64-macos.11.0", X86, ".dylib"),
+        Platform("aarch64-darwin", "aarch64-darwin", "aarch64-macos.11.0", ARM, ".dylib"),
+    )
+}
+
+
+def host_platform() -> str:
+    """The name of this computer's platform: "x86_64-linux"."""
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
+    system = {"win32": "windows", "darwin": "darwin"}.get(sys.platform, "linux")
+    return f"{machine}-{system}"
+
+
+def has_zig() -> bool:
+    """True if the wheel `ziglang` is installed."""
+    return importlib.util.find_spec("ziglang") is not None
+
+
+def system_compiler() -> str | None:
+    """Path of a C compiler of this computer; None where there is none."""
+    return next((path for path in map(shutil.which, COMPILERS) if path), None)
+
+
+def chosen_platforms(asked: Sequence[str] | None) -> tuple[str, ...]:
+    """Platforms to build for: those asked for; by default all with zig, this computer's with a compiler of its own, else none.
+
+    Raises:
+        ModelError: an unknown platform, or one that nothing here compiles for.
+    """
+    host, zig = host_platform(), has_zig()
+    if asked is None:
+        return tuple(PLATFORMS) if zig else (host,) if system_compiler() and host in PLATFORMS else ()
+    names = tuple(dict.fromkeys(host if name == "host" else name for name in asked))
+    for name in names:
+        if name not in PLATFORMS:
+            raise ModelError(place="platform", value=name, choices=[*PLATFORMS, "host"])
+        if not zig and (name != host or system_compiler() is None):
+            what = "nothing here compiles for it"
+            raise ModelError(
+                what, place="platform", value=name, expected="pip install 'armwright[fmu]', which brings zig"
+            )
+    return names
+
+
+def build(folder: Path, sources: Sequence[str], name: str, targets: Sequence[str]) -> dict[str, Path]:
+    """Shared libraries of the sources in a folder, one for each platform, by its name.
+
+    The system's compiler serves this computer's platform; zig the others, and this one too where there is no compiler.
+
+    Raises:
+        ModelError: a compiler ends with an error, which the message has.
+    """
+    if not targets:
+        return {}
+    with ThreadPoolExecutor(max(1, min(len(targets), (os.cpu_count() or 2) // 2))) as pool:
+        jobs = {target: pool.submit(_build_one, folder, sources, name, PLATFORMS[target]) for target in targets}
+        return {target: job.result() for target, job in jobs.items()}
+
+
+def _build_one(folder: Path, sources: Sequence[str], name: str, target: Platform) -> Path:
+    binary = folder / target.name / f"{name}{target.ending}"
+    binary.parent.mkdir(parents=True, exist_ok=True)
+    compiler = system_compiler() if target.name == host_platform() else None
+    environment = dict(os.environ)
+    if compiler is not None:
+        march = ["-march=x86-64-v3"] if target.level == X86 else []
+        command = [compiler, *FLAGS, *march]
+    else:
+        command = [
+            sys.executable,
+            "-m",
+            "ziglang",
+            "cc",
+            *FLAGS,
+            "-target",
+            target.triple,
+            f"-mcpu={target.level}",
+            "-s",
+        ]
+        cache = cache_folder() or Path(tempfile.gettempdir())
+        environment |= {"ZIG_GLOBAL_CACHE_DIR": str(cache / "zig"), "ZIG_LOCAL_CACHE_DIR": str(folder / "zig")}
+    if target.ending == ".so":
+        command.append("-fPIC")
+    command += [str(folder / file) for file in sources]
+    command += ["-o", str(binary), *([] if target.ending == ".dll" else ["-lm"])]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, env=environment)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise ModelError(str(error), place=f"compiler for {target.name}") from None
+    if done.returncode != 0:
+        lines = [line for line in done.stderr.splitlines() if line.strip()]
+        what = next((line for line in lines if "error" in line), lines[0] if lines else f"ends with {done.returncode}")
+        raise ModelError(what, place=f"compiler for {target.name}")
+    return binary

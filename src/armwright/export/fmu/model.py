@@ -1,0 +1,178 @@
+"""The model of an FMU as C: the struct of its state, the table of its variables, and the functions that the FMI layer calls."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from armwright.export.fmu.sampled import SampledModel
+from armwright.export.fmu.variables import Variable
+from armwright.kernels.c import Unit, c_text
+from armwright.kernels.c_loop import LoopText
+from armwright.kernels.c_syntax import C_DOUBLE, identifier, literal
+
+KINDS = {"input": "INPUT", "output": "COMPUTED", "local": "COMPUTED", "fixed": "FIXED", "tunable": "INPUT"}
+
+_HEADER = """\
+/* The model of an FMU made by Armwright: do not edit it, make it again. */
+#ifndef MODEL_H
+#define MODEL_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#define MODEL_TOKEN "{token}"
+#define MODEL_SAMPLED {sampled} /* 1: co-simulation, 0: model exchange */
+#define MODEL_INTERFACE "{interface}"
+#define MODEL_VARIABLES {count}u /* value references begin with 1; 0 is the time */
+{constants}
+
+/* Everything that changes; no pointers in it. */
+typedef struct {{
+{members}
+}} model_state;
+
+enum {{ COMPUTED, INPUT, FIXED }};
+
+/* Where a variable's value is, and how it is set; of model exchange, its places among knowns and unknowns of derivatives. */
+typedef struct {{
+    size_t offset;
+    int kind;
+    int32_t known, unknown;
+}} model_variable;
+
+extern const model_variable model_variables[];
+
+void model_create(model_state *l);
+void model_begin(model_state *l);
+{functions}
+
+#endif
+"""
+
+
+def model_header(
+    token: str, variables: Sequence[Variable], members: Iterable[str], constants: Mapping[str, str], functions: str
+) -> str:
+    """The text of model.h.
+
+    Args:
+        token: of this FMU.   variables: all but time.   members: of the struct.   constants: macros by name.
+        functions: declarations of what this kind of model has beside the two that all have.
+    """
+    return _HEADER.format(
+        token=token,
+        sampled=int("MODEL_PERIOD" in constants),
+        interface="co-simulation" if "MODEL_PERIOD" in constants else "model exchange",
+        count=len(variables),
+        constants="\n".join(f"#define {name} {value}" for name, value in constants.items()),
+        members="\n".join(f"    {line}" for line in members),
+        functions=functions,
+    )
+
+
+def variable_table(
+    variables: Sequence[Variable], known: Mapping[str, int] | None = None, unknown: Mapping[str, int] | None = None
+) -> str:
+    """The table of variables, by value reference.
+
+    Args:
+        variables: all but time.   known, unknown: places in the vectors of directional derivatives, by name.
+    """
+    rows = ["    {0, COMPUTED, -1, -1},"]
+    for each in variables:
+        kind = KINDS[each.variability if each.causality == "parameter" else each.causality]
+        kind = "INPUT" if each.state else kind
+        offset = f"offsetof(model_state, {each.member}) + {each.entry} * sizeof(double)"
+        places = [(where or {}).get(each.name, -1) for where in (known, unknown)]
+        rows.append(f"    {{{offset}, {kind}, {places[0]}, {places[1]}}},")
+    return "\n".join(["const model_variable model_variables[] = {", *rows, "};"])
+
+
+def sampled_source(model: SampledModel, token: str) -> dict[str, str]:
+    """The texts of model.h and model.c of a model for co-simulation."""
+    unit = Unit(C_DOUBLE, "model_")
+    loop = LoopText(unit, model.stages, "model_state", model.clock)
+    results = {port.name: port.size for port in model.begin.outputs}
+    further = {name: results[result] for name, result in model.begun.items() if name not in loop.sizes}
+    further |= results | {identifier(name): len(values) for name, values in model.inputs.items()}
+    blocks = {name: values for name, values in model.blocks.items() if name in loop.sizes}
+    for name in set(model.arguments.values()) - set(model.inputs):  # values of a lane that no stage reads
+        if name not in loop.sizes:
+            further[name], blocks[name] = len(model.blocks[name]), model.blocks[name]
+    known = {name: size for name, size in further.items() if size and name not in loop.sizes}
+    known |= {each.member: 0 for each in model.variables if each.member not in loop.sizes and each.member not in known}
+    for name in [name for name, size in known.items() if not size]:
+        known[name] = len(model.blocks[name])
+        blocks[name] = model.blocks[name]
+    sizes = {**loop.sizes, **known}
+    for name, stages in (("control", model.control), ("move", model.move), ("measure", model.measure)):
+        loop.add_function(f"model_{name}", stages, advances=name == ("move" if model.move else "control"))
+    unit.functions["model_begin"] = _begin(model, loop, sizes)
+    unit.functions["model_tick"] = _tick(model, sizes)
+    initial = loop.initial({**blocks, **model.inputs}, model.rings)
+    unit.functions["model_create"] = _create(initial)
+    unit.functions["model_variables"] = variable_table(model.variables)
+    constants = {"MODEL_PERIOD": literal(model.clock.period, C_DOUBLE), "MODEL_STATES": "0u", "MODEL_INDICATORS": "0u"}
+    functions = (
+        "int model_tick(model_state *l); /* 0, or 1 where the state is infinite or NaN, or the solver stalled */"
+    )
+    return {
+        "model.h": model_header(token, model.variables, loop.members(known), constants, functions),
+        "model.c": c_text(unit, ['"model.h"', "<string.h>"]),
+    }
+
+
+def _create(initial: Sequence[str]) -> str:
+    rows = ",\n".join(f"    {line}" for line in initial) or "    0"
+    return (
+        f"static const model_state model_first = {{\n{rows}\n}};\n\n"
+        "void model_create(model_state *l)\n{\n    *l = model_first;\n}"
+    )
+
+
+def _begin(model: SampledModel, loop: LoopText, sizes: Mapping[str, int]) -> str:
+    """`model_begin`: initial values of blocks and rings, then the first measurement."""
+    lines = []
+    if any(port.size for port in model.begin.outputs):
+        places = {port: f"l->{identifier(name)}" for port, name in model.arguments.items()}
+        lines.append(loop.call(model.begin, places))
+    results = {port.name: port.size for port in model.begin.outputs}
+    for block, result in model.begun.items():
+        if block in sizes and results[result] and block != result:
+            lines.append(f"memcpy(l->{block}, l->{result}, sizeof l->{block});")
+    for ring, block in model.filled.items():
+        length, _ = loop.rings[ring]
+        lines += (
+            [f"memcpy(l->ring_{ring}[{k}], l->{block}, sizeof l->ring_{ring}[{k}]);" for k in range(length)]
+            if (length <= 8)
+            else [
+                "{",
+                "    int k;",
+                f"    for (k = 0; k < {length}; k++) {{",
+                f"        memcpy(l->ring_{ring}[k], l->{block}, sizeof l->ring_{ring}[k]);",
+                "    }",
+                "}",
+            ]
+        )
+    lines += [f"l->x_first[{k}] = l->x[{entry}];" for k, entry in enumerate(model.ranged)]
+    lines += _entering(model, sizes, commands=False)
+    if model.measure:
+        lines.append("model_measure(l);")
+    body = "\n".join(f"    {line}" for line in (lines or ["(void)l;"]))
+    return f"void model_begin(model_state *l)\n{{\n{body}\n}}"
+
+
+def _entering(model: SampledModel, sizes: Mapping[str, int], *, commands: bool) -> list[str]:
+    """Statements that bring inputs into their blocks."""
+    pairs = [(block, member) for block, member in model.entering if block in sizes]
+    pairs = pairs if commands else [pair for pair in pairs if pair[0] not in ("u", "u_issued")]
+    return [f"memcpy(l->{block}, l->{member}, sizeof l->{block});" for block, member in pairs]
+
+
+def _tick(model: SampledModel, sizes: Mapping[str, int]) -> str:
+    """`model_tick`: one tick, and the measurement at its end."""
+    lines = _entering(model, sizes, commands=True)
+    lines += [f"model_{name}(l);" for name in ("control", "move", "measure") if getattr(model, name)]
+    lines.append("return (l->frozen[0] >= 0.0) ? 1 : 0;" if "frozen" in sizes else "return 0;")
+    body = "\n".join(f"    {line}" for line in lines)
+    return f"int model_tick(model_state *l)\n{{\n{body}\n}}"

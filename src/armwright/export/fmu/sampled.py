@@ -1,0 +1,296 @@
+"""The parts of a simulated loop that an FMU for co-simulation holds, with the variables at their borders.
+
+    u ─→ delay, drives, arm ─→ sensors ─→ y          "plant"
+    y, r ─→ control law, rate limit, limit, resolution ─→ u    "controller"
+    r ─→ both, one after the other ─→ y, u          "both"
+
+All of it are the stages that the simulation is compiled from. A step takes the inputs as they are at its beginning; what it has at
+its end are the outputs. A plant measures at the end of a step, so that its outputs belong to the time that was reached.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armwright.errors import ScenarioError
+from armwright.export.controller.stages import ControllerStages
+from armwright.export.fmu.variables import Variable, quoted, variables_of
+from armwright.kernels.c_loop import Clock
+from armwright.kernels.loop import Lanes
+from armwright.kernels.stages import SEEN, Call, Record, Rows, Stage, Table
+from armwright.model import Model
+from armwright.model.joint_signals import joint_signal
+from armwright.program import Program
+from armwright.signals import Layout, Signal
+from armwright.simulation.inputs.input_schedule import WRENCH
+from armwright.simulation.integrate.stepping import places_watched
+from armwright.simulation.loop.config import LoopConfig
+from armwright.simulation.loop.initialisation import BEGUN, Initialisation
+from armwright.simulation.loop_runner import LoopRunner
+from armwright.simulation.scenario import Scenario
+from armwright.simulation.scenario_parts import Loop, Recording
+
+PARTS = ("plant", "controller", "both")
+INERTIA = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")  # of a payload about its frame's origin
+INERTIA_UNITS = ("kg", *["kg m"] * 3, *["kg m²"] * 6)
+
+
+class UnrecordedLoop(LoopRunner):
+    """The loop of a scenario that records nothing."""
+
+    def _configured(self) -> tuple[LoopConfig, Initialisation]:
+        config, initialisation = super()._configured()
+        return replace(config, recorded={}, reduction=None), initialisation
+
+
+@dataclass(frozen=True, eq=False)
+class SampledModel:
+    """What an FMU for co-simulation computes.
+
+    Attributes:
+        part: of `PARTS`.   arm: the model.   clock: of its ticks.   about: for the user.
+        begin: the program that computes initial values.   arguments: members that hold its inputs, by port.
+        begun: blocks that its results fill, by name.   filled: rings that are filled from blocks, by name.
+        control, move, measure: stages of a tick, in this order, without those of other parts.
+        entering: (block, member) that a tick begins with.   blocks, rings: initial values, which `begin` may replace.
+        inputs: initial values of the members that inputs and parameters are written into, by name.   variables: all but time.
+        ranged: entries of x whose ranges the solver's steps are measured by.
+    """
+
+    part: str
+    arm: Model
+    clock: Clock
+    about: str
+    begin: Program
+    arguments: Mapping[str, str]
+    begun: Mapping[str, str]
+    filled: Mapping[str, str]
+    control: tuple[Stage, ...]
+    move: tuple[Stage, ...]
+    measure: tuple[Stage, ...]
+    entering: tuple[tuple[str, str], ...]
+    blocks: Mapping[str, np.ndarray]
+    rings: Mapping[str, np.ndarray]
+    inputs: Mapping[str, np.ndarray]
+    variables: tuple[Variable, ...]
+    ranged: tuple[int, ...]
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        """All stages of a tick."""
+        return (*self.control, *self.move, *self.measure)
+
+
+def sampled_model(scenario: Scenario, part: str) -> SampledModel:
+    """The part of a scenario's loop that an FMU for co-simulation holds.
+
+    Raises:
+        ScenarioError: several lanes; a start that goes on from a state; no controller, or one that cannot be traced, where
+            one is asked for; a solver that is no stage of the loop.
+    """
+    scenario = _bare(scenario, part)
+    if part != "plant":
+        ControllerStages.of(scenario)  # which says why a law cannot be traced
+    loop = UnrecordedLoop(scenario)
+    if loop.config.integrator == "cvodes":
+        raise ScenarioError(
+            "is not part of the code", place="solver.integrator", value="cvodes", expected="'auto' or another rule"
+        )
+    sampling, n = loop.config.sampling, loop.arm.n
+    assert sampling is not None
+    assert loop.reference is not None
+    lanes = Lanes(1, loop.loop.loops[0].target.width, 0, scenario.first_lane)
+    loop.begin(lanes, None)
+    first = {name: rows[0] for name, rows in loop.initial_blocks(lanes).items()}
+    control, shape, move, measure = _split((*loop.loop.tick.before, *loop.loop.tick.after))
+    joints = loop.arm.names
+    y, r, command = sampling.sensors.y, loop.reference.layout, scenario.command_layout
+    inputs: dict[str, np.ndarray] = {}
+    variables: list[Variable] = []
+
+    def add(layout: Layout, member: str, values: np.ndarray, causality: str, variability: str, **words: str) -> None:
+        inputs[member] = np.ravel(values)
+        variables.extend(variables_of(layout, joints, member, causality, variability, starts=inputs[member], **words))
+
+    entering: list[tuple[str, str]] = []
+    arguments = {"c": "c", "p": "p", "c_sensors": "c_sensors", "payload": "in_payload", "wrench": "in_wrench"}
+    if part == "plant":
+        add(command, "in_u", first["u"], "input", "discrete")
+        late = not any(port.name == "u" for port in shape.program.outputs)
+        entering += [("u_issued", "in_u"), *([] if late else [("u", "in_u")])]
+    else:
+        add(r, "in_r", _reference(loop, r), "input", "discrete", prefix="r", about="reference:")
+        entering.append(("r", "in_r"))
+    if part == "controller":
+        add(y, "in_y", first["y"], "input", "discrete", prefix="y", about="measured")
+        entering.append(("y", "in_y"))
+    else:
+        entering += _acting(loop, first, add)
+        start = scenario.initial_state[0]
+        layout = Layout((joint_signal(loop.arm, "q"), joint_signal(loop.arm, "qd")))
+        if len(start) == layout.size:
+            add(layout, "in_start", start, "parameter", "fixed", prefix="start", about="initial")
+        arguments["start"] = "in_start"
+        inputs.setdefault("in_start", start)
+        if scenario.first_command is not None:
+            inputs["in_u_start"] = first["u"]
+            arguments["u"] = "in_u_start"
+        variables += variables_of(y, joints, "y", "output", "discrete", prefix="y", about="measured")
+        variables += variables_of(loop.plant.layout, joints, "x", "output", "discrete", prefix="x", about="true")
+    if part == "controller":
+        add(command, "in_u_start", first["u"], "parameter", "fixed", prefix="start", about="in force at the start:")
+        arguments |= {"y": "in_y"}
+    if part != "plant":
+        variables += variables_of(command, joints, "u_issued", "output", "discrete")
+    _add_lane_values(loop, part, variables)
+    controller = part == "controller"
+    kept = {"y_old": "y_kept", "u": "u", "u_queued": "u"}
+    stages = (*([] if part == "plant" else [*control, shape]), *([] if controller else [*move, *measure]))
+    rings = {name: rows[0] for name in lanes.rings if (rows := lanes.get_ring(name)).size and _delays(stages, name)}
+    blocks = {name: lanes.get(name)[0] for name in lanes.blocks}
+    extra = {name: first[name] for name in ("c", "p", "c_sensors") if name in first and name not in blocks}
+    begin, begun = _beginning(loop, scenario, controller=controller)
+    return SampledModel(
+        part,
+        loop.arm,
+        Clock(loop.period, scenario.substeps, scenario.seed, scenario.first_lane),
+        _about(scenario, part, loop),
+        begin,
+        {port.name: arguments[port.name] for port in begin.inputs if port.size},
+        begun,
+        {name: kept[name] for name in rings},
+        () if part == "plant" else (*control, shape),
+        () if controller else tuple(move),
+        () if controller else tuple(measure),
+        tuple(entering),
+        {**blocks, **{name: values for name, values in extra.items() if values.size}},
+        rings,
+        {name: values for name, values in inputs.items() if values.size},
+        tuple(variables),
+        tuple(places_watched(loop.plant.layout)) if "x_first" in blocks and not controller else (),
+    )
+
+
+def _bare(scenario: Scenario, part: str) -> Scenario:
+    """The scenario with a sampled loop, without what is recorded.
+
+    Raises:
+        ScenarioError: as `sampled_model`.
+    """
+    if (scenario.lane_count or 1) > 1:
+        what = f"{scenario.lane_count} lanes, and an FMU is one"
+        raise ScenarioError(what, place="lanes", expected="a scenario without batches and draws")
+    if scenario.started is not None:
+        raise ScenarioError("goes on from a state", place="start", expected="initial positions and speeds")
+    if part != "plant" and scenario.controller is None:
+        raise ScenarioError("no controller", place="loop.controller", expected="one to export, or part = 'plant'")
+    if scenario.solver.events:
+        scenario = replace(scenario, solver=replace(scenario.solver, events={}))
+    loop, command = scenario.loop, scenario.command
+    if loop is None:  # commands over time: they come from outside, and are held from tick to tick
+        first = scenario.commands
+        initial = np.asarray(first)[0] if isinstance(first, np.ndarray) else first[0].commands[0]
+        loop, command = Loop(period=scenario.tick, initial_command=initial), None
+    if part == "plant":
+        loop = replace(loop, controller=None, reference=None, period=loop.period or scenario.tick)
+    return replace(scenario, loop=loop, command=command, recording=Recording())
+
+
+def _split(stages: tuple[Stage, ...]) -> tuple[list[Stage], Call, list[Stage], list[Stage]]:
+    """Stages of the controller, the shaping of its command, of what moves the plant behind it, and of its measurement.
+
+    Rows and tables are none of them: what they bring comes from outside.
+    """
+    names = [stage.program.name if isinstance(stage, Call) else "" for stage in stages]
+    shape = names.index("shape")
+    told = names.index("tell")
+    inside = [stage for stage in stages if not isinstance(stage, (Rows, Table, Record))]
+    place = {id(stage): k for k, stage in enumerate(stages)}
+    control = [stage for stage in inside if told < place[id(stage)] < shape and _name(stage) == "control"]
+    measure = [stage for stage in inside if place[id(stage)] <= told]
+    move = [stage for stage in inside if place[id(stage)] > shape]
+    shaped = stages[shape]
+    assert isinstance(shaped, Call)
+    return control, shaped, move, measure
+
+
+def _name(stage: Stage) -> str:
+    return stage.program.name if isinstance(stage, Call) else ""
+
+
+def _delays(stages: tuple[Stage, ...], to: str) -> bool:
+    return any(getattr(stage, "to", None) == to for stage in stages)
+
+
+def _acting(loop: UnrecordedLoop, first: Mapping[str, np.ndarray], add: object) -> list[tuple[str, str]]:
+    """Adds the inputs of the plant beside its commands: wrench, brakes, payloads."""
+    assert callable(add)
+    arm, entering = loop.arm, []
+    for name, size in loop.config.inputs.items():
+        values = first[f"{name}{SEEN}"]
+        if name == "wrench":
+            units = ("N",) * 3 + ("N m",) * 3
+            layout = Layout(
+                (Signal(name, units, (6,), labels=WRENCH, about="of the environment on the tip, base axes"),)
+            )
+        elif name == "brake":
+            braked = tuple(i for i, body in enumerate(arm.coordinates) if body.brake is not None)
+            layout = Layout((joint_signal(arm, name, "1", "1: the holding brake is applied, 0: released", braked),))
+        else:
+            frames = [f"{frame} {part}" for frame in loop.config.payload_frames for part in INERTIA]
+            units = INERTIA_UNITS * len(loop.config.payload_frames)
+            layout = Layout((Signal(name, units, (size,), labels=tuple(frames), about="inertial parameters at frame"),))
+        add(layout, f"in_{name}", values, "input", "discrete")
+        entering.append((name, f"in_{name}"))
+    return entering
+
+
+def _reference(loop: UnrecordedLoop, layout: Layout) -> np.ndarray:
+    """The reference at the first tick."""
+    reference = loop.reference
+    assert reference is not None
+    if reference.table is not None:
+        return reference.table[0]
+    values = np.zeros(layout.size)
+    if "q" in layout:
+        values[layout.place("q")] = loop.scenario.initial_state[0, : loop.arm.n]
+    return values
+
+
+def _add_lane_values(loop: UnrecordedLoop, part: str, variables: list[Variable]) -> None:
+    """Adds numbers of record and controller that were left open as parameters."""
+    sampling, varied = loop.config.sampling, loop.config.varied
+    assert sampling is not None
+    if varied is not None and part != "controller":
+        for k, name in enumerate(varied.names):
+            value = float(loop.scenario.parameters[0, k])
+            about = "number of the record"
+            variables.append(Variable(f"p.{quoted(name)}", "parameter", "tunable", "-", about, "p", k, value))
+    if part == "plant":
+        return
+    lanes, entry = sampling.controller.lanes, 0
+    for name, shape in zip(lanes.names, lanes.shapes, strict=True):
+        for k in range(int(np.prod(shape, dtype=int))):
+            words = f"c.{quoted(name)}" + (f".at{k}" if shape else "")
+            value = float(lanes.values[0, entry])
+            variables.append(Variable(words, "parameter", "tunable", "-", "gain of the law", "c", entry, value))
+            entry += 1
+
+
+def _beginning(loop: UnrecordedLoop, scenario: Scenario, *, controller: bool) -> tuple[Program, dict[str, str]]:
+    """The program of initial values, and the blocks that its results fill."""
+    if controller:
+        stages = ControllerStages.of(scenario)
+        return stages.begin, {"s": "s"}
+    program = loop.initialisation.program
+    assert program is not None
+    return program, dict(BEGUN)
+
+
+def _about(scenario: Scenario, part: str, loop: UnrecordedLoop) -> str:
+    law = "" if part == "plant" else f" with {loop.controller.name}" if part == "both" else f", {loop.controller.name}"
+    whole = {"plant": "the arm", "controller": "the controller of", "both": "the arm"}[part]
+    return f"{whole} {scenario.arm.name}{law}, one tick of {loop.period:g} s"

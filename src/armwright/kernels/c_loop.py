@@ -1,0 +1,336 @@
+"""A simulation loop's stages as C99: the loop that LLVM is given (`loop_printer`, `loop_steps`), for one lane.
+
+Blocks and rings are members of one struct without pointers, so that a copy of it is the loop's whole state. What `stages` says of
+every stage is done here by plain statements; the programs are printed as kernels are, so that the bits are those of the compiled
+loop. Rows of schedules and tables are no stages here: whoever calls the functions writes into the blocks instead.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armwright.errors import ProgramError
+from armwright.kernels import philox
+from armwright.kernels.c import Unit
+from armwright.kernels.c_syntax import C_DOUBLE, identifier, literal
+from armwright.kernels.loop_steps import LOST, NEARLY
+from armwright.kernels.stages import (
+    NEXT,
+    SECANTS,
+    SEEN,
+    SINCE,
+    SWITCHES,
+    Adapt,
+    Call,
+    Delay,
+    Draw,
+    Integrate,
+    Stage,
+    block_sizes,
+)
+from armwright.program import Program
+
+_PHILOX = f"""\
+static void {{prefix}}draw(uint64_t lane, uint64_t tick, uint64_t channel, uint64_t seed, int entries, double *numbers)
+{{{{
+    const uint64_t low = UINT64_C({philox.LOW});
+    int call, half, k;
+    for (call = 0; 2 * call < entries; call++) {{{{
+        uint64_t c0 = lane & low, c1 = tick & low, c2 = (tick >> 32) << 16 | channel, c3 = (uint64_t)call;
+        uint64_t k0 = seed & low, k1 = seed >> 32;
+        for (k = 0; k < {philox.ROUNDS}; k++) {{{{
+            const uint64_t a = UINT64_C({philox.M0}) * c0, b = UINT64_C({philox.M1}) * c2;
+            c0 = (b >> 32) ^ c1 ^ k0;
+            c2 = (a >> 32) ^ c3 ^ k1;
+            c1 = b & low;
+            c3 = a & low;
+            k0 = (k0 + UINT64_C({philox.W0})) & low;
+            k1 = (k1 + UINT64_C({philox.W1})) & low;
+        }}}}
+        for (half = 0; half < 2 && 2 * call + half < entries; half++) {{{{
+            const uint64_t bits = half == 0 ? (c0 << 20 | c1 >> 12) : (c2 << 20 | c3 >> 12);
+            const double number = (double)bits + 0.5;
+            numbers[2 * call + half] = number * {2.0**-52!r};
+        }}}}
+    }}}}
+}}}}"""
+
+_ACCEPT = """\
+static void {prefix}accept({struct} *l)
+{{
+    double poison = 0.0; /* 0 x is NaN where x is not finite, and NaN stays */
+    int k;
+    if (!(l->frozen[0] < 0.0)) {{
+        return;
+    }}
+    for (k = 0; k < {size}; k++) {{
+        poison = fma(l->x_next[k], 0.0, poison);
+    }}
+    if (poison == 0.0) {{
+        memcpy(l->x, l->x_next, sizeof l->x);
+    }} else {{
+        l->frozen[0] = (double)l->{counter};
+    }}
+}}"""
+
+COUNTER = "tick_number"  # the member that counts ticks
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Numbers of a loop that are constants of its code.
+
+    Attributes:
+        period: [s] of a tick.   substeps: of a tick, where the plant has a fixed step.
+        seed, lane: that random numbers depend on.
+    """
+
+    period: float
+    substeps: int = 1
+    seed: int = 0
+    lane: int = 0
+
+
+class LoopText:
+    """C functions of a unit over one struct of blocks.
+
+    Attributes:
+        unit: whose functions these become.   struct: the type's name.   sizes: entries of every block.
+        rings: length and entries of every delay's ring, by the block that it fills.
+    """
+
+    def __init__(self, unit: Unit, stages: Sequence[Stage], struct: str, clock: Clock):
+        """Text of those stages.
+
+        Raises:
+            ProgramError: a stage that has no C: an integration that looks for events.
+        """
+        self.unit, self.struct, self.clock, self._plan = unit, struct, clock, tuple(stages)
+        self.sizes = {name: size for name, size in block_sizes(self._plan).items() if size}
+        self.rings = {stage.to: (stage.length, stage.entries) for stage in stages if isinstance(stage, Delay)}
+        for stage in stages:
+            if isinstance(stage, Adapt) and stage.events:
+                raise ProgramError("looks for events", place="loop", expected="a solver without events")
+
+    def members(self, further: Mapping[str, int]) -> list[str]:
+        """Declarations of the struct's members: counter, blocks, further arrays, rings."""
+        lines = [f"uint64_t {COUNTER};"]
+        lines += [f"double {identifier(name)}[{size}];" for name, size in {**self.sizes, **further}.items()]
+        return lines + [
+            f"double ring_{identifier(to)}[{length}][{entries}];" for to, (length, entries) in self.rings.items()
+        ]
+
+    def initial(self, blocks: Mapping[str, np.ndarray], rings: Mapping[str, np.ndarray]) -> list[str]:
+        """Initialisers of the struct's members that are not all 0.
+
+        Args:
+            blocks: values (entries,) by name.   rings: values (length, entries).
+        """
+        lines = []
+        for name, values in blocks.items():
+            if np.any(values != 0.0):
+                lines.append(f".{identifier(name)} = {{{_numbers(values)}}}")
+        for name, values in rings.items():
+            if np.any(values != 0.0):
+                rows = ", ".join(f"{{{_numbers(row)}}}" for row in values)
+                lines.append(f".ring_{identifier(name)} = {{{rows}}}")
+        return lines
+
+    def add_function(self, name: str, stages: Iterable[Stage], *, advances: bool = False) -> None:
+        """`static void name(struct *l)`: the stages in order; `advances`: the counter goes on to the next tick at the end."""
+        body = []
+        for stage in stages:
+            body += getattr(self, f"_{type(stage).__name__.lower()}")(stage)
+        if "tick" in self.sizes:
+            body.insert(0, f"l->tick[0] = (double)l->{COUNTER};")
+        if advances:
+            body.append(f"l->{COUNTER}++;")
+        text = "\n".join(f"    {line}" for line in (body or ["(void)l;"]))
+        self.unit.functions[name] = f"static void {name}({self.struct} *l)\n{{\n{text}\n}}"
+
+    def call(self, program: Program, places: Mapping[str, str] | None = None) -> str:
+        """The statement that calls a program on blocks; `places`: arrays of other names, by port."""
+        name = f"{self.unit.prefix}of_{identifier(program.name)}"
+        if name not in self.unit.functions:
+            self.unit.add_function(program, name)
+        ports = [port for port in (*program.inputs, *program.outputs) if port.size]
+        return f"{name}({', '.join((places or {}).get(port.name, f'l->{identifier(port.name)}') for port in ports)});"
+
+    # Stages.
+
+    def _run(self, program: Program) -> list[str]:
+        """A program, and its results that replace blocks."""
+        return [self.call(program), *_replace(program)]
+
+    def _call(self, stage: Call) -> list[str]:
+        return self._run(stage.program)
+
+    def _draw(self, stage: Draw) -> list[str]:
+        name, clock = f"{self.unit.prefix}draw", self.clock
+        self.unit.functions[name] = _PHILOX.format(prefix=self.unit.prefix)
+        keys = f"UINT64_C({clock.lane}), l->{COUNTER}, UINT64_C({stage.channel}), UINT64_C({clock.seed})"
+        return [f"{name}({keys}, {stage.entries}, l->{identifier(stage.block)});"]
+
+    def _delay(self, stage: Delay) -> list[str]:
+        block, to, by = identifier(stage.block), identifier(stage.to), identifier(stage.by)
+        slot = f"(l->{COUNTER} + {stage.length}u - (uint64_t)l->{by}[0]) % {stage.length}u"
+        return [
+            f"memcpy(l->ring_{to}[l->{COUNTER} % {stage.length}u], l->{block}, sizeof l->{block});",
+            f"memcpy(l->{to}, l->ring_{to}[{slot}], sizeof l->{to});",
+        ]
+
+    def _integrate(self, stage: Integrate) -> list[str]:
+        self._add_accept()
+        part = literal(1.0 / self.clock.substeps, C_DOUBLE)
+        once = [self.call(stage.step), f"{self.unit.prefix}accept(l);"]
+        inner = [
+            "const double length = (edge - t) * " + part + ";",
+            "int substep;",
+            "l->h[0] = length;",
+            f"for (substep = 0; substep < {self.clock.substeps}; substep++) {{",
+            *_indented(self._in_pieces(stage) if stage.switching else once),
+            "}",
+        ]
+        return self._segments(stage, inner)
+
+    def _in_pieces(self, stage: Integrate) -> list[str]:
+        """A substep that is cut where something switches."""
+        return [
+            "double left = length;",
+            "int piece, cut = 1;",
+            "for (piece = 0; cut != 0; piece++) {",
+            "    cut = 0;",
+            "    l->h[0] = left;",
+            *_indented([self.call(stage.switching[0]), self.call(stage.step)]),
+            f"    if (piece < {SWITCHES} && l->frozen[0] < 0.0) {{",
+            *_indented(self._cut(stage, "left"), 2),
+            "    }",
+            "    if (0.0 < left) {",
+            f"        {self.unit.prefix}accept(l);",
+            "    }",
+            "    left = (cut != 0) ? left - l->h[0] : 0.0;",
+            "}",
+        ]
+
+    def _cut(self, stage: Integrate | Adapt, length: str) -> list[str]:
+        """The step just taken ends at the first place where something switches; `cut` says whether there is one."""
+        _, switched, bracket, narrow = stage.switching
+        return [
+            self.call(switched),
+            "if (0.0 < l->switched[0]) {",
+            "    int secant;",
+            "    cut = 1;",
+            f"    {self.call(bracket)}",
+            f"    for (secant = 0; secant < {SECANTS}; secant++) {{",
+            f"        l->h[0] = l->part[0] * {length};",
+            *_indented([self.call(stage.step), *self._run(narrow)], 2),
+            "    }",
+            f"    l->h[0] = l->bracket[1] * {length};",
+            f"    {self.call(stage.step)}",
+            "}",
+        ]
+
+    def _adapt(self, stage: Adapt) -> list[str]:
+        h = self.clock.period
+        most = stage.most * (max(h * (1.0 / stage.each), 1.0) if stage.each is not None else 1.0)
+        taken = [
+            f"memcpy(l->{identifier(port.name.removesuffix(NEXT))}, l->{identifier(port.name)}, sizeof l->{identifier(port.name)});"
+            for port in stage.trial.outputs
+            if port.name.endswith(NEXT) and port.size
+        ]
+        touching, cut = [], []
+        if stage.switching:
+            touching = [self.call(stage.switching[0])]
+            cut = [
+                "if (active && l->error[0] <= 1.0) {",
+                *_indented(self._cut(stage, "s")),
+                "}",
+                "s = l->h[0];",
+            ]
+        inner = [
+            "int again = 1;",
+            "while (again != 0) {",
+            "    const double now = l->since_tick[0], left = edge - now;",
+            f"    const double wanted = (0.0 < l->h_try[0]) ? l->h_try[0] : {literal(h, C_DOUBLE)};",
+            "    const int active = now < edge && l->frozen[0] < 0.0;",
+            f"    const double nearly = wanted * {NEARLY!r};",
+            "    double s = (left <= nearly) ? left : wanted, grow, following, then;",
+            "    const int ends = left <= s;",
+            "    int cut = 0, good, measured, rejected, waits, over;",
+            "    l->h[0] = s;",
+            *_indented([*touching, self.call(stage.trial), *cut]),
+            "    good = active && l->error[0] <= 1.0;",
+            "    then = now + s;",
+            "    then = (ends && cut == 0) ? edge : then;",
+            f"    measured = l->error[0] <= {sys.float_info.max!r};",
+            f"    grow = measured ? l->grow[0] : {LOST!r};",
+            "    grow = (0.0 < l->rejected[0] && 1.0 < grow) ? 1.0 : grow; /* behind a step that was refused */",
+            "    following = s * grow;",
+            "    following = (good && s < wanted && following < wanted) ? wanted : following; /* it was cut short */",
+            "    l->h_try[0] = active ? following : wanted;",
+            "    rejected = active && !(l->error[0] <= 1.0);",
+            "    l->rejected[0] = (double)rejected;",
+            "    l->repeats[0] += (double)rejected;",
+            "    l->largest[0] = (good && l->largest[0] < l->error[0]) ? l->error[0] : l->largest[0];",
+            "    l->tried[0] += (double)active;",
+            "    l->trials[0] += (double)active;",
+            "    if (good) {",
+            *_indented([*taken, "l->since_tick[0] = then;"], 2),
+            "    }",
+            "    waits = active && l->since_tick[0] < edge;",
+            f"    over = waits && {literal(most, C_DOUBLE)} <= l->tried[0];",
+            "    if (over) {",
+            f"        l->frozen[0] = (double)l->{COUNTER};",
+            "        l->stalled[0] += (double)measured;",
+            *(["        l->stalled_by[0] = l->worst[0];"] if "worst" in self.sizes else []),
+            "    }",
+            "    again = waits && !over;",
+            "}",
+        ]
+        return ["l->tried[0] = 0.0;", *self._segments(stage, inner)]
+
+    def _segments(self, stage: Integrate | Adapt, inner: Sequence[str]) -> list[str]:
+        """A tick from change to change: `inner` moves the plant from `t` to `edge`."""
+        h = literal(self.clock.period, C_DOUBLE)
+        begins = [f"l->u_from[{s}]" for s in range(stage.planned - 1)] + ["l->see_at[0]"] * bool(stage.seen)
+        lines = [f"l->{SINCE}[0] = 0.0;", "do {", f"    const double t = l->{SINCE}[0];", f"    double edge = {h};"]
+        lines += [f"    edge = (t < {each} && {each} < edge) ? {each} : edge;" for each in begins]
+        if stage.planned:
+            n = self.sizes["u"]
+            lines.append("    memcpy(l->u, l->u_plan, sizeof l->u);")
+            for s in range(1, stage.planned):
+                lines += [
+                    f"    if (l->u_from[{s - 1}] <= t) {{",
+                    f"        memcpy(l->u, &l->u_plan[{s * n}], sizeof l->u);",
+                    "    }",
+                ]
+        lines += ["    {", *_indented(inner, 2), "    }"]
+        if stage.seen:
+            kept = [f"memcpy(l->{name}{SEEN}, l->{name}, sizeof l->{name});" for name in stage.seen]
+            lines += ["    if (edge == l->see_at[0]) {", *_indented(kept, 2), "    }"]
+        return [*lines, f"    l->{SINCE}[0] = edge;", f"}} while (l->{SINCE}[0] < {h});"]
+
+    def _add_accept(self) -> None:
+        words = {"prefix": self.unit.prefix, "struct": self.struct, "size": self.sizes["x"], "counter": COUNTER}
+        self.unit.functions[f"{self.unit.prefix}accept"] = _ACCEPT.format(**words)
+
+
+def _replace(program: Program) -> list[str]:
+    """Statements that copy next values of blocks into the blocks."""
+    return [
+        f"memcpy(l->{identifier(port.name.removesuffix(NEXT))}, l->{identifier(port.name)}, sizeof l->{identifier(port.name)});"
+        for port in program.outputs
+        if port.name.endswith(NEXT) and port.size
+    ]
+
+
+def _numbers(values: np.ndarray) -> str:
+    return ", ".join(literal(float(value), C_DOUBLE) for value in np.ravel(values))
+
+
+def _indented(lines: Iterable[str], depth: int = 1) -> list[str]:
+    return ["    " * depth + line for line in lines]
