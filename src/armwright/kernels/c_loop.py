@@ -237,11 +237,7 @@ class LoopText:
     def _adapt(self, stage: Adapt) -> list[str]:
         h = self.clock.period
         most = stage.most * (max(h * (1.0 / stage.each), 1.0) if stage.each is not None else 1.0)
-        taken = [
-            f"memcpy(l->{identifier(port.name.removesuffix(NEXT))}, l->{identifier(port.name)}, sizeof l->{identifier(port.name)});"
-            for port in stage.trial.outputs
-            if port.name.endswith(NEXT) and port.size
-        ]
+        taken = _replace(stage.trial)
         touching, cut = [], []
         if stage.switching:
             touching = [self.call(stage.switching[0])]

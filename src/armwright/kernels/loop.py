@@ -111,11 +111,12 @@ class Lanes:
 class Loop:
     """Compiled stages."""
 
-    def __init__(self, stages: tuple[Stage, ...], target: Target):
+    def __init__(self, stages: tuple[Stage, ...], target: Target, *, runs: bool = True):
+        """Compiles stages for a target; `runs` False: only their memory is wanted, and nothing is compiled."""
         self.stages, self.target = stages, target
         self.sizes = block_sizes(stages)
         self._names = argument_names(stages)
-        self._run = Engine(target, loop_module, *stages).function("loop", ctypes.c_void_p)
+        self._run = Engine(target, loop_module, *stages).function("loop", ctypes.c_void_p) if runs else None
 
     def lanes(self, count: int, first: int = 0) -> Lanes:
         """Blocks of zeros for a group of lanes, none frozen."""
@@ -220,6 +221,7 @@ class Loop:
                 shared = (tasks.queue, tasks.tasks, tasks.attempts, tasks.ranks, tasks.results)
                 arguments += [*(pointer(array) for array in shared), len(tasks.attempts)]
         table = (ctypes.c_int64 * len(arguments))(*arguments)
+        assert self._run is not None
         self._run(ctypes.addressof(table))
 
 

@@ -75,7 +75,7 @@ class LoopRunner:
         target, outputs = scenario.solver.target, scenario.recording.what == "all"
         if loop is not None:
             loop.check(self.config, target, outputs=outputs)
-        self.loop = loop or CompiledLoop.of(self.config, target, outputs=outputs)
+        self.loop = loop or self._compiled(target, outputs=outputs)
         self.untraced, self.plant = self.loop.tick.untraced, self.config.bare
         if self.untraced is not None and scenario.controller is not None:
             lanes = "" if scenario.lane_count is None or self.controller.vectorised else " for every lane"
@@ -94,6 +94,10 @@ class LoopRunner:
         self._keep = self._kept_blocks()
 
     # Making.
+
+    def _compiled(self, target: str | None, *, outputs: bool) -> CompiledLoop:
+        """The loop in native code."""
+        return CompiledLoop.of(self.config, target, outputs=outputs)
 
     @property
     def controller(self) -> ControllerAdapter:

@@ -108,7 +108,7 @@ class ControllerStages:
         sampling, arm = loop.config.sampling, loop.arm
         assert sampling is not None
         assert loop.reference is not None
-        begin = _traced(loop, sampling)
+        begin = traced_beginning(loop, sampling)
         programs = {
             s.program.name: s.program for s in (*loop.loop.tick.before, *loop.loop.tick.after) if isinstance(s, Call)
         }
@@ -203,7 +203,7 @@ def _is_gain(value: Any) -> bool:
         return False
 
 
-def _traced(loop: RecordedLoop, sampling: Sampling) -> Program:
+def traced_beginning(loop: LoopRunner, sampling: Sampling) -> Program:
     """The law's state before the first tick as a program (y, c) → s.
 
     Raises:

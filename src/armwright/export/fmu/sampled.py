@@ -4,19 +4,19 @@
     y, r ─→ control law, rate limit, limit, resolution ─→ u    "controller"
     r ─→ both, one after the other ─→ y, u          "both"
 
-All of it are the stages that the simulation is compiled from. A step takes the inputs as they are at its beginning; what it has at
-its end are the outputs. A plant measures at the end of a step, so that its outputs belong to the time that was reached.
+All of it are the stages that the simulation is compiled from. A step takes the inputs as they are at its beginning; its outputs
+are what it has at its end. A plant measures at the end of a step, so that its outputs belong to the time that was reached.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from armwright.errors import ScenarioError
-from armwright.export.controller.stages import ControllerStages
+from armwright.export.controller.stages import traced_beginning
 from armwright.export.fmu.variables import Variable, quoted, variables_of
 from armwright.kernels.c_loop import Clock
 from armwright.kernels.loop import Lanes
@@ -25,8 +25,9 @@ from armwright.model import Model
 from armwright.model.joint_signals import joint_signal
 from armwright.program import Program
 from armwright.signals import Layout, Signal
-from armwright.simulation.inputs.input_schedule import WRENCH
+from armwright.simulation.inputs.input_schedule import WRENCH, all_rows
 from armwright.simulation.integrate.stepping import places_watched
+from armwright.simulation.loop.compiled import CompiledLoop
 from armwright.simulation.loop.config import LoopConfig
 from armwright.simulation.loop.initialisation import BEGUN, Initialisation
 from armwright.simulation.loop_runner import LoopRunner
@@ -39,7 +40,10 @@ INERTIA_UNITS = ("kg", *["kg m"] * 3, *["kg m²"] * 6)
 
 
 class UnrecordedLoop(LoopRunner):
-    """The loop of a scenario that records nothing."""
+    """The loop of a scenario that records nothing, to be printed and not to be run."""
+
+    def _compiled(self, target: str | None, *, outputs: bool) -> CompiledLoop:
+        return CompiledLoop.of(self.config, target, outputs=False, runs=False)
 
     def _configured(self) -> tuple[LoopConfig, Initialisation]:
         config, initialisation = super()._configured()
@@ -92,16 +96,15 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
             one is asked for; a solver that is no stage of the loop.
     """
     scenario = _bare(scenario, part)
-    if part != "plant":
-        ControllerStages.of(scenario)  # which says why a law cannot be traced
     loop = UnrecordedLoop(scenario)
     if loop.config.integrator == "cvodes":
         raise ScenarioError(
             "is not part of the code", place="solver.integrator", value="cvodes", expected="'auto' or another rule"
         )
-    sampling, n = loop.config.sampling, loop.arm.n
+    sampling = loop.config.sampling
     assert sampling is not None
     assert loop.reference is not None
+    law = None if part == "plant" else traced_beginning(loop, sampling)  # which says why a law cannot be traced
     lanes = Lanes(1, loop.loop.loops[0].target.width, 0, scenario.first_lane)
     loop.begin(lanes, None)
     first = {name: rows[0] for name, rows in loop.initial_blocks(lanes).items()}
@@ -111,9 +114,21 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
     inputs: dict[str, np.ndarray] = {}
     variables: list[Variable] = []
 
-    def add(layout: Layout, member: str, values: np.ndarray, causality: str, variability: str, **words: str) -> None:
+    def add(
+        layout: Layout,
+        member: str,
+        values: np.ndarray,
+        causality: str,
+        variability: str,
+        prefix: str = "",
+        about: str = "",
+    ) -> None:
         inputs[member] = np.ravel(values)
-        variables.extend(variables_of(layout, joints, member, causality, variability, starts=inputs[member], **words))
+        variables.extend(
+            variables_of(
+                layout, joints, member, causality, variability, starts=inputs[member], prefix=prefix, about=about
+            )
+        )
 
     entering: list[tuple[str, str]] = []
     arguments = {"c": "c", "p": "p", "c_sensors": "c_sensors", "payload": "in_payload", "wrench": "in_wrench"}
@@ -152,7 +167,10 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
     rings = {name: rows[0] for name in lanes.rings if (rows := lanes.get_ring(name)).size and _delays(stages, name)}
     blocks = {name: lanes.get(name)[0] for name in lanes.blocks}
     extra = {name: first[name] for name in ("c", "p", "c_sensors") if name in first and name not in blocks}
-    begin, begun = _beginning(loop, scenario, controller=controller)
+    begin, begun = loop.initialisation.program, BEGUN
+    if controller:
+        begin, begun = law, {"s": "s"}
+    assert begin is not None
     return SampledModel(
         part,
         loop.arm,
@@ -191,15 +209,13 @@ def _bare(scenario: Scenario, part: str) -> Scenario:
         scenario = replace(scenario, solver=replace(scenario.solver, events={}))
     loop, command = scenario.loop, scenario.command
     if loop is None:  # commands over time: they come from outside, and are held from tick to tick
-        first = scenario.commands
-        initial = np.asarray(first)[0] if isinstance(first, np.ndarray) else first[0].commands[0]
-        loop, command = Loop(period=scenario.tick, initial_command=initial), None
+        loop, command = Loop(period=scenario.tick, initial_command=all_rows(scenario.commands)[0]), None
     if part == "plant":
         loop = replace(loop, controller=None, reference=None, period=loop.period or scenario.tick)
     return replace(scenario, loop=loop, command=command, recording=Recording())
 
 
-def _split(stages: tuple[Stage, ...]) -> tuple[list[Stage], Call, list[Stage], list[Stage]]:
+def _split(stages: tuple[Stage, ...]) -> tuple[Sequence[Stage], Call, Sequence[Stage], Sequence[Stage]]:
     """Stages of the controller, the shaping of its command, of what moves the plant behind it, and of its measurement.
 
     Rows and tables are none of them: what they bring comes from outside.
@@ -278,16 +294,6 @@ def _add_lane_values(loop: UnrecordedLoop, part: str, variables: list[Variable])
             value = float(lanes.values[0, entry])
             variables.append(Variable(words, "parameter", "tunable", "-", "gain of the law", "c", entry, value))
             entry += 1
-
-
-def _beginning(loop: UnrecordedLoop, scenario: Scenario, *, controller: bool) -> tuple[Program, dict[str, str]]:
-    """The program of initial values, and the blocks that its results fill."""
-    if controller:
-        stages = ControllerStages.of(scenario)
-        return stages.begin, {"s": "s"}
-    program = loop.initialisation.program
-    assert program is not None
-    return program, dict(BEGUN)
 
 
 def _about(scenario: Scenario, part: str, loop: UnrecordedLoop) -> str:

@@ -38,8 +38,8 @@ class CompiledLoop:
     names: tuple[str, ...]
 
     @classmethod
-    def of(cls, config: LoopConfig, target: str | None, *, outputs: bool = True) -> CompiledLoop:
-        """Compiles a tick; `outputs`: and what follows from its rows.
+    def of(cls, config: LoopConfig, target: str | None, *, outputs: bool = True, runs: bool = True) -> CompiledLoop:
+        """Compiles a tick; `outputs`: and what follows from its rows; `runs` False: its stages alone, which then cannot run.
 
         Raises:
             ModelError: a drive without the constants that its command needs.
@@ -48,7 +48,7 @@ class CompiledLoop:
         stages = [tick.before, tick.after] if tick.untraced is not None else [(*tick.before, *tick.after)]
         # What one lane's friction asks for is done in all lanes of its tile: the fewer these are, the less.
         tile = chosen if config.bare.sticking is not None else chosen.doubled()
-        loops = tuple(Loop(part, tile) for part in stages)
+        loops = tuple(Loop(part, tile, runs=runs) for part in stages)
         program, names = plant_outputs(config) if outputs else (None, ())
         kernel = None if program is None else Kernel(program, chosen)
         return cls(config, target, tick, loops, StepLimit(config.arm), kernel, names)
