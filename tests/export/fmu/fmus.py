@@ -8,7 +8,7 @@ from pathlib import Path
 import fmpy
 import numpy as np
 from fmpy import extract, read_model_description
-from fmpy.fmi2 import FMU2Model, FMU2Slave
+from fmpy.fmi2 import FMU2Model, FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 from fmpy.validation import validate_fmu
 
@@ -38,8 +38,6 @@ class Instance:
             self.fmu.instantiate(callbacks=self._callbacks())
 
     def _callbacks(self):
-        from fmpy.fmi2 import fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
-
         def log(environment, name, status, category, message):
             self.messages.append(message.decode())
 
@@ -76,10 +74,35 @@ class Instance:
     def step(self, time, size):
         self.fmu.doStep(currentCommunicationPoint=time, communicationStepSize=size)
 
+    def directional(self, unknowns, knowns, seed):
+        """Derivatives of unknowns along a direction of knowns."""
+        given = [[self.references[name] for name in names] for names in (unknowns, knowns)]
+        call = self.fmu.getDirectionalDerivative
+        return np.array(call(*given, list(seed)))
+
     def close(self):
         self.fmu.terminate()
         self.fmu.freeInstance()
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-__all__ = ["Instance", "fmpy", "validate_fmu"]
+def simulated(path, duration, tolerance=1e-9, **inputs):
+    """States at the end of a run by FMPy's CVode, inputs constant: values by prefix of their names."""
+    assert validate_fmu(str(path)) == []
+    names = [v.name for v in read_model_description(str(path)).modelVariables]
+    values = {
+        name: float(value)
+        for prefix, row in inputs.items()
+        for name, value in zip([n for n in names if n.startswith(f"{prefix}.")], row, strict=True)
+    }
+    result = fmpy.simulate_fmu(
+        str(path),
+        stop_time=duration,
+        output_interval=duration / 10.0,
+        relative_tolerance=tolerance,
+        solver="CVode",
+        start_values=values,
+        output=[n for n in names if n.startswith("x.")],
+        fmi_type="ModelExchange",
+    )
+    return np.array(list(result[-1])[1:])

@@ -7,8 +7,6 @@ import pytest
 
 import armwright as aw
 from export.controllers import CONTROLLERS
-
-pytest.importorskip("fmpy", reason="the extra fmu and fmpy are not installed")
 from export.fmu.fmus import Instance
 
 ARMS = ("two-link", "puma560", "lwa4p", "cmu-dd", "panda")

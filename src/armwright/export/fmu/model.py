@@ -49,6 +49,16 @@ void model_begin(model_state *l);
 #endif
 """
 
+CREATE = """\
+static const model_state model_first = {{
+{rows}
+}};
+
+void model_create(model_state *l)
+{{
+    *l = model_first;
+}}"""
+
 
 def model_header(
     token: str, variables: Sequence[Variable], members: Iterable[str], constants: Mapping[str, str], functions: str
@@ -110,7 +120,7 @@ def sampled_source(model: SampledModel, token: str) -> dict[str, str]:
     unit.functions["model_begin"] = _begin(model, loop, sizes)
     unit.functions["model_tick"] = _tick(model, sizes)
     initial = loop.initial({**blocks, **model.inputs}, model.rings)
-    unit.functions["model_create"] = _create(initial)
+    unit.functions["model_create"] = CREATE.format(rows=",\n".join(f"    {row}" for row in initial) or "    0")
     unit.functions["model_variables"] = variable_table(model.variables)
     constants = {"MODEL_PERIOD": literal(model.clock.period, C_DOUBLE), "MODEL_STATES": "0u", "MODEL_INDICATORS": "0u"}
     functions = (
@@ -120,14 +130,6 @@ def sampled_source(model: SampledModel, token: str) -> dict[str, str]:
         "model.h": model_header(token, model.variables, loop.members(known), constants, functions),
         "model.c": c_text(unit, ['"model.h"', "<string.h>"]),
     }
-
-
-def _create(initial: Sequence[str]) -> str:
-    rows = ",\n".join(f"    {line}" for line in initial) or "    0"
-    return (
-        f"static const model_state model_first = {{\n{rows}\n}};\n\n"
-        "void model_create(model_state *l)\n{\n    *l = model_first;\n}"
-    )
 
 
 def _begin(model: SampledModel, loop: LoopText, sizes: Mapping[str, int]) -> str:

@@ -95,7 +95,9 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
         ScenarioError: several lanes; a start that goes on from a state; no controller, or one that cannot be traced, where
             one is asked for; a solver that is no stage of the loop.
     """
-    scenario = _bare(scenario, part)
+    scenario = plant_alone(scenario) if part == "plant" else _bare(scenario)
+    if part != "plant" and scenario.controller is None:
+        raise ScenarioError("no controller", place="loop.controller", expected="one to export, or part = 'plant'")
     loop = UnrecordedLoop(scenario)
     if loop.config.integrator == "cvodes":
         raise ScenarioError(
@@ -143,7 +145,9 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
         add(y, "in_y", first["y"], "input", "discrete", prefix="y", about="measured")
         entering.append(("y", "in_y"))
     else:
-        entering += _acting(loop, first, add)
+        for name in loop.config.inputs:
+            add(acting_layout(loop, name), f"in_{name}", first[f"{name}{SEEN}"], "input", "discrete")
+            entering.append((name, f"in_{name}"))
         start = scenario.initial_state[0]
         layout = Layout((joint_signal(loop.arm, "q"), joint_signal(loop.arm, "qd")))
         if len(start) == layout.size:
@@ -160,7 +164,7 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
         arguments |= {"y": "in_y"}
     if part != "plant":
         variables += variables_of(command, joints, "u_issued", "output", "discrete")
-    _add_lane_values(loop, part, variables)
+    variables += lane_values(loop, part)
     controller = part == "controller"
     kept = {"y_old": "y_kept", "u": "u", "u_queued": "u"}
     stages = (*([] if part == "plant" else [*control, shape]), *([] if controller else [*move, *measure]))
@@ -192,8 +196,8 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
     )
 
 
-def _bare(scenario: Scenario, part: str) -> Scenario:
-    """The scenario with a sampled loop, without what is recorded.
+def _bare(scenario: Scenario) -> Scenario:
+    """The scenario without what is recorded and looked for.
 
     Raises:
         ScenarioError: as `sampled_model`.
@@ -203,16 +207,22 @@ def _bare(scenario: Scenario, part: str) -> Scenario:
         raise ScenarioError(what, place="lanes", expected="a scenario without batches and draws")
     if scenario.started is not None:
         raise ScenarioError("goes on from a state", place="start", expected="initial positions and speeds")
-    if part != "plant" and scenario.controller is None:
-        raise ScenarioError("no controller", place="loop.controller", expected="one to export, or part = 'plant'")
     if scenario.solver.events:
         scenario = replace(scenario, solver=replace(scenario.solver, events={}))
-    loop, command = scenario.loop, scenario.command
-    if loop is None:  # commands over time: they come from outside, and are held from tick to tick
-        loop, command = Loop(period=scenario.tick, initial_command=all_rows(scenario.commands)[0]), None
-    if part == "plant":
-        loop = replace(loop, controller=None, reference=None, period=loop.period or scenario.tick)
-    return replace(scenario, loop=loop, command=command, recording=Recording())
+    return replace(scenario, recording=Recording())
+
+
+def plant_alone(scenario: Scenario) -> Scenario:
+    """The scenario commanded from outside, once a tick, without controller and reference.
+
+    Raises:
+        ScenarioError: as `sampled_model`.
+    """
+    loop = scenario.loop
+    if loop is None:
+        loop = Loop(period=scenario.tick, initial_command=all_rows(scenario.commands)[0])
+    loop = replace(loop, controller=None, reference=None, period=loop.period or scenario.tick)
+    return _bare(replace(scenario, loop=loop, command=None))
 
 
 def _split(stages: tuple[Stage, ...]) -> tuple[Sequence[Stage], Call, Sequence[Stage], Sequence[Stage]]:
@@ -241,27 +251,19 @@ def _delays(stages: tuple[Stage, ...], to: str) -> bool:
     return any(getattr(stage, "to", None) == to for stage in stages)
 
 
-def _acting(loop: UnrecordedLoop, first: Mapping[str, np.ndarray], add: object) -> list[tuple[str, str]]:
-    """Adds the inputs of the plant beside its commands: wrench, brakes, payloads."""
-    assert callable(add)
-    arm, entering = loop.arm, []
-    for name, size in loop.config.inputs.items():
-        values = first[f"{name}{SEEN}"]
-        if name == "wrench":
-            units = ("N",) * 3 + ("N m",) * 3
-            layout = Layout(
-                (Signal(name, units, (6,), labels=WRENCH, about="of the environment on the tip, base axes"),)
-            )
-        elif name == "brake":
-            braked = tuple(i for i, body in enumerate(arm.coordinates) if body.brake is not None)
-            layout = Layout((joint_signal(arm, name, "1", "1: the holding brake is applied, 0: released", braked),))
-        else:
-            frames = [f"{frame} {part}" for frame in loop.config.payload_frames for part in INERTIA]
-            units = INERTIA_UNITS * len(loop.config.payload_frames)
-            layout = Layout((Signal(name, units, (size,), labels=tuple(frames), about="inertial parameters at frame"),))
-        add(layout, f"in_{name}", values, "input", "discrete")
-        entering.append((name, f"in_{name}"))
-    return entering
+def acting_layout(loop: UnrecordedLoop, name: str) -> Layout:
+    """Layout of an input of the plant beside its commands: "wrench", "brake" or "payload"."""
+    arm = loop.arm
+    if name == "wrench":
+        units = ("N",) * 3 + ("N m",) * 3
+        return Layout((Signal(name, units, (6,), labels=WRENCH, about="of the environment on the tip, base axes"),))
+    if name == "brake":
+        braked = tuple(i for i, body in enumerate(arm.coordinates) if body.brake is not None)
+        return Layout((joint_signal(arm, name, "1", "1: the holding brake is applied, 0: released", braked),))
+    frames = loop.config.payload_frames
+    labels = tuple(f"{frame} {part}" for frame in frames for part in INERTIA)
+    units = INERTIA_UNITS * len(frames)
+    return Layout((Signal(name, units, (len(units),), labels=labels, about="inertial parameters at frame"),))
 
 
 def _reference(loop: UnrecordedLoop, layout: Layout) -> np.ndarray:
@@ -276,24 +278,24 @@ def _reference(loop: UnrecordedLoop, layout: Layout) -> np.ndarray:
     return values
 
 
-def _add_lane_values(loop: UnrecordedLoop, part: str, variables: list[Variable]) -> None:
-    """Adds numbers of record and controller that were left open as parameters."""
-    sampling, varied = loop.config.sampling, loop.config.varied
+def lane_values(loop: UnrecordedLoop, part: str) -> list[Variable]:
+    """Numbers of record and controller that the scenario leaves open, as parameters."""
+    sampling, varied, rows = loop.config.sampling, loop.config.varied, []
     assert sampling is not None
     if varied is not None and part != "controller":
         for k, name in enumerate(varied.names):
-            value = float(loop.scenario.parameters[0, k])
-            about = "number of the record"
-            variables.append(Variable(f"p.{quoted(name)}", "parameter", "tunable", "-", about, "p", k, value))
+            value, about = float(loop.scenario.parameters[0, k]), "number of the record"
+            rows.append(Variable(f"p.{quoted(name)}", "parameter", "tunable", "-", about, "p", k, value))
     if part == "plant":
-        return
+        return rows
     lanes, entry = sampling.controller.lanes, 0
     for name, shape in zip(lanes.names, lanes.shapes, strict=True):
         for k in range(int(np.prod(shape, dtype=int))):
             words = f"c.{quoted(name)}" + (f".at{k}" if shape else "")
             value = float(lanes.values[0, entry])
-            variables.append(Variable(words, "parameter", "tunable", "-", "gain of the law", "c", entry, value))
+            rows.append(Variable(words, "parameter", "tunable", "-", "gain of the law", "c", entry, value))
             entry += 1
+    return rows
 
 
 def _about(scenario: Scenario, part: str, loop: UnrecordedLoop) -> str:

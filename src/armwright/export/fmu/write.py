@@ -13,6 +13,7 @@ from pathlib import Path
 
 from armwright.errors import ModelError
 from armwright.export.fmu.build import PLATFORMS, build, chosen_platforms
+from armwright.export.fmu.continuous import continuous_model, continuous_source
 from armwright.export.fmu.description import VERSIONS, Description, build_description, model_description
 from armwright.export.fmu.model import sampled_source
 from armwright.export.fmu.sampled import PARTS, sampled_model
@@ -100,7 +101,7 @@ def export_fmu(
         what = "a controller acts at its ticks, which a solver of other steps does not know"
         raise ModelError(what, place="part", value=part, expected="'plant', or interface = 'co-simulation'")
     with whole_file(path, (".fmu",)) as temporary:
-        description, texts = _sampled(scenario, part, identifier)
+        description, texts = _texts(scenario, part, identifier, sampled=interface == "co-simulation")
         fmi = f"fmi{version[0]}.c"
         compiled = ["model.c", "instance.c", fmi]
         texts |= {file: (SOURCES / file).read_text(encoding="ascii") for file in ("instance.h", "instance.c", fmi)}
@@ -142,15 +143,19 @@ def _identifier(path: Path, name: str | None) -> str:
     return word
 
 
-def _sampled(scenario: Scenario, part: str, identifier: str) -> tuple[Description, dict[str, str]]:
-    """Description and texts of an FMU for co-simulation."""
-    model = sampled_model(scenario, part)
-    stop = scenario.duration if scenario.duration is not None else 1.0
-    texts = sampled_source(model, "@TOKEN@")
+def _texts(scenario: Scenario, part: str, identifier: str, *, sampled: bool) -> tuple[Description, dict[str, str]]:
+    """Description and generated texts of an FMU."""
+    if sampled:
+        model = sampled_model(scenario, part)
+        texts, period, indicators = sampled_source(model, "@TOKEN@"), model.clock.period, ()
+    else:
+        model = continuous_model(scenario)
+        texts, period, indicators = continuous_source(model, "@TOKEN@"), None, model.indicators
     token = _token(identifier, texts)
+    stop = 1.0 if scenario.duration is None else float(scenario.duration)
+    name = f"{model.arm.name} {part}"
     description = Description(
-        f"{model.arm.name} {part}", identifier, token, model.about, model.variables, model.clock.period, _tool(),
-        stop=float(stop),
+        name, identifier, token, model.about, model.variables, period, _tool(), indicators, stop
     )  # fmt: skip
     return description, {file: text.replace("@TOKEN@", token) for file, text in texts.items()}
 

@@ -199,7 +199,7 @@ def _adaptive(config: LoopConfig, watched: Watched | None, planned: int, seen: t
     return adaptive_stage(trial, shapes, config.adaptivity, layout, planned, seen, watched, order, lands=lands)
 
 
-def _plant_call(config: LoopConfig, u: Array, rest: Sequence[Array]) -> tuple[Plant, PlantInputs]:
+def plant_call(config: LoopConfig, u: Array, rest: Sequence[Array]) -> tuple[Plant, PlantInputs]:
     """A lane's plant and what acts on it, from commands and what follows: `plant_blocks`, then contacts, directions if held."""
     held = [*(["contacts"] if sum(config.bare.contacts) else []), "directions"]
     values = dict(zip([*config.plant_blocks, *held], rest, strict=False))
@@ -213,7 +213,7 @@ def plant_derivative(config: LoopConfig) -> tuple[Callable[..., Array], dict[str
     """
 
     def derivative(x: Array, u: Array, *rest: Array) -> Array:
-        plant, inputs = _plant_call(config, u, rest)
+        plant, inputs = plant_call(config, u, rest)
         return plant.derivative(x, inputs)
 
     return derivative, {"x": (config.bare.size,), "u": (config.arm.n,)} | config.plant_blocks
@@ -231,7 +231,7 @@ def _plant_step(config: LoopConfig, contacts: Mapping[str, tuple[int, ...]]) -> 
 
     def step(x: Array, u: Array, *rest: Array) -> Array:
         *inputs, h = rest
-        plant, plant_inputs = _plant_call(config, u, inputs)
+        plant, plant_inputs = plant_call(config, u, inputs)
         return plant.step(rule, x, plant_inputs, h)
 
     return trace("step", step, {**shapes, **contacts, "h": ()}, (f"x{NEXT}",))
@@ -246,7 +246,7 @@ def plant_trial(config: LoopConfig, watched: Watched | None) -> Callable[..., tu
 
     def landing(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
         *given, h = rest
-        plant, inputs = _plant_call(config, u, given)
+        plant, inputs = plant_call(config, u, given)
         assert plant.sticking is not None
         directions = plant.sticking.present(x, inputs)
         new, error, *others = held(x, u, *given, directions, h)
@@ -263,7 +263,7 @@ def _smooth_trial(config: LoopConfig, shapes: Mapping[str, tuple[int, ...]]) -> 
     if config.integrator == "rodas3":
 
         def slopes(x: Array, u: Array, *rest: Array) -> tuple[Array, Array, Array]:
-            plant, inputs = _plant_call(config, u, rest)
+            plant, inputs = plant_call(config, u, rest)
             return plant_slopes(plant, x, inputs)
 
         lands = config.adaptivity is not None and bool(config.adaptivity.events)
@@ -271,7 +271,7 @@ def _smooth_trial(config: LoopConfig, shapes: Mapping[str, tuple[int, ...]]) -> 
 
     def pair(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
         *inputs, h = rest
-        plant, plant_inputs = _plant_call(config, u, inputs)
+        plant, plant_inputs = plant_call(config, u, inputs)
         return plant.step_with_error(PAIR, x, plant_inputs, h)
 
     return pair
@@ -281,10 +281,10 @@ def plant_watched(config: LoopConfig) -> Watched | None:
     """The plant's switching functions within steps; None of an arm that has no stops and no play."""
 
     def depths(x: Array, u: Array, *rest: Array) -> Array:
-        return _plant_call(config, u, rest)[0].contact_depths(x)
+        return plant_call(config, u, rest)[0].contact_depths(x)
 
     def functions(x: Array, u: Array, *rest: Array) -> tuple[Array, Array]:
-        plant, inputs = _plant_call(config, u, rest)
+        plant, inputs = plant_call(config, u, rest)
         return plant.switching_functions(x, inputs)
 
     contacts = sum(config.bare.contacts)
@@ -300,7 +300,7 @@ def _plant_outputs(config: LoopConfig) -> tuple[Program, tuple[str, ...]]:
     names: list[str] = []
 
     def outputs(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
-        plant, inputs = _plant_call(config, u, rest)
+        plant, inputs = plant_call(config, u, rest)
         outputs = plant.outputs(x, inputs)
         if config.sampling is None and plant.is_plain:  # the motors alone: what else there is follows from these
             outputs = {name: values for name, values in outputs.items() if name in USUAL}

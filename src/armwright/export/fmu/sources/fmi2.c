@@ -23,7 +23,7 @@ static void log_message(const instance *i, int level, const char *message)
     if (i->logger != NULL) {
         log_callback call;
         memcpy(&call, &i->logger, sizeof call);
-        call(i->environment, i->name != NULL ? i->name : "", level, "logStatusError", "%s", message);
+        call(i->environment, i->name != NULL ? i->name : "", level, "logStatusError", message); /* no text of ours has a % */
     }
 }
 
