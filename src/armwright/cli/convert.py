@@ -1,4 +1,4 @@
-"""`armwright convert`: a robot file in another format."""
+"""`armwright convert`: a robot file or a saved run in another format."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ def _file(metavar: str, help_text: str) -> Any:
 
 
 def convert(
-    source: Annotated[str, _file("IN", "A robot's TOML, URDF or MJCF file, or the name of a built-in arm.")],
-    target: Annotated[Path, _file("OUT", "The file to write: .toml, .urdf, .xml or .mjcf; replaced where it exists.")],
+    source: Annotated[
+        str, _file("IN", "A robot's TOML, URDF or MJCF file, the name of a built-in arm, or a run: .nc.")
+    ],
+    target: Annotated[Path, _file("OUT", "The file to write, replaced where it exists.")],
     smoothing: Annotated[
         float | None,
         typer.Option(
@@ -28,6 +30,9 @@ def convert(
 ) -> None:
     """Write a robot file in the format of OUT's ending, and list what that format cannot hold and what was doubtful in IN.
 
+    Robots: .toml, .urdf, .xml or .mjcf. Runs, of a saved .nc: .mcap for Foxglove, PlotJuggler and Rerun, .mat for MATLAB, .csv,
+    .parquet.
+
     A URDF gets its drive train in NAME.drive.toml beside it. From TOML to TOML it is the canonical form: the same arm, and
     the same bytes every time. A built-in arm converted to TOML is a file of yours to change.
 
@@ -36,6 +41,7 @@ def convert(
       armwright convert panda my-panda.toml
       armwright convert my-arm.urdf my-arm.toml
       armwright convert my-arm.toml my-arm.xml
+      armwright convert run.nc run.mcap
     """
     import armwright as aw
 

@@ -15,7 +15,7 @@ def reproduce(
     run: Annotated[Path, typer.Argument(metavar="RUN.nc", help="A run of a scenario file.", show_default=False)],
     output: Annotated[
         Path | None,
-        option("--output -o", "FILE", "Where the new run goes: .nc, .csv or .parquet."),
+        option("--output -o", "FILE", "Where the new run goes: .nc, .csv, .parquet, .mcap or .mat."),
     ] = None,
 ) -> None:
     """Do a saved run again, from the scenario that it keeps, and tell whether every bit is the same.

@@ -78,7 +78,7 @@ def simulate(
         float | None, option("--record-period", "S", "Time in s from row to row; default 1e-3 without a step.")
     ] = None,
     output: Annotated[
-        Path | None, option("--output -o", "FILE", "Where the run goes: .nc (NetCDF), .csv or .parquet.")
+        Path | None, option("--output -o", "FILE", "Where the run goes: .nc (NetCDF), .csv, .parquet, .mcap or .mat.")
     ] = None,
     plot: Annotated[
         Path | None, option("--plot", "FILE", "Where its plot goes: .png, .svg, .pdf, or .html to zoom into.")

@@ -4,6 +4,8 @@
 |----------|------------------------------------------------------------------------------|---------------------------------|
 | .nc      | the dataset as it is, NetCDF 4                                               | `load_run`, xarray, MATLAB, …   |
 | .csv     | one row a lane and time, columns `q_joint1 [rad]`                            | pandas, MATLAB, spreadsheets    |
+| .mat     | variables `t`, `q`, `units`, see `mat_file`                                  | MATLAB, Octave, scipy           |
+| .mcap    | ROS 2 messages and JSON, see `mcap_file` (extra `logs`: mcap)                | Foxglove, PlotJuggler, Rerun, … |
 | .parquet | the same columns, units in the fields' metadata too (extra `logs`: pyarrow)  | pandas, polars, DuckDB          |
 """
 
@@ -21,6 +23,8 @@ from armwright.errors import OutputError, Problem, RunError
 from armwright.model import Model
 from armwright.model.joint_signals import LONG_NAMES, UNITS, command_unit, joint_units
 from armwright.output import check_destination, whole_file
+from armwright.results.mat_file import write_mat
+from armwright.results.mcap_file import write_mcap
 from armwright.results.run_file import write_netcdf
 from armwright.results.run_schema import A_RUN, check_run
 from armwright.results.tables import joint_columns, write_table
@@ -28,7 +32,8 @@ from armwright.results.tables import joint_columns, write_table
 if TYPE_CHECKING:
     import xarray as xr
 
-ENDINGS = (".nc", ".csv", ".parquet")
+ENDINGS = (".nc", ".csv", ".parquet", ".mcap", ".mat")
+EXTRAS = {".parquet": ("Parquet", "pyarrow"), ".mcap": ("MCAP", "mcap")}  # ending → format, module of the extra `logs`
 DIMENSIONS = ("lane", "time", "joint", "event")  # of a run, in order; the last where events were watched
 
 
@@ -188,24 +193,32 @@ def check_recording(path: str | os.PathLike[str]) -> Path:
         OutputError: as `save`.
     """
     path = check_destination(path, ENDINGS)
-    if path.suffix.lower() == ".parquet" and importlib.util.find_spec("pyarrow") is None:
-        raise OutputError("Parquet needs pyarrow, which is not installed: pip install armwright[logs]", file=path)
+    name, module = EXTRAS.get(path.suffix.lower(), ("", ""))
+    if module and importlib.util.find_spec(module) is None:
+        raise OutputError(f"{name} needs {module}, which is not installed: pip install armwright[logs]", file=path)
     return path
 
 
 def save(run: xr.Dataset, path: str | os.PathLike[str]) -> None:
-    """Writes a run in the format that the file's ending names: .nc, .csv or .parquet; whole or not at all.
+    """Writes a run in the format that the file's ending names: .nc, .csv, .parquet, .mcap or .mat; whole or not at all.
 
     Args:
         run: what `simulate` returned, or a part of it such as `run.isel(joint=0)`.
         path: the file; one that is there is replaced when the new one is complete.
     Raises:
         RunError: no run.
-        OutputError: an unknown ending, a folder that is missing, no permission, a full disk, Parquet without pyarrow.
+        OutputError: an unknown ending, a folder that is missing, no permission, a full disk, Parquet without pyarrow, MCAP
+            without mcap.
     """
     check_run(run)
     path = check_recording(path)
-    writers = {".nc": write_netcdf, ".csv": _write_csv, ".parquet": _write_parquet}
+    writers = {
+        ".nc": write_netcdf,
+        ".csv": _write_csv,
+        ".parquet": _write_parquet,
+        ".mcap": _write_mcap,
+        ".mat": _write_mat,
+    }
     with whole_file(path, ENDINGS) as temporary:
         try:
             writers[path.suffix.lower()](run, temporary)
@@ -217,6 +230,21 @@ def save(run: xr.Dataset, path: str | os.PathLike[str]) -> None:
 def _write_csv(run: xr.Dataset, path: Path) -> None:
     with open(path, "w", encoding="utf-8", newline="") as file:
         write_table(None, wide(run), file)
+
+
+def _write_mcap(run: xr.Dataset, path: Path) -> None:
+    run = in_order(run)
+    write_mcap(run, path, _all_units(run))
+
+
+def _write_mat(run: xr.Dataset, path: Path) -> None:
+    run = in_order(run) if "time" in run.coords and "joint" in run.coords else run
+    write_mat(run, path, _all_units(run))
+
+
+def _all_units(run: xr.Dataset) -> dict[str, list[str]]:
+    """Units of every variable with joints, one for each joint."""
+    return {str(name): run_units(run, str(name)) for name, each in run.data_vars.items() if "joint" in each.dims}
 
 
 def _write_parquet(run: xr.Dataset, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Conversion of a robot file to another format, or to the canonical form of its own."""
+"""Conversion of a robot file to another format or to the canonical form of its own, and of a saved run to another format."""
 
 from __future__ import annotations
 
@@ -10,11 +10,14 @@ from typing import Any
 from armwright.description import RobotDescription, read_description
 from armwright.description.drive_file import ENDING
 from armwright.description.writer import write_toml
-from armwright.errors import OutputError
+from armwright.errors import OutputError, RunError
 from armwright.export.mjcf import write_mjcf
 from armwright.export.urdf import write_urdf
 from armwright.output import check_destination
+from armwright.results.recording import check_recording, save
+from armwright.results.run_file import load_run
 
+RUN = ".nc"
 ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
 
 
@@ -35,7 +38,8 @@ class Conversion:
 def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], **reading: Any) -> Conversion:
     """Writes a robot file in the format of the target's ending: .toml, .urdf (with its drive file beside it), .xml or .mjcf.
 
-    TOML to TOML gives the canonical form: equal descriptions are equal bytes, and a file in that form stays as it is.
+    TOML to TOML gives the canonical form: equal descriptions are equal bytes, and a file in that form stays as it is. A saved
+    run, .nc, goes to .csv, .parquet, .mcap or .mat, as `save` writes them.
 
     Args:
         source: a built-in name, or a path.   target: the file to write; one that is there is replaced.
@@ -44,8 +48,10 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], **re
         conversion: the files written, what was lost, and what was doubtful.
     Raises:
         DescriptionError: a source that cannot be believed.   OutputError: a target that cannot be written, or is the source
-            itself.
+            itself.   RunError: an .nc that is no run.
     """
+    if Path(source).suffix.lower() == RUN:
+        return _converted_run(Path(source), target, reading)
     path = check_destination(target, ENDINGS)
     _check_other_file(Path(source), path)
     robot = read_description(source, **reading)
@@ -58,6 +64,14 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], **re
         lost = write_urdf(robot, path)
         return Conversion((path, path.with_name(path.stem + ENDING)), tuple(lost), notes)
     return Conversion((path,), tuple(write_mjcf(robot, path)), notes)
+
+
+def _converted_run(source: Path, target: str | os.PathLike[str], reading: dict[str, Any]) -> Conversion:
+    for key in reading:
+        raise RunError("goes with a robot file", place=key, file=source)
+    path = check_recording(check_destination(target, read=[source]))
+    save(load_run(source), path)
+    return Conversion((path,), ())
 
 
 def _check_other_file(source: Path, target: Path) -> None:
