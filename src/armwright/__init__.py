@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from armwright.examples import copy_examples
     from armwright.export.controller.write import ExportedController, export_controller
     from armwright.export.fmu.write import ExportedFmu, export_fmu
+    from armwright.export.ros2 import Ros2Export, export_ros2
     from armwright.identification.arm.drive_gains import identify_drive_gains
     from armwright.identification.arm.friction import identify_friction
     from armwright.identification.arm.identify import ArmEstimate, identify_arm
@@ -200,6 +201,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.errors": ("ArmwrightError",),
     "armwright.export.controller.write": ("ExportedController", "export_controller"),
     "armwright.export.fmu.write": ("ExportedFmu", "export_fmu"),
+    "armwright.export.ros2": ("Ros2Export", "export_ros2"),
     "armwright.examples": ("copy_examples",),
     "armwright.identification.arm.friction": ("identify_friction",),
     "armwright.identification.arm.drive_gains": ("identify_drive_gains",),
@@ -369,6 +371,7 @@ __all__ = [
     "Recording",
     "ReferenceFilter",
     "RobotDescription",
+    "Ros2Export",
     "Ruckig",
     "SCurve",
     "Scenario",
@@ -416,6 +419,7 @@ __all__ = [
     "enumerate_assemblies",
     "export_controller",
     "export_fmu",
+    "export_ros2",
     "fit_armax",
     "fit_arx",
     "fit_n4sid",

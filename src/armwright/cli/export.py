@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from armwright.cli.arguments import Allow, Robot
+from armwright.cli.arguments import Allow, Robot, as_options
 from armwright.errors import ScenarioError
 from armwright.terminal import say
 
@@ -16,7 +16,7 @@ export = typer.Typer()
 
 @export.callback()
 def _formats() -> None:
-    """Write an arm or a controller for other programs: C libraries."""
+    """Write an arm or a controller for other programs: C libraries, ROS 2."""
 
 
 @export.command()
@@ -110,3 +110,38 @@ def controller(
         say(f"{compared.ticks} steps: {near if single else equal}; {took}")
     for note in exported.notes:
         say(f"armwright: note: {note}", err=True)
+
+
+@export.command()
+def ros2(
+    robot: Robot,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files; made where there is none.")
+    ],
+    command: Annotated[
+        str,
+        typer.Option("--command", metavar="KIND", help="What the controllers command: position, velocity or effort."),
+    ] = "position",
+    rate: Annotated[int, typer.Option("--rate", metavar="HZ", help="Update rate of the controller manager.")] = 100,
+    hardware: Annotated[
+        str, typer.Option("--hardware", metavar="PLUGIN", help="Plugin of the arm's driver.")
+    ] = "mock_components/GenericSystem",
+) -> None:
+    """Write an arm for ROS 2: a URDF with ros2_control tags, its limits and its controllers.
+
+    NAME.urdf has the limits of every joint and of its command interfaces; joint_limits.yaml and controllers.yaml are
+    parameters for the controller manager and MoveIt. NAME.drive.toml holds what a URDF cannot.
+
+    \b
+    Examples:
+      armwright export ros2 lwa4p -o lwa4p_description
+      armwright export ros2 my-arm.toml --command effort --rate 500 -o my_arm_description
+    """
+    import armwright as aw
+
+    with as_options("command", "rate", "hardware"):
+        exported = aw.export_ros2(aw.load(robot), output, command=command, rate=rate, hardware=hardware)
+    for path in exported.paths:
+        say(f"wrote {path}")
+    for line in exported.lost:
+        say(f"lost: {line}")

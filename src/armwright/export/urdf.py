@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -24,13 +25,20 @@ from armwright.solids.visual import Visual
 from armwright.spatial import Placement, roll_pitch_yaw
 
 
-def write_urdf(arm: Arm | RobotDescription, path: str | os.PathLike[str], *, drive: bool = True) -> list[str]:
+def write_urdf(
+    arm: Arm | RobotDescription,
+    path: str | os.PathLike[str],
+    *,
+    drive: bool = True,
+    elements: Sequence[ElementTree.Element] = (),
+) -> list[str]:
     """Writes a URDF, and beside NAME.urdf the drive file NAME.drive.toml, from which `read_urdf` has the dynamics again.
 
     Link frames are moved onto their joints, as the format wants them; named frames become fixed links without mass.
 
     Args:
         arm: the arm or its description.   path: of the file, ending in .urdf.   drive: whether to write the drive file.
+        elements: further ones of the robot, such as <ros2_control>.
     Returns:
         losses: what the URDF itself cannot hold, one sentence each; (kept) where the drive file has it.
     Raises:
@@ -38,7 +46,7 @@ def write_urdf(arm: Arm | RobotDescription, path: str | os.PathLike[str], *, dri
     """
     description, path = record_of(arm), Path(path)
     losses = Losses()
-    text = urdf_text(description, path, losses)
+    text = urdf_text(description, path, losses, elements)
     beside = path.with_name(path.stem + ENDING)
     with whole_file(path, (".urdf",)) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
@@ -54,7 +62,9 @@ def write_urdf(arm: Arm | RobotDescription, path: str | os.PathLike[str], *, dri
     return [*motors, *gravity, *friction, *springs, *of_all_formats(description, kept), *losses.sentences()]
 
 
-def urdf_text(description: RobotDescription, path: Path, losses: Losses) -> str:
+def urdf_text(
+    description: RobotDescription, path: Path, losses: Losses, elements: Sequence[ElementTree.Element] = ()
+) -> str:
     """The URDF; what its pictures lose is added to `losses`. Mesh paths are relative to `path` where they are below it."""
     robot = ElementTree.Element("robot", name=description.name)
     ElementTree.SubElement(robot, "link", name=description.base)
@@ -69,6 +79,7 @@ def urdf_text(description: RobotDescription, path: Path, losses: Losses) -> str:
         _frame(robot, moved, *place_of(description, frames, tip))
     for name in (frame.name for frame in description.frames):
         _frame(robot, name, *place_of(description, frames, name))
+    robot.extend(elements)
     ElementTree.indent(robot)
     return f'<?xml version="1.0" encoding="utf-8"?>\n{ElementTree.tostring(robot, encoding="unicode")}\n'
 

@@ -42,9 +42,7 @@ def draw_regions(figure: Figure, regions: Sequence[Sequence[GainRegion]], delays
             which.set_major_locator(LogLocator(numticks=5))
             which.set_minor_formatter(NullFormatter())
         axis.set_title(each[0].joint, loc="left", fontsize=10, color=ink)
-        labels = [
-            f"{name} [{unit}]" if unit else name for name, unit in zip(each[0].names, each[0].units, strict=True)
-        ]
+        labels = [f"{name} [{unit}]" if unit else name for name, unit in zip(each[0].names, each[0].units, strict=True)]
         axis.set_ylabel(labels[0], color=ink, fontsize=9)
         axis.set_xlabel(labels[1], color=ink, fontsize=9)
         axis.tick_params(colors=ink, which="both", labelsize=8)
