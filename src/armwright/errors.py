@@ -218,6 +218,10 @@ class IdentificationError(ArmwrightError):
     """Parameters cannot be fitted as asked: too few rows, a method that needs more than the log has."""
 
 
+class BusError(ArmwrightError):
+    """An arm cannot be reached over a bus, or must not be driven over it: no such bus, a wrong node, a limit, a fault."""
+
+
 class OutputError(ArmwrightError):
     """A result cannot be written where it was asked to go."""
 

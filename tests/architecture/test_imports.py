@@ -51,7 +51,7 @@ ORDER = (
     ("export",),
     ("pictures",),  # arms drawn, in any pose and moving; plots to explore
     ("robotfiles",),  # check, compare, convert
-    ("sweeps",),
+    ("sweeps", "twin"),  # many simulations; the arm as drives on a bus
     ("tuning",),  # gains searched for over simulations
     (PACKAGE,),  # __init__.py: the public names
     ("session",),  # the report's `sim`, in the public names

@@ -1,0 +1,243 @@
+"""The object dictionary of a drive, as a table, and the electronic data sheet (EDS) made from it. [CiA301, CiA306, CiA402]
+
+The mapping of process data is that of the LWA 4P in interpolated mode: controlword, torque offset and set-point to the drive;
+statusword, actual torque and actual position from it. Either is full: 64 bits.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from armwright.errors import BusError
+
+if TYPE_CHECKING:
+    import canopen
+
+Key = tuple[int, int]  # index and subindex
+
+CONTROLWORD, STATUSWORD, ERROR_CODE = (0x6040, 0), (0x6041, 0), (0x603F, 0)
+MODE, MODE_DISPLAY, SUPPORTED_MODES = (0x6060, 0), (0x6061, 0), (0x6502, 0)
+ABORT_OPTION, QUICK_STOP_OPTION, REACTION_OPTION = (0x6007, 0), (0x605A, 0), (0x605E, 0)
+POSITION, POSITION_DEMAND, VELOCITY = (0x6064, 0), (0x6062, 0), (0x606C, 0)
+WINDOW, WINDOW_TIME, FOLLOWING_ERROR, REACHED = (0x6065, 0), (0x6066, 0), (0x60F4, 0), (0x6067, 0)
+TARGET_POSITION, TARGET_VELOCITY, TARGET_TORQUE = (0x607A, 0), (0x60FF, 0), (0x6071, 0)
+SET_POINT, VELOCITY_OFFSET, TORQUE_OFFSET = (0x60C1, 1), (0x60B1, 0), (0x60B2, 0)
+TORQUE, MAX_TORQUE, RATED_TORQUE, TORQUE_DEMAND = (0x6077, 0), (0x6072, 0), (0x6076, 0), (0x6074, 0)
+LOWEST, HIGHEST, MAX_SPEED = (0x607D, 1), (0x607D, 2), (0x607F, 0)
+PROFILE_SPEED, ACCELERATION, DECELERATION, STOP_DECELERATION = (0x6081, 0), (0x6083, 0), (0x6084, 0), (0x6085, 0)
+HOMING_METHOD, HOME_OFFSET = (0x6098, 0), (0x607C, 0)
+SUPPLY, SERIAL, VENDOR, PRODUCT = (0x6079, 0), (0x1018, 4), (0x1018, 1), (0x1018, 2)
+ERROR_REGISTER, CONSUMER, PRODUCER = (0x1001, 0), (0x1016, 1), (0x1017, 0)
+CYCLE, INTERPOLATION, INTERPOLATION_POWER = (0x1006, 0), (0x60C2, 1), (0x60C2, 2)
+TIMEOUT = (0x1400, 5)  # [ms] without process data, in a cyclic mode, that is a fault; 0: never
+
+MODES = {1: "profile position", 6: "homing", 7: "interpolated position", 8: "cyclic synchronous position"}
+MODES |= {9: "cyclic synchronous velocity", 10: "cyclic synchronous torque"}
+CYCLIC = (7, 8, 9, 10)  # modes whose set-points come with every SYNC
+DEVICE_TYPE = 0x0002_0192  # a servo drive by CiA 402
+TWIN_VENDOR, TWIN_PRODUCT = 0, 0x4157_5457  # no vendor's number; "AWTW": a twin, and no drive of metal
+INVALID = 0x8000_0000  # of a COB-ID: no such process data
+
+# what crosses the bus with every SYNC, in the order of its bytes
+RECEIVED = (CONTROLWORD, TORQUE_OFFSET, SET_POINT)
+SENT = (STATUSWORD, TORQUE, POSITION)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A type of number: its code in an EDS, how `struct` packs it, and its bits."""
+
+    code: int
+    packed: str
+
+    @property
+    def bits(self) -> int:
+        """Bits of a value."""
+        return 8 * struct.calcsize(f"<{self.packed}")
+
+
+I8, I16, I32 = Kind(2, "b"), Kind(3, "h"), Kind(4, "i")
+U8, U16, U32 = Kind(5, "B"), Kind(6, "H"), Kind(7, "I")
+TEXT = Kind(9, "s")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One row of the dictionary.
+
+    Attributes:
+        name: of the object or of its part.   kind: of its value.   access: "ro", "rw" or "const".
+        default: a number, a text, or an expression with $NODEID.   mapped: True if process data may hold it.
+    """
+
+    name: str
+    kind: Kind
+    access: str = "rw"
+    default: int | str = 0
+    mapped: bool = False
+
+
+def mapping(keys: tuple[Key, ...]) -> list[int]:
+    """Values of a mapping object: index, subindex and bits of each entry.
+
+    Raises:
+        BusError: more than the 64 bits of a frame.
+    """
+    bits = sum(ENTRIES[key].kind.bits for key in keys)
+    if bits > 64:
+        names = ", ".join(f"{index:04X}:{sub}" for index, sub in keys)
+        raise BusError(f"{bits} bits", place="PDO", value=names, expected="at most 64, a frame's")
+    return [index << 16 | sub << 8 | ENTRIES[index, sub].kind.bits for index, sub in keys]
+
+
+def _simple() -> dict[Key, Entry]:
+    """Entries but for the description of process data."""
+    return {
+        (0x1000, 0): Entry("Device type", U32, "ro", DEVICE_TYPE),
+        ERROR_REGISTER: Entry("Error register", U8, "ro"),
+        (0x1005, 0): Entry("COB-ID SYNC", U32, "rw", 0x80),
+        CYCLE: Entry("Communication cycle period", U32),
+        (0x1008, 0): Entry("Manufacturer device name", TEXT, "const", "Armwright twin"),
+        (0x1014, 0): Entry("COB-ID EMCY", U32, "ro", "$NODEID+0x80"),
+        CONSUMER: Entry("Consumer heartbeat time", U32),
+        PRODUCER: Entry("Producer heartbeat time", U16),
+        VENDOR: Entry("Vendor-ID", U32, "ro", TWIN_VENDOR),
+        PRODUCT: Entry("Product code", U32, "ro", TWIN_PRODUCT),
+        (0x1018, 3): Entry("Revision number", U32, "ro", 1),
+        SERIAL: Entry("Serial number", U32, "ro"),
+        ABORT_OPTION: Entry("Abort connection option code", I16, "rw", 3),
+        ERROR_CODE: Entry("Error code", U16, "ro", mapped=True),
+        CONTROLWORD: Entry("Controlword", U16, mapped=True),
+        STATUSWORD: Entry("Statusword", U16, "ro", mapped=True),
+        QUICK_STOP_OPTION: Entry("Quick stop option code", I16, "rw", 2),
+        REACTION_OPTION: Entry("Fault reaction option code", I16, "rw", 2),
+        MODE: Entry("Modes of operation", I8, mapped=True),
+        MODE_DISPLAY: Entry("Modes of operation display", I8, "ro", mapped=True),
+        POSITION_DEMAND: Entry("Position demand value", I32, "ro", mapped=True),
+        POSITION: Entry("Position actual value", I32, "ro", mapped=True),
+        WINDOW: Entry("Following error window", U32),
+        VELOCITY: Entry("Velocity actual value", I32, "ro", mapped=True),
+        TARGET_TORQUE: Entry("Target torque", I16, mapped=True),
+        MAX_TORQUE: Entry("Max torque", U16, "rw", 1000, True),
+        TORQUE_DEMAND: Entry("Torque demand", I16, "ro", mapped=True),
+        RATED_TORQUE: Entry("Motor rated torque", U32, "ro"),
+        TORQUE: Entry("Torque actual value", I16, "ro", mapped=True),
+        SUPPLY: Entry("DC link circuit voltage", U32, "ro", mapped=True),
+        TARGET_POSITION: Entry("Target position", I32, mapped=True),
+        HOME_OFFSET: Entry("Home offset", I32),
+        LOWEST: Entry("Min position limit", I32),
+        HIGHEST: Entry("Max position limit", I32),
+        MAX_SPEED: Entry("Max profile velocity", U32),
+        PROFILE_SPEED: Entry("Profile velocity", U32, mapped=True),
+        ACCELERATION: Entry("Profile acceleration", U32),
+        DECELERATION: Entry("Profile deceleration", U32),
+        STOP_DECELERATION: Entry("Quick stop deceleration", U32),
+        (0x608F, 1): Entry("Encoder increments", U32, "ro"),
+        (0x608F, 2): Entry("Motor revolutions", U32, "ro", 1),
+        HOMING_METHOD: Entry("Homing method", I8, "rw", 35),
+        VELOCITY_OFFSET: Entry("Velocity offset", I32, mapped=True),
+        TORQUE_OFFSET: Entry("Torque offset", I16, mapped=True),
+        SET_POINT: Entry("Interpolation data", I32, mapped=True),
+        INTERPOLATION: Entry("Interpolation time period value", U8, "rw", 4),
+        INTERPOLATION_POWER: Entry("Interpolation time index", I8, "rw", -3),
+        FOLLOWING_ERROR: Entry("Following error actual value", I32, "ro", mapped=True),
+        TARGET_VELOCITY: Entry("Target velocity", I32, mapped=True),
+        SUPPORTED_MODES: Entry("Supported drive modes", U32, "ro", sum(1 << (mode - 1) for mode in MODES)),
+    }
+
+
+def _process_data() -> dict[Key, Entry]:
+    """Two sets of process data either way; the second ones are not valid until a master maps and validates them."""
+    entries: dict[Key, Entry] = {}
+    ways = ((0x1400, 0x1600, 0x200, "receive", RECEIVED), (0x1800, 0x1A00, 0x180, "transmit", SENT))
+    for parameter, mapped, cob, way, keys in ways:
+        for k in range(2):
+            number = f"0x{cob + 0x100 * k + INVALID * k:X}"
+            entries[parameter + k, 1] = Entry(f"COB-ID used by {way} PDO {k + 1}", U32, "rw", f"$NODEID+{number}")
+            entries[parameter + k, 2] = Entry("Transmission type", U8, "rw", 1)
+            entries[parameter + k, 3] = Entry("Inhibit time", U16)
+            entries[parameter + k, 5] = Entry("Event timer", U16, "rw", 100 if (parameter + k, 5) == TIMEOUT else 0)
+            values = mapping(keys) if k == 0 else []
+            entries[mapped + k, 0] = Entry("Number of mapped objects", U8, "rw", len(values))
+            for sub in range(1, 9):
+                value = values[sub - 1] if sub <= len(values) else 0
+                entries[mapped + k, sub] = Entry(f"Mapping entry {sub}", U32, "rw", value)
+    return entries
+
+
+ENTRIES: dict[Key, Entry] = _simple()
+ENTRIES |= _process_data()
+RECORDS = {0x1016: "Consumer heartbeat time", 0x1018: "Identity object", 0x1400: "RPDO parameter"}
+RECORDS |= {0x1600: "RPDO mapping", 0x1800: "TPDO parameter", 0x1A00: "TPDO mapping"}
+RECORDS |= {0x607D: "Software position limit", 0x608F: "Position encoder resolution"}
+RECORDS |= {0x60C1: "Interpolation data record", 0x60C2: "Interpolation time period"}
+RECORDS |= {index + 1: RECORDS[index] for index in (0x1400, 0x1600, 0x1800, 0x1A00)}
+
+
+def packing(keys: tuple[Key, ...]) -> struct.Struct:
+    """How the values of process data lie in a frame."""
+    return struct.Struct("<" + "".join(ENTRIES[key].kind.packed for key in keys))
+
+
+def eds_text(node: int, name: str, defaults: Mapping[Key, int | str]) -> str:
+    """The EDS of a node, as text.
+
+    Args:
+        node: its number.   name: of the product, such as "lwa4p joint1".   defaults: values in place of the table's.
+    Returns:
+        text: of a file that `canopen` and other tools import.
+    """
+    return "\n".join(_lines(node, name, defaults)) + "\n"
+
+
+def _lines(node: int, name: str, defaults: Mapping[Key, int | str]) -> Iterator[str]:
+    yield from ["[FileInfo]", f"FileName=node{node}.eds", "FileVersion=1", "FileRevision=1", "EDSVersion=4.0"]
+    yield from [f"Description={name}", "CreatedBy=Armwright", "", "[DeviceInfo]", "VendorName=Armwright"]
+    yield from [f"VendorNumber=0x{TWIN_VENDOR:X}", f"ProductName={name}", f"ProductNumber=0x{TWIN_PRODUCT:X}"]
+    yield from ["RevisionNumber=0x1", "OrderCode=twin", *(f"BaudRate_{rate}=1" for rate in (125, 250, 500, 800, 1000))]
+    yield from ["SimpleBootUpMaster=0", "SimpleBootUpSlave=1", "Granularity=8", "DynamicChannelsSupported=0"]
+    yield from ["GroupMessaging=0", "NrOfRXPDO=2", "NrOfTXPDO=2", "LSS_Supported=0", ""]
+    parts: dict[int, dict[int, Entry]] = {}
+    for (index, sub), entry in sorted(ENTRIES.items()):
+        parts.setdefault(index, {})[sub] = entry
+    groups = {"MandatoryObjects": [0x1000, 0x1001, 0x1018]}
+    groups["OptionalObjects"] = [each for each in parts if each not in groups["MandatoryObjects"]]
+    for title, indices in groups.items():
+        yield from [f"[{title}]", f"SupportedObjects={len(indices)}"]
+        yield from [f"{k}=0x{index:04X}" for k, index in enumerate(indices, 1)]
+        yield ""
+    for index, entries in parts.items():
+        if index not in RECORDS:
+            yield from _variable(f"{index:04X}", entries[0], defaults.get((index, 0)))
+            continue
+        if 0 not in entries:
+            entries = {0: Entry("Highest sub-index supported", U8, "const", max(entries)), **entries}
+        yield from [f"[{index:04X}]", f"ParameterName={RECORDS[index]}", "ObjectType=0x9", f"SubNumber={len(entries)}"]
+        yield ""
+        for sub, entry in entries.items():
+            yield from _variable(f"{index:04X}sub{sub:X}", entry, defaults.get((index, sub)))
+
+
+def _variable(section: str, entry: Entry, default: Any) -> list[str]:
+    value = entry.default if default is None else default
+    rows = [f"[{section}]", f"ParameterName={entry.name}", "ObjectType=0x7", f"DataType=0x{entry.kind.code:04X}"]
+    return [*rows, f"AccessType={entry.access}", f"DefaultValue={value}", f"PDOMapping={int(entry.mapped)}", ""]
+
+
+def dictionary(text: str, node: int) -> canopen.ObjectDictionary:
+    """The object dictionary that canopen's importer makes of an EDS's text."""
+    from canopen.objectdictionary.eds import import_eds
+
+    return import_eds(io.StringIO(text), node)
+
+
+@cache
+def bounds(kind: Kind) -> tuple[int, int]:
+    """The least and the greatest number of a type."""
+    signed = kind.packed.islower()
+    return (-(2 ** (kind.bits - 1)), 2 ** (kind.bits - 1) - 1) if signed else (0, 2**kind.bits - 1)

@@ -1,0 +1,162 @@
+"""A scenario as it runs over a bus: what is measured, commanded and delayed is what frames can carry, and when.
+
+    positions in counts, torques in thousandths ─→ speeds from positions ─→ the law ─→ commands in thousandths
+
+The controller of such a scenario rounds what it sees to what the bus carries before anything else. So it computes the same
+bits in the simulation, from the plant's exact state, and at the master, from frames.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from armwright import scalar
+from armwright.control.wrapper import Wrapper
+from armwright.errors import BusError, ScenarioError
+from armwright.interfaces import JointReference, Measurement
+from armwright.model import Model
+from armwright.scalar import Array, Scalar
+from armwright.simulation.loop.command_filter import CommandFilter
+from armwright.simulation.loop.sensors import Sensors
+from armwright.simulation.scenario import Scenario
+from armwright.simulation.scenario_parts import Recording
+from armwright.twin.bus import BITRATE, BusLoad
+from armwright.twin.units import COUNTS_PER_METRE, COUNTS_PER_TURN, Units, check_units
+
+
+@dataclass(frozen=True, eq=False)
+class OnBus(Wrapper):
+    """A controller that sees and commands what frames carry.
+
+    Attributes:
+        units: of the bus.   sensors: that make speeds of positions.
+    """
+
+    units: Any = field(kw_only=True)
+    sensors: Sensors = field(kw_only=True)
+
+    def init(self, arm: Model, y: Measurement) -> Array:
+        """Memory of the speeds, then the inner controller's."""
+        seen = self._carried(y)
+        memory = self.sensors.init(self._view(seen, scalar.zeros(arm.n)))
+        inner = super().init(arm, replace(seen, qd=scalar.zeros(arm.n)))
+        return scalar.array(np.concatenate([memory, inner]))
+
+    def step(self, t: Scalar, r: JointReference, y: Measurement, s: Array) -> tuple[Array, Array]:
+        """One tick: commands (n,), rounded to thousandths, and the next state."""
+        assert self.arm is not None
+        seen = self._carried(y)
+        zero = scalar.zeros(self.arm.n)
+        size = len(self.sensors.init(self._view(seen, zero)))
+        values, memory = self.sensors.measure(self._view(seen, zero), s[:size], np.zeros(0))
+        u, state = super().step(t, r, replace(seen, qd=values["qd"]), s[size:])
+        return u, scalar.array(np.concatenate([memory, state]))
+
+    def memory(self, arm: Model, y: Measurement) -> Array:
+        """Nothing."""
+        return np.zeros(0)
+
+    def changed(self, r: JointReference, y: Measurement, u: Array, s: Array) -> tuple[Array, Array]:
+        """The command, rounded to thousandths of the rated torque."""
+        return self.units.command(self.units.thousandths(u)), s
+
+    def _carried(self, y: Measurement) -> Measurement:
+        """A measurement as frames carry it; speeds are made of it later."""
+        applied = self.units.command(self.units.thousandths(y.applied))
+        assert self.arm is not None
+        current = scalar.array(
+            [
+                u if body.drive.command == "current" else np.nan * u
+                for body, u in zip(self.arm.coordinates, applied, strict=True)
+            ]
+        )
+        return Measurement(self.units.position(self.units.counts(y.q)), y.qd, current, applied)
+
+    def _view(self, y: Measurement, qd: Array) -> Any:
+        """What sensors look at, of a plant that is known by its frames alone."""
+        return SimpleNamespace(arm=self.arm, period=self.period, q=y.q, qd=qd, current=y.current)
+
+
+def scenario_on_bus(scenario: Scenario, *, bitrate: int = BITRATE) -> Scenario:
+    """The scenario as it runs over a bus: commands and measurements in its units, and the delays of its frames.
+
+    Args:
+        scenario: with a sampled loop, a controller, and an arm whose drives take currents or torques.
+        bitrate: [bit/s].
+    Returns:
+        scenario: with positions in counts, speeds made of them, commands in thousandths of the rated torque, which act at the
+            first SYNC behind their arrival.
+    Raises:
+        BusError: no loop; a measurement that frames do not carry; an arm without limits, or with drives that take voltages; a
+            period that the bus or object 60C2 does not hold.
+    """
+    loop, arm = scenario.loop, scenario.arm
+    if loop is None or loop.controller is None:
+        raise BusError("no controller", place="loop.controller", expected="one that drives the arm over the bus")
+    if (scenario.lane_count or 1) > 1:
+        raise BusError(
+            f"{scenario.lane_count} lanes", place="lanes", expected="one arm: a scenario without batches and draws"
+        )
+    if scenario.started is not None:
+        raise BusError("goes on from a state", place="start", expected="initial positions")
+    check_units(arm)
+    units = Units.of(scenario)
+    load = BusLoad(arm.n, scenario.tick, bitrate)
+    load.check()
+    speeds = _speeds(scenario)
+    limit = units.limit if loop.command_filter.limit is None else loop.command_filter.limit
+    limit = np.minimum(np.broadcast_to(np.asarray(limit, dtype=float), arm.n), units.limit)
+    limit = np.floor(limit / units.thousandth + 1e-9) * units.thousandth
+    command_filter = replace(loop.command_filter, limit=limit, resolution=units.thousandth)
+    timing = replace(loop.timing, preset="sync", command_delay=loop.timing.command_delay + load.cycle(stuffed=True))
+    law = OnBus(loop.controller, units=units, sensors=speeds)
+    try:
+        return replace(
+            scenario,
+            loop=replace(
+                loop,
+                controller=law,
+                period=scenario.tick,
+                sensors=replace(speeds, velocity="exact", cutoff_hz=None),
+                command_filter=command_filter,
+                timing=timing,
+            ),
+        )
+    except ScenarioError as error:
+        raise BusError.of(*error.problems) from None
+
+
+def without_controller(scenario: Scenario) -> Scenario:
+    """The plant's part of a scenario on a bus, whose commands come from outside."""
+    assert scenario.loop is not None
+    loop = replace(scenario.loop, controller=None, reference=None, command_filter=CommandFilter())
+    return replace(scenario, loop=loop, duration=None, recording=Recording(what="state"))
+
+
+def _speeds(scenario: Scenario) -> Sensors:
+    """The sensors, as they measure what frames carry."""
+    loop, arm = scenario.loop, scenario.arm
+    assert loop is not None
+    sensors = loop.joint_sensors
+    if len(loop.sensor_list) > 1:
+        raise BusError("further sensors", place="loop.sensors", expected="those of the joints, which frames carry")
+    if sensors.side == "motor" and sensors.counts is not None:
+        expected = "side = 'link': the drives send positions of the joints"
+        raise BusError(place="loop.sensors.side", value="motor", expected=expected)
+    elastic = [body.joint for body in arm.coordinates if body.elasticity is not None]
+    if elastic and sensors.side == "motor":
+        what = f"joint {elastic[0]!r} is elastic: motor and link are at two places"
+        raise BusError(what, place="loop.sensors.side", value="motor", expected="'link'")
+    for name in ("velocity_noise", "current_noise"):
+        if np.any(np.asarray(getattr(sensors, name)) != 0.0):
+            expected = "0: speeds are made of positions, and torques are what the drives command"
+            raise BusError(place=f"loop.sensors.{name}", value=getattr(sensors, name), expected=expected)
+    linear = any(body.kind == "prismatic" for body in arm.coordinates)
+    metre = (COUNTS_PER_METRE if sensors.counts_per_m is None else sensors.counts_per_m) if linear else None
+    counts = COUNTS_PER_TURN if sensors.counts is None else sensors.counts
+    velocity = "difference" if sensors.velocity == "exact" else sensors.velocity
+    return replace(sensors, side="link", counts=counts, counts_per_m=metre, velocity=velocity)

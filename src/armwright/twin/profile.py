@@ -1,0 +1,76 @@
+"""Trapezoids of speed, tick by tick, and the position and speed loops of the drives."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armwright.control.anti_windup import limited_stage
+from armwright.dynamics import mass_matrix
+from armwright.model import Model
+from armwright.twin.units import Units
+
+SPEED_LOOP = (
+    0.3  # ω T of the speed loop; a quarter for the position, a sixth for the integrator: as in docs/bus-study.md
+)
+FASTEST = 75.0  # [rad/s] of the speed loop, also at shorter periods
+
+
+def approach(
+    position: float, speed: float, target: float, most: float, acceleration: float, deceleration: float, period: float
+) -> tuple[float, float]:
+    """Position and speed one tick further on a trapezoid of speed that ends at the target, which it reaches exactly.
+
+    Args:
+        position, speed: now.   target: to come to rest at.   most: speed.   acceleration, deceleration: above 0.   period: [s].
+    """
+    way = target - position
+    braking = deceleration * period
+    # v T + v²/(2 d) = way: the speed from which the rest of the way is enough to brake, after a tick at it
+    allowed = (-braking + np.sqrt(braking * braking + 8.0 * deceleration * abs(way))) / 2.0
+    wanted = np.sign(way) * min(most, allowed)
+    speed = float(np.clip(wanted, speed - max(acceleration, deceleration) * period, speed + acceleration * period))
+    if abs(way) <= abs(speed) * period or (abs(way) < 1.0 and abs(speed) <= braking):
+        return target, 0.0
+    return position + speed * period, speed
+
+
+def slowed(position: float, speed: float, deceleration: float, period: float) -> tuple[float, float]:
+    """Position and speed one tick further on the ramp to rest."""
+    following = float(np.sign(speed) * max(abs(speed) - deceleration * period, 0.0))
+    return position + 0.5 * (speed + following) * period, following
+
+
+class Servo:
+    """Position and speed loops of all drives at once, for the joints that follow positions.
+
+        ω = kp (q_r - q) + q̇_r      u = clip(kv (ω - q̇) + I, ±limit)
+
+    Attributes:
+        integral: (n,) I [A | N m | N], forward.
+    """
+
+    def __init__(self, arm: Model, units: Units, q: np.ndarray, period: float):
+        """The loops at a pose.
+
+        Args:
+            arm: the model.   units: of its commands.   q: (n,) where it stands.   period: [s].
+        """
+        bandwidth = min(SPEED_LOOP / period, FASTEST)  # [1/s]
+        inertia = np.diag(mass_matrix(arm, q)) / units.torque
+        self._signs, self._period = units.signs, period
+        self._kp, self._kv = bandwidth / 4.0, bandwidth * inertia
+        self._ki = bandwidth / 6.0 * self._kv
+        self.integral = np.zeros(arm.n)
+
+    def command(
+        self, wanted: np.ndarray, wanted_speed: np.ndarray, q: np.ndarray, qd: np.ndarray, limit: np.ndarray
+    ) -> np.ndarray:
+        """Commands (n,) [A | N m | N] that follow positions (n,) and speeds (n,) within limits (n,)."""
+        speed = self._kp * (wanted - q) + wanted_speed
+        stage = limited_stage(speed - qd, self.integral, self._kv, self._ki, limit, self._period, "clamping", None)
+        self.integral = np.asarray(stage.integral, dtype=float)
+        return self._signs * np.asarray(stage.output, dtype=float)
+
+    def begin(self, joint: int, command: float) -> None:
+        """Goes on from the command that is in force at a joint, so that the motor feels no jump."""
+        self.integral[joint] = self._signs[joint] * command

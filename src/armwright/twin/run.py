@@ -1,0 +1,100 @@
+"""A scenario's controller, run over a bus: in lock-step or in real time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from armwright.errors import BusError
+from armwright.simulation.scenario import Scenario
+from armwright.twin.bus import BITRATE, check_bus
+from armwright.twin.master import ENABLE, ROUNDING, BusRun, Law, Master
+from armwright.twin.rehearsal import Rehearsal, rehearse
+from armwright.twin.state_machine import State
+
+MARGIN, LEAST_ERROR = 2.0, 0.0175  # of the rehearsal's largest error; at least a degree, or 17.5 mm
+
+
+def run_controller(
+    scenario: Scenario | Rehearsal,
+    bus: str = "virtual",
+    *,
+    nodes: Sequence[int] | None = None,
+    eds: Sequence[str] | None = None,
+    real_time: bool = False,
+    following_error: float | None = None,
+    may_move: Callable[[], bool] | None = None,
+    bitrate: int = BITRATE,
+) -> BusRun:
+    """The run of a scenario's controller against the drives on a bus, which it enables, moves, and brings to rest.
+
+    Args:
+        scenario: with the controller; or its rehearsal.   bus: "virtual", "socketcan:can0" or "udp_multicast:ADDRESS".
+        nodes: numbers of the joints' nodes; default: from 3.   eds: paths of their data sheets; default: the twin's.
+        real_time: True for a SYNC every period by the clock, and a heartbeat; else SYNC waits for the controller.
+        following_error: [rad | m] at which the run ends; default: twice the rehearsal's largest, and at least 0.0175.
+        may_move: asked every cycle; False ends the run with a quick stop (a dead-man key).
+        bitrate: [bit/s] for the time that frames take.
+    Returns:
+        run: positions, commands, and what was counted.
+    Raises:
+        BusError: no such bus, nodes that do not answer or are no such drives, an arm that stands elsewhere, a fault, a following
+            error; the drives were stopped.
+    """
+    check_bus(bus)
+    rehearsal = scenario if isinstance(scenario, Rehearsal) else rehearse(scenario, bitrate=bitrate)
+    law = Law(rehearsal)
+    with Master(rehearsal, bus, nodes=nodes, eds=eds) as master:
+        master.configure(heartbeat=real_time)
+        return _run(master, law, real_time, following_error, may_move)
+
+
+def _run(
+    master: Master, law: Law, real_time: bool, following_error: float | None, may_move: Callable[[], bool] | None
+) -> BusRun:
+    rehearsal, n = master.rehearsal, len(master.numbers)
+    most = np.maximum(MARGIN * rehearsal.largest_error, LEAST_ERROR) if following_error is None else following_error
+    _check_start(master)
+    start = master.enable()
+    law.begin(start[:n], start[n:])
+    ticks, recording = rehearsal.recording.ticks, rehearsal.recording
+    q, u, applied = (np.zeros((ticks, n)) for _ in range(3))
+    master.cycles.reset()
+    due = time.perf_counter() + master.period
+    done = ticks
+    for tick in range(ticks):
+        q[tick], applied[tick] = master.q, master.applied
+        u[tick] = law.command(tick, recording.r[tick], q[tick], applied[tick])
+        off = np.abs(rehearsal.reference[tick] - q[tick]) > most
+        if np.any(off):
+            joint = int(np.argmax(off))
+            error = abs(rehearsal.reference[tick, joint] - q[tick, joint])
+            what = f"following error {error:.4g} at {tick * master.period:g} s"
+            expected = f"at most {np.broadcast_to(most, n)[joint]:.4g}; all drives were stopped"
+            raise BusError(what, place=f"joint {master.names[joint]!r}", expected=expected)
+        if may_move is not None and not may_move():
+            done = tick
+            break
+        master.send(ENABLE, np.asarray(master.units.thousandths(u[tick])))
+        master.cycles.ended()
+        if real_time:
+            time.sleep(max(due - time.perf_counter(), 0.0))
+            due += master.period
+        master.cycle(due - 0.1 * master.period if real_time else None)
+        master.expect(State.ENABLED)
+    report = master.cycles.report
+    times = master.period * np.arange(done)
+    return BusRun(rehearsal, times, q[:done], u[:done], applied[:done], report)
+
+
+def _check_start(master: Master) -> None:
+    """Refuses an arm that does not stand where the scenario starts."""
+    master.cycle()
+    wanted = master.rehearsal.scenario.initial_state[0, : len(master.numbers)]
+    off = np.abs(master.q - wanted) > ROUNDING * master.units.count
+    if np.any(off):
+        joint = int(np.argmax(off))
+        what = f"joint {master.names[joint]!r} stands at {master.q[joint]:.5g}"
+        raise BusError(what, place="start.q", value=float(wanted[joint]), expected="where the arm stands")
