@@ -6,6 +6,7 @@ A data frame of the classic base format with k bytes takes 47 + 8 k bits with th
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -129,6 +130,13 @@ def open_bus(name: str) -> can.BusABC:
     interface, channel = check_bus(name)
     import can
 
+    for package in (
+        "can",
+        "canopen",
+    ):  # what they log comes as our errors; without a handler it would go to the terminal
+        logger = logging.getLogger(package)
+        if not logger.handlers:
+            logger.addHandler(logging.NullHandler())
     try:
         return can.Bus(channel=channel, interface=interface)
     except (can.CanError, OSError, ValueError, NotImplementedError, ImportError, TypeError) as error:

@@ -37,9 +37,10 @@ WORDS = ((0x06, State.READY), (0x07, State.SWITCHED_ON), (0x0F, State.ENABLED)) 
 ENABLE, QUICK_STOP, DISABLE, RESET = 0x0F, 0x02, 0x00, 0x80
 MASK = 0x6F  # bits of the statusword that are the state
 PATIENCE = 10.0  # [s] that lock-step waits for an answer
+ANSWER = 2.0  # [s] that a node has to answer when an object is read or written
 CYCLES_TO_REST = 500  # of a quick stop, at most
 MASTER = 1  # number of the master, whose heartbeat nodes listen to
-HEARTBEAT, BEATS = 0.1, 3  # [s] from beat to beat, and how many may be missing
+HEARTBEAT, BEATS = 0.1, 3  # [s] from beat to beat, and beats after which the drives stop
 ROUNDING = 1.5  # counts between where the scenario starts and where the arm stands
 
 
@@ -152,6 +153,7 @@ class Master:
             network.connect()
             for joint, number in enumerate(self.numbers):
                 self.nodes.append(network.add_node(number, self._dictionaries[joint]))
+                self.nodes[-1].sdo.RESPONSE_TIMEOUT = ANSWER
                 network.subscribe(0x180 + number, lambda cob, data, stamp, joint=joint: self._take(joint, data))
         except BaseException:
             self._close()
@@ -180,11 +182,11 @@ class Master:
 
     # Before anything moves.
 
-    def configure(self, *, heartbeat: bool) -> None:
+    def configure(self, heartbeat: float | None) -> None:
         """Sets up every node, and looks whether it is what was expected; nothing moves.
 
         Args:
-            heartbeat: True to send one, and to have the drives stop where it is missing.
+            heartbeat: [s] from beat to beat; the drives stop where three are missing. None: no heartbeat.
         Raises:
             BusError: a node that does not answer, is none of CiA 402, or lacks the mode or the mapping.
         """
@@ -196,11 +198,11 @@ class Master:
             value, power = self.rehearsal.load.interpolation()
             self._put(node, od.INTERPOLATION, value)
             self._put(node, od.INTERPOLATION_POWER, power)
-            if heartbeat:
-                self._put(node, od.CONSUMER, MASTER << 16 | round(1e3 * BEATS * HEARTBEAT))
+            if heartbeat is not None:
+                self._put(node, od.CONSUMER, MASTER << 16 | round(1e3 * BEATS * heartbeat))
                 self._put(node, od.ABORT_OPTION, 3)
-        if heartbeat:
-            self._heart = self._network.send_periodic(0x700 + MASTER, [5], HEARTBEAT)
+        if heartbeat is not None:
+            self._heart = self._network.send_periodic(0x700 + MASTER, [5], heartbeat)
         self._network.send_message(0, [1, 0])  # all nodes: operational
 
     def _check(self, node: canopen.RemoteNode, name: str) -> None:

@@ -121,6 +121,8 @@ def _simple() -> dict[Key, Entry]:
         POSITION_DEMAND: Entry("Position demand value", I32, "ro", mapped=True),
         POSITION: Entry("Position actual value", I32, "ro", mapped=True),
         WINDOW: Entry("Following error window", U32),
+        WINDOW_TIME: Entry("Following error time out", U16, "rw", 20),
+        REACHED: Entry("Position window", U32),
         VELOCITY: Entry("Velocity actual value", I32, "ro", mapped=True),
         TARGET_TORQUE: Entry("Target torque", I16, mapped=True),
         MAX_TORQUE: Entry("Max torque", U16, "rw", 1000, True),

@@ -113,7 +113,7 @@ def scenario_on_bus(scenario: Scenario, *, bitrate: int = BITRATE) -> Scenario:
     limit = np.floor(limit / units.thousandth + 1e-9) * units.thousandth
     command_filter = replace(loop.command_filter, limit=limit, resolution=units.thousandth)
     timing = replace(loop.timing, preset="sync", command_delay=loop.timing.command_delay + load.cycle(stuffed=True))
-    law = OnBus(loop.controller, units=units, sensors=speeds)
+    law = OnBus(loop.controller, units=units, sensors=speeds.exact())
     try:
         return replace(
             scenario,

@@ -12,7 +12,7 @@ from armwright.twin.units import Units
 SPEED_LOOP = (
     0.3  # ω T of the speed loop; a quarter for the position, a sixth for the integrator: as in docs/bus-study.md
 )
-FASTEST = 75.0  # [rad/s] of the speed loop, also at shorter periods
+FASTEST = 50.0  # [rad/s] of the speed loop, also at shorter periods
 
 
 def approach(
@@ -56,7 +56,8 @@ class Servo:
             arm: the model.   units: of its commands.   q: (n,) where it stands.   period: [s].
         """
         bandwidth = min(SPEED_LOOP / period, FASTEST)  # [1/s]
-        inertia = np.diag(mass_matrix(arm, q)) / units.torque
+        free = 1.0 / np.diag(np.linalg.inv(mass_matrix(arm, q)))  # [kg m² | kg] of a joint while the others are free
+        inertia = free / units.torque
         self._signs, self._period = units.signs, period
         self._kp, self._kv = bandwidth / 4.0, bandwidth * inertia
         self._ki = bandwidth / 6.0 * self._kv

@@ -10,7 +10,7 @@ import numpy as np
 from armwright.errors import BusError
 from armwright.simulation.scenario import Scenario
 from armwright.twin.bus import BITRATE, check_bus
-from armwright.twin.master import ENABLE, ROUNDING, BusRun, Law, Master
+from armwright.twin.master import ENABLE, HEARTBEAT, ROUNDING, BusRun, Law, Master
 from armwright.twin.rehearsal import Rehearsal, rehearse
 from armwright.twin.state_machine import State
 
@@ -26,6 +26,7 @@ def run_controller(
     real_time: bool = False,
     following_error: float | None = None,
     may_move: Callable[[], bool] | None = None,
+    heartbeat: float = HEARTBEAT,
     bitrate: int = BITRATE,
 ) -> BusRun:
     """The run of a scenario's controller against the drives on a bus, which it enables, moves, and brings to rest.
@@ -36,6 +37,7 @@ def run_controller(
         real_time: True for a SYNC every period by the clock, and a heartbeat; else SYNC waits for the controller.
         following_error: [rad | m] at which the run ends; default: twice the rehearsal's largest, and at least 0.0175.
         may_move: asked every cycle; False ends the run with a quick stop (a dead-man key).
+        heartbeat: [s] from beat to beat of the master in real time; the drives stop where three are missing.
         bitrate: [bit/s] for the time that frames take.
     Returns:
         run: positions, commands, and what was counted.
@@ -47,7 +49,7 @@ def run_controller(
     rehearsal = scenario if isinstance(scenario, Rehearsal) else rehearse(scenario, bitrate=bitrate)
     law = Law(rehearsal)
     with Master(rehearsal, bus, nodes=nodes, eds=eds) as master:
-        master.configure(heartbeat=real_time)
+        master.configure(heartbeat if real_time else None)
         return _run(master, law, real_time, following_error, may_move)
 
 

@@ -217,12 +217,12 @@ class Twin:
         self._began = self._began or self._runs
         if not (before and self._runs):
             return
-        y, units = self._measurement, self.units
+        units = self.units
         torque = np.array([np.nan if point.torque is None else point.torque for point in points])
         u, follows = units.command(np.nan_to_num(torque)), np.isnan(torque)
         if np.any(follows):
             for joint in map(int, np.flatnonzero(follows & ~self._follows)):
-                self._servo.begin(joint, y["applied"][joint])
+                self._servo.begin(joint, float(self._applied[joint]))
             wanted = units.position(np.array([point.position for point in points]))
             speed = units.position(np.array([point.speed for point in points]))
             enabled = np.array([drive.state is State.ENABLED for drive in self.drives])
@@ -252,6 +252,7 @@ class Twin:
     def _measure(self) -> None:
         """Positions and torques as the drives see them."""
         y = self._measurement
+        self._applied = y["applied"]
         sent, torque = self.units.counts(y["q"]), self.units.thousandths(y["applied"])
         true = self.units.counts(self.simulation.plant_state.q)
         for drive, *values in zip(self.drives, sent, torque, true, strict=True):

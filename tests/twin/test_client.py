@@ -1,0 +1,82 @@
+"""canopen's own client of CiA 402 drives enables, homes, moves, stops and resets the twin, in real time on the virtual bus."""
+
+import time
+
+import numpy as np
+import pytest
+
+from armwright.twin import faults
+from armwright.twin import objects as od
+from armwright.twin.state_machine import State
+from armwright.twin.twin import Twin
+
+PATIENCE = 30.0  # [s] on a machine that does other work
+
+
+@pytest.fixture
+def drive(scenario, bus):
+    """The twin, and canopen's client of its first drive; SYNC and process data come by canopen's own threads."""
+    import canopen
+    from canopen.profiles.p402 import BaseNode402
+
+    class Patient(BaseNode402):
+        TIMEOUT_RESET_FAULT = TIMEOUT_SWITCH_OP_MODE = TIMEOUT_SWITCH_STATE_FINAL = PATIENCE
+        TIMEOUT_SWITCH_STATE_SINGLE = TIMEOUT_CHECK_TPDO = PATIENCE
+
+    with Twin(scenario, bus) as twin:
+        network = canopen.Network()
+        try:
+            network.connect(interface="virtual", channel=bus.partition(":")[2])
+            node = Patient(3, od.dictionary(twin.nodes[0].eds, 3))
+            node.sdo.RESPONSE_TIMEOUT = PATIENCE
+            network.add_node(node)
+            node.nmt.state = "PRE-OPERATIONAL"
+            node.setup_402_state_machine()
+            node.rpdo[1].start(0.02)
+            node.nmt.state = "OPERATIONAL"
+            network.sync.start(0.01)
+            yield twin, node
+        finally:
+            network.sync.stop()
+            node.rpdo[1].stop()
+            network.disconnect()
+
+
+def waited_for(what):
+    deadline = time.monotonic() + PATIENCE
+    while not what() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    return what()
+
+
+def test_the_tour(drive):
+    twin, node = drive
+    assert waited_for(lambda: node.state == "SWITCH ON DISABLED")
+    assert node.homing(timeout=PATIENCE)  # enables, and takes where it stands for home
+    assert node.state == "OPERATION ENABLED"
+    assert waited_for(lambda: abs(node.sdo[0x6064].raw) < 200)
+
+    node.op_mode = "PROFILED POSITION"
+    node.controlword = 0x0F
+    assert waited_for(lambda: not node.statusword & 1 << 12)  # which said that it is at home
+    target = round(0.05 * 360_000 / (2.0 * np.pi))
+    node.sdo[0x607A].raw = target
+    node.controlword = 0x1F
+    assert waited_for(lambda: node.statusword & 1 << 12)
+    node.controlword = 0x0F
+    assert waited_for(lambda: node.statusword & 1 << 10)
+    assert abs(node.sdo[0x6064].raw - target) <= node.sdo[0x6067].raw
+
+    node.state = "QUICK STOP ACTIVE"
+    assert waited_for(lambda: node.state == "SWITCH ON DISABLED")
+
+    node.state = "OPERATION ENABLED"
+    with twin._lock:
+        twin.drives[0].fail(faults.OVER_TEMPERATURE)
+    assert waited_for(node.is_faulted)
+    assert waited_for(lambda: [each.code for each in node.emcy.log] == [faults.OVER_TEMPERATURE])
+    node.controlword = 0x00
+    node.controlword = 0x80
+    assert waited_for(lambda: node.state == "SWITCH ON DISABLED")
+    assert {row for row in twin.drives[0].machine.passed} >= {0, 1, 2, 3, 4, 11, 12, 13, 14, 15}
+    assert twin.drives[1].state is State.SWITCH_ON_DISABLED

@@ -1,0 +1,218 @@
+"""Controllers over the bus: in lock-step exactly the simulation, in real time counted; and what is refused before it moves."""
+
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.errors import BusError
+from armwright.twin.bus import BusLoad
+from armwright.twin.faults import Fault
+from armwright.twin.on_bus import scenario_on_bus
+from armwright.twin.rehearsal import rehearse
+from armwright.twin.run import run_controller
+from armwright.twin.state_machine import State
+from armwright.twin.twin import Twin
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.fixture(scope="module")
+def lwa4p():
+    """The tuned controller of the LWA 4P at 4 ms, which loses 2 % of the samples, with a planned motion that it follows."""
+    scenario = aw.read_scenario(EXAMPLES / "bus-4ms.scenario.toml")
+    motion = aw.plan(EXAMPLES / "motions" / "throw.motion.toml").motion
+    loop = replace(scenario.loop, reference=motion)
+    return replace(scenario, lanes=None, vary={}, duration=1.2, start=motion.motions[0].start, loop=loop)
+
+
+def test_in_lock_step_the_twin_is_the_simulation_to_the_bit(lwa4p, bus):
+    expected = aw.simulate(scenario_on_bus(lwa4p))
+    with Twin(lwa4p, bus) as twin:
+        run = run_controller(lwa4p, bus)
+    assert run.equal
+    n = len(run.time)
+    assert n == 300
+    assert np.array_equal(run.u, expected["u_issued"].values[:n])
+    assert np.array_equal(run.q, expected["q_measured"].values[:n])
+    reference = expected["q_reference"].values[:n]
+    assert np.array_equal(run.errors, reference - expected["q_measured"].values[:n])
+    assert np.abs(run.errors).max() > 1e-3  # it did move
+    assert np.any(run.rehearsal.recording.lost)
+    assert np.any(np.abs(run.u) == run.rehearsal.units.limit)  # and was saturated
+    assert [drive.state for drive in twin.drives] == [State.SWITCH_ON_DISABLED] * 6
+    assert run.cycles.incomplete == 0
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"sensors": aw.Sensors(counts=20_000, side="link", velocity="filtered", cutoff_hz=30.0, position_noise=1e-4)},
+        {"timing": aw.Timing("sync", measurement_delay=6e-3, command_loss=0.05)},
+        {"timing": aw.Timing("sync", command_delay=3e-3, jitter=3e-3)},
+        {"command_filter": aw.CommandFilter(limit=[60.0, 20.0], rate=[3000.0, 1000.0])},
+    ],
+)
+def test_whatever_the_loop_has_it_is_the_same(scenario, bus, changes):
+    changed = replace(scenario, duration=0.4, loop=replace(scenario.loop, **changes), seed=5)
+    with Twin(changed, bus):
+        run = run_controller(changed, bus, following_error=1.0)
+    assert run.first_difference is None
+    assert run.equal
+
+
+def test_a_twin_that_is_another_arm_is_not_the_simulation(scenario, bus):
+    heavier = replace(scenario, vary={"forearm.mass_kg": 4.1})
+    with Twin(heavier, bus):
+        run = run_controller(scenario, bus)
+    assert not run.equal
+    assert np.abs(run.errors).max() < 0.05
+
+
+def test_in_real_time_cycles_are_counted(scenario, bus):
+    """Two seconds by the clock; how many are late is the machine's, that all are counted is ours."""
+    longer = replace(
+        scenario, duration=2.0, loop=replace(scenario.loop, reference=None)
+    )  # it stands, so that no limit ends it
+    with Twin(longer, bus) as twin:
+        started = time.perf_counter()
+        run = run_controller(longer, bus, real_time=True, following_error=1.0, heartbeat=10.0)
+        spent = time.perf_counter() - started
+    report = run.cycles
+    assert spent >= 2.0 - 0.01
+    assert report.cycles == 500 == len(run.time)
+    assert 0 <= report.incomplete <= 500
+    assert 0 <= report.late <= 500
+    assert 0.0 <= report.jitter <= report.worst
+    assert report.work <= report.longest
+    assert report.load > 0.0
+    assert twin.cycles.report.cycles >= 500
+    assert all(drive.state is State.SWITCH_ON_DISABLED for drive in twin.drives)
+
+
+def test_a_fault_ends_the_run_and_stops_the_other_drives(scenario, bus):
+    with Twin(scenario, bus, faults=[Fault("stuck-encoder", "elbow", 0.2, 5.0)]) as twin:
+        with pytest.raises(BusError) as error:
+            run_controller(scenario, bus, following_error=1.0)
+        assert twin.drives[1].state is State.FAULT
+        assert twin.drives[0].state is State.SWITCH_ON_DISABLED
+    assert "joint 'elbow': node 4 of elbow is in state" in str(error.value)
+    assert "error 0x7305: encoder and commutation differ" in str(error.value)
+
+
+def test_a_following_error_ends_the_run(scenario, bus):
+    with Twin(scenario, bus) as twin:
+        with pytest.raises(BusError, match=r"joint '.*': following error .* all drives were stopped"):
+            run_controller(scenario, bus, following_error=1e-4)
+        assert not any(drive.state is State.ENABLED for drive in twin.drives)
+
+
+def test_letting_go_of_the_key_ends_the_run(scenario, bus):
+    presses = iter([True] * 20)
+    with Twin(scenario, bus) as twin:
+        run = run_controller(scenario, bus, may_move=lambda: next(presses, False))
+        assert all(drive.state is State.SWITCH_ON_DISABLED for drive in twin.drives)
+    assert len(run.time) == 20
+
+
+def test_an_interrupted_run_stops_the_arm_and_closes_the_bus(scenario, bus):
+    def interrupt():
+        raise KeyboardInterrupt
+
+    before = threading.active_count()
+    with Twin(scenario, bus) as twin:
+        with pytest.raises(KeyboardInterrupt):
+            run_controller(scenario, bus, may_move=interrupt)
+        assert all(drive.state is State.SWITCH_ON_DISABLED for drive in twin.drives)
+    assert threading.active_count() == before
+
+
+def test_an_arm_that_stands_elsewhere_is_refused(scenario, bus):
+    with Twin(replace(scenario, start=[-1.0, 0.0]), bus) as twin:
+        with pytest.raises(BusError) as error:
+            run_controller(scenario, bus)
+        assert twin.simulation.tick == 0
+    assert str(error.value) == "start.q = -1.2: joint 'shoulder' stands at -1; expected where the arm stands"
+
+
+def test_nodes_that_are_not_there(scenario, bus):
+    with Twin(scenario, bus), pytest.raises(BusError) as error:
+        run_controller(scenario, bus, nodes=[3, 9])
+    assert str(error.value).startswith(f"nodes = 9: node 9 does not answer on {bus}; expected")
+
+
+def test_foreign_data_sheets(scenario, bus, tmp_path):
+    empty, foreign = tmp_path / "empty.eds", tmp_path / "foreign.eds"
+    empty.write_text("no sheet", encoding="utf-8")
+    foreign.write_text(
+        "[DeviceInfo]\nVendorName=x\n[1000]\nParameterName=t\nDataType=7\nAccessType=ro\n", encoding="utf-8"
+    )
+    for path, message in (
+        (empty, "no EDS"),
+        (foreign, "lacks the objects 6007, 6040"),
+        (tmp_path / "no", "cannot be read"),
+    ):
+        with pytest.raises(BusError) as error:
+            run_controller(scenario, bus, eds=[str(path)])
+        assert message in str(error.value)
+        assert error.value.file == str(path)
+        assert "\n" not in str(error.value)
+
+
+def test_nodes_with_another_mapping(scenario, bus):
+    with Twin(scenario, bus) as twin:
+        twin.nodes[1].drive.values[0x1A00, 0] = 2
+        with pytest.raises(
+            BusError, match=r"object 1A00: node 4 of elbow maps 6041:0, 6077:0; expected 6041:0, 6077:0, 6064:0"
+        ):
+            run_controller(scenario, bus)
+        assert twin.simulation.tick == 0
+
+
+def limited(scenario, **changes):
+    return replace(scenario, loop=replace(scenario.loop, **changes))
+
+
+def test_what_a_bus_does_not_carry_is_refused_early(scenario):
+    refused = [
+        (replace(scenario, loop=None, command=[0.0, 0.0]), "loop.controller: no controller"),
+        (limited(scenario, sensors=aw.Sensors(side="link", current_noise=0.1)), "loop.sensors.current_noise = 0.1"),
+        (limited(scenario, sensors=aw.Sensors(counts=100)), "loop.sensors.side = 'motor'"),
+        (limited(scenario, period=1.0e-3), "loop.period = 0.001: 2 nodes load a bus"),
+        (replace(scenario, lanes=2, seed=1, vary={"forearm.mass_kg": aw.Draw.uniform(4.0, 5.0)}), "lanes: 2 lanes"),
+        (replace(scenario, arm=aw.load("two-link")), "two-link: joint 'shoulder' limits: no limit of torque"),
+    ]
+    for each, message in refused:
+        with pytest.raises(BusError) as error:
+            scenario_on_bus(each)
+        assert str(error.value).startswith(message)
+        assert "\n" not in str(error.value)
+
+
+def test_drives_that_take_voltages_are_refused():
+    loop = aw.Loop(lambda t, r, y: 0.0 * y.q, period=4e-3)
+    with pytest.raises(BusError, match="command = 'voltage': the drive of joint .* of puma560 takes voltages"):
+        scenario_on_bus(aw.Scenario(aw.load("puma560"), duration=0.1, loop=loop))
+
+
+def test_motions_beyond_the_limits_are_refused_before_they_happen(scenario):
+    def far(t):
+        return aw.scalar.array([-1.2 - 1.5 * t, 0.0 * t])
+
+    def fast(t):
+        return aw.scalar.array([-1.2 + 3.0 * t, 0.0 * t])
+
+    with pytest.raises(BusError, match=r"joint 'shoulder': the reference is -2.00.* expected -2 to 2, its limits"):
+        rehearse(limited(scenario, reference=far))
+    with pytest.raises(BusError, match=r"joint 'shoulder': its speed is .*; expected at most 2, its limit"):
+        rehearse(replace(limited(scenario, reference=fast), duration=0.4))
+
+
+def test_the_delay_is_the_bus_times(scenario):
+    timing = scenario_on_bus(scenario).loop.timing
+    assert timing.preset == "sync"
+    assert timing.command_delay == pytest.approx(BusLoad(2, 4e-3).cycle(stuffed=True))

@@ -1,0 +1,325 @@
+"""The twin by an independent client: states, modes, limits, faults, and what the standard says they end in."""
+
+import struct
+import time
+
+import numpy as np
+import pytest
+
+from armwright.errors import BusError
+from armwright.twin import faults
+from armwright.twin import objects as od
+from armwright.twin.faults import Fault, read_fault
+from armwright.twin.state_machine import State
+from armwright.twin.twin import Twin
+
+from .conftest import Client, radians
+
+TURN = 360_000 / (2.0 * np.pi)  # counts in a radian
+
+
+def test_every_node_says_what_it_is(twin, client):
+    for k, node in enumerate(client.nodes):
+        assert node.id == 3 + k
+        assert client.get((0x1000, 0), k) == 0x20192
+        assert client.get(od.SERIAL, k) == 42
+        assert client.get(od.SUPPORTED_MODES, k) == 0b11_1110_0001 - 0
+        assert client.get((0x608F, 1), k) == 360_000
+        assert radians(client.get(od.POSITION, k)) == pytest.approx([-1.2, 0.0][k], abs=2e-5)
+    assert client.get(od.RATED_TORQUE) == 300_000
+    assert client.get(od.INTERPOLATION) == 4
+
+
+def test_all_transitions_over_the_bus(twin, client):
+    client.put(od.MODE, 8)
+    client.put(od.TARGET_POSITION, client.get(od.POSITION))
+    up, down = (0x06, 0x07, 0x0F), 0x00
+    for word in (*up, 0x07, 0x06, down, *up, 0x06, 0x07, down, *up, down, *up):
+        client.word(word)  # 2 3 4 5 6 7, 2 3 4 8 3 10, 2 3 4 9, 2 3 4
+    client.put(od.QUICK_STOP_OPTION, 6)  # stays in quick stop
+    assert client.word(0x02) & 0x6F == 0x07  # 11
+    assert client.word(0x0F) & 0x6F == 0x27  # 16
+    client.word(0x02)
+    assert client.word(0x00) & 0x4F == 0x40  # 12
+    for word in up:
+        client.word(word)
+    twin.drives[0].fail(faults.FOLLOWING)  # 13
+    client.sync(200)  # 14
+    assert client.get(od.STATUSWORD) & 0x4F == 0x08
+    assert client.get(od.ERROR_CODE) == faults.FOLLOWING
+    client.word(0x00)
+    assert client.word(0x80) & 0x4F == 0x40  # 15
+    assert client.get(od.ERROR_CODE) == 0
+    assert set(twin.drives[0].machine.passed) == set(range(17))
+
+
+def test_nothing_moves_before_it_is_enabled(twin, client):
+    client.sync(50)
+    assert twin.simulation.tick == 0
+    client.enable(8)
+    assert twin.simulation.tick > 0
+
+
+def test_profile_position(twin, client):
+    client.enable(1)
+    start = client.get(od.POSITION)
+    target = start + round(0.2 * TURN)
+    client.put(od.TARGET_POSITION, target)
+    client.put(od.CONTROLWORD, 0x1F)
+    client.sync()
+    assert client.get(od.STATUSWORD) & 1 << 12  # set-point acknowledged
+    client.put(od.CONTROLWORD, 0x0F)
+    speeds = []
+    for _ in range(200):
+        client.sync()
+        speeds.append(client.get(od.VELOCITY))
+        if client.get(od.STATUSWORD) & 1 << 10:
+            break
+    assert client.get(od.STATUSWORD) & 1 << 10
+    assert abs(client.get(od.POSITION) - target) <= client.get(od.REACHED)
+    assert max(speeds) < 1.15 * client.get(od.PROFILE_SPEED)
+    assert client.get(od.POSITION, 1) == pytest.approx(0, abs=300)  # the other joint stays
+
+
+def test_relative_and_beyond_the_limit(twin, client):
+    client.enable(1)
+    client.put(od.TARGET_POSITION, -round(5.0 * TURN))
+    client.put(od.PROFILE_SPEED, client.get(od.MAX_SPEED))
+    client.word(0x5F)
+    assert client.get(od.STATUSWORD) & 1 << 11  # internal limit
+    client.sync(400)
+    assert radians(client.get(od.POSITION)) == pytest.approx(-2.0, abs=2e-3)
+
+
+def test_homing_where_it_stands(twin, client):
+    client.enable(6)
+    client.put(od.HOME_OFFSET, 1234)
+    before = client.get(od.POSITION)
+    status = client.word(0x1F)
+    assert status & 0x3400 == 0x1400
+    assert client.get(od.POSITION) == pytest.approx(1234, abs=100)
+    client.word(0x0F)
+    client.put(od.HOMING_METHOD, 17)
+    assert client.word(0x1F) & 1 << 13  # homing error: no such method
+    assert before != client.get(od.POSITION)
+
+
+@pytest.mark.parametrize(("mode", "key"), [(8, od.TARGET_POSITION), (7, od.SET_POINT)])
+def test_cyclic_positions(twin, client, mode, key):
+    client.put(od.TARGET_POSITION, client.get(od.POSITION))
+    client.enable(mode)
+    start, word = client.get(od.POSITION), 0x1F if mode == 7 else 0x0F
+    client.put(od.CONTROLWORD, word)
+    for k in range(100):
+        client.put(key, start + round(0.05 * TURN * np.sin(0.05 * k)))
+        client.sync()
+    assert client.get(od.STATUSWORD) & 0x6F == 0x27
+    assert abs(client.get(od.FOLLOWING_ERROR)) < 0.02 * TURN
+
+
+def test_cyclic_velocity(twin, client):
+    client.enable(9, 0)
+    start = client.get(od.POSITION)
+    client.put(od.TARGET_VELOCITY, round(0.5 * TURN))
+    client.sync(100)
+    assert radians(client.get(od.POSITION) - start) == pytest.approx(0.5 * 0.4, rel=0.1)
+    assert radians(client.get(od.VELOCITY)) == pytest.approx(0.5, rel=0.1)
+
+
+def test_cyclic_torque_is_clipped_by_max_torque(twin, client):
+    client.put(od.MAX_TORQUE, 500)
+    client.enable(10, 0)
+    client.put(od.TARGET_TORQUE, 900)
+    client.sync(3)
+    assert client.get(od.TORQUE_DEMAND) == 500
+    assert client.get(od.STATUSWORD) & 1 << 11
+
+
+def test_a_quick_stop_brakes_along_its_ramp(twin, client):
+    client.enable(9, 0)
+    client.put(od.TARGET_VELOCITY, round(1.0 * TURN))
+    client.sync(80)
+    assert client.word(0x02) & 0x6F == 0x07
+    client.sync(100)
+    assert client.get(od.STATUSWORD) & 0x4F == 0x40  # option 2: switch on disabled at rest
+    assert client.get(od.VELOCITY) == pytest.approx(0, abs=0.02 * TURN)
+
+
+def test_process_data_flows_with_sync_when_operational(twin, client):
+    seen = []
+    client.network.subscribe(0x183, lambda cob, data, stamp: seen.append(bytes(data)))
+    client.sync(3)
+    assert not seen
+    client.network.send_message(0, [1, 0])
+    client.sync(3)
+    time.sleep(0.2)
+    assert len(seen) == 3
+    status, torque, position = struct.unpack("<Hhi", seen[-1])
+    assert status & 0x4F == 0x40
+    assert torque == client.get(od.TORQUE)
+    assert position == client.get(od.POSITION)
+
+
+def test_another_mapping(twin, client):
+    node = client.nodes[0]
+    node.tpdo.read()
+    node.tpdo[1].clear()
+    node.tpdo[1].add_variable(0x6041)
+    node.tpdo[1].add_variable(0x606C)
+    node.tpdo[1].save()
+    seen = []
+    client.network.subscribe(0x183, lambda cob, data, stamp: seen.append(bytes(data)))
+    client.network.send_message(0, [1, 0])
+    client.sync(2)
+    time.sleep(0.2)
+    assert [len(each) for each in seen] == [6, 6]
+
+
+def test_mappings_that_no_frame_holds_are_refused(twin, client):
+    import canopen
+
+    client.put((0x1A00, 0), 0)
+    with pytest.raises(canopen.SdoAbortedError, match="0x06040041"):
+        client.put((0x1A00, 1), 0x10180420)  # the serial number
+    for sub in (1, 2):
+        client.put((0x1A00, sub), 0x60640020)
+    with pytest.raises(canopen.SdoAbortedError, match="0x06040042"):
+        client.put((0x1A00, 3), 0x60410010)
+
+
+def test_values_out_of_range_are_refused(twin, client):
+    import canopen
+
+    for key, value in ((od.MODE, 5), (od.MAX_TORQUE, 1001), (od.DECELERATION, 0)):
+        with pytest.raises(canopen.SdoAbortedError, match="0x06090030"):
+            client.put(key, value)
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("stuck-encoder:shoulder@0.1", faults.ENCODER),
+        ("over-temperature:shoulder@0.1", faults.OVER_TEMPERATURE),
+        ("supply-sag:shoulder@0.1", faults.UNDERVOLTAGE),
+        ("late-sync:shoulder=0.01@0.1", faults.LATE_SYNC),
+        ("lost-frames:shoulder=40@0.1", faults.NO_DATA),
+    ],
+)
+def test_faults_end_in_fault(scenario, bus, text, code):
+    fault = read_fault(text, scenario.arm.names)
+    with Twin(scenario, bus, faults=[fault]) as twin, Client(twin) as client:
+        emergencies = []
+        client.nodes[0].emcy.add_callback(lambda error: emergencies.append(error.code))
+        client.enable(9, 0)
+        rpdo = struct.Struct("<Hhi")
+        client.put(od.TARGET_VELOCITY, round(0.5 * TURN))
+        for _ in range(200):
+            client.network.send_message(0x203, rpdo.pack(0x0F, 0, 0))
+            client.sync()
+        assert client.get(od.STATUSWORD) & 0x4F == 0x08  # fault, by transitions 13 and 14
+        assert twin.drives[0].machine.passed[-2:] == [13, 14]
+        assert client.get(od.ERROR_CODE) == code
+        assert client.get(od.ERROR_REGISTER) & 1
+        assert client.get(od.VELOCITY) == pytest.approx(0, abs=0.05 * TURN)
+        deadline = time.monotonic() + 10.0
+        while not emergencies and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert emergencies == [code]
+        client.word(0x00)
+        assert client.word(0x80) & 0x4F == 0x40  # the cause is gone: it can be reset
+
+
+def test_few_lost_frames_are_no_fault(scenario, bus):
+    with Twin(scenario, bus, faults=[Fault("lost-frames", None, 0.1, 5)]) as twin, Client(twin) as client:
+        client.enable(9)
+        for _ in range(60):
+            for number in (0x203, 0x204):
+                client.network.send_message(number, struct.pack("<Hhi", 0x0F, 0, 0))
+            client.sync()
+        assert all(drive.state is State.ENABLED for drive in twin.drives)
+        assert twin.cycles.report.incomplete >= 5
+
+
+def test_a_fault_stays_while_its_cause_does(scenario, bus):
+    with Twin(scenario, bus, faults=[Fault("over-temperature", "shoulder", 0.0, 1.0)]) as twin, Client(twin) as client:
+        client.enable(9, 1)
+        client.sync(20)
+        client.word(0x00)
+        client.word(0x80)
+        assert twin.drives[0].state is State.FAULT
+        assert twin.drives[1].state is State.ENABLED
+
+
+@pytest.mark.parametrize(
+    ("option", "state"), [(1, State.FAULT), (2, State.SWITCH_ON_DISABLED), (3, State.SWITCH_ON_DISABLED)]
+)
+def test_a_client_that_dies_stops_the_motors(twin, client, option, state):
+    """No heartbeat and no SYNC any more: the drives come to rest by themselves."""
+    for k in range(2):
+        client.put(od.CONSUMER, 1 << 16 | 200, k)
+        client.put(od.ABORT_OPTION, option, k)
+    client.network.send_message(0x701, [5])
+    client.enable(9)
+    client.put(od.TARGET_VELOCITY, round(0.3 * TURN))
+    client.sync(30)
+    client.network.send_message(0x701, [5])  # the last beat
+    deadline = time.monotonic() + 20.0
+    while any(d.state is not state or d.moves for d in twin.drives) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert all(drive.state is state for drive in twin.drives)
+    assert all(drive.demand_speed == 0.0 for drive in twin.drives)
+    while twin._runs and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert not twin._runs
+
+
+def test_a_node_that_is_stopped_or_reset_stops_its_motor(twin, client):
+    client.enable(9)
+    client.network.send_message(0, [2, 3])
+    client.nodes[1].sdo[0x6041].raw
+    client.sync(100)
+    assert twin.drives[0].state is State.SWITCH_ON_DISABLED
+    assert twin.drives[1].state is State.ENABLED
+
+
+def test_the_bus_is_closed_whatever_happens(scenario, bus, monkeypatch):
+    import can
+
+    buses, make = [], can.Bus
+
+    def kept(*arguments, **options):
+        buses.append(make(*arguments, **options))
+        return buses[-1]
+
+    monkeypatch.setattr(can, "Bus", kept)
+    with pytest.raises(RuntimeError, match="of the user"), Twin(scenario, bus):
+        raise RuntimeError("of the user")
+    monkeypatch.setattr("armwright.twin.node.TwinNode.connect", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        Twin(scenario, bus).open()
+    assert len(buses) == 2
+    assert all(each._is_shutdown for each in buses)
+
+
+@pytest.mark.parametrize(
+    ("nodes", "shown"), [([3], "[3]"), ([3, 3], "[3, 3]"), ([3, 128], "[3, 128]"), ([0, 1], "[0, 1]")]
+)
+def test_wrong_numbers_of_nodes(scenario, nodes, shown):
+    with pytest.raises(BusError) as error:
+        Twin(scenario, "virtual", nodes=nodes)
+    assert str(error.value) == f"nodes = {shown}: expected 2 different numbers from 1 to 127, one for each joint"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("stuck", "fault = 'stuck': did you mean stuck-encoder?"),
+        ("stuck-encoder:wrist", "fault = 'wrist': there is elbow, shoulder"),
+        ("stuck-encoder@soon", "fault = 'stuck-encoder@soon': expected KIND[:JOINT][=AMOUNT][@SECONDS]"),
+        ("stuck-encoder@-1", "fault = 'stuck-encoder=0.5@-1': expected a time and an amount of 0 or more"),
+    ],
+)
+def test_faults_that_are_none(text, message):
+    with pytest.raises(BusError) as error:
+        read_fault(text, ("shoulder", "elbow"))
+    assert str(error.value) == message
