@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.tuning.objective import Objective
 
 pytest.importorskip("cma", reason="cma is not installed: pip install armwright[control]")
 
@@ -90,6 +91,24 @@ def test_lanes_of_the_scenario_are_the_uncertainty():
     assert found.scenario.lane_count == 12
     assert set(found.gains) == {"kp"}
     assert found.score[1] <= found.score[0]
+
+
+def test_a_joint_at_rest_is_measured_by_a_tenth_of_those_that_move_as_it_does():
+    """A micrometre, or a microradian, of a joint at rest must not weigh what a moving joint's whole error does."""
+    arm = aw.load("examples/scara.toml")  # whose third joint slides
+    loop = aw.Loop(aw.JointPID(kp=100.0, kd=10.0), reference=np.zeros(4), period=1e-3)
+    asked: Any = (
+        aw.Scenario(arm, duration=0.01, loop=loop),
+        None,
+        {"rms_error": 1.0, "peak_torque": 1.0},
+        {},
+        False,
+        None,
+    )
+    values = np.array([[[0.02, 1e-6, 1e-5, 0.004]]])  # rad, rad, m, rad
+    scales = Objective(*asked).scales({"rms_error": values, "peak_torque": values})
+    assert scales["rms_error"] == pytest.approx([0.02, 0.002, 1e-5, 0.004])
+    assert scales["peak_torque"] == pytest.approx([0.02, 2e-5, 2e-5, 0.004])
 
 
 def test_limits_hold_a_peak_back():

@@ -2,9 +2,10 @@
 
     J = Σ_r w_r mean_j (v_rj / s_rj) + 10 Σ_l mean_j max(0, v_lj / limit_lj - 1)
 
-for one lane; v is a reducer's number of joint j, s the start's mean of it over the lanes. Reducers that are shares (saturation,
-overshoot) count as they are, s = 1. Over the lanes the mean or the worst of J counts. Beside reducers there are the measures of
-the linear loop (`linear_measures`), which are those of the record's arm in all lanes.
+for one lane; v is a reducer's number of joint j, s the start's mean of it over the lanes, of tracking errors at least a tenth of
+the largest joint's. Reducers that are shares (saturation, overshoot) count as they are, s = 1. Over the lanes the mean or the worst
+of J counts. Beside reducers there are the measures of the linear loop (`linear_measures`), which are those of the record's arm in
+all lanes.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ from armwright.tuning.space import GainSpace
 OBJECTIVES = {"rms_error": 1.0, "saturation": 1.0}
 BEYOND = 10.0  # weight of a peak beyond its limit
 PATIENCE = 60.0  # [s] for the first worker of a cluster
-LITTLE = 1e-3  # of the largest joint's: a joint that hardly errs is measured by this
+IDLE = 0.1  # of the largest joint's tracking error: a joint at rest is measured by this, not by its own small error
+LITTLE = 1e-3  # the same of other measures, which differ more from joint to joint
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,9 +100,16 @@ class Objective:
         for name in self.weights:
             mean = start[name][0].mean(axis=0)
             mean = np.where(np.isfinite(mean), mean, 1.0)  # of a start that is refused
-            scales[name] = np.ones_like(mean) if is_share(name) else np.maximum(mean, LITTLE * mean.max())
+            scales[name] = np.ones_like(mean) if is_share(name) else np.maximum(mean, self._least(name, mean))
             scales[name] = np.where(scales[name] > 0.0, scales[name], 1.0)
         return scales
+
+    def _least(self, name: str, mean: np.ndarray) -> np.ndarray:
+        """(n,) that the scale of a measure is at least, of its means (n,) at the start."""
+        if name in MEASURES or reducer(name).unit != "q":
+            return np.full_like(mean, LITTLE * mean.max())
+        units = np.array(measure_units(self.scenario.arm, name))
+        return IDLE * np.array([mean[units == unit].max() for unit in units])
 
     def score(self, values: Mapping[str, np.ndarray], scales: Mapping[str, np.ndarray]) -> np.ndarray:
         """(candidates,) J over the lanes; infinite where any lane fails."""
