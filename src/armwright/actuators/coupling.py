@@ -25,6 +25,11 @@ def shares_of(model: Model) -> Shares:
     ]
 
 
+def motor_shares(model: Model) -> np.ndarray:
+    """B (n, n) of an arm, 1 without coupled motors; of rows of torques,  tau_joints = tau_motors B."""
+    return np.asarray(_matrix(shares_of(model)), dtype=float)
+
+
 def to_motors(shares: Shares, q: Array) -> Array:
     """B q (n, …): positions or speeds of joints as those of the motors, referred to the motors' joints."""
     if not any(shares):

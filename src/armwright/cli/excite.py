@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -100,6 +101,8 @@ def arm(
     }
     box = None if floor is None else [[-float("inf"), -float("inf"), floor], [float("inf")] * 3]
     options = ("period", "harmonics", "starts", "criterion", "velocity", "acceleration", "torque", "seed")
+    if not sys.stderr.isatty():  # a bar would not be seen, and this may take minutes
+        say(f"designing a motion of {model.name} from {starts} starts; each takes some seconds", err=True)
     with as_options(*options), progress(f"designing a motion of {model.name}") as tell:
         found = aw.design_excitation(
             model, period=period, harmonics=harmonics, starts=starts, criterion=criterion,  # type: ignore[arg-type]

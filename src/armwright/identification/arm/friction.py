@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright.actuators.coupling import motor_shares
 from armwright.description.friction import key_of
 from armwright.description.paths import path_name, unit_at
 from armwright.errors import IdentificationError
@@ -30,6 +31,7 @@ from armwright.identification.arm.samples import Samples, check_efforts, samples
 from armwright.identification.arm.spring_record import spring_keys
 from armwright.identification.arm.torque_model import torque_model
 from armwright.identification.estimate import Estimate
+from armwright.identification.logs.checks import of_robot
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import Model
@@ -64,11 +66,11 @@ def friction_rows(
 
     plain = compile_arm(robot.replace(friction=None))
     links = compile_arm(robot.replace(friction=None, rotors=None))
-    choice = preparation or _wider(log)
+    choice, shares = preparation or _wider(log), motor_shares(robot)
     model, parts = torque_model(robot), [[] for _ in range(robot.n)]
     for block in samples_of(log, model, None, choice):
-        rest = block.tau - plain.inverse_dynamics(block.q, block.qd, block.qdd)
-        load = links.inverse_dynamics(block.q, block.qd, block.qdd)
+        rest = block.tau - plain.inverse_dynamics(block.q, block.qd, block.qdd) @ shares
+        load = links.inverse_dynamics(block.q, block.qd, block.qdd) @ shares
         near = max(round(1.0 / (choice.cutoff * max(np.median(np.diff(block.t)), 1e-9))), 1) if len(block.t) > 1 else 1
         warm = _warming(block, robot, warming)
         for j in range(robot.n):
@@ -142,6 +144,7 @@ def identify_friction(
     for each in candidates:
         if each not in CANDIDATES:
             raise IdentificationError("unknown", place="candidates", value=each, choices=CANDIDATES)
+    log = of_robot(log, robot)
     check_efforts(log, robot.names, log.fit)
     names: list[str] = []
     values, bounds, blocks, measures = [], [], [], {}

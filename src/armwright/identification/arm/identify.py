@@ -18,23 +18,25 @@ from armwright.identification.arm.closed_loop import Feedback, following
 from armwright.identification.arm.equations import Equations, equations_of, stacked
 from armwright.identification.arm.fit import ArmFit, HeldOut, cross_validated, fit_arm, measures_of
 from armwright.identification.arm.methods import METHODS, FitProblem
+from armwright.identification.arm.misread import misread_columns
 from armwright.identification.arm.remarks import (
     MOST_NAMED,
     driving_frictions,
+    impossible_parameters,
     joints_that_move,
     measures_by_joint,
-    mirrored_joints,
     negative_inertias,
     remarks_on,
     unlike_the_record,
     unpredicted,
     verdict_of,
 )
-from armwright.identification.arm.samples import Samples, check_efforts, samples_of
+from armwright.identification.arm.samples import Samples, check_efforts, joints_of, samples_of
 from armwright.identification.arm.separating import sentences
 from armwright.identification.arm.spring_record import SPRINGS
 from armwright.identification.arm.torque_model import USUAL_FRICTION, TorqueModel, torque_model
 from armwright.identification.estimate import HALF_95, Estimate, write_into
+from armwright.identification.logs.checks import of_robot
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import Model
@@ -169,9 +171,11 @@ def identify_arm(
         raise IdentificationError(
             "missing", place="robot", expected="an arm, or kinematics alone, here or in the log's file"
         )
+    log = of_robot(log, arm)
     runs = list(log.fit if runs is None else runs)
     check_efforts(log, arm.names, runs)
-    gears = None if log.gears is None or len(log.gears) != arm.n else log.gears
+    order = joints_of(log, arm.names)
+    gears = None if log.gears is None else log.gears[np.ix_(order, order)]
     model = torque_model(
         arm, friction=friction, springs=springs, lacks=_lacks(log, lacks), stribeck_speed=stribeck_speed, gears=gears
     )
@@ -191,8 +195,11 @@ def identify_arm(
     values = record_parameters(fit) if record else None
     directions = [*sentences(fit, source()), *_separating(equations, base, structural)]
     remarks = remarks_on(fit, base, structural, directions, sensitive, held_out, values, prepared[runs[0]])
-    doubts = [*unpredicted(fit, held_out, hold_out, moved), *unlike_the_record(fit), *driving_frictions(fit)]
-    doubts += [*negative_inertias(fit, next(source())), *mirrored_joints(fit, next(source()))]
+    doubts = [*unpredicted(fit, held_out, hold_out, moved), *unlike_the_record(fit)]
+    doubts += (driving := driving_frictions(fit))
+    doubts += negative_inertias(fit, next(source()))
+    doubts += [] if driving else misread_columns(fit, next(source()))
+    doubts += impossible_parameters(fit, values)
     rows, cut = equations.rows.max(), prepared[runs[0]].cutoff
     about = f"{METHODS[method].about} of {rows} rows, {model.arm.n} joints, cut-off {cut:.4g} Hz"
     estimate = Estimate(

@@ -16,11 +16,11 @@ import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armwright import scalar
+from armwright.actuators.coupling import motor_shares
 from armwright.dynamics.gears import joint_torques
 from armwright.errors import IdentificationError, LogError
 from armwright.identification.arm.base import regrouped
@@ -37,12 +37,10 @@ from armwright.identification.arm.physical import (
 from armwright.identification.arm.samples import Samples, check_efforts, samples_of
 from armwright.identification.arm.torque_model import INERTIAL, INERTIAL_UNITS, Column, TorqueModel, torque_model
 from armwright.identification.estimate import HALF_95, Estimate
+from armwright.identification.logs.checks import of_robot
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import BASE, Model
-
-if TYPE_CHECKING:
-    pass
 
 NAMES = (
     "payload.mass_kg",
@@ -81,10 +79,10 @@ class PayloadModel(TorqueModel):
         return values
 
     def known_torques(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Torques (rows, n) [N m | N] of the arm itself where its own columns are not fitted and its gears lose nothing."""
+        """Joint torques (rows, n) [N m | N] of the arm itself where its own columns are not fitted and its gears lose nothing."""
         if len(self.columns) > PER_LINK or is_lossy(self.arm):
             return super().known_torques(q, qd, qdd)
-        return self.dyn.inverse_dynamics(q, qd, qdd)
+        return self.dyn.inverse_dynamics(q, qd, qdd) @ motor_shares(self.arm)
 
 
 def is_lossy(arm: Model) -> bool:
@@ -147,6 +145,7 @@ def identify_payload(
     Raises:
         IdentificationError: a log without positions or torques, of another arm, with too few rows.
     """
+    log, loaded_log = of_robot(log, robot), None if loaded_log is None else of_robot(loaded_log, robot)
     logs = [log] if loaded_log is None else [log, loaded_log]
     for each in logs:
         check_efforts(each, robot.names, each.fit)
@@ -224,11 +223,12 @@ def checksum_of_both(log: Log, loaded_log: Log) -> str:
 
 def behind_gears(samples: Iterable[Samples], model: PayloadModel) -> Iterator[Samples]:
     """Samples whose torques are those that the arm leaves unexplained, behind gears that lose part of all that passes them."""
+    of_motors = np.linalg.inv(motor_shares(model.arm))  # rows of joint torques times this: the motors' own
     for block in samples:
-        predicted = model.dyn.inverse_dynamics(block.q, block.qd, block.qdd)
+        predicted, logged = model.dyn.inverse_dynamics(block.q, block.qd, block.qdd), block.tau @ of_motors
         rest = np.empty_like(predicted)
         for k in range(len(block.t)):
-            both = (joint_torques(model.arm, block.qd[k], block.qdd[k], t) for t in (block.tau[k], predicted[k]))
+            both = (joint_torques(model.arm, block.qd[k], block.qdd[k], t) for t in (logged[k], predicted[k]))
             measured, own = both
             rest[k] = np.asarray(measured - own, dtype=float)
         yield replace(block, tau=rest)

@@ -11,7 +11,6 @@ from armwright.identification.arm.base import BaseParameters
 from armwright.identification.arm.equations import Equations
 from armwright.identification.arm.fit import AT_REST, ArmFit, HeldOut
 from armwright.identification.arm.spring_record import SPRINGS
-from armwright.identification.arm.triangular import triangle
 from armwright.identification.estimate import HALF_95
 from armwright.identification.identifiability import MEANINGLESS
 from armwright.identification.logs.preparation import Preparation
@@ -27,8 +26,7 @@ LEAST_HELD_OUT = 0.5  # R² of a joint that moves, on rows that were not fitted,
 DISSIPATING = ("viscous", "coulomb", "coulomb+", "coulomb-")  # kinds of columns whose numbers above 0 take power
 SURE = 5.0  # standard deviations below 0 at which the power of a joint's friction has the wrong sign
 OF_TORQUE = 0.05  # of a joint's torque: a smaller friction below 0 may be a drive's own compensation of friction
-ROWS_OF_SIGNS = 500  # that signs are tried on
-BETTER_MIRRORED = 0.25  # squares of the errors with a sign changed, by those as logged: less is in doubt
+POSSIBLE = 0.01  # of R², that physically possible values may cost a joint beyond what noise makes them cost
 FACTOR = 5.0  # between the record's links and the identified ones, from which the torque's unit is in doubt
 
 
@@ -83,34 +81,6 @@ def negative_inertias(fit: ArmFit, samples: Samples) -> list[str]:
     return said
 
 
-def mirrored_joints(fit: ArmFit, samples: Samples) -> list[str]:
-    """Sentences about joints whose position or torque of the other sign lets the model explain far more of the log.
-
-    Each is tried on some rows by itself: least squares of the same base columns, weighted as the fit.
-    """
-    model, n = fit.equations.model, fit.equations.model.arm.n
-    some = samples.part(slice(None, None, max(len(samples.t) // ROWS_OF_SIGNS, 1)))
-    known = np.isfinite(some.tau)
-    weight = np.where(known, np.sqrt(fit.weights), 0.0)
-    tau = np.where(known, some.tau, 0.0)
-
-    def left(position: np.ndarray, torque: np.ndarray) -> float:
-        motion = [each * position for each in (some.q, some.qd, some.qdd)]
-        columns = (model.rows(*motion)[:, :, fit.base.independent] * weight[:, :, None]).reshape(tau.size, -1)
-        target = ((torque * tau - model.known_torques(*motion)) * weight).ravel()
-        return float(triangle(np.column_stack([columns, target]))[-1, -1] ** 2)
-
-    ones, said = np.ones(n), []
-    as_logged = left(ones, ones)
-    for j, joint in enumerate(model.arm.names):
-        other = ones - 2 * np.eye(n)[j]
-        for what, found in (("position", left(other, ones)), ("torque", left(ones, other))):
-            if found < BETTER_MIRRORED * as_logged:
-                share = f"{1 - np.sqrt(found / as_logged):.0%} of the error goes with the other sign of its {what}"
-                said.append(f"{joint}: {share}: is it wrong in the log's file, or the axis in the robot's?")
-    return said
-
-
 def unlike_the_record(fit: ArmFit) -> list[str]:
     """A sentence where links as identified take 5 times the torque of the record's own or more, or a fifth or less.
 
@@ -130,6 +100,28 @@ def unlike_the_record(fit: ArmFit) -> list[str]:
     return [
         f"the links' masses and inertias take {times:.2g} times the torque of the record's own: is the unit or the side of "
         "the torque right?"
+    ]
+
+
+def impossible_parameters(fit: ArmFit, values: RecordParameters | None) -> list[str]:
+    """A sentence where physically possible values predict torques much worse than the log's own parameters.
+
+    Those of a real arm are possible, so that noise alone makes the difference, p parameters in N rows: p / N of what is left.
+    """
+    if values is None:
+        return []
+    by_noise = len(fit.base) / np.maximum(fit.equations.rows, 1) * (1.0 - fit.r2)
+    cost = fit.r2 - values.r2
+    worst = {
+        joint: each for joint, each, noise in zip(fit.equations.model.arm.names, cost, by_noise, strict=True)
+        if each > POSSIBLE + noise
+    }  # fmt: skip
+    if not worst:
+        return []
+    joints = ", ".join(f"{joint} by {each:.2f}" for joint, each in worst.items())
+    return [
+        f"no arm has the parameters that this log asks for: possible ones lower R² of {joints}. Are units, joints' order, "
+        "zero positions, gears and couplings those of this robot, and is friction of this form?"
     ]
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from armwright.actuators.coupling import shares_of, to_joints
 from armwright.errors import IdentificationError, LogError
 from armwright.identification.arm.torque_model import TorqueModel
+from armwright.identification.logs.columns import check_gears
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation, settling
 from armwright.identification.logs.prepared import SEAM, prepared_blocks, resting_speeds, zero_phase
@@ -78,11 +79,12 @@ def samples_of(
         log: a checked log.   model: of the arm; its joints are in the log, by name.
         runs: names; None: those to fit.   preparation: of all runs, or of each by its name; None: chosen for each run.
     Raises:
-        LogError: joints of the arm that are not in the log, or no stretch that is long enough.
+        LogError: joints of the arm that are not in the log, gears that are not the arm's, or no stretch that is long enough.
         IdentificationError: joints of the arm without positions, or neither torque, current nor voltage.
         ModelError: currents or voltages of motors without constants.
     """
     order = joints_of(log, model.arm.names)
+    check_gears(log, model.arm)
     source, is_empty = torque_source(log), True
     for run in log.fit if runs is None else runs:
         chosen = preparation[run] if isinstance(preparation, Mapping) else preparation or choose_preparation(log, run)

@@ -16,13 +16,16 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from armwright.errors import LogError
 from armwright.identification.logs.census import Census
+from armwright.identification.logs.columns import check_gears
 from armwright.identification.logs.effort_checks import power, torque_delays
 from armwright.identification.logs.findings import Finding, Found
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.row_checks import cells, clock, motion
 from armwright.identification.logs.smoothed import Smoothed, smoothed
 from armwright.identification.logs.unit_checks import limits, speeds, temperatures
+from armwright.model import Model
 
 NUMBERS = re.compile(r"-?[\d.]+(e[+-]?\d+)?")
 OF_ROWS: dict[str, tuple[Callable[[Log, LogRun, Census], Found], ...]] = {
@@ -50,6 +53,26 @@ def check_log(log: Log) -> list[Finding]:
             found += [(name, each) for name, check in OF_MOTION.items() for each in check(log, smooth)]
         findings += [Finding(level, name, run.name, problem) for name, (level, problem) in found]
     return _once(findings, log)
+
+
+def of_robot(log: Log, arm: Model) -> Log:
+    """A log with a robot that its file does not name, and with what the robot's gears and limits say of its rows.
+
+    Raises:
+        LogError: gears that are not the robot's, positions beyond its limits by a mistake that is known.
+    """
+    check_gears(log, arm)
+    if log.arm is not None:
+        return log
+    known, found = replace(log, arm=arm), []
+    for run in log.runs:
+        if run.census is not None:
+            found += [Finding(level, "units", run.name, each) for level, each in limits(known, run, run.census)]
+    fresh = [each for each in _once(found, log) if each not in log.findings]
+    errors = [each.problem.within(each.run and f"run {each.run!r}") for each in fresh if each.level == "error"]
+    if errors:
+        raise LogError.of(*errors).within(file=log.path)
+    return replace(known, findings=(*log.findings, *fresh))
 
 
 def _once(findings: list[Finding], log: Log) -> list[Finding]:

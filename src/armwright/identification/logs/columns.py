@@ -16,6 +16,9 @@ from armwright.signals import Layout, Signal
 
 if TYPE_CHECKING:
     from armwright.identification.logs.log import Log
+    from armwright.model.model import Body
+
+SAME_GEAR = 0.01  # of a ratio, by which a catalogue rounds it
 
 
 def layout_of(
@@ -134,3 +137,44 @@ def to_joints(log: Log, signal: SignalTable, number: int) -> np.ndarray:
         what = f"joint {joint!r} is coupled with the motor of {motor!r}, whose column is not among them"
         raise LogError(what, place=f"{place}.columns", file=log.path)
     return matrix[np.ix_(chosen, chosen)].T
+
+
+def gears_of(arm: Model, joints: tuple[str, ...]) -> np.ndarray | None:
+    """(n, n) N of an arm's motors, θ_motor = N q, in the order of a log's joints; None where its record has no motors."""
+    bodies = [body for body in arm.coordinates if body.joint in joints and _has_motor(body)]
+    if not bodies:
+        return None
+    numbers = np.eye(len(joints))
+    for body in bodies:
+        row = joints.index(body.joint)
+        numbers[row, row] = body.drive.gear_ratio
+        for other, ratio in body.drive.coupling:
+            if other in joints:
+                numbers[row, joints.index(other)] = ratio
+    return numbers
+
+
+def check_gears(log: Log, arm: Model) -> None:
+    """Refuses gears of a log's file that are not those of the arm's record.
+
+    Raises:
+        LogError: with the joint and both rows of N.
+    """
+    own = gears_of(arm, log.joints)
+    if own is None or log.table.gears is None or log.gears is None:
+        return
+    for body in filter(_has_motor, arm.coordinates):
+        if body.joint not in log.joints:
+            continue
+        row = log.joints.index(body.joint)
+        if not np.allclose(log.gears[row], own[row], rtol=0.0, atol=SAME_GEAR * abs(own[row, row])):
+            theirs, ours = (", ".join(f"{x:g}" for x in each[row]) for each in (log.gears, own))
+            what = (
+                f"the motor of {body.joint!r} turns by [{theirs}] in the log's file, by [{ours}] in the robot's record"
+            )
+            expected = "the same gears and couplings in both, or in one of them"
+            raise LogError(what, place="gears", expected=expected, file=log.path)
+
+
+def _has_motor(body: Body) -> bool:
+    return body.drive.torque_constant is not None or body.drive.gear_ratio != 1.0

@@ -16,7 +16,7 @@ from armwright.description.toml_file import toml_tables
 from armwright.errors import LogError
 from armwright.identification.logs.census import census_of
 from armwright.identification.logs.checks import check_log
-from armwright.identification.logs.columns import layout_of, to_joints
+from armwright.identification.logs.columns import check_gears, gears_of, layout_of, to_joints
 from armwright.identification.logs.findings import LEVELS
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.log_file import GearsTable, LogTable, SignalTable
@@ -92,6 +92,8 @@ def _opened(path: Path, table: LogTable) -> Log:
         raise error.within(file=path) from None
     log = Log(path, table, joints, arm, gears, layout, runs)
     _check_sides(log)
+    if arm is not None:
+        check_gears(log, arm)
     return log
 
 
@@ -121,17 +123,7 @@ def _gears(table: GearsTable | None, joints: tuple[str, ...], arm: Model | None)
             place = "gears.ratios" if table.ratios is not None else "gears.matrix"
             raise LogError(f"{len(numbers)} motors", place=place, expected=f"{len(joints)}: {', '.join(joints)}")
         return numbers
-    bodies = [] if arm is None else [body for body in arm.coordinates if body.joint in joints]
-    if not bodies or all(body.drive.torque_constant is None and body.drive.gear_ratio == 1.0 for body in bodies):
-        return None
-    numbers = np.zeros((len(joints), len(joints)))
-    for body in bodies:
-        row = joints.index(body.joint)
-        numbers[row, row] = body.drive.gear_ratio
-        for other, ratio in body.drive.coupling:
-            if other in joints:
-                numbers[row, joints.index(other)] = ratio
-    return numbers
+    return None if arm is None else gears_of(arm, joints)
 
 
 def _runs(table: LogTable, folder: Path) -> tuple[LogRun, ...]:

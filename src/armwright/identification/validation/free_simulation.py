@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armwright.actuators.coupling import motor_shares
 from armwright.description.drive import Command
 from armwright.errors import LogError, ScenarioError
 from armwright.identification.logs.log import Log, LogRun
@@ -24,7 +25,7 @@ from armwright.identification.validation.prediction import (
     units_of,
 )
 from armwright.identification.validation.residuals import parts_of
-from armwright.identification.validation.torque import as_logged, check_constants, motor_shares, with_command
+from armwright.identification.validation.torque import as_logged, check_constants, with_command
 from armwright.kernels.compiled import CompiledArm, compile_arm
 from armwright.model import Model
 from armwright.parameters import Batch

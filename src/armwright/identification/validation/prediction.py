@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from armwright.errors import LogError
+from armwright.identification.logs.columns import check_gears
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.identification.logs.spectrum import HIGHEST
@@ -83,12 +84,13 @@ def check_match(arm: Model, log: Log) -> None:
     """Refuses an arm that cannot be the one of the log.
 
     Raises:
-        LogError: other joints.   ModelError: an arm without masses.
+        LogError: other joints or gears.   ModelError: an arm without masses.
     """
     if sorted(log.joints) != sorted(arm.names):
         theirs, ours = (", ".join(map(repr, names)) for names in (log.joints, arm.names))
         what = f"the log has {len(log.joints)} ({theirs}), {arm.name} has {arm.n} ({ours})"
         raise LogError(what, place="joints", expected="the same joints by name, in the log's joints", file=log.path)
+    check_gears(log, arm)
     if all(float(body.mass) == 0.0 and not np.any(body.inertia) for body in arm.bodies) and not any(
         float(body.drive.rotor_inertia) for body in arm.coordinates
     ):

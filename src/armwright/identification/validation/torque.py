@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from armwright.actuators import drive_torque
-from armwright.actuators.coupling import shares_of, to_motors
+from armwright.actuators.coupling import motor_shares
 from armwright.description.drive import Command
 from armwright.errors import LogError
 from armwright.identification.logs.log import Log
@@ -149,11 +149,6 @@ def _measured(arm: Model, source: Source, values: np.ndarray, qd: np.ndarray) ->
     if source == "tau":
         return values
     return drive_torque(with_command(arm, source), qd.T, values.T).T @ motor_shares(arm)
-
-
-def motor_shares(arm: Model) -> np.ndarray:
-    """B (n, n) of coupled motors, 1 where there are none: tau_joints = Bᵀ tau_motors, as rows  tau_joints = tau_motors B."""
-    return np.array(to_motors(shares_of(arm), np.eye(arm.n)), dtype=float)
 
 
 def as_logged(arm: Model, log: Log, source: str) -> Model:

@@ -1,0 +1,95 @@
+"""Columns that a log's file may describe wrongly: another sign, another order, the motor's values for the joint's.
+
+A fit of the wrong columns often looks good. Here each likely mistake is undone, and the same base parameters are fitted to some
+rows again: a mistake that explains three quarters of the squares that are left is named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+
+import numpy as np
+
+from armwright.identification.arm.fit import ArmFit
+from armwright.identification.arm.samples import Samples
+from armwright.identification.arm.torque_model import TorqueModel
+from armwright.identification.arm.triangular import triangle
+
+ROWS = 400  # that mistakes are tried on
+BETTER = 0.25  # squares of the errors with a mistake undone, by those as logged: less is in doubt
+EXACT = 1e-4  # of the torques' squares: where no more is left, nothing is in doubt
+
+
+def misread_columns(fit: ArmFit, samples: Samples) -> list[str]:
+    """Sentences about mistakes in the description of a log that would explain far more of it once undone.
+
+    What is left is counted over all joints, weighted as the fit, and of each joint by itself where all together gain too.
+
+    Args:
+        fit: of all rows.   samples: some of them.
+    """
+    model, n = fit.equations.model, fit.equations.model.arm.n
+    some = samples.part(slice(None, None, max(len(samples.t) // ROWS, 1)))
+    known = np.isfinite(some.tau)
+    tau, one = np.where(known, some.tau, 0.0), np.eye(n)
+    by_torque = 1.0 / np.maximum((tau * tau).mean(axis=0), np.finfo(float).tiny)
+
+    def left(position: np.ndarray, torque: np.ndarray) -> tuple[float, np.ndarray]:
+        """Squares that q' = position q, tau' = torque tau leave: weighted as the fit, and of each joint by its torque's."""
+        motion = [each @ position.T for each in (some.q, some.qd, some.qdd)]
+        target = tau @ torque.T - model.known_torques(*motion)
+        rows = np.concatenate([model.rows(*motion)[:, :, fit.base.independent], target[:, :, None]], axis=2)
+        squares = []
+        for weights in (fit.weights, by_torque):
+            weighted = (rows * np.where(known, np.sqrt(weights), 0.0)[:, :, None]).reshape(tau.size, -1)
+            R = triangle(weighted)
+            solution = np.linalg.lstsq(R[:-1, :-1], R[:-1, -1], rcond=1e-12)[0]
+            squares.append(((weighted[:, -1] - weighted[:, :-1] @ solution) ** 2).reshape(-1, n).sum(axis=0))
+        return float(squares[0].sum()), squares[1]
+
+    as_logged, by_joint = left(one, one)
+    if by_joint.max() < EXACT * len(tau):
+        return []
+    said, exchanged = [], (BETTER, "")
+    for places, what, position, torque in _mistakes(model):
+        found, of_joint = left(position, torque)
+        ratio = found / as_logged
+        if of_joint.sum() < by_joint.sum():
+            ratio = min(ratio, *(of_joint[places] / np.maximum(by_joint[places], EXACT * len(tau))))
+        words = f"{' and '.join(model.arm.names[j] for j in places)}: {1 - np.sqrt(ratio):.0%} of the error goes with {what}"
+        if len(places) > 1:
+            exchanged = min(
+                exchanged, (float(ratio), words)
+            )  # whatever else is exchanged with these gains something too
+        elif ratio < BETTER:
+            said.append(words)
+    return [*said, exchanged[1]] if exchanged[1] else said
+
+
+def _mistakes(model: TorqueModel) -> Iterator[tuple[list[int], str, np.ndarray, np.ndarray]]:
+    """Numbers of joints, words, and matrices (n, n) that undo the mistake in positions and in torques."""
+    n = model.arm.n
+    one = np.eye(n)
+    for j in range(n):
+        mirrored, asked = one - 2 * np.diag(one[j]), "is it wrong in the log's file, or the axis in the robot's?"
+        yield [j], f"the other sign of its position: {asked}", mirrored, one
+        yield [j], f"the other sign of its torque: {asked}", one, mirrored
+    for j, k in combinations(range(n), 2):
+        swapped, asked = one.copy(), "are columns in the order of the joints?"
+        swapped[[j, k]] = one[[k, j]]
+        yield [j, k], f"their positions exchanged: {asked}", swapped, one
+        yield [j, k], f"their torques exchanged: {asked}", one, swapped
+        yield [j, k], f"their positions and torques exchanged: {asked}", swapped, swapped
+    motors = one.copy()  # B: the motors' angles by the joints', each referred by its own ratio
+    for column in model.columns:
+        for j, share in column.turned[1:]:
+            motors[model.arm.names.index(column.joint), j] = share
+    coupled = list(np.flatnonzero((motors != one).any(axis=0) | (motors != one).any(axis=1)))
+    if coupled:
+        what, asked = (
+            "taken as those of the motors, each by its own ratio",
+            'is side = "motor" right in the log\'s file?',
+        )
+        yield coupled, f"positions {what}: {asked}", np.linalg.inv(motors), one
+        yield coupled, f"torques {what}: {asked}", one, motors.T
