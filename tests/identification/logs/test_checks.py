@@ -232,3 +232,17 @@ def test_a_motor_on_a_bench_turns_as_far_as_it_likes(tmp_path):
     assert not any("turns by" in line for line in findings(tmp_path, lambda _: turned, bench))
     arm = HEAD + signal.format('["q1", "q2"]')
     assert any("turns by 20 turns" in line for line in findings(tmp_path, lambda _: turned, arm))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            scaled("m1", by=1e5),
+            r"tau shoulder: up to \d+e?.* N m, more than the drive of an arm has: is the unit right",
+        ),
+        (scaled("t", by=1e3), "time: a row every 2 s: is the unit of the time right"),
+    ],
+)
+def test_sizes_that_no_arm_has_are_in_doubt(tmp_path, change, said):
+    assert any(re.search(said, line) for line in findings(tmp_path, change, level="warning"))

@@ -51,6 +51,19 @@ unit = "{unit}"
 QUANTITIES = {"u": ("voltage", "V"), "current": ("current", "A"), "qd": ("speed", "rad/s"), "q": ("position", "rad")}
 
 
+BACKWARDS = """
+joints = ["spin"]
+gears.ratios = [-40]
+files.log.path = "bench.csv"
+time = { column = "t", unit = "s" }
+signals = [
+    { quantity = "voltage", columns = "u", unit = "V" },
+    { quantity = "current", columns = "i", unit = "mA" },
+    { quantity = "speed", columns = "w", unit = "rpm", side = "motor" },
+]
+"""
+
+
 def arm_of(folder: Path, joints: tuple[str, ...] = ("shoulder", "elbow")) -> Path:
     """Path of the record of an arm whose motors nobody has measured."""
     parents = ["base", *(f"{name}_link" for name in joints)]
@@ -157,3 +170,17 @@ def test_bad_input_is_refused(tmp_path):
             aw.identify_motor(log, arm, **options)
     with pytest.raises(ModelError, match="goes with a robot"):
         aw.identify_motor(log, load=0)
+
+
+def test_a_gear_that_turns_backwards_on_a_bench(tmp_path):
+    """Counts and rpm are the motor's, as the log's file says: so are the constants, with the sign of the gear."""
+    table = logged(3)
+    columns = {"t": np.arange(len(table["u"])) * PERIOD, "u": table["u"], "i": 1e3 * table["current"]}
+    columns["w"] = table["qd"] * 30 / np.pi
+    heads = ",".join(columns)
+    np.savetxt(tmp_path / "bench.csv", np.column_stack([*columns.values()]), delimiter=",", header=heads, comments="")
+    (tmp_path / "bench.log.toml").write_text(BACKWARDS)
+    fit = aw.identify_motor(tmp_path / "bench.log.toml", starts=4)
+    assert fit.estimate.verdict == "identified"
+    check(fit.estimate, "spin", coulomb=40.0 * TRUE["coulomb"])
+    assert aw.load(fit.write(tmp_path / "spin.toml")).coordinates[0].drive.gear_ratio == -40.0

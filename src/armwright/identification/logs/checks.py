@@ -4,7 +4,7 @@
 |--------------|---------------------------------------------------------------------------------------------------------|
 | clock        | rate, jitter, gaps, rows at the same time, time that goes backwards, rows without time                  |
 | cells        | empty cells, columns that never change, stays at an extreme, rows repeated, quantisation                |
-| units        | positions against limits, speed against the derivative of position, temperatures: units, sides, signs   |
+| units        | positions against limits, speed against the derivative of position, sizes: units, sides, signs          |
 | delays       | speed behind position, torque behind motion, in fractions of a sample                                   |
 | power        | torques, currents and voltages that would take energy out of a machine that only loses it               |
 """
@@ -24,14 +24,14 @@ from armwright.identification.logs.findings import Finding, Found
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.row_checks import cells, clock, motion
 from armwright.identification.logs.smoothed import Smoothed, smoothed
-from armwright.identification.logs.unit_checks import limits, speeds, temperatures
+from armwright.identification.logs.unit_checks import limits, sizes, speeds, temperatures
 from armwright.model import Model
 
 NUMBERS = re.compile(r"-?[\d.]+(e[+-]?\d+)?")
 OF_ROWS: dict[str, tuple[Callable[[Log, LogRun, Census], Found], ...]] = {
     "clock": (clock,),
     "cells": (cells, motion),
-    "units": (limits, temperatures),
+    "units": (limits, temperatures, sizes),
 }
 OF_MOTION: dict[str, Callable[[Log, Smoothed], Found]] = {"units": speeds, "delays": torque_delays, "power": power}
 

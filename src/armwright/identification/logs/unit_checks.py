@@ -19,6 +19,14 @@ OFF, CERTAIN = 0.9, 0.99  # correlation above which a gain says something, and a
 DELAYED = 0.1  # of a sample
 TURNS = 8 * pi  # [rad]: few joints turn further
 COLDEST, HOTTEST = -60.0, 220.0  # [°C] of motors: insulation of class H stands 180 °C
+LARGEST = {
+    "current": 1e3,
+    "voltage": 1.5e3,
+    "tau": 1e5,
+    "tau_link": 1e5,
+}  # [A], [V] of low voltage, [N m]: of no arm's drive
+SLOWEST = 1.0  # [s] between rows in which an arm or a motor is seen to move
+SURELY = 2.0  # times what its limits allow a joint moves where its unit is wrong; less may be limits that are not the arm's
 BEYOND = 0.02  # [rad | m] beyond its limits a joint may be, by overshoot and calibration
 FACTORS = {  # speed / derivative of position → the mistake that makes it
     180 / pi: "the speed is in degrees where radians are meant, or the position in radians where degrees are",
@@ -68,6 +76,23 @@ def temperatures(log: Log, run: LogRun, census: Census) -> Found:
             yield (error if kelvin else warning)(what, f"temperature {log.joints[joint]}", expected)
 
 
+def sizes(log: Log, run: LogRun, census: Census) -> Found:
+    """Currents, voltages and torques that no drive of an arm has, and rows too far apart to show a motion."""
+    for quantity, most in LARGEST.items():
+        if quantity not in log.layout:
+            continue
+        signal, extremes = log.layout[quantity], census.signals[quantity]
+        for k, joint in enumerate(signal.joints or ()):
+            size, unit = max(abs(float(extremes.low[k])), abs(float(extremes.high[k]))), signal.units[k]
+            if size > most and unit != "N":
+                what = f"up to {size:.4g} {unit}, more than the drive of an arm has: is the unit right?"
+                yield warning(what, f"{quantity} {log.joints[joint]}", f"at most {most:g} {unit}")
+    if census.period > SLOWEST and run.rows > 1:
+        yield warning(
+            f"a row every {census.period:.4g} s: is the unit of the time right?", "time", f"at most {SLOWEST:g} s"
+        )
+
+
 def _likely(log: Log, joint: int, unit: str, low: float, high: float, bounds: tuple[float, float]) -> str:
     """The mistake that brings positions beyond their limits, if there is one that explains them."""
     ways = (
@@ -80,7 +105,8 @@ def _likely(log: Log, joint: int, unit: str, low: float, high: float, bounds: tu
     span = high - low
     for name, factor in ways.items():
         ends = sorted((low * factor, high * factor))
-        if bounds[0] <= ends[0] and ends[1] <= bounds[1] and (span > bounds[1] - bounds[0] or factor == -1.0):
+        beyond = span > (bounds[1] - bounds[0]) * (SURELY if factor > 0 and 1 / factor > SURELY else 1.0)
+        if bounds[0] <= ends[0] and ends[1] <= bounds[1] and (beyond or factor == -1.0):
             return f"; {name}?"
     return ""
 

@@ -17,9 +17,9 @@ KEPT = ("name", "type", "source", "motor", "friction", "limits", "elasticity", "
 ABOUT = {"kind": "estimate", "text": "assumed by armwright identify motor; the log does not tell it"}
 
 
-def bench_record(joint: str, command: str, locked: bool = False) -> RobotDescription:
-    """A record of one motor of which nothing is known; its rotor has all of the inertia, and its numbers are guessed later."""
-    motor = {"gear_ratio": 1.0, "rotor_inertia_kg_m2": 1.0, "torque_constant_n_m_per_a": 1.0, "resistance_ohm": 1.0}
+def bench_record(joint: str, command: str, locked: bool = False, ratio: float = 1.0) -> RobotDescription:
+    """A record of one motor of which only the gear is known; its rotor has all of the inertia, its numbers are guessed later."""
+    motor = {"gear_ratio": ratio, "rotor_inertia_kg_m2": 1.0, "torque_constant_n_m_per_a": 1.0, "resistance_ohm": 1.0}
     friction = {"viscous_n_m_s_per_rad": 0.0, "coulomb_positive_n_m": 0.0, "coulomb_negative_n_m": 0.0}
     own = {"name": joint, "type": "revolute", "motor": motor, "friction": friction}
     loads = {joint: LOCKED if locked else 0.0}

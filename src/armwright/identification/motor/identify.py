@@ -90,7 +90,7 @@ def identify_motor(
         raise ModelError("goes with a robot, whose record states deviations", place="priors", value=True)
     base, source, joints, loads = robot_of(log, robot, joint, load, locked)
     data = measured(log, asked, joints, speed, signals, locked=locked)
-    ratios = [None if base is None else value_at(base, f"{path_name(name)}.motor.gear_ratio") for name in joints]
+    ratios = [_ratio(base, log, name) for name in joints]
     guesses = []
     for k, ratio in enumerate(ratios):
         guesses.append(guess(data, k, 0 if delay is not None else most_delay, float(np.sign(ratio or 1.0))))
@@ -100,7 +100,7 @@ def identify_motor(
     data = replace(data, remarks=(*data.remarks, *map(str, log.warnings)))
 
     def fit_of(mode: Literal["brake", "coast"] | None) -> MotorFit:
-        record = starting_record(base, loads, data, guesses, fixed or {}, mode, locked)
+        record = starting_record(base, loads, data, guesses, fixed or {}, mode, locked, ratios[0])
         stretches = list(data.stretches)
         if static is not None:
             stretches.append(steady(static, joints, data, max(each.time for each in guesses)))
@@ -116,6 +116,14 @@ def identify_motor(
         return replace(fit, robot=robot, source=None if given else source)
 
     return _better_mode(fit_of("brake"), fit_of("coast")) if pwm == "compare" else fit_of(pwm)
+
+
+def _ratio(base: RobotDescription | None, log: Log, joint: str) -> float | None:
+    """Gear ratio of a motor by the robot's record, on a bench by the log's file; None if unknown."""
+    if base is not None:
+        return value_at(base, f"{path_name(joint)}.motor.gear_ratio")
+    place = log.joints.index(joint)
+    return None if log.gears is None else float(log.gears[place, place])
 
 
 def _better_mode(brake: MotorFit, coast: MotorFit) -> MotorFit:

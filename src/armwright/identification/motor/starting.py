@@ -107,12 +107,15 @@ def given_numbers(
 
 def starting_record(
     base: RobotDescription | None, loads: Loads | None, data: Measured, guesses: Sequence[Guess],
-    fixed: Mapping[str, float], pwm: str | None, locked: bool,
+    fixed: Mapping[str, float], pwm: str | None, locked: bool, ratio: float | None,
 ) -> RobotDescription:  # fmt: skip
-    """The record that is simulated, with given numbers, and with guesses of what it does not know of a motor by itself."""
+    """The record that is simulated, with given numbers, and with guesses of what it does not know of a motor by itself.
+
+    Without a base record the gear is the log's, `ratio`, or else none: the numbers are then those behind the gear.
+    """
     joints = data.joints
     if base is None:
-        record = bench_record(joints[0], data.command, locked)
+        record = bench_record(joints[0], data.command, locked, ratio or 1.0)
     else:
         record = base if loads is None else decoupled_record(base, joints, loads)
     given = given_numbers(record, joints, fixed, pwm)
