@@ -111,6 +111,34 @@ def readable(record: type[AnyRecord], data: Mapping[str, Any], folder: Path | No
     return None
 
 
+def legible(
+    record: type[AnyRecord],
+    data: Mapping[str, Any],
+    least: Mapping[str, Any],
+    stand_ins: Mapping[str, Mapping[str, Any]],
+) -> AnyRecord | None:
+    """As `readable`, where tables that cannot be read have others in their place, so that those of lists keep their numbers.
+
+    Args:
+        record: its type.   data: what `validated` refuses.   least: a document that is right, with as little as possible.
+        stand_ins: by the key of a table, or of a list of tables, a table that is right.
+    """
+    rows: dict[str, list[Any]] = {}
+    for key, stand_in in stand_ins.items():
+        if key not in data:
+            continue
+        given = data[key]
+        if isinstance(given, Mapping):
+            data = data if readable(record, {**least, key: given}) else {**data, key: stand_in}
+            continue
+        alone = [readable(record, {**least, key: [each]}) for each in (given if isinstance(given, list) else ())]
+        right = readable(record, {**least, key: [stand_in]})
+        kept = [getattr(each, key) for each in (each or right for each in alone) if each is not None]
+        rows[key] = [each[0] if each else getattr(right, key)[0] for each in kept]
+    others = readable(record, {**data, **{key: [stand_ins[key]] for key in rows}})
+    return None if others is None else others.model_copy(update={key: tuple(each) for key, each in rows.items()})
+
+
 def _hidden(
     invalid: pydantic.ValidationError,
     data: Mapping[str, Any],
@@ -165,7 +193,7 @@ def _wrong_keys(error: Any) -> list[Location]:
     if isinstance(raised, Invalid) and isinstance(error["input"], Mapping):
         keys = [re.split(r"[.\[ ]", each.place)[0] for each in raised.problems]
         return [(*location, key) for key in keys if key in error["input"]]
-    return [] if error["type"] == "missing" else [location]
+    return [] if error["type"] == "missing" or _counts_only_good_items(error) else [location]
 
 
 def _without(data: Any, locations: Iterable[Location], *, tables: bool = False) -> Any:

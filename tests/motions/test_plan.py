@@ -184,7 +184,7 @@ POINTS = '[[segments]]\nkind = "waypoints"\npoints = [[0.3, 0, 0, 0, 0, 0], [0.5
             r"segments\[0\]: ends while joint1 is moving; expected a last segment",
         ),
         (MOVE.format("goal_velocity = 0.1"), r"segments\[0\].goal_velocity: with curve = 's_curve'"),
-        ('[[segments]]\nkind = "release"\n', r"segments\[0\].release: the hand is empty"),
+        ('[[segments]]\nkind = "release"\n', r"segments\[0\].kind = .release.: the hand is empty"),
         ('[[segments]]\nkind = "dwell"\nduration_s = 0\n', "duration_s = 0"),
         (
             '[[segments]]\nkind = "waypoints"\npoints = [[0.1, 0, 0, 0, 0, 0]]\n',

@@ -49,51 +49,105 @@ generations = 0  #! expected
 """
 LOG = """\
 titel = "x"  #! did you mean title
-robot = 3  #! text
-joints = []  #! expected 1 or more
+joints = ["one", "two", "two"]  #! a name twice
+kinematics_only = true  #! goes with robot
 [files.a]
-path = "none.csv"
+path = "a.csv"
 separator = 5  #! unknown key
 skip_linez = -1  #! did you mean skip_lines
+[files.b]  #! a path here or in
+decimal = ";"  #! expected '.' or ','
 [time]
 columm = "t"  #! did you mean column
 unit = "hour"  #! expected 's'
+[gears]
+ratios = [1, 0, 3]  #! cannot be inverted
 [[signals]]
 quantity = "torq"  #! expected 'position'
 columns = 3
 [[signals]]
+file = "a"
 quantity = "position"
-columns = ["a", "b"]
+columns = ["a", "b", "c"]
 side = "moter"  #! expected 'joint' or 'motor'
+held = true  #! goes with a torque
+signs = [1, 1, 2]  #! 1 or -1
+[[signals]]
+file = "c"  #! no such file
+quantity = "voltage"
+columns = ["v", "w", "x"]
+[[signals]]
+file = "a"
+quantity = "current"
+columns = ["x", "y", "z"]
+unit = "N m"  #! no unit of a current
+joints = ["one"]  #! 3, one for each column
+offsets = [1, 2]  #! one number, or 3
+side = "motor"  #! no side
 [[runs]]
 name = 5  #! text
 use = "fitt"  #! expected 'fit'
 from_s = "x"  #! unknown key
+files = { d = "x" }  #! no such file
 """
 MOTION = """\
 robot = "puma560"
-start = [0, 0, 0, 0, 0, 0]
+start = [0, 0, 0, 0, 0]  #! expected 6 numbers
+clearance_m = -1  #! greater than or equal to 0
 [limits]
 jrk = 3  #! did you mean jerk
-[[obstacle]]  #! unknown key
+velocity = [1, 2]  #! or one for each of 6 joints
+torque = { elbw = 1 }  #! no joint of the arm; did you mean elbow
+[[obstacle]]  #! did you mean obstacles
+[[obstacles]]
+kind = "sphere"
+position_m = [0, 0]  #! 3 numbers, not 2
+radius_m = 0.1
+[[obstacles]]
+kind = "box"
+position_m = [1, 1, 1]
+size_m = [0.1, -0.1, 0.1]  #! above 0
 [[segments]]
 kind = "move"
-goal = [1, 2, 0, 0, 0, 0]
+goal = [1, 0, 0, 0, 0, 0]
 sped = 3  #! did you mean speed
 [[segments]]
 kind = "dwel"  #! expected move
 [[segments]]
+kind = "move"
+goal = { elbow = 99 }  #! outside its limits
+goal_velocity = 0.1  #! minimum_jerk or ruckig
+[[segments]]
 kind = "dwell"
 duration_s = -1  #! greater than 0
+[[segments]]
+kind = "release"  #! the hand is empty
 [[segments]]
 kind = "grip"
 mass_kg = -2  #! greater than 0
 com_m = [0, 0]  #! 3 numbers, not 2
 inertia_kg_m2 = [0, 0, 0]
 [[segments]]
+kind = "grip"
+mass_kg = 2
+com_m = [0, 0, 0]
+inertia_kg_m2 = [1, 0.1, 0.1]  #! xx = 1 > yy + zz
+[[segments]]
 kind = "waypoints"
 curve = "cubik"  #! expected 'cubic'
 points = [[0, 0, 0, 0, 0, 0]]
+[[segments]]
+kind = "waypoints"
+points = [[0, 0, 0]]  #! 3 numbers; expected 6
+times_s = [0.5, 0.2]  #! expected 1, one a waypoint
+[[segments]]
+kind = "time_optimal"
+points = [[0, 0, 0, 0, 0, 50]]  #! outside its limits
+[[segments]]
+kind = "tool"
+path = [{ kind = "line", to_m = [1, 2] }]  #! 3 numbers, not 2
+speed_m_per_s = 0  #! greater than 0
+acceleration_m_per_s2 = 1
 """
 
 
@@ -101,8 +155,8 @@ points = [[0, 0, 0, 0, 0, 0]]
     ("text", "name", "read", "least"),
     [
         (SCENARIO, "a.scenario.toml", aw.read_scenario, 20),
-        (LOG, "a.log.toml", aw.read_log, 10),
-        (MOTION, "a.motion.toml", aw.plan, 7),
+        (LOG, "a.log.toml", aw.read_log, 20),
+        (MOTION, "a.motion.toml", aw.plan, 20),
     ],
 )
 def test_all_are_reported_with_their_lines(tmp_path, text, name, read, least):

@@ -26,7 +26,7 @@ def check_clearance(arm: Model, motion: Motion, table: MotionTable, begins: list
     """
     if not table.obstacles and table.clearance_m is None:
         return ""
-    obstacles = [_obstacle(k, each) for k, each in enumerate(table.obstacles)]
+    obstacles = [obstacle(k, each) for k, each in enumerate(table.obstacles)]
     try:
         near = clearance(
             arm, obstacles, radius=table.link_radius_m, ignore=table.ignore, least=table.clearance_m or 0.0
@@ -43,8 +43,12 @@ def check_clearance(arm: Model, motion: Motion, table: MotionTable, begins: list
     return f"{found} at {when:.4g} s"
 
 
-def _obstacle(k: int, table: Any) -> Any:
-    """The obstacle of a table, the k-th."""
+def obstacle(k: int, table: Any) -> Any:
+    """The obstacle of a table, the k-th.
+
+    Raises:
+        ScenarioError: a normal or a size that cannot be.
+    """
     try:
         if isinstance(table, PlaneTable):
             return PlaneObstacle(table.point_m, table.normal, table.name)

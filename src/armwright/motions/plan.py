@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -13,11 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.description.toml_file import toml_tables
-from armwright.errors import ArmwrightError, Problem, ScenarioError
+from armwright.errors import ArmwrightError, ScenarioError
 from armwright.model import Model, build_model
 from armwright.motions.obstacles import check_clearance
 from armwright.motions.records import (
-    GripSegment,
     MotionTable,
     MoveSegment,
     TimeOptimalSegment,
@@ -25,8 +23,20 @@ from armwright.motions.records import (
     WaypointsSegment,
 )
 from armwright.motions.tool import tool_motion
+from armwright.motions.values import (
+    LEAST,
+    MOVING,
+    STAND_INS,
+    as_written,
+    check_goal_velocity,
+    check_held,
+    checked_times,
+    gripped,
+    mistakes,
+    pose,
+    through,
+)
 from armwright.scenarios.files import Files, FolderFiles
-from armwright.scenarios.lanes import TENSOR
 from armwright.simulation.inputs.payload import Payload
 from armwright.trajectory.joined import Joined
 from armwright.trajectory.limits import MotionLimits
@@ -40,7 +50,7 @@ from armwright.trajectory.state_to_state import Ruckig
 from armwright.trajectory.time_optimal import time_optimal
 from armwright.trajectory.trapezoid import Trapezoid
 from armwright.trajectory.waypoints import Waypoints
-from armwright.validation import validated
+from armwright.validation import legible, validated
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -49,9 +59,6 @@ CURVES: Mapping[str, Any] = {
     "s_curve": SCurve, "trapezoid": Trapezoid, "quintic": Quintic, "cubic": Cubic, "minimum_jerk": MinimumJerk,
     "ruckig": Ruckig,
 }  # fmt: skip
-MOVING = ("minimum_jerk", "ruckig")  # which may begin and end moving
-KEYS = {"waypoints": "points", "duration": "duration_s", "times": "times_s"}  # by the names of fields
-GRIP = {"mass": "mass_kg", "com": "com_m", "inertia": "inertia_kg_m2"}
 NAMED, WIDE = 24, 90  # segments that a plot names, and letters in a line of them
 SAME = 1e-12  # [rad | m] between poses that are one
 
@@ -145,19 +152,23 @@ def plan_document(tables: dict[str, Any], place: str, files: Files) -> Plan:
         raise ScenarioError(
             "is a robot file", file=place, expected="a motion file, which names a robot and has [[segments]]"
         )
-    table = validated(MotionTable, tables, file=place, error=ScenarioError)
+    try:
+        table = validated(MotionTable, tables, file=place, error=ScenarioError)
+    except ScenarioError as error:
+        without = legible(MotionTable, tables, LEAST, STAND_INS)
+        raise error if without is None else _with_others(error, without, place, files) from None
     try:
         arm = build_model(files.robot(table.robot))
         limits = MotionLimits.of(arm, **table.limits.model_dump())
-        run = _Run(arm, limits, _pose("start", table.start, arm, np.zeros(arm.n)))
+        run = _Run(arm, limits, pose("start", table.start, arm, np.zeros(arm.n)))
         limits.check_position("start", run.q)
         for k, segment in enumerate(table.segments):
             try:
                 run.add(segment)
             except ArmwrightError as error:
-                raise ScenarioError.of(*(_as_written(each, f"segments[{k}]") for each in error.problems)) from None
+                raise ScenarioError.of(*(as_written(each, f"segments[{k}]") for each in error.problems)) from None
     except ArmwrightError as error:
-        raise error.within(file=place) from None
+        raise _with_others(error.within(file=place), table, place, files) from None
     if run.motions and run.qd.any():
         joint = arm.names[int(np.argmax(np.abs(run.qd)))]
         what, expected = f"ends while {joint} is moving", "a last segment that ends at rest"
@@ -184,21 +195,18 @@ def plan_document(tables: dict[str, Any], place: str, files: Files) -> Plan:
     )  # fmt: skip
 
 
-def _as_written(problem: Problem, segment: str) -> Problem:
-    """A problem of a motion's type or of a segment, `Waypoints.times[2]` or `segment.goal`, as the file has it: `times_s[1]`."""
-    place, kind = problem.place, re.match(r"([A-Z][A-Za-z]*|segment|time_optimal)\.", problem.place)
-    if place.startswith("limits."):  # of the file or of the record, not of the segment
-        return problem
-    if place.startswith("segments["):  # of a tool's path
-        place = f"path{place.removeprefix('segments')}"
-    if kind is not None:
-        place = place[kind.end() :]
-        if kind[1] != "segment":  # a type has the pose that is reached as its first waypoint, and other names
-            place = re.sub(
-                r"^(points|waypoints|times)\[(\d+)\]", lambda at: f"{at[1]}[{max(int(at[2]) - 1, 0)}]", place
-            )
-            place = re.sub(r"^(waypoints|duration|times)\b", lambda at: KEYS[at[1]], place)
-    return replace(problem, place=place).within(segment)
+def _with_others(error: ArmwrightError, table: MotionTable, place: str, files: Files) -> ArmwrightError:
+    """The error with the mistakes of all parts that can be judged without the motion before them.
+
+    Args:
+        error: the first.   table: what could be read.   place: of the file.   files: that it names.
+    """
+    try:
+        found = mistakes(table, build_model(files.robot(table.robot)))
+    except ArmwrightError as refused:
+        found = list(refused.problems)
+    known = {problem.place for problem in error.problems}
+    return error.joined(*(each.within(file=place) for each in found if each.place not in known))
 
 
 @dataclass
@@ -225,23 +233,12 @@ class _Run:
         self.kinds.append(segment.kind)
         self.begins.append(self.time)
         if segment.kind == "grip":
-            self.payloads.append(self.gripped(segment))
+            self.payloads.append(gripped(segment, self.arm, self.time))
         elif segment.kind == "release":
-            if not self.payloads or self.payloads[-1].mass == 0.0:
-                raise ScenarioError("the hand is empty", place="segment.release", expected="a grip before it")
+            check_held(bool(self.payloads) and self.payloads[-1].mass > 0.0)
             self.payloads.append(Payload(self.time, 0.0, frame=self.payloads[-1].frame))
         else:
             self.follow(self.planned(segment))
-
-    def gripped(self, segment: GripSegment) -> Payload:
-        """The body of a grip, checked."""
-        body = _payload(segment, self.time)
-        try:
-            self.arm.with_payload(body.mass, body.com, body.inertia, body.frame)
-        except ArmwrightError as error:
-            problems = (replace(each, place=_grip_key(each.place), file="") for each in error.problems)
-            raise ScenarioError.of(*problems) from None
-        return body
 
     def follow(self, motion: Motion) -> None:
         """Goes to the end of a motion."""
@@ -269,7 +266,7 @@ class _Run:
                 place = f"segments[{len(self.kinds) - 1}]"
                 self.slower += [f"{place} is {how}: {each}" for each in motion.stretches]
             return motion
-        points = self.through(segment.points)
+        points = np.vstack([self.q, through(segment.points, self.arm)])
         if isinstance(segment, TimeOptimalSegment):
             held = self.payloads[-1] if self.payloads and self.payloads[-1].mass > 0.0 else None
             limits = self.limits.replace(jerk=np.inf)  # which it cannot keep; the plan says so
@@ -285,76 +282,18 @@ class _Run:
 
     def move(self, segment: MoveSegment) -> Motion:
         """A move to a pose."""
-        goal = _pose("segment.goal", segment.goal, self.arm, self.q)
+        goal = pose("segment.goal", segment.goal, self.arm, self.q)
         kind, options = CURVES[segment.curve], {"limits": self.slowed(segment.speed), "duration": segment.duration_s}
-        if segment.goal_velocity is not None and segment.curve not in MOVING:
-            expected = f"it with curve = {' or '.join(MOVING)}"
-            raise ScenarioError(f"with curve = {segment.curve!r}", place="segment.goal_velocity", expected=expected)
+        check_goal_velocity(segment)
         if segment.curve in MOVING:
             options |= {"start_velocity": self.qd, "start_acceleration": self.qdd}
             if segment.goal_velocity is not None:
-                options["goal_velocity"] = _pose("segment.goal_velocity", segment.goal_velocity, self.arm, 0.0 * self.q)
+                options["goal_velocity"] = pose("segment.goal_velocity", segment.goal_velocity, self.arm, 0.0 * self.q)
         return kind(self.q, goal, time=self.time, **options)
-
-    def through(self, points: Any) -> np.ndarray:
-        """(k + 1, n) waypoints, the pose that is reached before them."""
-        for k, point in enumerate(points):
-            if len(point) != self.arm.n:
-                expected = f"{self.arm.n}: {', '.join(self.arm.names)}"
-                raise ScenarioError(f"{len(point)} numbers", place=f"segment.points[{k}]", expected=expected)
-        return np.vstack([self.q, np.array(points)])
 
     def waypoints(self, segment: WaypointsSegment, points: np.ndarray) -> Motion:
         """A curve through waypoints."""
         times = None
         if segment.times_s is not None:
-            if segment.curve == "parabolic":
-                expected = "duration_s or speed: parabolic blends pass their waypoints at a distance"
-                raise ScenarioError("with curve = 'parabolic'", place="segment.times_s", expected=expected)
-            if segment.duration_s is not None:
-                raise ScenarioError("with times_s", place="segment.duration_s", expected="either")
-            times = self.time + np.array([0.0, *_checked_times(segment.times_s, len(segment.points))])
+            times = self.time + np.array([0.0, *checked_times(segment)])
         return Waypoints(points, self.slowed(segment.speed), segment.curve, times, segment.duration_s, time=self.time)
-
-
-def _pose(place: str, value: Any, arm: Model, others: np.ndarray) -> np.ndarray:
-    """(n,) from one number for all joints, one each, or a table by joint whose others are as given."""
-    if isinstance(value, Mapping):
-        for name in value:
-            if name not in arm.names:
-                raise ScenarioError("no joint of the arm", place=place, value=name, choices=arm.names)
-        return np.array([value.get(name, other) for name, other in zip(arm.names, others, strict=True)], dtype=float)
-    numbers = np.asarray(value, dtype=float)
-    if numbers.shape not in ((), (arm.n,)):
-        raise ScenarioError(place=place, value=value, expected=f"{arm.n} numbers: {', '.join(arm.names)}")
-    return np.broadcast_to(numbers, (arm.n,)).copy()
-
-
-def _checked_times(times: tuple[float, ...], count: int) -> tuple[float, ...]:
-    """Times of a segment, one a waypoint, that increase from its beginning on."""
-    if len(times) != count:
-        raise ScenarioError(f"{len(times)} times", place="segment.times_s", expected=f"{count}, one a waypoint")
-    for k, (before, each) in enumerate(zip((0.0, *times), times, strict=False)):
-        if each <= before:
-            what = f"not after {before:.10g}" if k else "not after the segment's beginning at 0"
-            raise ScenarioError(what, place=f"segment.times_s[{k}]", value=each, expected="times [s] that increase")
-    return times
-
-
-def _grip_key(place: str) -> str:
-    """Key of a grip from a place of `with_payload`: `….inertia_kg_m2.xx` from `with_payload(…).xx`."""
-    name = place.rpartition(").")[2]
-    first = name.split(".")[0].split("[")[0]
-    return f"inertia_kg_m2.{name}" if first in TENSOR else name.replace(first, GRIP.get(first, first), 1)
-
-
-def _payload(segment: GripSegment, time: float) -> Payload:
-    """The body of a grip, its inertia as a tensor."""
-    given = segment.inertia_kg_m2
-    tensor = np.zeros((3, 3))
-    if isinstance(given, tuple):
-        tensor = np.diag(given)
-    else:
-        for name, (i, j) in TENSOR.items():
-            tensor[i, j] = tensor[j, i] = getattr(given, name)
-    return Payload(time, segment.mass_kg, np.array(segment.com_m), tensor, segment.frame)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armwright.errors import LogError
+from armwright.errors import LogError, Problem
 from armwright.identification.logs.log_file import LogTable, SignalTable
 from armwright.identification.logs.measured_table import MeasuredTable
 from armwright.identification.logs.units import COUNTS, OF_SIGNAL, QUANTITIES, SHARES, ZERO, plain_unit
@@ -34,20 +34,14 @@ def layout_of(
         joints.index(name): kind == "prismatic" for name, kind in kinds.items() if name in joints
     }
     found: dict[str, list[int]] = {}
+    problems: list[Problem] = []
     for k, signal in enumerate(table.signals):
-        place, kind = f"signals[{k}]", QUANTITIES[signal.quantity]
-        numbers = joint_numbers(signal, joints, place)
-        unit = unit_of(signal, tables[table.only(signal.file)], place)
-        places = found.setdefault(kind.signal, [])
-        twice = [joints[j] for j in numbers if j in places]
-        if twice:
-            raise LogError(f"a second {signal.quantity}", place=f"{place}.joints", value=twice[0], expected="one")
-        places += numbers
-        slides = kind.sided and unit in kind.sliding and unit not in kind.turning
-        for j in numbers if kind.sided and signal.side == "joint" and unit not in SHARES else ():
-            if sliding.setdefault(j, slides) != slides:
-                expected = f"a unit of a {'prismatic' if sliding[j] else 'revolute'} joint"
-                raise LogError(f"joint {joints[j]!r}", place=f"{place}.unit", value=unit, expected=expected)
+        try:
+            _place_columns(f"signals[{k}]", signal, joints, tables[table.only(signal.file)], found, sliding)
+        except LogError as error:
+            problems += error.problems
+    if problems:
+        raise LogError.of(*problems)
     signals = []
     for name, places in found.items():
         kind = OF_SIGNAL[name]
@@ -55,6 +49,33 @@ def layout_of(
         units = tuple(kind.sliding_unit if sliding.get(j, False) else kind.unit for j in order)
         signals.append(Signal(name, units, (len(order),), order, about=kind.about))
     return Layout.of(signals)
+
+
+def _place_columns(
+    place: str,
+    signal: SignalTable,
+    joints: tuple[str, ...],
+    measured: MeasuredTable,
+    found: dict[str, list[int]],
+    sliding: dict[int, bool],
+) -> None:
+    """Notes the joints of a table's columns in `found`, by signal, and in `sliding` whether they slide, where its unit says it.
+
+    Raises:
+        LogError: as `layout_of`.
+    """
+    kind, numbers = QUANTITIES[signal.quantity], joint_numbers(signal, joints, place)
+    unit = unit_of(signal, measured, place)
+    places = found.setdefault(kind.signal, [])
+    twice = [joints[j] for j in numbers if j in places]
+    if twice:
+        raise LogError(f"a second {signal.quantity}", place=f"{place}.joints", value=twice[0], expected="one")
+    places += numbers
+    slides = kind.sided and unit in kind.sliding and unit not in kind.turning
+    for j in numbers if kind.sided and signal.side == "joint" and unit not in SHARES else ():
+        if sliding.setdefault(j, slides) != slides:
+            expected = f"a unit of a {'prismatic' if sliding[j] else 'revolute'} joint"
+            raise LogError(f"joint {joints[j]!r}", place=f"{place}.unit", value=unit, expected=expected)
 
 
 def joint_numbers(signal: SignalTable, joints: tuple[str, ...], place: str) -> list[int]:

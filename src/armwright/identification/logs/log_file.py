@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
+from armwright.errors import Problem
 from armwright.identification.logs.units import COUNTS, QUANTITIES, SHARES, plain_unit
 from armwright.quantity import Record
 from armwright.validation import Invalid
@@ -147,32 +149,38 @@ class SignalTable(Record):
 
     @model_validator(mode="after")
     def _consistent(self) -> SignalTable:
+        found = tuple(self._contradictions())
+        if found:
+            raise Invalid.of(*found)
+        return self
+
+    def _contradictions(self) -> Iterator[Problem]:
+        """Keys that do not go together."""
         kind = QUANTITIES[self.quantity]
         if self.held and kind.signal not in ("tau", "current", "voltage"):
-            raise Invalid("goes with a torque, current or voltage", place="held", value=True)
+            yield Problem("goes with a torque, current or voltage", "held", True)
         if self.joints is not None and len(self.joints) != len(self.columns):
-            raise Invalid(place="joints", value=self.joints, expected=f"{len(self.columns)}, one for each column")
+            yield Problem("", "joints", self.joints, f"{len(self.columns)}, one for each column")
         if self.lacks and kind.signal not in ("tau", "tau_link"):
-            raise Invalid("goes with a torque", place="lacks", value=self.lacks[0])
+            yield Problem("goes with a torque", "lacks", self.lacks[0])
         if self.unit is not None and self.unit not in kind.units:
-            raise Invalid(f"no unit of a {self.quantity}", place="unit", value=self.unit, choices=kind.units)
+            yield Problem(f"no unit of a {self.quantity}", "unit", self.unit, choices=tuple(kind.units))
         if kind.sided != (self.side is not None):
             expected = '"joint" or "motor"' if kind.sided else f"no side: a {self.quantity} is always the motor's"
-            raise Invalid("missing" if kind.sided else "", place="side", expected=expected)
+            yield Problem("missing" if kind.sided else "", "side", expected=expected)
         for name in ("signs", "counts_per_turn", "rated", "offsets"):
             values = getattr(self, name)
             if values is not None and len(values) not in (1, len(self.columns)):
-                raise Invalid(place=name, value=values, expected=f"one number, or {len(self.columns)}")
+                yield Problem("", name, values, f"one number, or {len(self.columns)}")
         if self.signs is not None and any(abs(sign) != 1 for sign in self.signs):
-            raise Invalid(place="signs", value=self.signs, expected="1 or -1")
+            yield Problem("", "signs", self.signs, "1 or -1")
         for name, units in (("counts_per_turn", COUNTS), ("rated", tuple(SHARES))):
             values = getattr(self, name)
             if values is not None and min(values) <= 0:
-                raise Invalid(place=name, value=values, expected="numbers above 0 (a direction is a matter of signs)")
+                yield Problem("", name, values, "numbers above 0 (a direction is a matter of signs)")
             if self.unit is not None and (self.unit in units) != (values is not None):
                 what = f"needed with unit {self.unit}" if values is None else f"goes with {' or '.join(units)}"
-                raise Invalid(what, place=name)
-        return self
+                yield Problem(what, name)
 
     def per_column(self, name: str, otherwise: float) -> np.ndarray:
         """(columns,) the numbers of a key, of which one may stand for all."""
@@ -231,36 +239,32 @@ class LogTable(Record):
         min_length=1, description="[[signals]]: one table for each quantity and file."
     )
 
-    @model_validator(mode="after")
-    def _consistent(self) -> LogTable:
+    def contradictions(self) -> Iterator[Problem]:
+        """Joints that nothing names, keys of files that there are not, files without a path, two clocks."""
         if self.robot is None and self.joints is None:
-            raise Invalid("missing", place="joints", expected="names of the joints, or robot")
+            yield Problem("missing", "joints", expected="names of the joints, or robot")
         if self.joints is not None and len(set(self.joints)) < len(self.joints):
-            raise Invalid("a name twice", place="joints", value=self.joints)
-        self._check_files()
+            yield Problem("a name twice", "joints", self.joints)
         if self.kinematics_only and self.robot is None:
-            raise Invalid("goes with robot", place="kinematics_only")
-        return self
-
-    def _check_files(self) -> None:
-        """Refuses keys of files that there are not, and files without a path."""
+            yield Problem("goes with robot", "kinematics_only")
         places = [(f"signals[{k}].file", signal.file) for k, signal in enumerate(self.signals)]
         if self.time.column is not None:
             places.append(("time.file", self.time.file))
         for place, key in places:
             if key is None and len(self.files) > 1:
-                raise Invalid("missing", place=place, expected=f"one of {', '.join(self.files)}")
+                yield Problem("missing", place, expected=f"one of {', '.join(self.files)}")
             if key is not None and key not in self.files:
-                raise Invalid("no such file", place=place, value=key, choices=self.files)
+                yield Problem("no such file", place, key, choices=tuple(self.files))
         for k, run in enumerate(self.runs):
             for key in run.files:
                 if key not in self.files:
-                    raise Invalid("no such file", place=f"runs[{k}].files", value=key, choices=self.files)
+                    yield Problem("no such file", f"runs[{k}].files", key, choices=tuple(self.files))
             for key, file in self.files.items():
                 if file.path is None and key not in run.files:
-                    raise Invalid("missing", place=f"files.{key}.path", expected=f"a path here or in runs[{k}].files")
-        if self.time.column is not None and self.files[self.only(self.time.file)].time is not None:
-            raise Invalid("has a clock of its own", place="time.file", expected="a file without [files.KEY.time]")
+                    yield Problem("missing", f"files.{key}.path", expected=f"a path here or in runs[{k}].files")
+        clock = None if self.time.column is None else self.files.get(self.only(self.time.file))
+        if clock is not None and clock.time is not None:
+            yield Problem("has a clock of its own", "time.file", expected="a file without [files.KEY.time]")
 
     def only(self, key: str | None) -> str:
         """A file's key, that of the only one where it is absent."""

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
 from armwright.description import builtin_names
 from armwright.description.toml_file import toml_tables
-from armwright.errors import LogError
+from armwright.errors import ArmwrightError, LogError, Problem
 from armwright.identification.logs.census import census_of
 from armwright.identification.logs.checks import check_log
 from armwright.identification.logs.columns import check_gears, gears_of, layout_of, to_joints
@@ -24,7 +26,16 @@ from armwright.identification.logs.tables import open_table
 from armwright.model import Model
 from armwright.model.load import load
 from armwright.reading import opened
-from armwright.validation import validated
+from armwright.validation import legible, validated
+
+Made = TypeVar("Made")
+STAND_INS: dict[str, dict[str, Any]] = {  # for tables that cannot be read
+    "signals": {"quantity": "current", "columns": ["a"]},
+    "runs": {},
+    "time": {"rate_hz": 1.0},
+    "gears": {"ratios": [1.0]},
+}
+LEAST = {"joints": ["a"], "files": {"a": {"path": "a"}}, "time": STAND_INS["time"], "signals": [STAND_INS["signals"]]}
 
 
 def read_log(
@@ -74,22 +85,58 @@ def open_log(path: str | os.PathLike[str]) -> Log:
         raise LogError(value=path, expected="the path of a *.log.toml file")
     path = Path(path)
     with toml_tables(path, LogError) as tables:
-        return _opened(path, validated(LogTable, tables, file=path, error=LogError))
+        try:
+            table = validated(LogTable, tables, file=path, error=LogError)
+        except LogError as error:
+            table = legible(LogTable, tables, LEAST, STAND_INS)
+            raise error if table is None else _with_others(error, path, table) from None
+        return _opened(path, table)
+
+
+def _with_others(error: LogError, path: Path, table: LogTable) -> LogError:
+    """The error with what is wrong in a log besides.
+
+    Args:
+        error: the first.   path: of the file.   table: what could be read of it.
+    """
+    try:
+        _opened(path, table)
+    except ArmwrightError as further:
+        # of a table of signals that has mistakes itself, which may stand for another, nothing further is said
+        known = {re.sub(r"^(signals\[\d+\]).*", r"\1", problem.place) for problem in error.problems}
+        return error.joined(
+            *(each for each in further.problems if known.isdisjoint((each.place, each.place.partition(".")[0])))
+        )
+    return error
 
 
 def _opened(path: Path, table: LogTable) -> Log:
     """The log that a file's table describes, its rows not read yet."""
+    found = [problem.within(file=path) for problem in table.contradictions()]
+    if found:
+        raise LogError.of(*found)
+
+    def part(made: Callable[[], Made]) -> Made | None:
+        try:
+            return made()
+        except LogError as error:
+            found.extend(error.within(file=path).problems)
+            return None
+
     arm = None if table.robot is None else _robot(path, table)
     joints = tuple(table.joints or (() if arm is None else arm.names))
+    if arm is not None:
+        part(lambda: _check_names(joints, arm))
     table = table.model_copy(update={"signals": tuple(_for_all(signal, joints) for signal in table.signals)})
-    try:
-        gears = _gears(table.gears, joints, arm)
-        runs = _runs(table, path.parent)
-        layout = layout_of(
-            table, joints, arm, {key: open_table(file, table.files[key]) for key, file in runs[0].paths.items()}
-        )
-    except LogError as error:
-        raise error.within(file=path) from None
+    gears = part(lambda: _gears(table.gears, joints, arm))
+    runs = part(lambda: _runs(table, path.parent))
+    if runs is None:
+        raise LogError.of(*found)
+    files = {key: part(partial(open_table, file, table.files[key])) for key, file in runs[0].paths.items()}
+    measured = {key: each for key, each in files.items() if each is not None}
+    layout = part(lambda: layout_of(table, joints, arm, measured)) if files.keys() == measured.keys() else None
+    if found or layout is None:
+        raise LogError.of(*found)
     log = Log(path, table, joints, arm, gears, layout, runs)
     _check_sides(log)
     if arm is not None:
@@ -97,15 +144,20 @@ def _opened(path: Path, table: LogTable) -> Log:
     return log
 
 
+def _check_names(joints: tuple[str, ...], arm: Model) -> None:
+    """Refuses names that are no joints of the robot."""
+    wrong = [name for name in joints if name not in arm.names]
+    if wrong:
+        raise LogError.of(
+            *(Problem("no joint of the robot", "joints", name, choices=tuple(arm.names)) for name in wrong)
+        )
+
+
 def _robot(path: Path, table: LogTable) -> Model:
     """The arm that a log names: a built-in one, or a file from the log's folder on."""
     name = str(table.robot)
     where = name if name in builtin_names() else path.parent / name
-    arm = load(where, kinematics_only=True) if table.kinematics_only else load(where)
-    for joint in table.joints or ():
-        if joint not in arm.names:
-            raise LogError("no joint of the robot", place="joints", value=joint, choices=arm.names, file=path)
-    return arm
+    return load(where, kinematics_only=True) if table.kinematics_only else load(where)
 
 
 def _for_all(signal: SignalTable, joints: tuple[str, ...]) -> SignalTable:
