@@ -23,10 +23,10 @@ def run_c(folder, name, body, *flags):
         f"static {name}_state state; static {name}_measurement y; static {name}_reference r; static {name}_command u;"
     )
     call = f"#define STEP {name}_step(&state, &{name}_default_parameters, &r, &y, &u)\n"
-    heads = f'#include <math.h>\n#include <stdio.h>\n#include "{name}.h"\n{call}'
-    (folder / "main.c").write_text(
-        f"{heads}int main(void)\n{{\n    {types}\n{body}\n    return 0;\n}}\n", encoding="ascii"
-    )
+    heads = f'#include <math.h>\n#include <stdio.h>\n#include <string.h>\n#include "{name}.h"\n{call}'
+    used = "(void)state, (void)y, (void)r, (void)u;"
+    main = f"{heads}int main(void)\n{{\n    {types}\n    {used}\n{body}\n    return 0;\n}}\n"
+    (folder / "main.c").write_text(main, encoding="ascii")
     build(
         [
             compiler("gcc"),

@@ -1,7 +1,8 @@
-"""What a firmware gives an exported controller: counts of encoders."""
+"""What a firmware gives an exported controller: counts, parameters that are kept elsewhere, the command of another one."""
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import replace
 
 import numpy as np
@@ -53,3 +54,84 @@ def test_positions_that_are_no_counts_are_refused(tmp_path):
     with pytest.raises(ScenarioError, match=r"^loop\.sensors\.counts: positions are no whole counts"):
         aw.export_controller(CONTROLLERS["cascade"](300), tmp_path / "out", counts=True)  # its spikes are not
     assert not list(tmp_path.iterdir())
+
+
+LOADER = """
+    static uint8_t bytes[4096];
+    static {name}_parameters mine;
+    FILE *file = fopen("{path}", "rb");
+    uint32_t count = (uint32_t)fread(bytes, 1u, sizeof bytes, file);
+    (void)fclose(file);
+    printf("%d ", {name}_load(&mine, bytes, count));"""
+
+
+def test_parameters_of_another_scenario_are_loaded(tmp_path):
+    """The code of one scenario, given the file of another with other gains, commands what the other one's code does."""
+    files = {}
+    for kp in (20.0, 35.0):
+        law = aw.JointPID(kp=[kp, 10.0], kd=2.0)
+        files[kp] = aw.export_controller(pid_loop(controller=law), tmp_path / f"{kp:g}", gains=("kp",), ticks=50)
+    name, folder = files[20.0].name, tmp_path / "20"
+    texts = [files[kp].paths[1].read_text() for kp in files]
+    assert [line for line in texts[0].splitlines() if "20.0" not in line] == [
+        line for line in texts[1].splitlines() if "35.0" not in line
+    ]
+    other = tmp_path / "35" / f"{name}.parameters"
+    body = f"""{LOADER.format(name=name, path=other)}
+    {name}_init(&state, &mine, &y, &u);
+    r.q[0] = 1.0;
+    (void){name}_step(&state, &mine, &r, &y, &u);
+    printf("%.17g %d", u.u[0], memcmp(&mine, &{name}_default_parameters, sizeof mine) != 0);"""
+    assert run_c(folder, name, body) == ["0", "35", "1"]
+    own = folder / f"{name}.parameters"
+    same = f"""{LOADER.format(name=name, path=own)}
+    printf("%d", memcmp(&mine, &{name}_default_parameters, sizeof mine));"""
+    assert run_c(folder, name, same) == ["0", "0"]
+
+
+def test_damaged_or_foreign_parameters_change_nothing(tmp_path):
+    exported = aw.export_controller(pid_loop(), tmp_path, gains=("kp",), ticks=20)
+    name, good = exported.name, exported.paths[-1].read_bytes()
+    ki = aw.export_controller(pid_loop(), tmp_path / "ki", name=name, gains=("ki",), ticks=20).paths[-1].read_bytes()
+    damaged = bytearray(good)
+    damaged[20] ^= 1
+    nan = good[:-12] + np.array([np.nan]).tobytes()
+    nan += zlib.crc32(nan).to_bytes(4, "little")
+    for k, content in enumerate((good, good[:-1], bytes(damaged), ki, nan)):
+        (tmp_path / f"{k}.parameters").write_bytes(content)
+    words = []
+    for k in range(5):
+        body = f"""{LOADER.format(name=name, path=tmp_path / f"{k}.parameters")}
+    printf("%d", mine.kp[0] != 0.0);"""
+        words.append(run_c(tmp_path, name, body))
+    assert words == [["0", "1"], ["1", "0"], ["2", "0"], ["3", "0"], ["4", "0"]]
+
+
+def test_it_takes_over_without_a_jump(tmp_path):
+    """The first command is the one in force; the difference goes away evenly, and the law's integrator sees nothing of it."""
+    law = aw.JointPID(kp=20.0, ki=40.0, limit=[30.0, 30.0], anti_windup="clamping")
+    name = aw.export_controller(pid_loop(controller=law), tmp_path, ticks=20).name
+    body = f"""
+    static {name}_state plain;
+    {name}_command other = {{{{0.0}}}};
+    int k;
+    r.q[0] = 0.5;
+    r.q[1] = -0.2;
+    u.u[0] = 3.0;
+    u.u[1] = -1.0;
+    {name}_take_over(&state, &{name}_default_parameters, &r, &y, &u, 10u);
+    {name}_init(&plain, &{name}_default_parameters, &y, &u);
+    memcpy(y.applied, u.u, sizeof y.applied);
+    memcpy(other.u, u.u, sizeof other.u);
+    for (k = 0; k < 15; k++) {{
+        memcpy(y.applied, u.u, sizeof y.applied);
+        (void)STEP;
+        memcpy(y.applied, other.u, sizeof y.applied);
+        (void){name}_step(&plain, &{name}_default_parameters, &r, &y, &other);
+        printf("%.17g %.17g ", u.u[0], other.u[0]);
+    }}"""
+    ours, plain = np.array([float(word) for word in run_c(tmp_path, name, body)]).reshape(15, 2).T
+    assert ours[0] == pytest.approx(3.0, rel=1e-15)
+    assert plain[0] == pytest.approx(10.0)  # kp (0.5 - 0)
+    np.testing.assert_allclose(ours - plain, -7.0 * np.clip(1.0 - np.arange(15) / 10.0, 0.0, 1.0), atol=1e-12)
+    np.testing.assert_allclose(np.diff(plain), 40.0 * 0.5 * 1e-3, rtol=1e-9)  # ki e T: clamping holds nothing up

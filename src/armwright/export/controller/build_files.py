@@ -76,8 +76,11 @@ Delays of the bus, jitter and losses of commands were simulated, and are no part
 
 The tick counts steps since `{name}_init`; a step that is left out makes the law's time stand still. `{name}_init` begins with
 the law's state as the simulation does, from a measurement and the command in force, whoever gave it; `{name}_reset` takes the
-last command of this controller for that. Integrators then begin anew: a rate limit in the scenario, which starts from the
-command in force, is what keeps the command from jumping.
+last command of this controller for that. Integrators then begin anew. `{name}_take_over` begins without a jump: its first
+command is the one in force, and what the law would have commanded differently goes away evenly over so many ticks.
+
+`{name}.parameters` has the numbers of `{name}_default_parameters` with a checksum. `{name}_load` reads such a file from memory
+into parameters of yours, and refuses a damaged one, and one of another controller.
 
 Define `{macro}_WATCHDOG(state)` when you compile `{name}.c` to serve a watchdog at the end of every step, for instance
 `-D'{macro}_WATCHDOG(state)=serve_watchdog((state)->status, (state)->lost)'` with a declaration included by `-include`.

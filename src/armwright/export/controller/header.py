@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from armwright.export.c_arithmetic import FAULTS
 from armwright.export.c_header import comment, plain
+from armwright.export.controller.parameters import declared, struct_lines
 from armwright.export.controller.stages import ControllerStages
 from armwright.kernels.c import REALS
 from armwright.kernels.c_syntax import identifier, literal
@@ -27,6 +28,11 @@ void {name}_init({name}_state *state, const {name}_parameters *parameters,
 {reset}
 void {name}_reset({name}_state *state, const {name}_parameters *parameters,
     const {name}_measurement *measurement);
+
+{take_over}
+void {name}_take_over({name}_state *state, const {name}_parameters *parameters,
+    const {name}_reference *reference, const {name}_measurement *measurement,
+    const {name}_command *in_force, uint32_t ticks);
 
 {step}
 uint32_t {name}_step({name}_state *state, const {name}_parameters *parameters,
@@ -50,8 +56,9 @@ def header(stages: ControllerStages, real: str) -> str:
         _struct(name, "measurement", _measurement(stages, real, joints)),
         _struct(name, "reference", members(stages.reference, real, joints)),
         _struct(name, "command", members(stages.command, real, joints)),
-        _struct(name, "parameters", _parameters(stages, real)),
+        _struct(name, "parameters", struct_lines(stages, real)),
         f"/* The numbers of the scenario. */\nextern const {name}_parameters {name}_default_parameters;",
+        declared(stages, real),
         _struct(name, "state", _state(stages, real)),
         _functions(name),
         "#ifdef __cplusplus\n}\n#endif",
@@ -126,22 +133,6 @@ def _counts(stages: ControllerStages) -> str:
     return f"int32_t counts[{stages.arm.n}]; /* [1] counts of the encoders in the joints' sense, 0 at position 0 */"
 
 
-def _parameters(stages: ControllerStages, real: str) -> list[str]:
-    n = stages.arm.n
-    gains = [
-        f"{real} {identifier(name)}{''.join(f'[{size}]' for size in shape)}; /* the law's */"
-        for name, shape in zip(stages.gains.names, stages.gains.shapes, strict=True)
-    ]
-    return [
-        f"{real} position_low[{n}], position_high[{n}]; /* [rad | m] beyond which positions are out of range */",
-        f"{real} velocity[{n}]; /* [rad/s | m/s] the same of speeds */",
-        f"{real} command_limit[{n}]; /* at and beyond which a command is saturated, in its own unit */",
-        f"{real} initial_command[{n}]; /* in force before the first tick of the simulation */",
-        *([f"{real} count[{n}]; /* [rad | m] one count of each encoder */"] if stages.count.size else []),
-        *gains,
-    ]
-
-
 def _state(stages: ControllerStages, real: str) -> list[str]:
     n, states = stages.arm.n, stages.law.outputs[1].size
     return [
@@ -159,6 +150,8 @@ def _state(stages: ControllerStages, real: str) -> list[str]:
             else []
         ),
         f"{real} issued[{n}]; /* the last command */",
+        "uint32_t bridge_ticks; /* in which it takes over from another controller; 0: it does not */",
+        f"{real} bridge[{n}]; /* what it adds to its first command for that */",
         *([f"{real} kept[{n}]; /* the same before it was rounded, for the rate limit */"] if stages.remembers else []),
     ]
 
@@ -173,6 +166,10 @@ def _functions(name: str) -> str:
         "reset": [
             "Begins anew at tick 0, as init does, from the last command that this controller issued. Behind a fault, or when",
             "another controller hands back, call init with the command then in force instead.",
+        ],
+        "take_over": [
+            "Begins as init does, without a jump: the first command is the one in force, up to rounding. What the law would have",
+            "commanded differently is added to its commands, less in every tick, and nothing of it from tick `ticks` on.",
         ],
         "step": [
             "One tick: the command, and the status word. To be called once a period.",

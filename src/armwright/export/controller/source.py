@@ -12,6 +12,7 @@ import numpy as np
 from armwright.export.c_arithmetic import arithmetic
 from armwright.export.c_header import comment
 from armwright.export.controller.header import in_counts, member
+from armwright.export.controller.parameters import default_parameters, loading
 from armwright.export.controller.stages import ControllerStages
 from armwright.kernels.c import REALS, Unit, c_text
 from armwright.kernels.c_syntax import identifier, literal
@@ -65,6 +66,8 @@ void {name}_init({name}_state *state, const {name}_parameters *parameters,
     state->tick = 0u;
     state->lost = 0u;
     state->status = 0u;
+    state->bridge_ticks = 0u;
+    memset(state->bridge, 0, sizeof state->bridge);
 {gather}
 {calls}
     memcpy(state->issued, in_force->u, sizeof state->issued);
@@ -79,6 +82,36 @@ void {name}_reset({name}_state *state, const {name}_parameters *parameters,
     {name}_init(state, parameters, measurement, &in_force);
 }}"""
 
+_TAKE_OVER = """\
+/* The share of the bridge that was added to the command `back` ticks ago. */
+static {real} {name}_bridged(const {name}_state *state, uint32_t back)
+{{
+    const uint64_t tick = state->tick - back;
+    return ((state->tick < back) || (tick >= state->bridge_ticks))
+        ? {zero} : ({real})(state->bridge_ticks - tick) / ({real})state->bridge_ticks;
+}}
+
+void {name}_take_over({name}_state *state, const {name}_parameters *parameters,
+    const {name}_reference *reference, const {name}_measurement *measurement,
+    const {name}_command *in_force, uint32_t ticks)
+{{
+    {name}_state next;
+    const {real} tick[1] = {{{zero}}};
+{arrays}
+    int k;
+    {name}_init(state, parameters, measurement, in_force);
+    next = *state;
+{reference}
+{gather}
+{law}
+    if ({name}_finite(u_asked, {n}) != 0) {{
+        state->bridge_ticks = ticks;
+        for (k = 0; k < {n}; k++) {{
+            state->bridge[k] = in_force->u[k] - u_asked[k];
+        }}
+    }}
+}}"""
+
 _STEP = """\
 uint32_t {name}_step({name}_state *state, const {name}_parameters *parameters,
     const {name}_reference *reference, const {name}_measurement *measurement, {name}_command *command)
@@ -87,7 +120,7 @@ uint32_t {name}_step({name}_state *state, const {name}_parameters *parameters,
     const {real} tick[1] = {{({real})state->tick}};
 {arrays}
     uint32_t status = 0u;
-    int finite;
+    int finite, k;
 {reference}
     if (measurement->lost != 0) {{
         status |= {macro}_LOST;
@@ -97,7 +130,18 @@ uint32_t {name}_step({name}_state *state, const {name}_parameters *parameters,
 {arrived}
     }}
 {gather}
-{calls}
+    if (state->bridge_ticks > 0u) {{
+        for (k = 0; k < {n}; k++) {{
+            y[{applied} + k] -= state->bridge[k] * {name}_bridged(state, {back}u); /* the law is to see its own command */
+        }}
+    }}
+{law}
+    if (state->bridge_ticks > 0u) {{
+        for (k = 0; k < {n}; k++) {{
+            u_asked[k] += state->bridge[k] * {name}_bridged(state, 0u);
+        }}
+    }}
+{shape}
 {finite}
     if (finite != 0) {{
 {judge}
@@ -126,9 +170,15 @@ def source(stages: ControllerStages, real: str) -> str:
     words = {"name": name, "macro": name.upper(), "real": real, "f": dialect.format.suffix}
     largest = f"{'FLT' if dialect.format.suffix else 'DBL'}_MAX"
     unit.functions["checks"] = _CHECKS.format(**words, largest=largest)
-    unit.functions["parameters"] = _default_parameters(stages, real)
+    unit.functions["parameters"] = default_parameters(stages, real)
+    unit.functions["load"] = loading(stages, real)
     unit.functions["init"] = _INIT.format(**words, **_init(stages, real))
-    unit.functions["step"] = _STEP.format(**words, **_step(stages, real))
+    step = _step(stages, real)
+    zero = literal(0.0, dialect)
+    unit.functions["take over"] = _TAKE_OVER.format(**words, **step, n=stages.arm.n, zero=zero)
+    unit.functions["step"] = _STEP.format(
+        **words, **step, n=stages.arm.n, applied=stages.measured.size, back=stages.delay_ticks + 1
+    )
     hook = f"#ifndef {name.upper()}_WATCHDOG\n#define {name.upper()}_WATCHDOG(state) ((void)(state))\n#endif\n"
     top = comment([f"{name}.c: see {name}.h, and README.md, which says how this is compiled."])
     text = c_text(unit, [f'"{name}.h"', "<string.h>"])
@@ -227,7 +277,8 @@ def _step(stages: ControllerStages, real: str) -> dict[str, str]:
             *copies(stages.applied, "measurement->", "y", measured),
             *gains,
         ],
-        "calls": [_call(stages.name, program, places) for program in (stages.law, stages.shape)],
+        "law": [_call(stages.name, stages.law, places)],
+        "shape": [_call(stages.name, stages.shape, places)],
         "finite": ["finite = " + "\n        && ".join(calls) + ";"],
     }
     arrived = measured_copies(stages, real, "next.measured")
@@ -271,23 +322,3 @@ def _judged(stages: ControllerStages, *, remembers: bool) -> list[str]:
     if outside:
         lines += [f"if ({' || '.join(outside)}) {{", f"    status |= {macro}_OUT_OF_RANGE;", "}"]
     return lines
-
-
-def _default_parameters(stages: ControllerStages, real: str) -> str:
-    """The constant struct of the scenario's numbers."""
-    dialect = REALS[real]
-    rows = [*stages.ranges.values(), stages.limits, stages.initial_command]
-    ends = np.cumsum([int(np.prod(shape, dtype=int)) for shape in stages.gains.shapes])
-    values = np.split(stages.gains.values[0], ends[:-1]) if len(ends) else []
-    rows += [stages.count] if stages.count.size else []
-    texts = [_braced([literal(float(v), dialect) for v in row], True) for row in rows]
-    texts += [
-        _braced([literal(float(v), dialect) for v in row], bool(shape))
-        for row, shape in zip(values, stages.gains.shapes, strict=True)
-    ]
-    body = ",\n".join(f"    {text}" for text in texts)
-    return f"const {stages.name}_parameters {stages.name}_default_parameters = {{\n{body}\n}};"
-
-
-def _braced(numbers: list[str], array: bool) -> str:
-    return f"{{{', '.join(numbers)}}}" if array else numbers[0]

@@ -140,6 +140,11 @@ class ControllerStages:
         return self.loop.period
 
     @property
+    def delay_ticks(self) -> int:
+        """Whole ticks that commands take to the drives, as the law has it."""
+        return int(getattr(self.loop.scenario.controller, "delay_ticks", 0))
+
+    @property
     def remembers(self) -> bool:
         """True where the command before rounding is remembered, for the rate limit."""
         return any(port.name == f"u_kept{NEXT}" for port in self.shape.outputs)

@@ -12,6 +12,7 @@ from armwright.errors import ModelError
 from armwright.export.c import folder_to_write
 from armwright.export.controller.build_files import cmake, readme
 from armwright.export.controller.header import header
+from armwright.export.controller.parameters import parameter_file
 from armwright.export.controller.recording import Recording, record
 from armwright.export.controller.selftest import selftest
 from armwright.export.controller.sil import SoftwareInTheLoop, find_compiler, software_in_the_loop
@@ -30,7 +31,8 @@ class ExportedController:
     """The C of a controller.
 
     Attributes:
-        name: that everything in it begins with.   paths: header, C file, self-test, CMakeLists.txt, README.md.
+        name: that everything in it begins with.
+        paths: header, C file, self-test, CMakeLists.txt, README.md, NAME.parameters.
         comparison: with the simulation, of the code as this computer's compiler makes it; None where there is no compiler.
         notes: for the user.
     """
@@ -53,7 +55,8 @@ def export_controller(
 ) -> ExportedController:
     """The controller of a scenario's loop as C99, compared with the simulation to the bit where a compiler is at hand.
 
-    Written are `NAME.h`, `NAME.c`, a self-test with recorded inputs, `CMakeLists.txt` and `README.md`: all of them or none. The
+    Written are `NAME.h`, `NAME.c`, a self-test with recorded inputs, `CMakeLists.txt`, `README.md` and `NAME.parameters`, the
+    numbers of the scenario with a checksum, which the code can load: all of them or none. The
     code is the programs that the simulation is compiled from: control law, rate limit, limit and resolution of the command,
     and the rule that a lost sample repeats the last one. It allocates nothing and does not recurse.
 
@@ -85,16 +88,17 @@ def export_controller(
     comparison = _compared(stages, recording, code, real) if find_compiler() is not None else None
     short = recording.first(WRITTEN)
     expected = short.u if comparison is None else comparison.commands[:WRITTEN]
-    texts = code | {
+    texts: dict[str, str | bytes] = code | {
         f"{stages.name}_selftest.c": selftest(stages, short, expected, real),
         "CMakeLists.txt": cmake(stages.name),
         "README.md": readme(stages, short.ticks, real),
+        f"{stages.name}.parameters": parameter_file(stages, real),
     }
     folder = Path(directory)
     with folder_to_write(folder), ExitStack() as files:
         for file, text in texts.items():
             temporary = files.enter_context(whole_file(folder / file, follow_link=False))
-            temporary.write_text(text, encoding="utf-8" if file.endswith(".md") else "ascii", newline="\n")
+            temporary.write_bytes(text if isinstance(text, bytes) else text.encode())
     note = "no C compiler here (gcc, clang, cc): compile and run the self-test where there is one"
     notes = (note,) if comparison is None else ()
     return ExportedController(stages.name, tuple(folder / file for file in texts), comparison, notes)
