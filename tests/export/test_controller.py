@@ -313,7 +313,7 @@ def test_nothing_is_allocated_and_nothing_recurses(exported):
     assert {"cmu_dd_controller_init", "cmu_dd_controller_reset", "cmu_dd_controller_step"} <= known
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(loops())
 def test_any_controller_of_the_library_s_blocks_has_the_bits_of_its_simulation(scenario):
     """The export itself compares; tools/random_controllers.py does it to as many as there is time for."""

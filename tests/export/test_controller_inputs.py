@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.errors import ScenarioError
+from armwright.errors import ModelError, ScenarioError
 from export.controllers import CONTROLLERS
 from export.running import pid_loop, run_c
 from kernels.c_compilers import compiler
@@ -135,3 +135,26 @@ def test_it_takes_over_without_a_jump(tmp_path):
     assert plain[0] == pytest.approx(10.0)  # kp (0.5 - 0)
     np.testing.assert_allclose(ours - plain, -7.0 * np.clip(1.0 - np.arange(15) / 10.0, 0.0, 1.0), atol=1e-12)
     np.testing.assert_allclose(np.diff(plain), 40.0 * 0.5 * 1e-3, rtol=1e-9)  # ki e T: clamping holds nothing up
+
+
+@pytest.mark.parametrize("with_", ["arm-none-eabi-gcc", "gcc"])
+def test_a_controller_that_does_not_fit_is_refused(tmp_path, monkeypatch, with_):
+    """Its state is what its struct holds, its stack no less than the arrays of a step; limits below either are refused."""
+    compiler("arm-none-eabi-gcc")
+    monkeypatch.setattr("armwright.export.controller.footprint.CROSS", with_ if with_ != "gcc" else "nowhere-gcc")
+    exported = aw.export_controller(pid_loop(), tmp_path / "c", ram=100_000, flash=100_000, ticks=5)
+    took = exported.footprint
+    assert took is not None
+    body = 'printf("%d %d", (int)sizeof state, (int)(sizeof y + sizeof r + sizeof u + sizeof(two_link_controller_parameters)));'
+    state, structs = map(int, run_c(tmp_path / "c", exported.name, body))
+    assert (took.state, took.structs) == (state, structs)
+    assert took.ram == took.state + took.structs + took.stack
+    assert 8 * (6 + 8 + 2) + state < took.stack < 4000  # r, y, u_asked and the next state
+    assert 1000 < took.flash < 10_000
+    assert with_ in took.target
+    for limit in ({"ram": took.ram - 1}, {"flash": took.flash - 1}):
+        with pytest.raises(
+            ModelError, match=rf"^{next(iter(limit))} = \d+: does not fit: it takes [\d,]+ bytes of RAM \(state "
+        ):
+            aw.export_controller(pid_loop(), tmp_path / "out", **limit, ticks=5)
+    assert not (tmp_path / "out").exists()

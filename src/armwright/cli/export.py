@@ -75,6 +75,10 @@ def controller(
     counts: Annotated[
         bool, typer.Option("--counts", help="Take positions in counts of the scenario's encoders.")
     ] = False,
+    ram: Annotated[
+        int | None, typer.Option("--ram", metavar="BYTES", help="RAM that the target has for it.", min=0)
+    ] = None,
+    flash: Annotated[int | None, typer.Option("--flash", metavar="BYTES", help="Flash that it has.", min=0)] = None,
     allow: Allow = None,
 ) -> None:
     """Write the controller of a scenario as C99 for a microcontroller, and compare it with the simulation.
@@ -87,6 +91,7 @@ def controller(
     Examples:
       armwright export controller swing.scenario.toml -o firmware
       armwright export controller swing.scenario.toml --gains position_kp,speed_kp -o firmware
+      armwright export controller swing.scenario.toml --ram 16384 --flash 65536 -o firmware
     """
     import armwright as aw
     from armwright.cli.progress import progress
@@ -97,11 +102,14 @@ def controller(
     with progress(f"exporting the controller of {read.arm.name}"):
         try:
             real = "float" if single else "double"
-            exported = aw.export_controller(read, output, name=name, gains=fields, real=real, counts=counts)
+            options = {"real": real, "counts": counts, "ram": ram, "flash": flash}
+            exported = aw.export_controller(read, output, name=name, gains=fields, **options)
         except ScenarioError as error:  # which does not know the file
             raise error.renamed(key_in_file, keys_in_text).within(file=scenario) from None
     for path in exported.paths:
         say(f"wrote {path}")
+    if exported.footprint is not None:
+        say(f"takes {exported.footprint}")
     if exported.comparison is not None:
         compared = exported.comparison
         took = f"{1e9 * compared.seconds:.0f} ns a step here ({Path(compared.compiler).name})"

@@ -83,9 +83,9 @@ def software_in_the_loop(
         input_rows(stages, recording).astype(dtype).tofile(work / "inputs")
         options = [*(flags_of_host() if flags is None else flags), f"-I{Path(folder)}"]
         files = [work / "reader.c", Path(folder) / f"{stages.name}.c"]
-        _run([compiler, *options, *map(str, files), "-o", str(work / "reader"), "-lm"])
+        run_program([compiler, *options, *map(str, files), "-o", str(work / "reader"), "-lm"])
         paths = [str(work / each) for each in ("reader", "inputs", "commands", "status")]
-        seconds = float(_run([*paths, str(repeats)]))
+        seconds = float(run_program([*paths, str(repeats)]))
         found = np.fromfile(work / "commands", dtype=dtype).reshape(recording.u.shape)
         status = np.fromfile(work / "status", dtype=np.uint32)
     expected = recording.u.astype(dtype)
@@ -104,9 +104,11 @@ def relative_error(found: np.ndarray, expected: np.ndarray) -> float:
     return float((np.abs(found - expected).max(axis=0) / spans).max())
 
 
-def _run(command: list[str]) -> str:
+def run_program(command: list[str]) -> str:
     """What a program prints.
 
+    Args:
+        command: the program and its words.
     Raises:
         ModelError: it ends with an error.
     """

@@ -98,13 +98,13 @@ void {name}_take_over({name}_state *state, const {name}_parameters *parameters,
     {name}_state next;
     const {real} tick[1] = {{{zero}}};
 {arrays}
-    int k;
     {name}_init(state, parameters, measurement, in_force);
     next = *state;
 {reference}
 {gather}
 {law}
     if ({name}_finite(u_asked, {n}) != 0) {{
+        int k;
         state->bridge_ticks = ticks;
         for (k = 0; k < {n}; k++) {{
             state->bridge[k] = in_force->u[k] - u_asked[k];
@@ -120,7 +120,7 @@ uint32_t {name}_step({name}_state *state, const {name}_parameters *parameters,
     const {real} tick[1] = {{({real})state->tick}};
 {arrays}
     uint32_t status = 0u;
-    int finite, k;
+    int finite;
 {reference}
     if (measurement->lost != 0) {{
         status |= {macro}_LOST;
@@ -131,12 +131,14 @@ uint32_t {name}_step({name}_state *state, const {name}_parameters *parameters,
     }}
 {gather}
     if (state->bridge_ticks > 0u) {{
+        int k;
         for (k = 0; k < {n}; k++) {{
             y[{applied} + k] -= state->bridge[k] * {name}_bridged(state, {back}u); /* the law is to see its own command */
         }}
     }}
 {law}
     if (state->bridge_ticks > 0u) {{
+        int k;
         for (k = 0; k < {n}; k++) {{
             u_asked[k] += state->bridge[k] * {name}_bridged(state, 0u);
         }}

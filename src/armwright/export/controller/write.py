@@ -11,6 +11,7 @@ from pathlib import Path
 from armwright.errors import ModelError
 from armwright.export.c import folder_to_write
 from armwright.export.controller.build_files import cmake, readme
+from armwright.export.controller.footprint import Footprint, footprint
 from armwright.export.controller.header import header
 from armwright.export.controller.parameters import parameter_file
 from armwright.export.controller.recording import Recording, record
@@ -34,13 +35,14 @@ class ExportedController:
         name: that everything in it begins with.
         paths: header, C file, self-test, CMakeLists.txt, README.md, NAME.parameters.
         comparison: with the simulation, of the code as this computer's compiler makes it; None where there is no compiler.
-        notes: for the user.
+        notes: for the user.   footprint: its memory, where a limit was given.
     """
 
     name: str
     paths: tuple[Path, ...]
     comparison: SoftwareInTheLoop | None
     notes: tuple[str, ...] = ()
+    footprint: Footprint | None = None
 
 
 def export_controller(
@@ -52,6 +54,8 @@ def export_controller(
     ticks: int | None = None,
     real: str = "double",
     counts: bool = False,
+    ram: int | None = None,
+    flash: int | None = None,
 ) -> ExportedController:
     """The controller of a scenario's loop as C99, compared with the simulation to the bit where a compiler is at hand.
 
@@ -70,13 +74,14 @@ def export_controller(
         real: "double" or "float". In float the commands are near to those of the simulation, by the `error` of the comparison,
             and the self-test expects the bits that this computer's compiler gives.
         counts: true: positions are measured in counts of the scenario's encoders, as whole numbers.
+        ram, flash: bytes that the target has for it; needs a compiler, `arm-none-eabi-gcc` or this computer's.
     Returns:
         exported: the files, and how the code compares with the simulation.
     Raises:
         ScenarioError: no controller, several lanes, a law that cannot be traced: names the line and why.
         OutputError: the directory or a file cannot be written.
-        ModelError: the compiler ends with an error, or the compiled code gives other commands than the simulation; nothing is
-            then written. Float without a compiler.
+        ModelError: a controller that takes more RAM or flash than there is. The compiler ends with an error, or the compiled
+            code gives other commands than the simulation; nothing is then written. Float without a compiler.
     """
     if real not in REALS:
         raise ModelError(place="real", value=real, choices=REALS)
@@ -85,6 +90,9 @@ def export_controller(
     stages = ControllerStages.of(scenario, name, tuple(gains), counts=counts)
     recording = record(stages, ticks or min(scenario.ticks, COMPARED))
     code = {f"{stages.name}.h": header(stages, real), f"{stages.name}.c": source(stages, real)}
+    taken = None if ram is None and flash is None else footprint(stages.name, code)
+    if taken is not None:
+        taken.check(ram, flash)
     comparison = _compared(stages, recording, code, real) if find_compiler() is not None else None
     short = recording.first(WRITTEN)
     expected = short.u if comparison is None else comparison.commands[:WRITTEN]
@@ -101,7 +109,7 @@ def export_controller(
             temporary.write_bytes(text if isinstance(text, bytes) else text.encode())
     note = "no C compiler here (gcc, clang, cc): compile and run the self-test where there is one"
     notes = (note,) if comparison is None else ()
-    return ExportedController(stages.name, tuple(folder / file for file in texts), comparison, notes)
+    return ExportedController(stages.name, tuple(folder / file for file in texts), comparison, notes, taken)
 
 
 def _compared(stages: ControllerStages, recording: Recording, code: Mapping[str, str], real: str) -> SoftwareInTheLoop:
