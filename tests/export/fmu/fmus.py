@@ -80,6 +80,22 @@ class Instance:
         call = self.fmu.getDirectionalDerivative
         return np.array(call(*given, list(seed)))
 
+    def keep(self):
+        """A copy of the state."""
+        return self.fmu.getFMUState()
+
+    def restore(self, state):
+        self.fmu.setFMUState(state)
+
+    def release(self, state):
+        (self.fmu.freeFMUState if self.is_3 else self.fmu.freeFMUstate)(state)
+
+    def serialise(self, state):
+        return (self.fmu.serializeFMUState if self.is_3 else self.fmu.serializeFMUstate)(state)
+
+    def deserialise(self, data):
+        return (self.fmu.deserializeFMUState if self.is_3 else self.fmu.deSerializeFMUstate)(data)
+
     def close(self):
         self.fmu.terminate()
         self.fmu.freeInstance()

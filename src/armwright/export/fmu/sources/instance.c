@@ -215,11 +215,11 @@ int instance_step(instance *i, double time, double step)
         return instance_fail(i, "a step before the end of initialization");
     }
     if (!(fabs(begun - (double)i->now.model.tick_number) <= 1e3 * TOLERANCE)) {
-        (void)snprintf(text, sizeof text, "a step from t = %.17g s, but the model is at t = %.17g s", time, i->now.time);
+        (void)snprintf(text, sizeof text, "a step from t = %.12g s, but the model is at t = %.12g s", time, i->now.time);
         return instance_fail(i, text);
     }
     if (!(whole >= 1.0) || !(fabs(wanted - whole) <= TOLERANCE)) {
-        (void)snprintf(text, sizeof text, "a communication step of %.17g s: expected a multiple of the tick, %.17g s", step,
+        (void)snprintf(text, sizeof text, "a communication step of %.12g s: expected a multiple of the tick, %.12g s", step,
             MODEL_PERIOD);
         return instance_fail(i, text);
     }

@@ -1,0 +1,170 @@
+"""Plants with every effect and rule, their inputs, starts and states: to the bit in FMPy."""
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from export.fmu.fmus import Instance
+from export.fmu.test_co_simulation import commanded, states
+from simulation.plants import BRAKE, COULOMB, MANY, MOTOR, pendulum
+from simulation.sticking import block, dry
+from simulation.test_switching import PLAY, STOPS
+
+TICKS = 60
+BETWEEN = {"stops": STOPS, "limits": {"position_rad": [-0.02, 0.02]}}
+PLANTS = {
+    "all, auto": (MANY["all"], aw.Solver()),
+    "all, rodas3": (MANY["all"], aw.Solver("rodas3")),
+    "harmonic, rk4": (MANY["harmonic"], aw.Solver("rk4", step=1e-4)),
+    "load, rk45": (MANY["load"], aw.Solver("rk45")),
+    "supply, semi-implicit": (MANY["supply"], aw.Solver("semi_implicit_euler", step=1e-4)),
+    "stops, rk3": (pendulum(motor=MOTOR, friction=COULOMB, **BETWEEN), aw.Solver(step=1e-3)),
+    "play, rk4": (pendulum(motor=MOTOR, friction=COULOMB, elasticity=PLAY), aw.Solver("rk4", step=5e-4)),
+    "play, auto": (pendulum(motor=MOTOR, friction=COULOMB, elasticity=PLAY), aw.Solver()),
+    "sticking, rk3": (block(weight=2.0, friction=dry(2.5)), aw.Solver(step=1e-3)),
+    "sticking, auto": (block(weight=2.0, friction=dry(2.5)), aw.Solver()),
+}
+
+
+def exported(scenario, path, **options):
+    return aw.export_fmu(scenario, path, platforms=["host"], **options).path
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_every_effect_and_rule_has_the_simulations_bits(name, tmp_path):
+    arm, solver = PLANTS[name]
+    scenario = commanded(arm, TICKS, solver=solver)
+    step = solver.step or 1e-3
+    ticks = round(TICKS * 1e-3 / step)
+    run = aw.simulate(scenario)
+    x = states(exported(scenario, tmp_path / "plant.fmu"), run, ticks, step)
+    np.testing.assert_array_equal(x[:, : arm.n], run.q.values)
+    np.testing.assert_array_equal(x[:, arm.n : 2 * arm.n], run.qd.values)
+    for signal in ("winding_temperature", "bristle"):
+        if signal in run:
+            known = ~np.isnan(run[signal].values[0])
+            assert known.any()
+    assert np.ptp(run.q.values) > 0.0
+
+
+def test_brakes_wrenches_and_payloads_are_inputs(tmp_path):
+    arm = pendulum(motor=MOTOR, friction=COULOMB, brake=BRAKE)
+    times = np.array([0.0, 0.02, 0.04])
+    inputs = aw.Inputs(
+        brake=aw.Schedule(times, np.array([[0.0], [1.0], [0.0]]), ("joint0",)),
+        payload=aw.Payload(0.03, 0.7, com=[0.02, 0.0, 0.0], inertia=np.diag([1e-3, 2e-3, 2e-3]), frame="rod0"),
+    )
+    scenario = commanded(arm, TICKS, inputs=inputs)
+    run = aw.simulate(scenario)
+    at = np.arange(TICKS) * 1e-3
+    brake = ((at > 0.0195) & (at < 0.0395)).astype(float)[:, None]
+    m, c = 0.7, 0.02
+    load = (at > 0.0295)[:, None] * np.array([m, m * c, 0, 0, 1e-3, 0, 0, 2e-3 + m * c * c, 0, 2e-3 + m * c * c])
+    x = states(exported(scenario, tmp_path / "plant.fmu"), run, TICKS, 1e-3, brake=brake, payload=load)
+    np.testing.assert_allclose(x[:, 0], run.q.values[:, 0], atol=1e-13)
+    assert np.abs(run.q.values[30:] - aw.simulate(commanded(arm, TICKS)).q.values[30:]).max() > 1e-4
+
+
+def test_a_plant_begins_where_its_start_parameters_say(tmp_path):
+    """Exported from one pose and begun in another: as exported from that one, motors, windings and temperatures too."""
+    arm = MANY["all"]
+    q, qd = [0.4, -0.2], [0.1, 0.3]
+    there = commanded(arm, TICKS, start=aw.Start(q, qd))
+    run = aw.simulate(there)
+    fmu = Instance(exported(commanded(arm, TICKS), tmp_path / "plant.fmu"))
+    fmu.begin(**dict(zip(fmu.names("start", "parameter"), [*q, *qd], strict=True)))
+    with pytest.raises(Exception, match="fmi3SetFloat64"):
+        fmu.set("start.q.joint0", 0.0)
+    assert "cannot be set after initialization" in fmu.messages[-1]
+    x = fmu.names("x", "output")
+    for k in range(TICKS):
+        np.testing.assert_array_equal(fmu.get(*x)[:2], run.q.values[k])
+        for name, value in zip(fmu.names("u", "input"), run.u.values[k], strict=True):
+            fmu.set(name, value)
+        fmu.step(k * 1e-3, 1e-3)
+    fmu.close()
+
+
+@pytest.mark.parametrize("version", ["3.0", "2.0"])
+def test_states_are_kept_restored_and_serialised(version, tmp_path):
+    """A copy goes on to the bit: in place, after a reset, and in another instance by way of bytes."""
+    sensors = aw.Sensors(counts=4096, position_noise=1e-4)
+    timing = aw.Timing("one-tick", measurement_delay=2.5e-3, jitter=4e-4)
+    loop = aw.Loop(period=1e-3, sensors=sensors, timing=timing)
+    path = exported(aw.Scenario(MANY["all"], loop=loop, seed=4), tmp_path / "plant.fmu", version=version)
+    first, second = Instance(path), Instance(path)
+
+    def go(fmu, start, count):
+        rows = []
+        for k in range(start, start + count):
+            for j, name in enumerate(fmu.names("u", "input")):
+                fmu.set(name, np.sin(0.3 * k + j))
+            fmu.step(k * 1e-3, 1e-3)
+            rows.append(fmu.get(*fmu.names("x", "output"), *fmu.names("y", "output")))
+        return np.array(rows)
+
+    first.begin()
+    go(first, 0, 20)
+    kept = first.keep()
+    after = go(first, 20, 20)
+    first.restore(kept)
+    np.testing.assert_array_equal(go(first, 20, 20), after)
+    first.restore(kept)
+    data = first.serialise(kept)
+    first.release(kept)
+    first.fmu.reset()
+    first.begin()
+    first.restore(first.deserialise(data))
+    np.testing.assert_array_equal(go(first, 20, 20), after)
+    second.begin()
+    second.restore(second.deserialise(data))
+    np.testing.assert_array_equal(go(second, 20, 20), after)
+    with pytest.raises(Exception, match=r"(?i)deserialize"):
+        second.deserialise(b"x" + bytes(data)[1:])
+    assert second.messages == ["these bytes are no serialised state of this FMU"]
+    first.close()
+    second.close()
+
+
+@pytest.mark.parametrize("version", ["3.0", "2.0"])
+def test_steps_are_whole_ticks(version, tmp_path):
+    arm = MANY["plain"]
+    path = exported(aw.Scenario(arm, loop=aw.Loop(period=2e-3)), tmp_path / "plant.fmu", version=version)
+    fmu, one = Instance(path), Instance(path)
+    for each in (fmu, one):
+        each.begin(1.5)
+        each.set("u.joint0", 3.0)
+    for time, size, message in (
+        (1.5, 1e-3, "a communication step of 0.001 s: expected a multiple of the tick, 0.002 s"),
+        (1.5, 5e-3, "expected a multiple of the tick"),
+        (1.5, 0.0, "expected a multiple of the tick"),
+        (1.502, 2e-3, "a step from t = 1.502 s, but the model is at t = 1.5 s"),
+    ):
+        with pytest.raises(Exception, match="DoStep"):
+            fmu.step(time, size)
+        assert message in fmu.messages[-1]
+    fmu.step(1.5, 6e-3)
+    for k in range(3):
+        one.step(1.5 + k * 2e-3, 2e-3)
+    np.testing.assert_array_equal(fmu.get("time", "x.q.joint0"), one.get("time", "x.q.joint0"))
+    fmu.close()
+    one.close()
+
+
+def test_what_leaves_the_finite_numbers_is_an_error_with_its_time(tmp_path):
+    arm = pendulum("torque", gravity=0.0)
+    fmu = Instance(exported(commanded(arm, TICKS, solver=aw.Solver(step=1e-3)), tmp_path / "plant.fmu"))
+    fmu.begin()
+    fmu.step(0.0, 1e-3)
+    fmu.set("u.joint0", np.nan)
+    with pytest.raises(Exception, match="DoStep"):
+        fmu.step(1e-3, 1e-3)
+    assert "became infinite or not a number" in fmu.messages[-1]
+    assert "t = 0.001 s" in fmu.messages[-1]
+    fmu.close()
+
+
+def test_another_units_token_is_refused(tmp_path):
+    path = exported(aw.Scenario(MANY["plain"], loop=aw.Loop(period=1e-3)), tmp_path / "plant.fmu")
+    with pytest.raises(Exception, match="(?i)instan"):
+        Instance(path, token="{00000000-0000-0000-0000-000000000000}")
