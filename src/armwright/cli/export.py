@@ -1,4 +1,4 @@
-"""`armwright export`: an arm in other programs' languages."""
+"""`armwright export`: an arm or a controller in other programs' languages."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import Annotated
 
 import typer
 
-from armwright.cli.arguments import Allow, Robot, as_options
+from armwright.cli.arguments import SCENARIO, Allow, Robot, as_options
 from armwright.errors import ScenarioError
-from armwright.terminal import say
+from armwright.terminal import result, say
 
 export = typer.Typer()
 
 
 @export.callback()
 def _formats() -> None:
-    """Write an arm or a controller for other programs: C libraries, ROS 2."""
+    """Write an arm or a controller for other programs: C libraries, FMUs, ROS 2."""
 
 
 @export.command()
@@ -153,3 +153,65 @@ def ros2(
         say(f"wrote {path}")
     for line in exported.lost:
         say(f"lost: {line}")
+
+
+@export.command()
+def fmu(
+    source: Annotated[
+        str, typer.Argument(metavar="ROBOT|SCENARIO", help="A robot, as of other commands, or a scenario file (.toml).")
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="X.fmu", help="The file.")],
+    part: Annotated[
+        str, typer.Option("--part", metavar="PART", help="plant, controller or both; the last two need a scenario.")
+    ] = "plant",
+    version: Annotated[str, typer.Option("--fmi", metavar="VERSION", help="3.0 or 2.0.")] = "3.0",
+    interface: Annotated[
+        str, typer.Option("--interface", metavar="INTERFACE", help="co-simulation or model-exchange.")
+    ] = "co-simulation",
+    name: Annotated[
+        str | None, typer.Option("--name", metavar="NAME", help="Model identifier; default: from the file's name.")
+    ] = None,
+    platforms: Annotated[
+        str | None,
+        typer.Option(
+            "--platforms",
+            metavar="P1,P2,…",
+            help="Binaries, such as x86_64-windows or host; default: all that can be built.",
+        ),
+    ] = None,
+    allow: Allow = None,
+) -> None:
+    """Write an arm, its controller or both as an FMU, for Simulink, Modelica tools, FMPy and others.
+
+    For co-simulation it is the simulation itself as C: in another tool it gives the bits of `armwright simulate`. Sources are
+    inside, and binaries for Linux, Windows and macOS where zig is installed (pip install 'armwright[fmu]'); else one for this
+    computer, by its C compiler.
+
+    \b
+    Examples:
+      armwright export fmu puma560 -o puma560.fmu
+      armwright export fmu swing.scenario.toml --part controller -o swing_controller.fmu
+      armwright export fmu puma560 --interface model-exchange --fmi 2.0 -o puma560_me.fmu
+    """
+    import armwright as aw
+    from armwright.cli.progress import progress
+    from armwright.output import check_destination
+    from armwright.scenarios.records import key_in_file, keys_in_text
+
+    check_destination(output, (".fmu",), read=[source])
+    given = aw.read_scenario(source, allow=allow or ()) if source.endswith(SCENARIO) else aw.load(source)
+    asked = None if platforms is None else [each.strip() for each in platforms.split(",") if each.strip()]
+    with progress("exporting the FMU"):
+        try:
+            exported = aw.export_fmu(
+                given, output, part=part, version=version, interface=interface, name=name, platforms=asked
+            )
+        except ScenarioError as error:  # which does not know the file
+            raise error.renamed(key_in_file, keys_in_text).within(file=source) from None
+    result(exported)
+    counts = f"{len(exported.inputs)} inputs, {len(exported.outputs)} outputs, {len(exported.parameters)} parameters"
+    say(f"wrote {exported.path}: FMI {exported.version}, {exported.interface}, {exported.part}; {counts}")
+    sizes = ", ".join(f"{each} {size / 1024:.0f} kB" for each, size in exported.platforms.items())
+    say(f"sources, and binaries for {sizes}" if sizes else "sources alone")
+    for note in exported.notes:
+        say(f"armwright: note: {note}", err=True)

@@ -293,7 +293,9 @@ class LoopText:
         """A tick from change to change: `inner` moves the plant from `t` to `edge`."""
         h = literal(self.clock.period, C_DOUBLE)
         begins = [f"l->u_from[{s}]" for s in range(stage.planned - 1)] + ["l->see_at[0]"] * bool(stage.seen)
-        lines = [f"l->{SINCE}[0] = 0.0;", "do {", f"    const double t = l->{SINCE}[0];", f"    double edge = {h};"]
+        lines = [f"l->{SINCE}[0] = 0.0;", "do {"]
+        lines += [f"    const double t = l->{SINCE}[0];"] if begins or isinstance(stage, Integrate) else []
+        lines += [f"    double edge = {h};"] if begins else [f"    const double edge = {h};"]
         lines += [f"    edge = (t < {each} && {each} < edge) ? {each} : edge;" for each in begins]
         if stage.planned:
             n = self.sizes["u"]

@@ -166,5 +166,5 @@ def test_what_leaves_the_finite_numbers_is_an_error_with_its_time(tmp_path):
 
 def test_another_units_token_is_refused(tmp_path):
     path = exported(aw.Scenario(MANY["plain"], loop=aw.Loop(period=1e-3)), tmp_path / "plant.fmu")
-    with pytest.raises(Exception, match="(?i)instan"):
+    with pytest.raises(Exception, match=r"(?i)instan"):
         Instance(path, token="{00000000-0000-0000-0000-000000000000}")

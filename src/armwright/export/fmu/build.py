@@ -1,11 +1,10 @@
-"""Binaries of an FMU: its sources as shared libraries, by a compiler of this computer or, for others too, by zig."""
+"""Binaries of an FMU: its sources as shared libraries, by zig for every platform, or by a compiler of this computer for it."""
 
 from __future__ import annotations
 
 import importlib.util
 import os
 import platform
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -15,9 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from armwright.errors import ModelError
+from armwright.export.controller.sil import find_compiler
 from armwright.kernels.cache import cache_folder
 
-COMPILERS = ("gcc", "clang", "cc")  # the first of these that is there
+HOST = "host"  # this computer, by its own compiler where it has one
 #: Equal bits need that products and sums stay apart; without math errno square roots are one instruction.
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-shared", "-DNDEBUG")
 TIMEOUT = 600.0  # [s] that a compiler may take
@@ -65,36 +65,29 @@ def has_zig() -> bool:
     return importlib.util.find_spec("ziglang") is not None
 
 
-def system_compiler() -> str | None:
-    """Path of a C compiler of this computer; None where there is none."""
-    return next((path for path in map(shutil.which, COMPILERS) if path), None)
-
-
 def chosen_platforms(asked: Sequence[str] | None) -> tuple[str, ...]:
-    """Platforms to build for: those asked for; by default all with zig, this computer's with a compiler of its own, else none.
+    """Platforms to build for: those asked for; by default all with zig, `HOST` with a compiler of this computer, else none.
 
     Raises:
         ModelError: an unknown platform, or one that nothing here compiles for.
     """
-    host, zig = host_platform(), has_zig()
+    own, zig = host_platform(), has_zig()
+    here = own in PLATFORMS and find_compiler() is not None
     if asked is None:
-        return tuple(PLATFORMS) if zig else (host,) if system_compiler() and host in PLATFORMS else ()
-    names = tuple(dict.fromkeys(host if name == "host" else name for name in asked))
-    for name in names:
-        if name not in PLATFORMS:
-            raise ModelError(place="platform", value=name, choices=[*PLATFORMS, "host"])
-        if not zig and (name != host or system_compiler() is None):
-            what = "nothing here compiles for it"
-            raise ModelError(
-                what, place="platform", value=name, expected="pip install 'armwright[fmu]', which brings zig"
-            )
-    return names
+        return tuple(PLATFORMS) if zig else (HOST,) if here else ()
+    for name in asked:
+        if name not in (*PLATFORMS, HOST):
+            raise ModelError(place="platforms", value=name, choices=[*PLATFORMS, HOST])
+        if not zig and not (here and name in (own, HOST)):
+            what, expected = "nothing here compiles for it", "pip install 'armwright[fmu]', which brings zig"
+            raise ModelError(what, place="platforms", value=name, expected=expected)
+    if HOST in asked and own in asked:
+        raise ModelError(f"is {own}, which is asked for too", place="platforms", value=HOST, expected="one of them")
+    return tuple(dict.fromkeys(asked))
 
 
 def build(folder: Path, sources: Sequence[str], name: str, targets: Sequence[str]) -> dict[str, Path]:
-    """Shared libraries of the sources in a folder, one for each platform, by its name.
-
-    The system's compiler serves this computer's platform; zig the others, and this one too where there is no compiler.
+    """Shared libraries of the sources in a folder, one for each platform, by its name in FMI 3.0.
 
     Raises:
         ModelError: a compiler ends with an error, which the message has.
@@ -102,14 +95,15 @@ def build(folder: Path, sources: Sequence[str], name: str, targets: Sequence[str
     if not targets:
         return {}
     with ThreadPoolExecutor(max(1, min(len(targets), (os.cpu_count() or 2) // 2))) as pool:
-        jobs = {target: pool.submit(_build_one, folder, sources, name, PLATFORMS[target]) for target in targets}
-        return {target: job.result() for target, job in jobs.items()}
+        jobs = {target: pool.submit(_build_one, folder, sources, name, target) for target in targets}
+        return {host_platform() if target == HOST else target: job.result() for target, job in jobs.items()}
 
 
-def _build_one(folder: Path, sources: Sequence[str], name: str, target: Platform) -> Path:
+def _build_one(folder: Path, sources: Sequence[str], name: str, asked: str) -> Path:
+    target = PLATFORMS[host_platform() if asked == HOST else asked]
     binary = folder / target.name / f"{name}{target.ending}"
     binary.parent.mkdir(parents=True, exist_ok=True)
-    compiler = system_compiler() if target.name == host_platform() else None
+    compiler = find_compiler() if asked == HOST or not has_zig() else None
     environment = dict(os.environ)
     if compiler is not None:
         march = ["-march=x86-64-v3"] if target.level == X86 else []

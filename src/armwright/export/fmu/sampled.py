@@ -142,7 +142,7 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
         add(r, "in_r", _reference(loop, r), "input", "discrete", prefix="r", about="reference:")
         entering.append(("r", "in_r"))
     if part == "controller":
-        add(y, "in_y", first["y"], "input", "discrete", prefix="y", about="measured")
+        add(y, "in_y", first["y"], "input", "discrete", prefix="y")
         entering.append(("y", "in_y"))
     else:
         for name in loop.config.inputs:
@@ -157,7 +157,7 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
         if scenario.first_command is not None:
             inputs["in_u_start"] = first["u"]
             arguments["u"] = "in_u_start"
-        variables += variables_of(y, joints, "y", "output", "discrete", prefix="y", about="measured")
+        variables += variables_of(y, joints, "y", "output", "discrete", prefix="y")
         variables += variables_of(loop.plant.layout, joints, "x", "output", "discrete", prefix="x", about="true")
     if part == "controller":
         add(command, "in_u_start", first["u"], "parameter", "fixed", prefix="start", about="in force at the start:")

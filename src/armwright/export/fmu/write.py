@@ -77,8 +77,8 @@ def export_fmu(
         part: "plant" (commands in, measurements out), "controller" (references and measurements in, commands out) or "both".
         version: of FMI, "3.0" or "2.0".   interface: "co-simulation" or "model-exchange".
         name: the model identifier, a C identifier; default: made from the path's name.
-        platforms: that binaries are built for, such as "x86_64-linux", or "host"; default: all six with zig (the extra `fmu`),
-            else this computer's. An empty list: sources alone.
+        platforms: that zig (the extra `fmu`) builds binaries for, such as "x86_64-linux", or "host": this computer, by its own
+            compiler. Default: all six with zig, else "host". An empty list: sources alone.
     Returns:
         exported: what was written.
     Raises:

@@ -26,7 +26,9 @@ LARGEST = {
     "tau_link": 1e5,
 }  # [A], [V] of low voltage, [N m]: of no arm's drive
 SLOWEST = 1.0  # [s] between rows in which an arm or a motor is seen to move
-SURELY = 2.0  # times what its limits allow a joint moves where its unit is wrong; less may be limits that are not the arm's
+SURELY = (
+    2.0  # times what its limits allow a joint moves where its unit is wrong; less may be limits that are not the arm's
+)
 BEYOND = 0.02  # [rad | m] beyond its limits a joint may be, by overshoot and calibration
 FACTORS = {  # speed / derivative of position → the mistake that makes it
     180 / pi: "the speed is in degrees where radians are meant, or the position in radians where degrees are",

@@ -1,0 +1,196 @@
+"""What is in an FMU: binaries of other systems, sources that compile elsewhere, units; what is refused, and the command."""
+
+import json
+import struct
+import subprocess
+import zipfile
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fmpy import read_model_description
+from typer.testing import CliRunner
+
+import armwright as aw
+from armwright.cli.app import app
+from armwright.errors import ArmwrightError, ModelError, ScenarioError
+from armwright.export.controller.sil import find_compiler
+from armwright.export.fmu import build
+from armwright.export.fmu.variables import base_unit, quoted
+from export.controllers import EXAMPLES
+from export.fmu.fmus import Instance, validate_fmu
+from simulation.plants import COULOMB, MANY, MOTOR, pendulum
+
+PLAIN = aw.Scenario(MANY["plain"], loop=aw.Loop(period=1e-3))
+MACHINES = {  # of a binary's head: magic, its offset, and the processor's number at another
+    "x86_64-linux": (b"\x7fELF", "<H", 18, 62),
+    "aarch64-linux": (b"\x7fELF", "<H", 18, 183),
+    "x86_64-windows": (b"MZ", "<H", None, 0x8664),
+    "aarch64-darwin": (b"\xcf\xfa\xed\xfe", "<I", 4, 0x0100000C),
+}
+EXPECTED = ("-Wno-unused-function", "-Wno-unused-parameter")  # functions of the standard that read nothing
+
+
+def test_zig_builds_for_other_systems(tmp_path):
+    """The one for this computer gives the bits of its own compiler."""
+    pytest.importorskip("ziglang", reason="needs the extra fmu")
+    path = tmp_path / "plant.fmu"
+    exported = aw.export_fmu(PLAIN, path, platforms=list(MACHINES))
+    assert set(exported.platforms) == set(MACHINES)
+    with zipfile.ZipFile(path) as archive:
+        for name, (magic, form, place, machine) in MACHINES.items():
+            data = archive.read(f"binaries/{name}/plant{build.PLATFORMS[name].ending}")
+            assert data.startswith(magic)
+            place = struct.unpack_from("<I", data, 0x3C)[0] + 4 if place is None else place
+            assert struct.unpack_from(form, data, place) == (machine,)
+            assert b"fmi3DoStep" in data
+    if build.host_platform() not in exported.platforms:
+        return
+    rows = []
+    for options in ({"platforms": list(MACHINES)[:1]}, {"platforms": ["host"]}):
+        fmu = Instance(aw.export_fmu(PLAIN, path, **options).path)
+        fmu.begin()
+        fmu.set("u.joint0", 5.0)
+        fmu.step(0.0, 0.2)
+        rows.append(fmu.get("x.q.joint0", "x.qd.joint0"))
+        fmu.close()
+    np.testing.assert_array_equal(*rows)
+
+
+@pytest.mark.parametrize("interface", ["co-simulation", "model-exchange"])
+@pytest.mark.parametrize("version", ["3.0", "2.0"])
+def test_sources_compile_without_a_warning(interface, version, tmp_path):
+    """As strict C99 by GCC and Clang; FMI's version is the tool's that compiles them."""
+    path = tmp_path / "plant.fmu"
+    exported = aw.export_fmu(PLAIN, path, interface=interface, version=version, platforms=[])
+    assert not exported.platforms
+    assert validate_fmu(str(path)) == []
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(tmp_path)
+    if find_compiler() is None:
+        pytest.skip("no C compiler here")
+    sources = sorted(str(each) for each in (tmp_path / "sources").glob("*.c"))
+    for compiler in ("gcc", "clang"):
+        flags = [
+            "-std=c99",
+            "-O1",
+            "-Wall",
+            "-Wextra",
+            "-Wconversion",
+            "-Wshadow",
+            "-pedantic",
+            "-Werror",
+            "-fsyntax-only",
+        ]
+        done = subprocess.run([compiler, *flags, *EXPECTED, *sources], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+
+
+def test_variables_have_the_units_and_words_of_their_signals(tmp_path):
+    path = aw.export_fmu(aw.load("puma560"), tmp_path / "puma560.fmu", platforms=[]).path
+    description = read_model_description(str(path))
+    found = {each.name: each for each in description.modelVariables}
+    name = aw.load("puma560").names[1]
+    assert (found[f"u.{name}"].unit, found[f"u.{name}"].causality) == ("V", "input")
+    assert found[f"y.qd.{name}"].unit == "rad/s"
+    assert found[f"y.current.{name}"].description == f"measured current, {name}"
+    units = {each.name: each.baseUnit for each in description.unitDefinitions}
+    assert (units["V"].kg, units["V"].m, units["V"].s, units["V"].A) == (1, 2, -3, -1)
+    assert float(found[f"u.{name}"].start) == pytest.approx(0.0, abs=50.0)
+    assert description.defaultExperiment.stepSize == "0.001"
+
+
+def test_equal_units_have_equal_bytes(tmp_path):
+    one, two = (aw.export_fmu(PLAIN, tmp_path / name / "plant.fmu", platforms=[]) for name in _folders(tmp_path))
+    assert one.path.read_bytes() == two.path.read_bytes()
+
+
+def _folders(place):
+    for name in ("one", "two"):
+        (place / name).mkdir()
+    return ("one", "two")
+
+
+@pytest.mark.parametrize(
+    ("unit", "base"),
+    [
+        ("N m", {"kg": 1, "m": 2, "s": -2}),
+        ("rad/s²", {"rad": 1, "s": -2}),
+        ("°C", {"K": 1}),
+        ("kg m²", {"kg": 1, "m": 2}),
+        ("parsec", None),
+    ],
+)
+def test_units_are_made_of_base_units(unit, base):
+    assert base_unit(unit) == base
+
+
+@pytest.mark.parametrize(
+    ("label", "name"),
+    [("elbow", "elbow"), ("joint-1", "'joint-1'"), ("0", "at0"), ("a'b", "'a_b'"), ("Gelenk ä", "'Gelenk _'")],
+)
+def test_names_of_joints_are_quoted_where_they_must_be(label, name):
+    assert quoted(label) == name
+
+
+def test_joints_of_any_name_pass_the_validator(tmp_path):
+    arm = pendulum(motor=MOTOR, friction=COULOMB, name="joint-1 (base)")
+    path = aw.export_fmu(aw.Scenario(arm, loop=aw.Loop(period=1e-3)), tmp_path / "odd.fmu", platforms=[]).path
+    assert validate_fmu(str(path)) == []
+
+
+def branching(t, r, y):
+    return y.q if y.q[0] > 0 else -y.q
+
+
+@pytest.mark.parametrize(
+    ("options", "changes", "message"),
+    [
+        ({"name": "2 arms"}, {}, r"^name = '2 arms': is no C identifier"),
+        ({"name": "while"}, {}, r"^name = 'while': is no C identifier"),
+        ({"part": "motor"}, {}, r"^part = 'motor': there is both, controller, plant$"),
+        ({"version": "1.0"}, {}, r"^version = '1\.0': did you mean 3\.0 or 2\.0\?$"),
+        ({"interface": "me"}, {}, r"^interface = 'me'"),
+        ({"platforms": ["amiga"]}, {}, r"^platforms = 'amiga': there is aarch64-darwin"),
+        ({"part": "both"}, {}, r"^loop\.controller: no controller; expected one to export, or part = 'plant'$"),
+        ({"part": "both", "interface": "model-exchange"}, {}, r"^part = 'both': a controller acts at its ticks"),
+        ({"part": "both"}, {"loop": aw.Loop(branching, period=1e-3), "duration": 0.1}, r"cannot be traced \(test_files\.py, line \d+\)"),
+        ({}, {"start": aw.Batch([[0.0], [0.1]])}, r"^lanes: 2 lanes, and an FMU is one"),
+        ({}, {"solver": aw.Solver("cvodes")}, r"^solver\.integrator = 'cvodes': is not part of the code"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_exported_is_refused(options, changes, message, tmp_path):
+    path = tmp_path / "plant.fmu"
+    with pytest.raises((ModelError, ScenarioError), match=message):
+        aw.export_fmu(replace(PLAIN, **changes), path, **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_zig_other_systems_are_refused(monkeypatch, tmp_path):
+    monkeypatch.setattr(build, "has_zig", lambda: False)
+    other = next(name for name in build.PLATFORMS if name != build.host_platform())
+    with pytest.raises(ArmwrightError, match=r"nothing here compiles for it; expected pip install 'armwright\[fmu\]'"):
+        aw.export_fmu(PLAIN, tmp_path / "plant.fmu", platforms=[other])
+    monkeypatch.setattr(build, "find_compiler", lambda: None)
+    exported = aw.export_fmu(PLAIN, tmp_path / "plant.fmu")
+    assert not exported.platforms
+    assert "no binaries: no C compiler here, and no zig" in exported.notes[0]
+
+
+def test_the_command(tmp_path):
+    path = tmp_path / "swing.fmu"
+    arguments = ["export", "fmu", str(EXAMPLES / "swing.scenario.toml"), "--part", "controller", "--platforms", "host"]
+    done = CliRunner().invoke(app, [*arguments, "-o", str(path), "--json"])
+    assert done.exit_code == 0, done.output
+    (result,) = json.loads(done.stdout)["results"]
+    assert result["part"] == "controller"
+    assert list(result["platforms"]) == [build.host_platform()]
+    assert validate_fmu(str(path)) == []
+    for wrong, words in (
+        (["-o", str(tmp_path / "swing.zip")], "the ending '.zip' is not offered"),
+        (["-o", str(path), "--name", "3"], "is no C identifier"),
+        (["-o", str(path), "--fmi", "1.0"], "did you mean 3.0 or 2.0?"),
+    ):
+        done = CliRunner().invoke(app, [*arguments, *wrong])
+        assert done.exit_code == 2
+        assert words in done.output
