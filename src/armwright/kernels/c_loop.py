@@ -124,20 +124,12 @@ class LoopText:
             f"double ring_{identifier(to)}[{length}][{entries}];" for to, (length, entries) in self.rings.items()
         ]
 
-    def initial(self, blocks: Mapping[str, np.ndarray], rings: Mapping[str, np.ndarray]) -> list[str]:
-        """Initialisers of the struct's members that are not all 0.
-
-        Args:
-            blocks: values (entries,) by name.   rings: values (length, entries).
-        """
+    def initial(self, blocks: Mapping[str, np.ndarray]) -> list[str]:
+        """Initialisers of the struct's arrays that are not all 0: values (entries,) by name."""
         lines = []
         for name, values in blocks.items():
             if np.any(values != 0.0):
                 lines.append(f".{identifier(name)} = {{{_numbers(values)}}}")
-        for name, values in rings.items():
-            if np.any(values != 0.0):
-                rows = ", ".join(f"{{{_numbers(row)}}}" for row in values)
-                lines.append(f".ring_{identifier(name)} = {{{rows}}}")
         return lines
 
     def add_function(self, name: str, stages: Iterable[Stage], *, advances: bool = False) -> None:

@@ -181,9 +181,7 @@ def continuous_source(model: ContinuousModel, token: str) -> dict[str, str]:
     places = {name: _places(ports) for name, ports in (("known", _knowns(model)), ("unknown", _unknowns(model)))}
     known = {each.name: places["known"].get((each.member, each.entry), -1) for each in model.variables}
     unknown = {each.name: places["unknown"].get((each.member, each.entry), -1) for each in model.variables}
-    unit.functions["model_create"] = CREATE.format(
-        rows=",\n".join(f"    {row}" for row in loop.initial(model.blocks, {}))
-    )
+    unit.functions["model_create"] = CREATE.format(rows=",\n".join(f"    {row}" for row in loop.initial(model.blocks)))
     unit.functions["model_variables"] = variable_table(model.variables, known, unknown)
     longest = max(len(each) for each in places.values())
     functions = (

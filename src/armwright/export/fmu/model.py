@@ -119,7 +119,7 @@ def sampled_source(model: SampledModel, token: str) -> dict[str, str]:
         loop.add_function(f"model_{name}", stages, advances=name == ("move" if model.move else "control"))
     unit.functions["model_begin"] = _begin(model, loop, sizes)
     unit.functions["model_tick"] = _tick(model, sizes)
-    initial = loop.initial({**blocks, **model.inputs}, model.rings)
+    initial = loop.initial({**blocks, **model.inputs})
     unit.functions["model_create"] = CREATE.format(rows=",\n".join(f"    {row}" for row in initial) or "    0")
     unit.functions["model_variables"] = variable_table(model.variables)
     constants = {"MODEL_PERIOD": literal(model.clock.period, C_DOUBLE), "MODEL_STATES": "0u", "MODEL_INDICATORS": "0u"}

@@ -78,15 +78,15 @@ int instance_begin(instance *i)
 }
 
 /* Outputs of the initial values are computed on a copy: what is set later may change them. */
-static const model_state *ready(instance *i, model_state *room)
+static const model_state *ready(instance *i)
 {
     if (i->now.mode == CREATED || i->now.mode == BEGINNING) {
-        *room = i->now.model;
-        model_begin(room);
+        i->room = i->now.model;
+        model_begin(&i->room);
 #if !MODEL_SAMPLED
-        model_outputs(room);
+        model_outputs(&i->room);
 #endif
-        return room;
+        return &i->room;
     }
 #if !MODEL_SAMPLED
     if (i->now.computed == 0) {
@@ -104,8 +104,7 @@ static double *place(model_state *model, uint32_t reference)
 
 int instance_get(instance *i, const uint32_t *references, size_t count, double *values, size_t room)
 {
-    model_state copy;
-    const model_state *model = ready(i, &copy);
+    const model_state *model = ready(i);
     size_t k;
     if (room < count) {
         return instance_fail(i, "fewer values than variables");
@@ -311,11 +310,10 @@ int instance_states(const instance *i, double *x, size_t count)
 
 int instance_derivatives(instance *i, double *xd, size_t count)
 {
-    model_state copy;
     if (count != MODEL_STATES) {
         return instance_fail(i, "another number of continuous states");
     }
-    memcpy(xd, ready(i, &copy)->xd, count * sizeof *xd);
+    memcpy(xd, ready(i)->xd, count * sizeof *xd);
     return OK;
 }
 
@@ -325,10 +323,7 @@ int instance_indicators(instance *i, double *z, size_t count)
         return instance_fail(i, "another number of event indicators");
     }
 #if MODEL_INDICATORS
-    {
-        model_state copy;
-        memcpy(z, ready(i, &copy)->z, count * sizeof *z);
-    }
+    memcpy(z, ready(i)->z, count * sizeof *z);
 #else
     (void)z;
 #endif

@@ -27,6 +27,7 @@ typedef struct {
 
 typedef struct instance {
     snapshot now;
+    model_state room; /* for outputs before the end of initialization */
     void (*log)(const struct instance *, int status, const char *message);
     void *environment;
     void *logger;
