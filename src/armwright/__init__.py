@@ -87,7 +87,7 @@ if TYPE_CHECKING:
     from armwright.identification.validation.limits import Limits
     from armwright.identification.validation.report import write_report
     from armwright.identification.validation.validate import Validation, validate
-    from armwright.identification.validation.verdict import stored_verdict, write_verdict
+    from armwright.identification.validation.verdict import passing_verdict, stored_verdict, write_verdict
     from armwright.ik.measures import Manipulability, manipulability
     from armwright.ik.solutions import PoseBranches, PoseSolutions
     from armwright.ik.solve import inverse_kinematics
@@ -115,6 +115,10 @@ if TYPE_CHECKING:
     from armwright.results.statistics import statistics
     from armwright.robotfiles import check, convert, diff, new_robot
     from armwright.scenarios import read_scenario, reproduce
+    from armwright.shadow.alarms import ShadowAlarm
+    from armwright.shadow.observer import ShadowBandwidths
+    from armwright.shadow.page import write_shadow
+    from armwright.shadow.shadow import ArmShadow, Shadow, shadow_log
     from armwright.signals import Layout, Signal
     from armwright.simulation.inputs.payload import Payload
     from armwright.simulation.inputs.schedule import Schedule, read_schedule
@@ -227,7 +231,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.identification.validation.limits": ("Limits",),
     "armwright.identification.validation.report": ("write_report",),
     "armwright.identification.validation.validate": ("Validation", "validate"),
-    "armwright.identification.validation.verdict": ("stored_verdict", "write_verdict"),
+    "armwright.identification.validation.verdict": ("passing_verdict", "stored_verdict", "write_verdict"),
     "armwright.identification.motor.identify": ("MotorFit", "identify_motor"),
     "armwright.kernels.compiled": ("CompiledArm", "compile"),
     "armwright.kinematics": ("forward_kinematics", "jacobian", "jacobian_dot_qd"),
@@ -244,6 +248,10 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.pictures.animate": ("animate",),
     "armwright.pictures.show": ("show",),
     "armwright.robotfiles": ("check", "convert", "diff", "new_robot"),
+    "armwright.shadow.alarms": ("ShadowAlarm",),
+    "armwright.shadow.observer": ("ShadowBandwidths",),
+    "armwright.shadow.page": ("write_shadow",),
+    "armwright.shadow.shadow": ("ArmShadow", "Shadow", "shadow_log"),
     "armwright.simulation.inputs.payload": ("Payload",),
     "armwright.results.plot": ("plot",),
     "armwright.interfaces": ("Controller", "JointReference", "Measurement", "Sensor", "Trajectory"),
@@ -301,6 +309,7 @@ _CALLED = {"compile": "compile_arm"}  # inside, nothing is called like Python's 
 __all__ = [
     "Arc",
     "ArmEstimate",
+    "ArmShadow",
     "ArmwrightError",
     "Batch",
     "BoxObstacle",
@@ -378,6 +387,9 @@ __all__ = [
     "Schedule",
     "Sensor",
     "Sensors",
+    "Shadow",
+    "ShadowAlarm",
+    "ShadowBandwidths",
     "Signal",
     "Simulation",
     "Sine",
@@ -462,6 +474,7 @@ __all__ = [
     "new_robot",
     "noise_gain",
     "operational_inertia",
+    "passing_verdict",
     "plan",
     "plot",
     "plot_experiment",
@@ -481,6 +494,7 @@ __all__ = [
     "sampled_system",
     "save",
     "sensitivities",
+    "shadow_log",
     "show",
     "simulate",
     "solve_path",
@@ -498,6 +512,7 @@ __all__ = [
     "write_into",
     "write_parts",
     "write_report",
+    "write_shadow",
     "write_toml",
     "write_verdict",
     "zero_order_hold",

@@ -49,6 +49,7 @@ ORDER = (
     ("scenarios", "motions"),  # scenario files: they name controllers and trajectories; motion files
     ("modules",),  # which arms modules make, and what they can do
     ("export",),
+    ("shadow",),  # a model that runs beside its arm
     ("pictures",),  # arms drawn, in any pose and moving; plots to explore
     ("robotfiles",),  # check, compare, convert
     ("sweeps", "twin"),  # many simulations; the arm as drives on a bus

@@ -36,6 +36,7 @@ from armwright.cli.plan import plan
 from armwright.cli.plot import plot
 from armwright.cli.reproduce import reproduce
 from armwright.cli.robots import robots
+from armwright.cli.shadow import shadow
 from armwright.cli.show import show
 from armwright.cli.sim import sim
 from armwright.cli.simulate import simulate
@@ -175,6 +176,7 @@ for command in (
     tune,
     log,
     validate,
+    shadow,
     sim,
 ):
     app.command()(command)

@@ -39,9 +39,9 @@ def over_time(prediction: Prediction, column: int) -> str:
             curves = ((above, y, INK, "measured"), (above, p, PREDICTED, "predicted"), (below, y - p, RESIDUAL, None))
             for axis, values, colour, label in curves:
                 drawn = _between(t, values[part]) if prediction.every > 1 else (t, values[part])
-                _curve(axis, *drawn, colour, label if k == 0 else None)
-        _words(above, "", f"{prediction.quantity} [{unit}]")
-        _words(below, "time [s]", f"residual [{unit}]")
+                curve(axis, *drawn, colour, label if k == 0 else None)
+        words(above, "", f"{prediction.quantity} [{unit}]")
+        words(below, "time [s]", f"residual [{unit}]")
         figure.align_ylabels()
         figure.legend(loc="upper left", ncols=2, borderaxespad=0.1, frameon=False, labelcolor=INK, fontsize=SIZE)
 
@@ -66,7 +66,7 @@ def spectrum_picture(found: JointMeasures) -> str:
             each.set_major_formatter(lambda value, _: f"{value:g}")
             each.set_minor_formatter(NullFormatter())
         axis.legend(frameon=False, labelcolor=INK, fontsize=SIZE - 1)
-        _words(axis, "frequency [Hz]", f"[{found.unit}/√Hz]")
+        words(axis, "frequency [Hz]", f"[{found.unit}/√Hz]")
 
     return page_svg(draw, SMALL)
 
@@ -83,7 +83,7 @@ def friction_picture(found: JointMeasures) -> str:
         axis.fill_between(signature.speed, low, high, color=RESIDUAL, alpha=0.2, linewidth=0)
         axis.plot(signature.speed, signature.mean, ".-", color=RESIDUAL, linewidth=1.0, markersize=4)
         axis.axhline(0.0, color=QUIET, linewidth=0.7)
-        _words(axis, f"speed [{'m/s' if found.unit == 'N' else 'rad/s'}]", f"mean residual [{found.unit}]")
+        words(axis, f"speed [{'m/s' if found.unit == 'N' else 'rad/s'}]", f"mean residual [{found.unit}]")
 
     return page_svg(draw, SMALL)
 
@@ -102,7 +102,7 @@ def correlation_picture(found: JointMeasures) -> str:
             axis.axhspan(-correlation.bound, correlation.bound, color=QUIET, alpha=0.2, linewidth=0)
             axis.vlines(correlation.lags, 0.0, correlation.values, color=colour, linewidth=1.6)
             axis.set_ylim(-1.05, 1.05)
-            _words(axis, "lag [rows]", "correlation" if axis is axes[0] else "")
+            words(axis, "lag [rows]", "correlation" if axis is axes[0] else "")
             axis.set_title(label, color=INK, fontsize=SIZE)
 
     return page_svg(draw, SMALL)
@@ -118,7 +118,8 @@ def _between(t: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return fine, CubicSpline(t, values)(fine)
 
 
-def _curve(axis: Axes, t: np.ndarray, values: np.ndarray, colour: str, label: str | None) -> None:
+def curve(axis: Axes, t: np.ndarray, values: np.ndarray, colour: str, label: str | None) -> None:
+    """Draws values (k,) over times t (k,), of many rows the lowest and the highest of each group."""
     group = -(-len(t) // (POINTS // 2))
     if group > 1:
         rows = len(t) // group * group
@@ -128,7 +129,8 @@ def _curve(axis: Axes, t: np.ndarray, values: np.ndarray, colour: str, label: st
     axis.plot(t, values, color=colour, linewidth=1.0, label=label)
 
 
-def _words(axis: Axes, below: str, left: str) -> None:
+def words(axis: Axes, below: str, left: str) -> None:
+    """Writes the axes' names in the page's colours, with a grid and without a box."""
     axis.set_xlabel(below, color=QUIET, fontsize=SIZE)
     axis.set_ylabel(left, color=QUIET, fontsize=SIZE)
     axis.tick_params(which="both", colors=QUIET, labelsize=SIZE)

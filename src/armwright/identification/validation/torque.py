@@ -94,7 +94,10 @@ def predict_torque(
         return _filtered(values, parts, preparation)[rows]
 
     qd = np.where(np.abs(qd) < resting_speeds(log, chosen.name)[order], 0.0, qd)
-    measured, predicted = prepared(_measured(arm, source, values, qd)), prepared(dyn.inverse_dynamics(q, qd, qdd))
+    measured, predicted = (
+        prepared(measured_torques(arm, source, values, qd)),
+        prepared(dyn.inverse_dynamics(q, qd, qdd)),
+    )
     direction, qd, qdd = (prepared(each) for each in (np.sign(qd), qd, qdd))
     how = {"tau": "", "current": " from currents", "voltage": " from voltages"}[source]
     return Prediction(
@@ -144,8 +147,12 @@ def check_constants(arm: Model, source: str, log: Log) -> None:
                 )
 
 
-def _measured(arm: Model, source: Source, values: np.ndarray, qd: np.ndarray) -> np.ndarray:
-    """Torques on the joints (rows, n), Bᵀ times those of the motors, from torques, currents or voltages."""
+def measured_torques(arm: Model, source: Source, values: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    """Torques on the joints (rows, n), Bᵀ times those of the motors, from torques, currents or voltages.
+
+    Args:
+        arm: the model.   source: the signal.   values: (rows, n) of it.   qd: (rows, n) [rad/s | m/s], needed of voltages.
+    """
     if source == "tau":
         return values
     return drive_torque(with_command(arm, source), qd.T, values.T).T @ motor_shares(arm)

@@ -156,3 +156,20 @@ def stored_verdict(record: str | os.PathLike[str], sha256: str | None = None) ->
     with toml_tables(path, LogError) as tables:
         table = validated(VerdictTable, tables, file=path, error=LogError)
     return StoredVerdict(path, table, (sha256 or record_sha256(Path(record))) == table.record_sha256)
+
+
+def passing_verdict(record: str | os.PathLike[str], sha256: str | None = None) -> StoredVerdict:
+    """The passing verdict on a record as it is now; to be asked for before a model may act on an arm.
+
+    Args:
+        record, sha256: as of `stored_verdict`.
+    Raises:
+        LogError: no verdict, one that failed, or one of another state of the record.
+    """
+    found = stored_verdict(record, sha256)
+    if found is None or not found.passed:
+        what = "no verdict on this record" if found is None else "the verdict is of another state of the record"
+        what = f"the record {found.table.verdict}" if found is not None and found.belongs else what
+        expected = "a record that `armwright validate RECORD LOG` has passed since its last change"
+        raise LogError(what, file=record, expected=expected)
+    return found

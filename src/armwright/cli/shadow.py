@@ -1,0 +1,100 @@
+"""`armwright shadow`: the model beside its arm, over a log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armwright.cli.arguments import as_options, complete_robot, option
+from armwright.cli.tables import console_for_tables, table
+from armwright.errors import ScenarioError
+from armwright.terminal import say
+
+if TYPE_CHECKING:
+    pass
+
+ALARMED = 1  # the exit code where there were alarms
+
+
+def shadow(
+    log: Annotated[Path, typer.Argument(metavar="FILE.log.toml", help="The arm's log.", show_default=False)],
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot",
+            metavar="ARM",
+            autocompletion=complete_robot,
+            help="Path of the arm's record, or name of a built-in arm; by default the robot that the log names.",
+            show_default=False,
+        ),
+    ] = None,
+    run: Annotated[list[str] | None, option("--run", "NAME", "A run, may be repeated; by default all.")] = None,
+    deviation: Annotated[
+        str | None,
+        option("--deviation", "D1,D2,…", "Standard deviations of the residual torques; by default of the verdict."),
+    ] = None,
+    factor: Annotated[float | None, option("--factor", "K", "Deviations that a residual may reach; default 8.")] = None,
+    report: Annotated[
+        Path | None, option("--report", "FILE.html", "Write a page with plots, which needs no network.")
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Show the residuals as they come, at the pace of the log.")
+    ] = False,
+) -> None:
+    """Run a model beside its arm: residuals of torque and position, and alarms for contacts and wrong payloads.
+
+    Limits of the alarms come from the record's verdict (see `armwright validate`), else from the fit or the standard deviations
+    in the record. No row sees a later one, so alarms are as early as they are beside the arm. Exit code: 0 no alarm, 1 alarms,
+    2 input that cannot be used.
+
+    \b
+    Examples:
+      armwright shadow today.log.toml --robot arm.toml
+      armwright shadow today.log.toml --robot arm.toml --report shadow.html
+      armwright shadow today.log.toml --robot arm.toml --run pick --live
+      armwright shadow today.log.toml --robot lwa4p --deviation 2,2,2,2,1,1
+    """
+    import armwright as aw
+    from armwright.cli.progress import progress
+    from armwright.identification.validation.report import check_report
+    from armwright.shadow.alarms import FACTOR
+    from armwright.shadow.page import write_shadow
+    from armwright.shadow.shadow import HEADS
+
+    if report is not None:
+        check_report(report)
+    deviations = None if deviation is None else _numbers(deviation)
+    with progress(f"reading {log.name}"):
+        read = aw.read_log(log)
+    with as_options("run", "robot", "deviation", "factor"), progress(f"beside {log.name}", "rows") as tell:
+        found = aw.shadow_log(
+            read, robot, runs=run, deviation=deviations, factor=FACTOR if factor is None else factor, progress=tell
+        )
+    if live:
+        from armwright.cli.shadow_live import replay
+
+        replay(found)
+    console = console_for_tables()
+    console.print(table(f"{found.arm.name} beside {read.title}", HEADS, found.rows(), (HEADS[0], HEADS[1])))
+    say("")
+    for name, alarm in found.alarms:
+        say(f"{name}: {alarm}")
+    if not found.alarms:
+        say("no alarm")
+    for note in found.notes:
+        say(note)
+    if report is not None:
+        say(f"wrote {write_shadow(report, found)}")
+    if found.alarms:
+        raise typer.Exit(ALARMED)
+
+
+def _numbers(text: str) -> list[float] | float:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        expected = "numbers with commas between, one for each joint, or one"
+        raise ScenarioError(place="--deviation", value=text, expected=expected) from None
+    return numbers[0] if len(numbers) == 1 else numbers

@@ -1,0 +1,1 @@
+"""A model that runs beside its arm: residuals of torque and position, alarms, and what caused them."""

@@ -1,0 +1,99 @@
+"""One filter for all signals of an arm, whose states are the filtered signals and their derivatives: nothing is differenced.
+
+    ẍ = w² (u - x) - 2 w ẋ
+
+Critically damped, exact for inputs that are straight from row to row: u = u_1 + s (t - t_1) leaves x = u - 2 s/w beside what dies
+away. All signals are late by the same time, 2/w, so the equations of motion hold between them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+GAP = 5.0  # usual periods; after a longer pause the filter starts again
+SETTLED = 15.0  # time constants 1/w after which the start at rest is forgotten: 16 e^-15 = 5e-6 of it is left
+SAME = 1e-9  # [s]; periods nearer to each other have the same transition matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Filtered:
+    """Filtered rows of one block.
+
+    Attributes:
+        q, qd, qdd, tau: (rows, n).   settled: (rows,) False while the filter's start is not forgotten yet.
+    """
+
+    q: np.ndarray
+    qd: np.ndarray
+    qdd: np.ndarray
+    tau: np.ndarray
+    settled: np.ndarray
+
+
+class SignalFilter:
+    """The filter with its state, fed with blocks of rows of any length.
+
+    Args:
+        hz: w / 2π.   held: whether torques act until the next row, as commands do; they are taken between two rows then.
+    """
+
+    def __init__(self, hz: float, held: bool = False):
+        self._w, self._held = 2.0 * math.pi * hz, held
+        self.delay = 2.0 / self._w  # [s] of every signal
+        self._x = self._u = np.zeros(
+            0
+        )  # (2, signals, n), signals and derivatives, and (signals, n) the last row; empty: not started
+        self._last = self._started = self._usual = math.inf
+        self._tau: np.ndarray | None = None
+        self._step, self._matrix = -1.0, ((1.0, 0.0), (0.0, 1.0))
+
+    def rows(self, t: np.ndarray, q: np.ndarray, tau: np.ndarray, qd: np.ndarray | None = None) -> Filtered:
+        """Filtered rows.
+
+        Args:
+            t: (rows,) [s].   q, tau: (rows, n).   qd: (rows, n) if it is measured; None: the derivative of q.
+        """
+        if self._held and len(tau):
+            before = tau[:1] if self._tau is None else self._tau
+            self._tau, tau = tau[-1:].copy(), 0.5 * (tau + np.concatenate([before, tau[:-1]]))
+        inputs = np.stack([q, tau] if qd is None else [q, tau, qd], axis=1)
+        states, settled = np.empty((len(t), 2, *inputs.shape[1:])), np.zeros(len(t), dtype=bool)
+        whole = np.isfinite(inputs).all(axis=(1, 2)).tolist()
+        for k, now in enumerate(t):
+            states[k] = self._next(float(now), inputs[k], whole[k])
+            settled[k] = now - self._started >= SETTLED / self._w
+        x, rate = states[:, 0], states[:, 1]
+        if qd is None:
+            acceleration = self._w**2 * (q - x[:, 0]) - 2.0 * self._w * rate[:, 0]
+            return Filtered(x[:, 0], rate[:, 0], acceleration, x[:, 1], settled)
+        return Filtered(x[:, 0], x[:, 2], rate[:, 2], x[:, 1], settled)
+
+    def _next(self, now: float, u: np.ndarray, whole: bool) -> np.ndarray:
+        """State (2, signals, n) at the next row; a row with gaps is left out, and what follows starts again."""
+        gap = now - self._last
+        if not whole:
+            self._x = np.zeros(0)
+            self._started = math.inf
+            return np.zeros((2, *u.shape))
+        if not self._x.size or gap > GAP * self._usual:
+            self._x, self._started = np.stack([u, np.zeros_like(u)]), now
+        else:
+            self._usual = min(self._usual, gap)
+            if abs(gap - self._step) > SAME:
+                self._step, self._matrix = gap, critically_damped(self._w, gap)
+            (a, b), (c, d) = self._matrix
+            slope = (u - self._u) / gap
+            late = 2.0 / self._w * slope
+            off, rate = self._x[0] - self._u + late, self._x[1] - slope
+            self._x = np.array([u - late + a * off + b * rate, slope + c * off + d * rate])
+        self._last, self._u = now, u
+        return self._x
+
+
+def critically_damped(w: float, step: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Matrix of (x, ẋ) over a step [s] of  ẍ + 2 w ẋ + w² x = 0."""
+    decay, wt = math.exp(-w * step), w * step
+    return (decay * (1.0 + wt), decay * step), (-decay * w * wt, decay * (1.0 - wt))

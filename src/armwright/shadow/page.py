@@ -1,0 +1,97 @@
+"""Page of a shadow: residuals and limits of every joint over time, alarms, and where the limits come from."""
+
+from __future__ import annotations
+
+import os
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from armwright.identification.validation.pictures import INK, PREDICTED, QUIET, RESIDUAL, SIZE, curve, page_svg, words
+from armwright.identification.validation.prediction import units_of
+from armwright.identification.validation.report import html_table, write_report
+from armwright.shadow.alarms import limits_at
+from armwright.shadow.shadow import HEADS, Shadow, ShadowRun
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DRAWN = 6  # runs of each page that are drawn; those with alarms first
+SIZE_OF_PICTURE = (9.2, 3.6)  # [inch]
+
+
+def write_shadow(path: str | os.PathLike[str], shadow: Shadow) -> Path:
+    """Writes the page of a shadow, one file that needs no network.
+
+    Args:
+        path: ending in .html.   shadow: what `shadow_log` returned.
+    Returns:
+        path: of the page.
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    sections = [("Alarms", _alarms(shadow)), ("Every joint", html_table(HEADS, _escaped(shadow.rows()), (0, 1)))]
+    sections.append(("Where limits come from", "".join(f"<p>{escape(note)}.</p>" for note in shadow.notes)))
+    runs = sorted(shadow.runs, key=lambda each: not each.alarms)[:DRAWN]
+    for k, joint in enumerate(shadow.arm.names):
+        pictures = [f'<h3>Run {escape(run.run)}</h3><div class="plot">{_picture(shadow, run, k)}</div>' for run in runs]
+        sections.append((joint, "".join(pictures)))
+    return write_report(path, f"{shadow.arm.name}: shadow of {shadow.log.title}", sections=sections)
+
+
+def _escaped(rows: list[list[str]]) -> list[list[str]]:
+    return [[escape(cell) for cell in row] for row in rows]
+
+
+def _alarms(shadow: Shadow) -> str:
+    if not np.isfinite(shadow.limits).all():
+        return '<p class="verdict">No limits</p><p>Residuals are shown, and nothing is judged.</p>'
+    if not shadow.alarms:
+        runs = f"{len(shadow.runs)} run{'s' * (len(shadow.runs) != 1)}"
+        return f'<p class="verdict good">None</p><p>All residuals of {runs} are within their limits.</p>'
+    count = len(shadow.alarms)
+    table = html_table(
+        ("run", "time [s]", "until [s]", "joint", "residual", "limit", "cause"),
+        [
+            [
+                escape(run),
+                f"{alarm.t:.3f}",
+                "" if alarm.end is None else f"{alarm.end:.3f}",
+                escape(alarm.joint),
+                f"{alarm.residual:+.3g}",
+                f"{alarm.limit:.3g}",
+                escape(alarm.cause),
+            ]
+            for run, alarm in shadow.alarms
+        ],
+        (0, 3, 6),
+    )
+    return f'<p class="verdict">{count} alarm{"s" * (count != 1)}</p>{table}'
+
+
+def _picture(shadow: Shadow, run: ShadowRun, k: int) -> str:
+    """SVG of one joint's residuals of torque, with its limits, and of position."""
+    rows, limits = run.residuals, limits_at(shadow.limits, run.residuals)
+    torque, position = units_of(shadow.arm, "torque")[k], units_of(shadow.arm, "position")[k]
+
+    def draw(figure: Figure) -> None:
+        above, below = figure.subplots(2, 1, sharex=True)
+        curve(above, rows.t, rows.torque[:, k], RESIDUAL, "residual torque")
+        if np.isfinite(shadow.limits[k]):
+            for side in (1.0, -1.0):
+                curve(above, rows.t, side * limits[:, k], QUIET, "limits" if side > 0.0 else None)
+        for number, alarm in enumerate(run.alarms):
+            end = rows.t[-1] if alarm.end is None else alarm.end
+            label = "alarm" if number == 0 else None
+            above.axvspan(alarm.t, end, color=RESIDUAL, alpha=0.15, linewidth=0, label=label)
+        above.axhline(0.0, color=INK, linewidth=0.5)
+        curve(below, rows.t, rows.position[:, k], PREDICTED, "residual position")
+        below.axhline(0.0, color=INK, linewidth=0.5)
+        words(above, "", f"torque [{torque}]")
+        words(below, "time [s]", f"position [{position}]")
+        figure.align_ylabels()
+        figure.legend(loc="upper left", ncols=4, borderaxespad=0.1, frameon=False, labelcolor=INK, fontsize=SIZE)
+
+    return page_svg(draw, SIZE_OF_PICTURE)

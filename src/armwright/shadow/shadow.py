@@ -1,0 +1,258 @@
+"""A model beside its arm: rows of a log, or rows as they come, as residuals and alarms."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from armwright.errors import LogError, ScenarioError
+from armwright.identification.logs.log import Log
+from armwright.identification.validation.prediction import check_match, columns_of, is_logged, units_of
+from armwright.identification.validation.torque import Source, as_logged, check_constants, measured_torques
+from armwright.identification.validation.verdict import passing_verdict
+from armwright.model import Model
+from armwright.shadow.alarms import FACTOR, AlarmWatch, ShadowAlarm
+from armwright.shadow.observer import MomentumObserver, Residuals, ShadowBandwidths, with_kilogram
+from armwright.shadow.uncertainty import Deviations, torque_deviations, verdict_of
+
+HEADS = ("joint", "unit", "RMS of residual", "largest", "limit", "position RMS", "largest position", "alarms")
+ROWS = 4096  # of a log that are handled at once
+
+
+class ArmShadow:
+    """A model that runs beside its arm, fed with rows as they are measured.
+
+        shadow = aw.ArmShadow("arm.toml")
+        for t, q, tau in rows:                          # or blocks of any length
+            for alarm in shadow.update([t], [q], [tau]):
+                print(alarm)
+
+    Args:
+        arm: a full record: the path of its file, a name, or the model.
+        record: path of the file, where `arm` is a model; beside it stands the verdict.
+        deviation: (n,) or one number [N m | N], standard deviation of the torque residual; None: `torque_deviations`.
+        factor: standard deviations that a residual may reach.   bandwidths: of the observer.
+        held: whether torques act until the next row, as commands do.
+        on_alarm: called with every alarm as it is raised, such as to stop the arm. This closes a loop over the model, so the
+            record needs a passing verdict of `validate`.
+    Raises:
+        LogError: `on_alarm` without a passing verdict.   ScenarioError: a factor or a deviation that is not above 0.
+    """
+
+    def __init__(
+        self,
+        arm: Model | str | os.PathLike[str],
+        *,
+        record: str | os.PathLike[str] | None = None,
+        deviation: Any = None,
+        factor: float = FACTOR,
+        bandwidths: ShadowBandwidths | None = None,
+        held: bool = False,
+        on_alarm: Callable[[ShadowAlarm], object] | None = None,
+    ):
+        from armwright.model.load import load
+
+        if not isinstance(arm, Model):
+            record, arm = record or arm, load(arm)
+        if on_alarm is not None:
+            if record is None:
+                expected = "the path of the record's file, beside which its verdict stands"
+                raise LogError("not known", place="record", expected=expected)
+            passing_verdict(record)
+        self.arm, self.record, self._on_alarm = arm, record, on_alarm
+        self.deviations: Deviations = torque_deviations(arm, record, deviation)
+        self.limits = check_factor(factor) * self.deviations.values
+        self.observer = MomentumObserver(arm, bandwidths, held, with_kilogram(arm))
+        self.last: Residuals | None = None
+        self.restart()
+
+    @property
+    def alarms(self) -> tuple[ShadowAlarm, ...]:
+        """All alarms so far."""
+        return tuple(self._watch.alarms)
+
+    @property
+    def active(self) -> bool:
+        """True while an alarm lasts."""
+        return self._watch.active
+
+    def restart(self) -> None:
+        """Forgets all rows and alarms, as before another run."""
+        self.observer.restart()
+        self._watch = AlarmWatch(tuple(self.arm.names), self.limits)
+        self.last = None
+
+    def update(self, t: Any, q: Any, tau: Any, qd: Any = None) -> list[ShadowAlarm]:
+        """The alarms that further rows raise; `last` has their residuals, `alarms` what became of earlier ones.
+
+        Args:
+            t: (rows,) [s] increasing.   q: (rows, n) [rad | m].   tau: (rows, n) [N m | N] of the motors, on the joints.
+            qd: (rows, n) [rad/s | m/s] if it is measured; None: from q.
+        Raises:
+            ShapeError: an array of another shape, or a time that does not increase.
+        """
+        self.last = self.observer.update(t, q, tau, qd)
+        raised = self._watch.update(self.last)
+        if self._on_alarm is not None:
+            for alarm in raised:
+                self._on_alarm(alarm)
+        return raised
+
+
+@dataclass(frozen=True, eq=False)
+class ShadowRun:
+    """Residuals and alarms over one run of a log.
+
+    Attributes:
+        run: its name.   residuals: of every row.   alarms: in order.
+    """
+
+    run: str
+    residuals: Residuals
+    alarms: tuple[ShadowAlarm, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Shadow:
+    """Result of `shadow_log`.
+
+    Attributes:
+        arm: the model, without what the log's torques lack.   log: that was read.   runs: one for each.
+        deviations: of the torque residual, with their source.   limits: (n,) [N m | N] of the alarms.   notes: for the user.
+    """
+
+    arm: Model
+    log: Log
+    runs: tuple[ShadowRun, ...]
+    deviations: Deviations
+    limits: np.ndarray
+    notes: tuple[str, ...]
+
+    @property
+    def alarms(self) -> tuple[tuple[str, ShadowAlarm], ...]:
+        """(run, alarm) of all runs."""
+        return tuple((each.run, alarm) for each in self.runs for alarm in each.alarms)
+
+    def rms(self, signal: str = "torque") -> np.ndarray:
+        """(n,) RMS of a residual, "torque" or "position", over all rows; NaN without rows."""
+        return self._over_rows(signal, lambda values: np.sqrt(np.mean(values**2, axis=0)))
+
+    def largest(self, signal: str = "torque") -> np.ndarray:
+        """(n,) largest size of a residual, "torque" or "position"."""
+        return self._over_rows(signal, lambda values: np.abs(values).max(axis=0))
+
+    def _over_rows(self, signal: str, measure: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        values = np.concatenate([getattr(each.residuals, signal) for each in self.runs])
+        values = values[np.isfinite(values).all(axis=1)]
+        return measure(values) if len(values) else np.full(self.arm.n, np.nan)
+
+    def rows(self) -> list[list[str]]:
+        """Cells under `HEADS`, one row a joint."""
+        columns = [self.rms(), self.largest(), self.limits, self.rms("position"), self.largest("position")]
+        raised = [sum(alarm.joint == name for _, alarm in self.alarms) for name in self.arm.names]
+        units = units_of(self.arm, "torque")
+        return [
+            [name, units[k], *("-" if np.isnan(c[k]) else f"{c[k]:.3g}" for c in columns), str(raised[k] or "")]
+            for k, name in enumerate(self.arm.names)
+        ]
+
+
+def shadow_log(
+    log: Log,
+    robot: Model | str | os.PathLike[str] | None = None,
+    *,
+    runs: Sequence[str] | None = None,
+    deviation: Any = None,
+    factor: float = FACTOR,
+    bandwidths: ShadowBandwidths | None = None,
+    record: str | os.PathLike[str] | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> Shadow:
+    """Residuals and alarms of a model along a log, as they would have come beside the arm: no row sees a later one.
+
+    Args:
+        log: what `read_log` returned, with positions, and torques or currents, of all joints.
+        robot: path, name or model; None: the robot that the log names.   runs: names; None: all.
+        deviation, factor, bandwidths, record: as of `ArmShadow`.   progress: called with rows done, and all.
+    Returns:
+        shadow: residuals, alarms and limits.
+    Raises:
+        LogError: another arm's log, positions or torques that are missing.   ScenarioError: as `ArmShadow`.
+        ModelError: an arm without masses, or currents of motors whose constants are not known.
+    """
+    from armwright.model.load import load
+
+    if robot is None and log.arm is None:
+        raise LogError("missing", place="robot", expected="a robot's file, here or in the log", file=log.path)
+    if robot is not None and not isinstance(robot, Model):
+        record = record or robot
+    arm = log.arm if robot is None else robot if isinstance(robot, Model) else load(robot)
+    assert arm is not None
+    check_match(arm, log)
+    sources: tuple[Source, ...] = ("tau", "current")
+    source: Source | None = next((each for each in sources if is_logged(log, each)), None)
+    if source is None or not is_logged(log, "q"):
+        what = "no torques or currents" if source is None else "no positions"
+        raise LogError(
+            f"{what} of all joints", place="signals", expected="positions, and torques or currents", file=log.path
+        )
+    check_constants(arm, source, log)
+    names = [each.name for each in log.runs] if runs is None else [log.run(name).name for name in runs]
+    known = torque_deviations(arm, record, deviation)
+    limits, order = check_factor(factor) * known.values, columns_of(arm, log)
+    heavier = with_kilogram(arm)
+    observer = MomentumObserver(
+        as_logged(arm, log, source),
+        bandwidths,
+        source in log.held,
+        None if heavier is None else as_logged(heavier, log, source),
+    )
+    total, done, found = sum(log.run(name).rows for name in names), 0, []
+    for name in names:
+        observer.restart()
+        watch, parts, last = AlarmWatch(tuple(arm.names), limits), [], -np.inf
+        for block in log.blocks(name, ROWS):
+            later = np.flatnonzero(np.diff(np.fmax.accumulate(np.concatenate([[last], block.t]))) > 0.0)
+            values = {n: v[later][:, order] for n, v in block.values.items() if is_logged(log, n)}
+            torques = measured_torques(arm, source, values[source], np.zeros_like(values["q"]))
+            parts.append(observer.update(block.t[later], values["q"], torques, values.get("qd")))
+            watch.update(parts[-1])
+            last, done = np.nanmax([last, *block.t]), done + len(block.t)
+            if progress is not None:
+                progress(min(done, total), total)
+        found.append(ShadowRun(name, _joined(parts), tuple(watch.alarms)))
+    return Shadow(arm, log, tuple(found), known, limits, _notes(log, known, record))
+
+
+def check_factor(factor: float) -> float:
+    """The factor of the limits.
+
+    Raises:
+        ScenarioError: not above 0.
+    """
+    if isinstance(factor, bool) or not isinstance(factor, (int, float)) or not 0.0 < factor < np.inf:
+        raise ScenarioError(place="factor", value=factor, expected="a number above 0")
+    return factor
+
+
+def _joined(parts: Sequence[Residuals]) -> Residuals:
+    return Residuals(*(np.concatenate([getattr(each, field.name) for each in parts]) for field in fields(Residuals)))
+
+
+def _notes(log: Log, known: Deviations, record: str | os.PathLike[str] | None) -> tuple[str, ...]:
+    """Sentences for the user: where the limits come from, the verdict, and what the log's torques lack."""
+    notes = [f"standard deviations of the residuals: {known.source}"]
+    if not np.isfinite(known.values).all():
+        notes.append("without them no alarm is raised: validate the record with a log of the arm, or state a deviation")
+    verdict = verdict_of(record)
+    notes.append("no verdict on this record: run `armwright validate`" if verdict is None else f"verdict: {verdict}")
+    lacks = sorted({term for signal in log.table.signals for term in signal.lacks})
+    if lacks:
+        notes.append(f"the log says that its torques lack {', '.join(lacks)}: so does the model here")
+    if "gravity" in lacks:
+        notes.append("of a payload only its inertia shows in such torques")
+    return tuple(notes)
