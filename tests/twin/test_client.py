@@ -78,5 +78,5 @@ def test_the_tour(drive):
     node.controlword = 0x00
     node.controlword = 0x80
     assert waited_for(lambda: node.state == "SWITCH ON DISABLED")
-    assert {row for row in twin.drives[0].machine.passed} >= {0, 1, 2, 3, 4, 11, 12, 13, 14, 15}
+    assert set(twin.drives[0].machine.passed) >= {0, 1, 2, 3, 4, 11, 12, 13, 14, 15}
     assert twin.drives[1].state is State.SWITCH_ON_DISABLED

@@ -15,6 +15,7 @@ from armwright.twin.faults import Fault
 from armwright.twin.on_bus import scenario_on_bus
 from armwright.twin.rehearsal import rehearse
 from armwright.twin.run import run_controller
+from armwright.twin.safety import Permission
 from armwright.twin.state_machine import State
 from armwright.twin.twin import Twin
 
@@ -75,9 +76,8 @@ def test_a_twin_that_is_another_arm_is_not_the_simulation(scenario, bus):
 
 def test_in_real_time_cycles_are_counted(scenario, bus):
     """Two seconds by the clock; how many are late is the machine's, that all are counted is ours."""
-    longer = replace(
-        scenario, duration=2.0, loop=replace(scenario.loop, reference=None)
-    )  # it stands, so that no limit ends it
+    gentle = aw.Cascade(position_kp=3.0, speed_kp=[150.0, 40.0], speed_ki=[300.0, 80.0], delay_ticks=1)  # bears delays
+    longer = replace(scenario, duration=2.0, loop=replace(scenario.loop, controller=gentle, reference=None))
     with Twin(longer, bus) as twin:
         started = time.perf_counter()
         run = run_controller(longer, bus, real_time=True, following_error=1.0, heartbeat=10.0)
@@ -114,7 +114,7 @@ def test_a_following_error_ends_the_run(scenario, bus):
 def test_letting_go_of_the_key_ends_the_run(scenario, bus):
     presses = iter([True] * 20)
     with Twin(scenario, bus) as twin:
-        run = run_controller(scenario, bus, may_move=lambda: next(presses, False))
+        run = run_controller(scenario, bus, permission=Permission(may_move=lambda: next(presses, False)))
         assert all(drive.state is State.SWITCH_ON_DISABLED for drive in twin.drives)
     assert len(run.time) == 20
 
@@ -126,7 +126,7 @@ def test_an_interrupted_run_stops_the_arm_and_closes_the_bus(scenario, bus):
     before = threading.active_count()
     with Twin(scenario, bus) as twin:
         with pytest.raises(KeyboardInterrupt):
-            run_controller(scenario, bus, may_move=interrupt)
+            run_controller(scenario, bus, permission=Permission(may_move=interrupt))
         assert all(drive.state is State.SWITCH_ON_DISABLED for drive in twin.drives)
     assert threading.active_count() == before
 
@@ -195,7 +195,7 @@ def test_what_a_bus_does_not_carry_is_refused_early(scenario):
 
 def test_drives_that_take_voltages_are_refused():
     loop = aw.Loop(lambda t, r, y: 0.0 * y.q, period=4e-3)
-    with pytest.raises(BusError, match="command = 'voltage': the drive of joint .* of puma560 takes voltages"):
+    with pytest.raises(BusError, match=r"command = 'voltage': the drive of joint .* of puma560 takes voltages"):
         scenario_on_bus(aw.Scenario(aw.load("puma560"), duration=0.1, loop=loop))
 
 

@@ -23,7 +23,7 @@ def test_every_node_says_what_it_is(twin, client):
         assert node.id == 3 + k
         assert client.get((0x1000, 0), k) == 0x20192
         assert client.get(od.SERIAL, k) == 42
-        assert client.get(od.SUPPORTED_MODES, k) == 0b11_1110_0001 - 0
+        assert client.get(od.SUPPORTED_MODES, k) == 0b11_1110_0001
         assert client.get((0x608F, 1), k) == 360_000
         assert radians(client.get(od.POSITION, k)) == pytest.approx([-1.2, 0.0][k], abs=2e-5)
     assert client.get(od.RATED_TORQUE) == 300_000
@@ -276,7 +276,7 @@ def test_a_client_that_dies_stops_the_motors(twin, client, option, state):
 def test_a_node_that_is_stopped_or_reset_stops_its_motor(twin, client):
     client.enable(9)
     client.network.send_message(0, [2, 3])
-    client.nodes[1].sdo[0x6041].raw
+    client.get(od.STATUSWORD, 1)
     client.sync(100)
     assert twin.drives[0].state is State.SWITCH_ON_DISABLED
     assert twin.drives[1].state is State.ENABLED

@@ -43,6 +43,7 @@ from armwright.cli.simulate import simulate
 from armwright.cli.step_study import step_study
 from armwright.cli.sweep import sweep
 from armwright.cli.tune import tune
+from armwright.cli.twin import run_controller, twin
 from armwright.cli.validate import validate
 from armwright.cli.workspace import workspace
 from armwright.errors import ArmwrightError
@@ -177,6 +178,8 @@ for command in (
     log,
     validate,
     shadow,
+    twin,
+    run_controller,
     sim,
 ):
     app.command()(command)

@@ -131,7 +131,7 @@ def simulate(
         )
         scenario = aw.read_scenario(robot, allow=allow or ())
         if reference is not None:
-            scenario = _following(scenario, reference, robot)
+            scenario = following(scenario, reference, robot)
         if plot is not None and scenario.recording.what == "none":
             expected = "'all' or 'state', or no --plot, which draws rows"
             raise ScenarioError(place="recording.what", value="none", expected=expected, file=robot)
@@ -157,7 +157,7 @@ def simulate(
         _run(scenario, output, plot)
 
 
-def _following(scenario: Scenario, reference: Path, file: str) -> Scenario:
+def following(scenario: Scenario, reference: Path, file: str) -> Scenario:
     """The scenario with a motion as the reference of its loop."""
     from dataclasses import replace
 

@@ -66,6 +66,11 @@ class BusRun:
         return self.rehearsal.reference[: len(self.q)] - self.q
 
     @property
+    def complete(self) -> bool:
+        """True if it came to its end."""
+        return len(self.q) == self.rehearsal.recording.ticks
+
+    @property
     def equal(self) -> bool:
         """True if positions and commands are those of the simulation to the bit."""
         ticks, units = len(self.q), self.rehearsal.units
@@ -190,9 +195,11 @@ class Master:
         Raises:
             BusError: a node that does not answer, is none of CiA 402, or lacks the mode or the mapping.
         """
-        for node, name in zip(self.nodes, self.names, strict=True):
+        most = np.rint(self.rehearsal.stages.limits / self.units.thousandth)
+        for node, name, torque in zip(self.nodes, self.names, most, strict=True):
             node.nmt.state = "PRE-OPERATIONAL"
             self._check(node, name)
+            self._put(node, od.MAX_TORQUE, int(min(torque, 1000)))
             self._put(node, od.MODE, TORQUE_MODE)
             self._put(node, od.TARGET_TORQUE, 0)
             value, power = self.rehearsal.load.interpolation()
@@ -251,6 +258,9 @@ class Master:
         except (canopen.SdoCommunicationError, canopen.SdoAbortedError) as error:
             what = f"node {node.id} refuses {value} for object {index:04X}:{sub}: {error}"
             raise BusError(what, place="nodes", value=node.id, expected="a drive by CiA 402") from None
+        if self.get(node, key) != int.from_bytes(data, "little"):
+            what = f"node {node.id} does not keep {value} in object {index:04X}:{sub}"
+            raise BusError(what, place="nodes", value=node.id, expected="a drive by CiA 402")
 
     # A cycle.
 
@@ -283,7 +293,7 @@ class Master:
                 joint = int(np.argmin(self._came))
                 what = f"node {self.numbers[joint]} of {self.names[joint]} sent no process data after SYNC"
                 raise BusError(what, place="nodes", value=self.numbers[joint], expected="nodes that are operational")
-            return complete
+            return bool(complete)
 
     def send(self, word: int, thousandths: np.ndarray) -> None:
         """Sends controlword and torques to all nodes; they come into force at the next SYNC."""
@@ -364,7 +374,7 @@ def _name(state: State | None) -> str:
 
 def _matches(word: int, state: State) -> bool:
     mask = 0x4F if state in (State.NOT_READY, State.SWITCH_ON_DISABLED, State.REACTION, State.FAULT) else MASK
-    return bool(word & mask == state.value)
+    return (word & mask) == state.value
 
 
 def _dictionary(number: int, eds: Sequence[str] | None, k: int) -> Any:

@@ -12,8 +12,11 @@ from armwright.simulation.scenario import Scenario
 from armwright.twin.bus import BITRATE, check_bus
 from armwright.twin.master import ENABLE, HEARTBEAT, ROUNDING, BusRun, Law, Master
 from armwright.twin.rehearsal import Rehearsal, rehearse
+from armwright.twin.safety import Permission, check_permission
 from armwright.twin.state_machine import State
 
+VIRTUAL = Permission()  # enough for a bus of this process
+ANSWERED, SLIPPED = 0.9, 0.5  # of a period: how long answers are waited for; from when on SYNC is not made up for
 MARGIN, LEAST_ERROR = 2.0, 0.0175  # of the rehearsal's largest error; at least a degree, or 17.5 mm
 
 
@@ -25,7 +28,7 @@ def run_controller(
     eds: Sequence[str] | None = None,
     real_time: bool = False,
     following_error: float | None = None,
-    may_move: Callable[[], bool] | None = None,
+    permission: Permission = VIRTUAL,
     heartbeat: float = HEARTBEAT,
     bitrate: int = BITRATE,
 ) -> BusRun:
@@ -36,21 +39,26 @@ def run_controller(
         nodes: numbers of the joints' nodes; default: from 3.   eds: paths of their data sheets; default: the twin's.
         real_time: True for a SYNC every period by the clock, and a heartbeat; else SYNC waits for the controller.
         following_error: [rad | m] at which the run ends; default: twice the rehearsal's largest, and at least 0.0175.
-        may_move: asked every cycle; False ends the run with a quick stop (a dead-man key).
+        permission: what the user has said before an arm may move over a bus that is not virtual; its dead-man key, asked
+            every cycle, ends the run with a quick stop.
         heartbeat: [s] from beat to beat of the master in real time; the drives stop where three are missing.
         bitrate: [bit/s] for the time that frames take.
     Returns:
         run: positions, commands, and what was counted.
     Raises:
-        BusError: no such bus, nodes that do not answer or are no such drives, an arm that stands elsewhere, a fault, a following
-            error; the drives were stopped.
+        BusError: no such bus, nodes that do not answer or are no such drives, an arm that must not move or stands elsewhere, a
+            fault, a following error; the drives were stopped.
     """
     check_bus(bus)
     rehearsal = scenario if isinstance(scenario, Rehearsal) else rehearse(scenario, bitrate=bitrate)
     law = Law(rehearsal)
     with Master(rehearsal, bus, nodes=nodes, eds=eds) as master:
+        metal = check_permission(master, permission, real_time=real_time)
         master.configure(heartbeat if real_time else None)
-        return _run(master, law, real_time, following_error, may_move)
+        run = _run(master, law, real_time, following_error, permission.may_move)
+    if metal and permission.reduced and run.complete:
+        permission.write_reduced()
+    return run
 
 
 def _run(
@@ -81,10 +89,13 @@ def _run(
             break
         master.send(ENABLE, np.asarray(master.units.thousandths(u[tick])))
         master.cycles.ended()
+        until = None
         if real_time:
             time.sleep(max(due - time.perf_counter(), 0.0))
-            due += master.period
-        master.cycle(due - 0.1 * master.period if real_time else None)
+            now = time.perf_counter()
+            until = now + ANSWERED * master.period
+            due = (now if now - due > SLIPPED * master.period else due) + master.period
+        master.cycle(until)
         master.expect(State.ENABLED)
     report = master.cycles.report
     times = master.period * np.arange(done)

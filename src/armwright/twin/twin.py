@@ -53,7 +53,7 @@ class Twin:
 
     Attributes:
         nodes: by joint.   drives: by joint.   units: of the bus.   simulation: of the arm.   cycles: what was counted.
-        failure: the error that ended the simulation; None while it goes on.
+        load: of the bus.   failure: the error that ended the simulation; None while it goes on.
     Raises:
         BusError: no such bus, node numbers that are none, or an arm that cannot be driven over a bus.
     """
@@ -74,7 +74,7 @@ class Twin:
         self.units = Units.of(self.scenario)
         self.simulation = Simulation(without_controller(self.scenario))
         self.arm, self.faults = scenario.arm, tuple(faults)
-        load = BusLoad(self.arm.n, self.period, bitrate)
+        self.load = load = BusLoad(self.arm.n, self.period, bitrate)
         numbers = node_numbers(nodes, self.arm.n)
         self.drives: list[Drive] = []
         self.nodes: list[TwinNode] = []

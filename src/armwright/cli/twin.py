@@ -1,0 +1,272 @@
+"""`armwright twin` and `armwright run-controller`: the simulated arm as drives on a bus, and the controller that drives it."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armwright.cli.arguments import Allow, as_options, option
+from armwright.cli.tables import console_for_tables, number, table
+from armwright.errors import BusError
+from armwright.terminal import result, say
+
+if TYPE_CHECKING:
+    from armwright.simulation.scenario import Scenario
+    from armwright.twin.cycles import CycleReport
+    from armwright.twin.faults import Fault
+    from armwright.twin.rehearsal import Rehearsal
+    from armwright.twin.twin import Twin
+
+CYCLES = ("what", "how much")  # heads of a table
+Bus = Annotated[
+    str,
+    option("--bus", "BUS", "virtual (default), socketcan:CHANNEL such as socketcan:can0, or udp_multicast:ADDRESS."),
+]
+Nodes = Annotated[str | None, option("--nodes", "N1,N2,…", "Node numbers of the joints; default from 3.")]
+Faults = Annotated[
+    list[str] | None,
+    option(
+        "--fault",
+        "KIND[:JOINT][=AMOUNT][@S]",
+        "Inject a fault into the twin: lost-frames, late-sync, stuck-encoder, over-temperature, supply-sag; may be repeated.",
+    ),
+]
+File = Annotated[
+    Path, typer.Argument(metavar="FILE.scenario.toml", help="A scenario with a controller.", show_default=False)
+]
+Reference = Annotated[
+    Path | None, option("--reference", "FILE", "Motion that the controller follows: .motion.toml, .csv or .nc.")
+]
+Seconds = Annotated[float | None, option("--duration", "S", "How long the controller runs; default: the scenario's.")]
+
+
+def twin(
+    scenario: File,
+    bus: Bus = "virtual",
+    nodes: Nodes = None,
+    serial: Annotated[int, option("--serial", "N", "Serial number in object 1018 of every node; default 1.")] = 1,
+    fault: Faults = None,
+    duration: Annotated[
+        float | None, option("--duration", "S", "How long the twin is on the bus; by default until Ctrl-C.")
+    ] = None,
+    eds: Annotated[
+        Path | None, option("--eds", "FOLDER", "Write the nodes' electronic data sheets, and do no more.")
+    ] = None,
+    reference: Reference = None,
+    allow: Allow = None,
+) -> None:
+    """Put the simulated arm of a scenario on a CAN bus, as CiA 402 drives, one node a joint.
+
+    Its time is counted in SYNCs, which a master sends. A virtual bus is within one process: `run-controller` brings a twin of
+    its own there. At the end it is shown how many cycles there were, and how many late or incomplete.
+
+    \b
+    Examples:
+      armwright twin arm.scenario.toml --bus udp_multicast:239.74.163.2
+      armwright twin arm.scenario.toml --bus socketcan:vcan0 --fault stuck-encoder:joint2@1.5
+      armwright twin arm.scenario.toml --eds sheets
+    """
+    from armwright.twin.twin import Twin
+
+    _, found = _scenarios(scenario, allow, reference, None)
+    made = Twin(found, bus, nodes=_numbers(nodes), serial=serial, faults=_faults(found, fault))
+    if eds is not None:
+        _write_sheets(made, eds)
+        return
+    with made:
+        numbers = ", ".join(f"{name} {node.number}" for name, node in zip(made.arm.names, made.nodes, strict=True))
+        say(f"{made.arm.name} on {bus}: {numbers}; {made.load}")
+        _wait(made, duration)
+    _show_cycles("the twin's cycles", made.cycles.report)
+    heads = ("joint", "state", "error")
+    states = [(drive.name, drive.state.name.lower().replace("_", " "), f"0x{drive.error:04X}") for drive in made.drives]
+    console_for_tables().print(table("drives at the end", heads, states, heads))
+    if made.failure is not None:
+        raise made.failure
+
+
+def run_controller(
+    scenario: File,
+    bus: Bus = "virtual",
+    go: Annotated[
+        bool, typer.Option("--go", help="Run. Without it nothing is sent, and the run is only simulated.")
+    ] = False,
+    nodes: Nodes = None,
+    eds: Annotated[
+        list[Path] | None,
+        option("--eds", "FILE", "Data sheet of the nodes, or one for each; by default that of the twin."),
+    ] = None,
+    real_time: Annotated[
+        bool,
+        typer.Option("--real-time", help="A SYNC every period by the clock; on a virtual bus SYNC waits by default."),
+    ] = False,
+    speed: Annotated[float, option("--speed", "V", "Speed of the reference, in parts of it; default 1.")] = 1.0,
+    torque: Annotated[float, option("--torque", "F", "Largest torque, in parts of the rated one; default 1.")] = 1.0,
+    following_error: Annotated[
+        float | None,
+        option("--following-error", "E", "In rad or m, ends the run; by default twice that of the simulated run."),
+    ] = None,
+    arm: Annotated[
+        int | None, option("--arm", "SERIAL", "Serial number of the arm, on a bus that is not virtual.")
+    ] = None,
+    fault: Faults = None,
+    reference: Reference = None,
+    duration: Seconds = None,
+    allow: Allow = None,
+) -> None:
+    """Run the controller of a scenario over a bus, against its twin or an arm.
+
+    By default this is a dry run: the run is simulated as the bus would carry it, limits are checked, and nothing is sent. With
+    --go it happens: on a virtual bus against a twin in this process, in lock-step and so exactly as simulated; elsewhere in real
+    time, against nodes with the serial number that --arm says. An arm of metal needs a passing verdict of `armwright validate`
+    on the scenario, a first run with at most --speed 0.25 --torque 0.5, and the space bar held down while it moves. Exit code: 0
+    it came to its end, 1 the key was let go, 2 bad input, a fault or a following error, after which all drives were stopped.
+
+    \b
+    Examples:
+      armwright run-controller arm.scenario.toml
+      armwright run-controller arm.scenario.toml --go
+      armwright run-controller arm.scenario.toml --bus udp_multicast:239.74.163.2 --arm 1 --go
+    """
+    from armwright.twin.bus import check_bus, is_virtual
+    from armwright.twin.rehearsal import rehearse
+    from armwright.twin.run import run_controller as run_over_bus
+    from armwright.twin.safety import Permission, reduced
+
+    check_bus(bus)
+    read, found = _scenarios(scenario, allow, reference, duration)
+    with as_options("speed", "torque"):
+        found = reduced(found, speed, torque)
+    rehearsal = rehearse(found)
+    _show_rehearsal(rehearsal)
+    if not go:
+        say("dry run: nothing was sent; --go runs it")
+        return
+    permission = Permission.of(scenario, read, serial=arm, speed=speed, torque=torque)
+    with contextlib.ExitStack() as stack:
+        if is_virtual(bus):
+            from armwright.twin.twin import Twin
+
+            stack.enter_context(Twin(found, bus, nodes=_numbers(nodes), faults=_faults(found, fault)))
+        elif fault:
+            raise BusError("are injected where the twin runs", place="--fault", expected="armwright twin … --fault")
+        else:
+            from armwright.cli.dead_man import dead_man_key
+
+            permission = replace(permission, may_move=stack.enter_context(dead_man_key()))
+        with as_options("arm", "speed", "real_time", "nodes"):
+            run = run_over_bus(
+                rehearsal,
+                bus,
+                nodes=_numbers(nodes),
+                eds=[str(path) for path in eds or ()],
+                real_time=real_time or not is_virtual(bus),
+                following_error=following_error,
+                permission=permission,
+            )
+    errors = [(name, number(abs(run.errors[:, i]).max())) for i, name in enumerate(found.arm.names)]
+    console_for_tables().print(table("over the bus", ("joint", "largest error"), errors, ("joint",)))
+    if real_time or not is_virtual(bus):  # in lock-step a SYNC comes when it may
+        _show_cycles("the master's cycles", run.cycles)
+    first = run.first_difference
+    say(
+        "positions and commands are those of the simulation, to the bit"
+        if run.equal
+        else f"differs from the simulation from tick {first} on"
+        if first is not None
+        else "commands are those of the simulation"
+    )
+    if not run.complete:
+        say(f"stopped after {len(run.time)} of {rehearsal.recording.ticks} cycles: the key was let go")
+        raise typer.Exit(1)
+
+
+def _scenarios(
+    path: Path, allow: Sequence[Path] | None, reference: Path | None, duration: float | None
+) -> tuple[Scenario, Scenario]:
+    """The scenario of a file as it stands there, and as one arm that follows a motion from where that begins.
+
+    Lanes, and what varies by lane, are left out.
+    """
+    import armwright as aw
+    from armwright.cli.simulate import following
+
+    read = found = aw.read_scenario(path, allow=allow or ())
+    if (found.lane_count or 1) > 1:
+        say(f"armwright: note: {path.name} has {found.lane_count} lanes; this is the record's own arm", err=True)
+        found = replace(found, lanes=None, vary={})
+    if reference is not None:
+        found = following(found, reference, str(path))
+        motion = found.reference
+        at = motion(0.0)
+        q = getattr(at, "q", at[0] if isinstance(at, tuple) else at)
+        ticks = math.ceil(motion.duration / found.tick - 1e-9)
+        found = replace(found, start=q, duration=ticks * found.tick)
+    if duration is not None:
+        found = replace(found, duration=duration)
+    return read, found
+
+
+def _faults(scenario: Scenario, texts: Sequence[str] | None) -> list[Fault]:
+    from armwright.twin.faults import read_fault
+
+    with as_options("fault"):
+        return [read_fault(text, scenario.arm.names) for text in texts or ()]
+
+
+def _numbers(nodes: str | None) -> list[int] | None:
+    """Node numbers as they were typed.
+
+    Raises:
+        BusError: no whole numbers with commas between.
+    """
+    if nodes is None:
+        return None
+    try:
+        return [int(each) for each in nodes.split(",")]
+    except ValueError:
+        raise BusError(place="--nodes", value=nodes, expected="whole numbers with commas between: 3,4,5") from None
+
+
+def _write_sheets(made: Twin, folder: Path) -> None:
+    from armwright.output import check_destination, whole_file
+
+    folder.mkdir(parents=True, exist_ok=True)
+    for node in made.nodes:
+        path = folder / f"{made.arm.name}-{node.number}.eds"
+        check_destination(path)
+        with whole_file(path) as temporary:
+            temporary.write_text(node.eds, encoding="ascii", newline="\n")
+        say(f"wrote {path}")
+
+
+def _wait(made: Twin, duration: float | None) -> None:
+    """Waits until the time is over, Ctrl-C, or the simulation has ended."""
+    end = None if duration is None else time.monotonic() + duration
+    with contextlib.suppress(KeyboardInterrupt):  # what was counted is shown
+        while made.failure is None and (end is None or time.monotonic() < end):
+            time.sleep(0.05)
+
+
+def _show_rehearsal(rehearsal: Rehearsal) -> None:
+    heads = ("joint", "position [rad | m]", "largest speed", "torque", "largest error")
+    arm, limit = rehearsal.scenario.arm, rehearsal.largest_command
+    rows = [
+        (name, where, speed, f"{limit[i]:.0%} of rated", number(rehearsal.largest_error[i]))
+        for i, (name, where, speed, *_) in enumerate(rehearsal.rows())
+    ]
+    end = rehearsal.recording.ticks * rehearsal.stages.period
+    console_for_tables().print(table(f"{arm.name}: {end:g} s, simulated over the bus", heads, rows, heads[:4]))
+    say(str(rehearsal.load))
+
+
+def _show_cycles(title: str, report: CycleReport) -> None:
+    console_for_tables().print(table(title, CYCLES, report.rows(), CYCLES))
+    result(report)

@@ -1,0 +1,215 @@
+"""What must hold before a controller may drive an arm over a bus that leaves this process.
+
+a twin on such a bus       --arm SERIAL, as object 1018 of every node says
+an arm of metal            that, a passing verdict of `validate` on this very scenario, drives whose rated torque and counts are
+                           the record's, real time with a heartbeat, a dead-man key, and reduced speed and torque until a
+                           reduced run has come to its end
+"""
+
+from __future__ import annotations
+
+import datetime
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import tomlkit
+
+from armwright.description.toml_file import toml_tables
+from armwright.errors import BusError
+from armwright.identification.validation.validate import record_sha256
+from armwright.identification.validation.verdict import StoredVerdict, stored_verdict
+from armwright.interfaces import JointReference
+from armwright.output import whole_file
+from armwright.scalar import Array, Scalar
+from armwright.simulation.scenario import Scenario
+from armwright.twin import objects as od
+from armwright.twin.bus import is_virtual
+from armwright.twin.units import Units
+
+if TYPE_CHECKING:
+    from armwright.twin.master import Master
+
+REDUCED_SPEED, REDUCED_TORQUE = 0.25, 0.5  # of the scenario's, in the first runs of an arm of metal
+ENDING = ".bus.toml"
+RATED = 0.01  # parts by which the rated torque of a drive may differ from the record's
+
+
+@dataclass(frozen=True, eq=False)
+class Permission:
+    """What a user has said and shown before an arm may move.
+
+    Attributes:
+        serial: of the arm, as object 1018 has it; None: not said.   path: of the scenario's file.   sha256: its checksum.
+        verdict: of `validate` on it; None: there is none.   speed, torque: of the run, in parts of the scenario's.
+        may_move: the dead-man key; None: there is none.
+    """
+
+    serial: int | None = None
+    path: Path | None = None
+    sha256: str = ""
+    verdict: StoredVerdict | None = None
+    speed: float = 1.0
+    torque: float = 1.0
+    may_move: Callable[[], bool] | None = None
+
+    @classmethod
+    def of(cls, path: str | os.PathLike[str], scenario: Scenario, **said: Any) -> Permission:
+        """The permission for a scenario that was read from a file, with its verdict.
+
+        Args:
+            path: of the file.   scenario: as it was read.   said: the other attributes.
+        Raises:
+            LogError: a verdict that cannot be read.
+        """
+        sha256 = record_sha256(Path(path), scenario)
+        return cls(path=Path(path), sha256=sha256, verdict=stored_verdict(path, sha256), **said)
+
+    @property
+    def reduced(self) -> bool:
+        """True for a run that an arm of metal may begin with."""
+        return self.speed <= REDUCED_SPEED and self.torque <= REDUCED_TORQUE
+
+    def has_run_reduced(self) -> bool:
+        """True if a reduced run of this very scenario on this very arm has come to its end."""
+        if self.path is None or not self.path.with_suffix(ENDING).exists():
+            return False
+        with toml_tables(self.path.with_suffix(ENDING), BusError) as tables:
+            return tables.get("serial") == self.serial and tables.get("scenario_sha256") == self.sha256
+
+    def write_reduced(self) -> Path:
+        """Stores beside the scenario that a reduced run has come to its end.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        assert self.path is not None
+        path, document = self.path.with_suffix(ENDING), tomlkit.document()
+        document.add(
+            tomlkit.comment("Written by `armwright run-controller` after a run with reduced speed and torque.")
+        )
+        values = {"serial": self.serial, "scenario_sha256": self.sha256, "speed": self.speed, "torque": self.torque}
+        for name, value in {**values, "date": datetime.date.today().isoformat()}.items():
+            document[name] = value
+        with whole_file(path) as temporary:
+            temporary.write_text(tomlkit.dumps(document), encoding="utf-8", newline="\n")
+        return path
+
+
+def check_permission(master: Master, permission: Permission, *, real_time: bool) -> bool:
+    """True for an arm of metal that may move; False for a twin.
+
+    Args:
+        master: on the bus, before anything was enabled.   permission: what the user has said.   real_time: as the run is to be.
+    Raises:
+        BusError: says what is missing, the first of it.
+    """
+    if is_virtual(master.bus):
+        return False
+    if permission.serial is None:
+        what = "the drives on this bus may be an arm of metal"
+        raise BusError(
+            what, place="arm", value=None, expected="its serial number, as object 1018 says it (--arm SERIAL)"
+        )
+    for node, name in zip(master.nodes, master.names, strict=True):
+        serial = master.get(node, od.SERIAL)
+        if serial != permission.serial:
+            what = f"node {node.id} of {name} has serial number {serial}"
+            raise BusError(what, place="arm", value=permission.serial, expected="the number of every node")
+    twin = (od.TWIN_VENDOR, od.TWIN_PRODUCT)
+    if all((master.get(node, od.VENDOR), master.get(node, od.PRODUCT)) == twin for node in master.nodes):
+        return False
+    _check_verdict(permission)
+    _check_drives(master)
+    if not real_time:
+        raise BusError("an arm of metal does not wait", place="real_time", value=False, expected="True (--real-time)")
+    if permission.may_move is None:
+        raise BusError(
+            "no dead-man key", place="may_move", value=None, expected="a key that is held while the arm moves"
+        )
+    if not permission.reduced and not permission.has_run_reduced():
+        what = f"speed {permission.speed:g} and torque {permission.torque:g} before a reduced run has come to its end"
+        expected = f"at most {REDUCED_SPEED:g} and {REDUCED_TORQUE:g} (--speed, --torque) in the first run"
+        raise BusError(what, place="speed", value=permission.speed, expected=expected)
+    return True
+
+
+def _check_verdict(permission: Permission) -> None:
+    verdict = permission.verdict
+    if verdict is None or not verdict.passed:
+        what = "no verdict on this scenario" if verdict is None else str(verdict)
+        expected = "a passing one of `armwright validate SCENARIO FILE.log.toml`, stored beside the scenario"
+        raise BusError(what, place="verdict", expected=expected, file=permission.path or "")
+
+
+def _check_drives(master: Master) -> None:
+    """Refuses drives whose units are not those that the record gives them."""
+    units = master.units
+    for k, (node, name) in enumerate(zip(master.nodes, master.names, strict=True)):
+        rated, ours = master.get(node, od.RATED_TORQUE), 1e3 * float(units.limit[k] * units.torque[k])
+        if abs(rated - ours) > RATED * ours:
+            what = f"node {node.id} of {name} has a rated torque of {rated / 1e3:g} N m"
+            raise BusError(what, place="object 6076", expected=f"{ours / 1e3:g} N m, the largest torque of the record")
+        turn = 2.0 * np.pi if master.rehearsal.scenario.arm.coordinates[k].kind == "revolute" else 1.0
+        counts = master.get(node, (0x608F, 1)) / master.get(node, (0x608F, 2))
+        if abs(counts * float(units.count[k]) - turn) > 1e-6 * turn:
+            what = f"node {node.id} of {name} has {counts:g} counts"
+            raise BusError(what, place="object 608F", expected=f"{turn / float(units.count[k]):g}, loop.sensors.counts")
+
+
+@dataclass(frozen=True, eq=False)
+class Slowed:
+    """A reference in slow motion: r(v t), with speeds and accelerations to match.
+
+    Attributes:
+        reference: a function of time.   speed: v, above 0 and at most 1.
+    """
+
+    reference: Any
+    speed: float
+
+    def __call__(self, t: Scalar) -> JointReference | Array:
+        """The reference at a time t [s]."""
+        at, v = self.reference(self.speed * t), self.speed
+        if isinstance(at, tuple):
+            at = JointReference(*at)
+        if isinstance(at, JointReference):
+            return JointReference(at.q, v * at.qd, v * v * at.qdd)
+        return at
+
+
+def reduced(scenario: Scenario, speed: float = 1.0, torque: float = 1.0) -> Scenario:
+    """The scenario with a slower reference and smaller commands.
+
+    Args:
+        scenario: with a controller.   speed: of the reference, in parts of it.
+        torque: largest command, in parts of the rated one.
+    Raises:
+        BusError: a number that is not above 0 and at most 1; a reference that cannot be slowed.
+    """
+    for name, value in (("speed", speed), ("torque", torque)):
+        if not 0.0 < value <= 1.0:
+            raise BusError(place=name, value=value, expected="a number above 0 and at most 1")
+    loop = scenario.loop
+    if loop is None or (speed == torque == 1.0):
+        return scenario
+    if torque < 1.0:
+        most = torque * Units.of(scenario).limit
+        limit = most if loop.command_filter.limit is None else np.minimum(loop.command_filter.limit, most)
+        loop = replace(loop, command_filter=replace(loop.command_filter, limit=limit))
+    if speed < 1.0 and loop.reference is not None and not _is_pose(loop.reference, scenario.arm.n):
+        if not callable(loop.reference):
+            expected = "1, or a reference that is a function of time, such as a motion"
+            raise BusError("its reference is a table", place="speed", value=speed, expected=expected)
+        loop = replace(loop, reference=Slowed(loop.reference, speed))
+    duration = scenario.duration
+    if duration is not None and speed < 1.0:
+        duration = float(np.ceil(duration / speed / scenario.tick - 1e-9) * scenario.tick)
+    return replace(scenario, loop=loop, duration=duration)
+
+
+def _is_pose(reference: Any, joints: int) -> bool:
+    return isinstance(reference, (list, tuple, np.ndarray)) and np.shape(reference) == (joints,)
