@@ -25,7 +25,7 @@ CHANNELS = itertools.count()
 
 
 @pytest.fixture(scope="session")
-def arm(tmp_path_factory):
+def arm_file(tmp_path_factory):
     """Two links behind gears of 100, driven by torques of at most 300 and 100 N m."""
     text = RECORD.read_text(encoding="utf-8")
     for torque, rotor in ((300.0, 1e-3), (100.0, 3e-4)):
@@ -33,7 +33,13 @@ def arm(tmp_path_factory):
         text = text.replace("axis = [0.0, 0.0, 1.0]\n\n[[links]]", f"axis = [0, 0, 1]\n{limits}\n[[links]]", 1)
     path = tmp_path_factory.mktemp("twin") / "two.toml"
     path.write_text(text, encoding="utf-8")
-    return aw.load(path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def arm(arm_file):
+    """The small arm."""
+    return aw.load(arm_file)
 
 
 @pytest.fixture(scope="session")

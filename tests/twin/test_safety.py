@@ -1,0 +1,159 @@
+"""Nothing moves by a typing error: what a bus that leaves the process, and an arm of metal, ask for before they move."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from armwright.cli.dead_man import Key
+from armwright.errors import BusError
+from armwright.twin import objects as od
+from armwright.twin.rehearsal import rehearse
+from armwright.twin.run import run_controller
+from armwright.twin.safety import Permission, reduced
+from armwright.twin.twin import Twin
+
+
+@pytest.fixture
+def outside(monkeypatch):
+    """Virtual buses count as ones that leave this process."""
+    monkeypatch.setattr("armwright.twin.safety.is_virtual", lambda name: False)
+
+
+@pytest.fixture(scope="module")
+def short(scenario):
+    """A run of 20 ms, slowed to 80 ms."""
+    return reduced(replace(scenario, duration=0.02), 0.25, 0.5)
+
+
+@pytest.fixture
+def metal(scenario, bus, outside):
+    """Drives that say that they are an arm of metal, with serial number 7."""
+    with Twin(scenario, bus, serial=7) as twin:
+        for drive in twin.drives:
+            drive.values[od.VENDOR] = 0x1234
+        yield twin
+
+
+PASSED = SimpleNamespace(passed=True)
+SLOW = {"serial": 7, "verdict": PASSED, "speed": 0.25, "torque": 0.5, "may_move": lambda: True}
+
+
+def test_a_twin_outside_needs_its_number(scenario, short, bus, outside):
+    with Twin(scenario, bus, serial=7) as twin:
+        for permission, message in (
+            (Permission(), "arm = None: the drives on this bus may be an arm of metal; expected its serial number"),
+            (
+                Permission(serial=8),
+                "arm = 8: node 3 of shoulder has serial number 7; expected the number of every node",
+            ),
+        ):
+            with pytest.raises(BusError) as error:
+                run_controller(short, bus, permission=permission)
+            assert str(error.value).startswith(message)
+            assert twin.simulation.tick == 0
+        assert run_controller(short, bus, permission=Permission(serial=7)).complete
+
+
+@pytest.mark.parametrize(
+    ("changes", "real_time", "message"),
+    [
+        (
+            {"verdict": None},
+            True,
+            "verdict: no verdict on this scenario; expected a passing one of `armwright validate",
+        ),
+        ({"verdict": SimpleNamespace(passed=False)}, True, "verdict: "),
+        ({}, False, "real_time = False: an arm of metal does not wait"),
+        ({"may_move": None}, True, "may_move = None: no dead-man key"),
+        ({"speed": 1.0}, True, "speed = 1.0: speed 1 and torque 0.5 before a reduced run has come to its end"),
+        ({"torque": 1.0}, True, "speed = 0.25: speed 0.25 and torque 1 before a reduced run"),
+    ],
+)
+def test_an_arm_of_metal_needs_all_of_it(short, metal, changes, real_time, message):
+    with pytest.raises(BusError) as error:
+        run_controller(short, metal.bus, real_time=real_time, permission=Permission(**SLOW | changes))
+    assert str(error.value).startswith(message)
+    assert metal.simulation.tick == 0
+    assert [drive.machine.passed for drive in metal.drives] == [[0, 1], [0, 1]]  # nothing was enabled
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        (od.RATED_TORQUE, 150_000, "object 6076: node 3 of shoulder has a rated torque of 150 N m; expected 300 N m"),
+        ((0x608F, 1), 4096, "object 608F: node 3 of shoulder has 4096 counts; expected 360000, loop.sensors.counts"),
+    ],
+)
+def test_drives_with_other_units_are_refused(short, metal, key, value, message):
+    metal.drives[0].values[key] = value
+    with pytest.raises(BusError) as error:
+        run_controller(short, metal.bus, real_time=True, permission=Permission(**SLOW))
+    assert str(error.value).startswith(message)
+
+
+def test_a_reduced_run_is_stored_and_lets_a_full_one_go(scenario, short, metal, tmp_path):
+    path = tmp_path / "arm.scenario.toml"
+    said = {**SLOW, "path": path, "sha256": "abc"}
+    run_controller(short, metal.bus, real_time=True, following_error=1.0, heartbeat=10.0, permission=Permission(**said))
+    full = Permission(**said | {"speed": 1.0, "torque": 1.0})
+    assert full.has_run_reduced()
+    assert not replace(full, sha256="changed").has_run_reduced()
+    assert not replace(full, serial=8).has_run_reduced()
+    assert metal.drives[0].values[od.CONSUMER] == 1 << 16 | 30_000
+    assert metal.drives[0].values[od.ABORT_OPTION] == 3
+    assert metal.drives[0].values[od.MAX_TORQUE] == 500
+
+
+def test_the_verdict_is_the_scenarios_own(scenario, tmp_path):
+    path = tmp_path / "arm.scenario.toml"
+    path.write_text("x = 1\n", encoding="utf-8")
+    permission = Permission.of(path, scenario, serial=3)
+    assert permission.verdict is None
+    assert permission.serial == 3
+    assert len(permission.sha256) == 64
+
+
+def test_reduced_runs_are_slower_and_weaker(scenario):
+    full, slow = rehearse(scenario), rehearse(reduced(scenario, 0.25, 0.3))
+    assert slow.recording.ticks == 4 * full.recording.ticks
+    assert np.all(slow.largest_speed < 0.4 * full.largest_speed)
+    assert np.all(slow.largest_command <= 0.3)
+    assert slow.reference[-1] == pytest.approx(full.reference[-1], abs=0.02)
+    tick = 100  # positions at a quarter of the time, speeds a quarter, accelerations a sixteenth
+    n = 2
+    assert slow.recording.r[4 * tick, n : 2 * n] == pytest.approx(full.recording.r[tick, n : 2 * n] / 4.0)
+    assert slow.recording.r[4 * tick, 2 * n :] == pytest.approx(full.recording.r[tick, 2 * n :] / 16.0)
+
+
+@pytest.mark.parametrize(
+    ("speed", "torque", "name"), [(0.0, 1.0, "speed"), (1.0, 1.5, "torque"), (np.nan, 1.0, "speed")]
+)
+def test_parts_that_are_none(scenario, speed, torque, name):
+    with pytest.raises(BusError, match=f"{name} = .*: expected a number above 0 and at most 1"):
+        reduced(scenario, speed, torque)
+
+
+def test_tables_are_not_slowed(scenario):
+    rows = np.zeros((201, 2))
+    with pytest.raises(BusError, match=r"speed = 0.5: its reference is a table"):
+        reduced(replace(scenario, loop=replace(scenario.loop, reference=rows)), 0.5)
+
+
+def test_the_key_has_to_be_held():
+    clock, typed = [0.0], [""]
+
+    def at(time, characters=""):
+        clock[0], typed[0] = time, characters
+        return key()
+
+    key = Key(lambda: typed[0], lambda: clock[0])
+    assert not at(0.0)
+    assert not at(1.0, "x")
+    assert at(2.0, " ")  # pressed
+    assert at(2.5)  # the terminal repeats after half a second
+    assert at(2.6, " ")
+    assert at(2.8)
+    assert not at(2.9)  # let go
+    assert not at(3.0, " ")  # and it stays so
