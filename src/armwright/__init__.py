@@ -164,6 +164,11 @@ if TYPE_CHECKING:
     from armwright.trajectory.path import JointPath
     from armwright.trajectory.time_optimal import PathMotion, time_optimal
     from armwright.tuning import TuningResult, tune
+    from armwright.twin.master import BusRun
+    from armwright.twin.on_bus import scenario_on_bus
+    from armwright.twin.rehearsal import Rehearsal, rehearse
+    from armwright.twin.run import run_controller
+    from armwright.twin.twin import Twin
 
 __version__ = "0.1.0"
 
@@ -302,6 +307,11 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.ik.workspace": ("workspace",),
     "armwright.trajectory.time_optimal": ("PathMotion", "time_optimal"),
     "armwright.tuning": ("TuningResult", "tune"),
+    "armwright.twin.master": ("BusRun",),
+    "armwright.twin.on_bus": ("scenario_on_bus",),
+    "armwright.twin.rehearsal": ("Rehearsal", "rehearse"),
+    "armwright.twin.run": ("run_controller",),
+    "armwright.twin.twin": ("Twin",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 _CALLED = {"compile": "compile_arm"}  # inside, nothing is called like Python's own
@@ -313,6 +323,7 @@ __all__ = [
     "ArmwrightError",
     "Batch",
     "BoxObstacle",
+    "BusRun",
     "CartesianMotion",
     "CartesianPath",
     "Cascade",
@@ -379,6 +390,7 @@ __all__ = [
     "Ramp",
     "Recording",
     "ReferenceFilter",
+    "Rehearsal",
     "RobotDescription",
     "Ros2Export",
     "Ruckig",
@@ -403,6 +415,7 @@ __all__ = [
     "Trajectory",
     "Trapezoid",
     "TuningResult",
+    "Twin",
     "Validation",
     "Waypoints",
     "analyse_loops",
@@ -490,9 +503,12 @@ __all__ = [
     "read_task",
     "regressor",
     "regressor_drive",
+    "rehearse",
     "reproduce",
+    "run_controller",
     "sampled_system",
     "save",
+    "scenario_on_bus",
     "sensitivities",
     "shadow_log",
     "show",

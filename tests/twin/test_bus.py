@@ -10,7 +10,7 @@ def test_lengths_of_frames():
     # 1 start, 11 + 1 identifier, 6 control, 15 + 1 check, 2 acknowledge, 7 end, 3 pause: 47; 34 of them may be stuffed
     assert frame_bits(0, stuffed=False) == 47
     assert frame_bits(8, stuffed=False) == 111
-    assert frame_bits(8, stuffed=True) == 135  # the bound for 8 bytes that DavisBurns2007 gives
+    assert frame_bits(8, stuffed=True) == 135  # the bound for 8 bytes that DavisEtAl2007 gives
 
 
 def test_six_nodes_at_4_ms():

@@ -86,7 +86,7 @@ def test_data_sheets_are_written(file, tmp_path):
         (["run-controller", "--nodes", "3;4", "--go"], "--nodes = '3;4': expected whole numbers with commas"),
         (["run-controller", "--nodes", "3,200", "--go"], "nodes = [3, 200]: expected 2 different numbers"),
         (["run-controller", "--speed", "2"], "--speed = 2.0: expected a number above 0 and at most 1"),
-        (["run-controller", "--bus", "socketcan:nocan7", "--go"], "no dead-man key"),
+        (["run-controller", "--bus", "socketcan:nocan7", "--go"], "bus = 'socketcan:nocan7': cannot be opened"),
         (["twin", "--bus", "socketcan:nocan7"], "bus = 'socketcan:nocan7': cannot be opened"),
         (["twin", "--fault", "rust"], "fault = 'rust'"),
     ],

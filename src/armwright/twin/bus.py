@@ -1,7 +1,7 @@
 """Time that frames take on a CAN bus, and buses by name.
 
 A data frame of the classic base format with k bytes takes 47 + 8 k bits with the pause behind it, and at most
-⌊(34 + 8 k - 1) / 4⌋ stuffed bits more. [ISO11898-1; the bound of stuffed bits as in DavisBurns2007]
+⌊(34 + 8 k - 1) / 4⌋ stuffed bits more. [ISO11898, DavisEtAl2007]
 """
 
 from __future__ import annotations

@@ -209,6 +209,11 @@ class TwinNode:
     def _beaten(self, can_id: int, data: Any, timestamp: float) -> None:
         self._beat = time.monotonic()
 
+    def excuse(self, seconds: float) -> None:
+        """Takes away time [s] in which this process could not listen."""
+        if self._beat is not None:
+            self._beat += seconds
+
     def watch(self) -> bool:
         """Looks for the master's heartbeat; True where it was lost now, and the drive reacts as object 6007 says."""
         limit = self.drive.values[od.CONSUMER] & 0xFFFF  # [ms]

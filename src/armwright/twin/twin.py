@@ -13,6 +13,7 @@ motor has torque and nothing moves.
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Sequence
 from typing import Any, Self
 
@@ -40,6 +41,7 @@ RAMP, QUICK_RAMP = 0.25, 0.1  # [s] from rest to the largest speed, and from the
 WINDOW, REACHED = 5.0, 0.1  # [degrees | mm] of the following error, and of a target that is reached
 STILL = 50  # ticks without torque and motion after which the arm stands
 WATCH = 0.01  # [s] between two looks for the master's heartbeat
+PAUSED = 0.05  # [s] between two looks of a process that was stopped in between
 
 
 class Twin:
@@ -262,8 +264,13 @@ class Twin:
 
     def _watch(self) -> None:
         """Looks for the master's heartbeat; without it the drives come to rest by themselves, since no SYNC comes any more."""
+        looked = time.monotonic()
         while not self._ended.wait(self.period if self._coasts else WATCH):
             with self._lock:
+                paused, looked = time.monotonic() - looked, time.monotonic()
+                if paused > PAUSED:  # the whole process stood still, and beats wait in its queue
+                    for node in self.nodes:
+                        node.excuse(paused)
                 lost = [node.watch() for node in self.nodes]
                 self._coasts = (self._coasts or any(lost)) and self._runs
                 if self._coasts:
