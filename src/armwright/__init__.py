@@ -107,6 +107,7 @@ if TYPE_CHECKING:
     from armwright.parameters import Batch, Draw
     from armwright.parts.write import write_parts
     from armwright.pictures.animate import animate
+    from armwright.pictures.live import LiveArm
     from armwright.pictures.show import show
     from armwright.pictures.workspace_maps import draw_workspace
     from armwright.results.plot import plot
@@ -251,6 +252,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.motions.plan": ("Plan", "plan"),
     "armwright.parameters": ("Batch", "Draw"),
     "armwright.pictures.animate": ("animate",),
+    "armwright.pictures.live": ("LiveArm",),
     "armwright.pictures.show": ("show",),
     "armwright.robotfiles": ("check", "convert", "diff", "new_robot"),
     "armwright.shadow.alarms": ("ShadowAlarm",),
@@ -360,6 +362,7 @@ __all__ = [
     "Line",
     "LinearLoop",
     "LinearModel",
+    "LiveArm",
     "Log",
     "Loop",
     "LoopAnalysis",

@@ -77,8 +77,10 @@ class Browser:
                 return answer["result"]
             self.events.append(answer)
 
-    def open(self, page: Path, fragment: str = "", size: tuple[int, int] = (900, 900), stands: str = CURVES) -> None:
-        """Opens a page from a file and waits until its curves stand, or another expression is true."""
+    def open(
+        self, page: Path | str, fragment: str = "", size: tuple[int, int] = (900, 900), stands: str = CURVES
+    ) -> None:
+        """Opens a page, from a file or by its address, and waits until its curves stand, or another expression is true."""
         if self.session:
             self.call("Target.closeTarget", targetId=self.target)
         self.target = self.call("Target.createTarget", url="about:blank")["targetId"]
@@ -88,7 +90,8 @@ class Browser:
             self.call(f"{domain}.enable")
         metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
         self.call("Emulation.setDeviceMetricsOverride", **metrics)
-        self.call("Page.navigate", url=page.resolve().as_uri() + fragment)
+        self.url = page if isinstance(page, str) else page.resolve().as_uri()
+        self.call("Page.navigate", url=self.url + fragment)
         end = time.monotonic() + PATIENCE
         while not self.value(f"document.readyState == 'complete' && ({stands})"):
             assert time.monotonic() < end, f"the page does not stand: {self.faults()}"
@@ -131,7 +134,7 @@ class Browser:
         return np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB")).astype(int)
 
     def faults(self) -> list[str]:
-        """Exceptions, errors of the console, and everything that was asked of a network."""
+        """Exceptions, errors of the console, and everything that was asked of other addresses than the page's."""
         found = []
         for event in self.events:
             method, about = event.get("method", ""), event.get("params", {})
@@ -140,7 +143,7 @@ class Browser:
             elif method == "Log.entryAdded" and about["entry"]["level"] == "error":
                 found.append(about["entry"]["text"])
             elif method == "Network.requestWillBeSent" and not about["request"]["url"].startswith(
-                ("file:", "blob:", "data:")
+                ("file:", "blob:", "data:", self.url)
             ):
                 found.append(about["request"]["url"])
         return found

@@ -1,20 +1,29 @@
-"""`armwright show`: a picture of an arm."""
+"""`armwright show`: a picture of an arm, or its live page."""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-from armwright.cli.arguments import Robot, option, vector
+import typer
+
+from armwright.cli.arguments import Robot, as_options, option, vector
+from armwright.errors import OutputError, Problem
 from armwright.terminal import say
+
+if TYPE_CHECKING:
+    from armwright.pictures.live import LiveArm
 
 
 def show(
     robot: Robot,
     output: Annotated[
-        Path,
+        Path | None,
         option("--output -o", "FILE", "The picture: .png, .html or .glb; replaced where it exists."),
-    ],
+    ] = None,
     size: Annotated[
         int | None,
         option("--size", "N", "Pixels of a PNG's longer side; default 900."),
@@ -23,26 +32,66 @@ def show(
         str | None,
         option("--q", "Q1,Q2,…", "The pose, in rad (or 30deg, pi/2) or m; default 0."),
     ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Serve the page to this machine's browsers until Ctrl-C.")
+    ] = False,
+    port: Annotated[
+        int | None,
+        option("--port", "N", "Port of the live page on 127.0.0.1; by default one that is free."),
+    ] = None,
+    browser: Annotated[bool, typer.Option("--open", help="Open the live page in the browser.")] = False,
 ) -> None:
     """Draw an arm in one pose, without a display: from its sections and meshes, or as a figure of its joints.
 
     A PNG is a shaded picture; an HTML file is a page with a slider for every joint, which needs no network; a GLB file is a
-    scene for Blender and other programs, with a node for each link.
+    scene for Blender and other programs, with a node for each link. --live serves the page at an address that only this
+    machine reaches; Python programs and `armwright sim` can move the arm in such a page.
 
     \b
     Examples:
       armwright show cmu-dd -o arm.png
       armwright show panda --q 0,-45deg,0,-135deg,0,90deg,45deg -o panda.html
       armwright show my-arm.urdf -o arm.glb
+      armwright show panda --live --open
     """
     import armwright as aw
     from armwright.cli.progress import progress
     from armwright.model.joint_signals import joint_units
 
+    strangers = (
+        {"--output": output and str(output), "--size": size} if live else {"--port": port, "--open": browser or None}
+    )
+    for name, value in strangers.items():
+        if value is not None:
+            what = "does not go with --live" if live else "only --live has it"
+            raise OutputError(what, place=name, value=value)
     arm = aw.load(robot, on_impossible="warn")
     pose = None if q is None else vector("--q", q, arm.names, joint_units(arm, "q"))
-    with progress(f"drawing {arm.name}"):
-        shown = aw.show(arm, output, pose, size=size)
-    for note in shown.notes:
+    drawing = progress(f"drawing {arm.name}")
+    if output is not None:
+        with drawing:
+            shown = aw.show(arm, output, pose, size=size)
+        _say_notes(shown.notes)
+        say(f"wrote {shown.path}")
+    elif live:
+        with drawing, as_options("port"):
+            page = aw.show(arm, q=pose, live=True, port=port or 0)
+        _say_notes(page.notes)
+        _serve(page, browser)
+    else:
+        raise OutputError("missing", place="--output", expected=".png, .html or .glb, or --live in its place")
+
+
+def _say_notes(notes: Iterable[Problem]) -> None:
+    for note in notes:
         say(f"note: {note}", err=True)
-    say(f"wrote {shown.path}")
+
+
+def _serve(page: LiveArm, browser: bool) -> None:
+    """Says where the page is, and returns at Ctrl-C."""
+    with suppress(KeyboardInterrupt), page:
+        say(f"{page.arm.name} is at {page.url}\nThe address is for this machine alone; Ctrl-C ends it.")
+        sys.stdout.flush()  # for a program at the other end of a pipe
+        if browser and not page.open():
+            say("note: no browser was found; open the address in one", err=True)
+        page.wait()

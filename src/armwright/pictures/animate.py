@@ -55,8 +55,8 @@ def animate(run: xr.Dataset, arm: Model, path: str | os.PathLike[str], *, lane: 
         OutputError: an unknown ending, a folder that is missing, no permission, a full disk.
     """
     path = check_destination(path, ENDINGS)
-    run = _one_lane(in_order(run), lane)
-    t, motions = _motions(run, arm)
+    run = one_lane(in_order(run), lane)
+    t, motions = drawable_motions(run, arm)
     about = {PARTIAL: str(run.attrs[PARTIAL])} if PARTIAL in run.attrs else {}
     glb = animated_arm(arm, t, motions, about)
     html = path.suffix.lower() == ".html"
@@ -74,7 +74,12 @@ def check_animation(path: str | os.PathLike[str]) -> Path:
     return check_destination(path, ENDINGS)
 
 
-def _one_lane(run: xr.Dataset, lane: int | None) -> xr.Dataset:
+def one_lane(run: xr.Dataset, lane: int | None) -> xr.Dataset:
+    """The lane of a run; the run itself where it has none.
+
+    Raises:
+        RunError: there is no such lane, or several and none chosen.
+    """
     if "lane" not in run.dims:
         if lane is not None:
             raise RunError("this run has no lanes", place="lane", value=lane, expected="none")
@@ -93,8 +98,12 @@ def _span(lanes: list[int]) -> str:
     return ", ".join(map(str, lanes[:20])) + (", …" if len(lanes) > 20 else "")
 
 
-def _motions(run: xr.Dataset, arm: Model) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Times (k,) and the joints' positions (k, n) of the run, and of its reference where it has one."""
+def drawable_motions(run: xr.Dataset, arm: Model) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Times (k,) and the joints' positions (k, n) of the run, and of its reference where it has one.
+
+    Raises:
+        RunError: a run of another arm, or rows that cannot be drawn.
+    """
     joints = [str(joint) for joint in run["joint"].values]
     if joints != arm.names:
         what = f"the run is of {run.attrs.get('robot', 'another arm')}"

@@ -61,13 +61,7 @@ def posed_arm(arm: Model, q: Any = None) -> PosedArm:
         ModelError: it is no arm.   ShapeError: q is no pose of it.
     """
     check_arm(arm)
-    try:
-        pose = np.zeros(arm.n) if q is None else scalar.real_numbers(q)
-    except ValueError:
-        pose = np.zeros(0)
-    if pose.shape != (arm.n,) or not np.isfinite(pose).all():
-        expected = f"{arm.n} finite numbers, one for each joint of {arm.name}"
-        raise ShapeError(place="q", value=q, expected=expected)
+    pose = checked_pose(arm, np.zeros(arm.n) if q is None else q)
     moved = pose if arm.mimics is None else arm.mimics.positions(pose)
     travel = {k: (float(position), float(position)) for k, position in enumerate(moved)}
     placed = body_placements(arm, pose)
@@ -78,3 +72,19 @@ def posed_arm(arm: Model, q: Any = None) -> PosedArm:
         first = error.problems[0]
         notes = (replace(first, what=f"{first.what}; drawn as a figure of its joints instead"),)
     return PosedArm(arm, moved, shapes, placed, notes)
+
+
+def checked_pose(arm: Model, q: Any) -> np.ndarray:
+    """(n,) [rad | m] the joints' positions as numbers.
+
+    Raises:
+        ShapeError: q is no pose of the arm.
+    """
+    try:
+        pose = scalar.real_numbers(q)
+    except ValueError:
+        pose = np.zeros(0)
+    if pose.shape != (arm.n,) or not np.isfinite(pose).all():
+        expected = f"{arm.n} finite numbers, one for each joint of {arm.name}"
+        raise ShapeError(place="q", value=q, expected=expected)
+    return pose

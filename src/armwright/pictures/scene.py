@@ -1,4 +1,4 @@
-"""Files of an arm in one pose: binary glTF, and a page with a slider for every joint."""
+"""Files of an arm in one pose: binary glTF, and a page with a slider for every joint, which may follow a program."""
 
 from __future__ import annotations
 
@@ -30,6 +30,15 @@ def write_glb(posed: PosedArm, path: Path) -> None:
 
 def write_html(posed: PosedArm, path: Path) -> None:
     """Writes a page without other files: sliders move the joints, and it tells where the end effector is then."""
+    path.write_text(pose_page(posed), encoding="utf-8", newline="\n")
+
+
+def pose_page(posed: PosedArm, live: int | None = None) -> str:
+    """HTML page with a slider for every joint.
+
+    Args:
+        posed: the arm.   live: number of the page at the program that serves it, which it then follows; None: of a file.
+    """
     arm, q = posed.arm, posed.q
     joints, own = _joints(arm, q), q if arm.mimics is None else q[list(arm.mimics.drivers)]
     mimics = arm.mimics
@@ -55,11 +64,12 @@ def write_html(posed: PosedArm, path: Path) -> None:
         {"nodes": [node_of(body) for body in each.bodies], "ends": [np.asarray(end, dtype=float).tolist() for end in each.ends]}
         for each in arm.cylinders
     ]  # fmt: skip
-    about = {"joints": joints, "bodies": bodies, "legs": legs}
+    about = {"joints": joints, "bodies": bodies, "legs": legs, "live": live}
     data = {"joints": embedded(about), "arm": packed(arm_glb(arm, q, shapes, _names(arm)))}
     title = "" if arm.description is None or not arm.description.title else arm.description.title
     words = {"title": arm.name, "heading": arm.name, "subtitle": title, "tip": arm.tip or ""}
-    path.write_text(page(PAGES / "pose.html", SCRIPTS, STYLES, words, **data), encoding="utf-8", newline="\n")
+    scripts = SCRIPTS if live is None else (*SCRIPTS, PAGES / "live.js")
+    return page(PAGES / "pose.html", scripts, STYLES, words, **data)
 
 
 def _joints(arm: Model, q: np.ndarray) -> list[dict[str, Any]]:

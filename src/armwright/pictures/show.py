@@ -1,16 +1,19 @@
-"""Picture of an arm, drawn without a GPU and without a display."""
+"""Picture of an arm, drawn without a GPU and without a display, or its page in a browser."""
 
 from __future__ import annotations
 
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from armwright.errors import OutputError, Problem
 from armwright.model import Model
 from armwright.output import check_destination, whole_file
 from armwright.pictures.posed_arm import posed_arm
+
+if TYPE_CHECKING:
+    from armwright.pictures.live import LiveArm
 
 ENDINGS = (".png", ".html", ".glb")
 SIZE, LEAST, MOST = 900, 120, 4000  # pixels of a PNG's longer side: by default, at least, at most
@@ -28,7 +31,23 @@ class Shown:
     notes: tuple[Problem, ...]
 
 
-def show(arm: Model, path: str | os.PathLike[str], q: Any = None, *, size: int | None = None) -> Shown:
+@overload
+def show(arm: Model, path: str | os.PathLike[str], q: Any = None, *, size: int | None = None) -> Shown: ...
+
+
+@overload
+def show(arm: Model, path: None = None, q: Any = None, *, live: Literal[True], port: int = 0) -> LiveArm: ...
+
+
+def show(
+    arm: Model,
+    path: str | os.PathLike[str] | None = None,
+    q: Any = None,
+    *,
+    size: int | None = None,
+    live: bool = False,
+    port: int = 0,
+) -> Shown | LiveArm:
     """Draws an arm in one pose: its sections and meshes, or its joints as drums on a stick where it has neither.
 
     Args:
@@ -36,11 +55,25 @@ def show(arm: Model, path: str | os.PathLike[str], q: Any = None, *, size: int |
         path: of the picture: .png, .html (a page with a slider for every joint and all it needs inside) or .glb (a scene
             for other programs, a node for each body); one that is there is replaced.
         q: (n,) [rad | m] the pose; by default 0.   size: pixels of a PNG's longer side; by default 900.
+        live: True for a page of this machine that moves as the program says, in place of a file.
+        port: of 127.0.0.1, for the live page; 0: one that is free.
     Returns:
-        shown: where the picture is, and notes.
+        shown: where the picture is, and notes; of a live page its `LiveArm`, with the address.
     Raises:
-        ShapeError: q is no pose of the arm.   OutputError: the picture cannot be written, or not in that size.
+        ShapeError: q is no pose of the arm.
+        OutputError: the picture cannot be written, or not in that size; the port is in use, or no port.
     """
+    if live:
+        from armwright.pictures.live import LiveArm
+
+        for name, value in (("path", path), ("size", size)):
+            if value is not None:
+                raise OutputError("a live page is no file", place=name, value=value, expected="one or the other")
+        return LiveArm(arm, q, port)
+    if path is None:
+        raise OutputError("missing", place="path", expected=f"a file ({', '.join(ENDINGS)}), or live")
+    if port:
+        raise OutputError("only a live page has a port", place="port", value=port)
     path = check_destination(path, ENDINGS)
     _check_size(path, size)
     posed = posed_arm(arm, q)

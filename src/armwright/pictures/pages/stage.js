@@ -39,32 +39,48 @@ const AXIS = 0.13; // of the motion's size: length of drawn axes
 const AXES = [["x", [0.85, 0.2, 0.2]], ["y", [0.15, 0.6, 0.15]], ["z", [0.25, 0.45, 0.95]]];
 const NEAREST = 0.6; // of the motion's size: nearer, what is at the sides looks stretched
 
+// Least and greatest coordinates of points.
+const bounds = (points) => points.reduce(([low, high], p) => [low.map((v, i) => Math.min(v, p[i])), high.map((v, i) => Math.max(v, p[i]))],
+  [points[0], points[0]]);
+
 class Stage {
   // corners: points that the first view shows; words: element over the canvas for the names of axes and the scale.
   constructor(canvas, gltf, corners, words, changed) {
     const g = canvas.getContext("webgl2", { antialias: true, stencil: true });
     if (!g) throw new Error("this browser shows no 3-D pictures (WebGL 2 is off)");
-    Object.assign(this, { canvas, g, gltf, corners, words, changed });
+    Object.assign(this, { canvas, g, gltf, changed, words, scale: document.createElement("b") });
     this.solid = this.program(SOLID);
     this.flat = this.program(FLAT);
     this.meshes = gltf.meshes.map((parts) => parts.map((part) => this.upload(part)));
-    const [low, high] = [(a, b) => a < b, (a, b) => a > b].map((first) => [0, 1, 2].map((i) =>
-      this.corners.reduce((found, corner) => (first(corner[i], found) ? corner[i] : found), this.corners[0][i])));
-    this.floor = low[1];
+    this.line = { buffer: g.createBuffer(), array: g.createVertexArray() };
+    this.tip = gltf.nodes.findIndex((node) => node.name.startsWith("tip "));
+    this.names = new Map();
+    words.append(this.scale);
+    this.surround(corners);
+    this.look("home");
+    this.listen();
+  }
+
+  // Lays the floor below these points, and a grid for their size.
+  surround(corners) {
+    this.corners = corners;
+    const [low, high] = bounds(corners);
+    Object.assign(this, { low, high, floor: low[1], fitted: "" });
     this.size = Math.hypot(...high.map((v, i) => v - low[i])) || 1;
     this.middle = high.map((v, i) => (v + low[i]) / 2);
     const raw = this.size / 14, power = 10 ** Math.floor(Math.log10(raw));
     this.cell = power * [1, 2, 5, 10].find((m) => m * power >= raw * 0.99);
     this.quad = this.buffered(new Float32Array([-1, 0, -1, 1, 0, -1, -1, 0, 1, 1, 0, 1].map((v, k) =>
       k % 3 === 1 ? this.floor : this.middle[k % 3] + 3 * this.size * v)));
-    this.line = { buffer: g.createBuffer(), array: g.createVertexArray() };
-    this.tip = gltf.nodes.findIndex((node) => node.name.startsWith("tip "));
-    this.names = new Map();
-    const scale = document.createElement("b");
-    scale.textContent = `grid ${+this.cell.toPrecision(1)} m`;
-    words.append(scale);
-    this.look("home");
-    this.listen();
+    this.scale.textContent = `grid ${+this.cell.toPrecision(1)} m`;
+  }
+
+  // Makes room for further points; the view steps back for them until the reader looks closer. From then on all that is
+  // inside the box around them is seen, so that the view stands still most of the time.
+  include(points) {
+    const [low, high] = bounds([this.low, this.high, ...points]);
+    if (this.corners.length === 8 && `${[low, high]}` === `${[this.low, this.high]}`) return;
+    this.surround(Array.from({ length: 8 }, (_, k) => low.map((v, i) => (k >> i & 1 ? high[i] : v))));
   }
 
   program([vertex, fragment]) {
