@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from armwright.session import arms, controllers, dynamics, files, help, printing, python_prompt, simulation, variables
+from armwright.session import (
+    arms,
+    controllers,
+    dynamics,
+    files,
+    help,
+    printing,
+    python_prompt,
+    simulation,
+    variables,
+    watch,
+)
 from armwright.session.arguments import YES_NO, Argument, same
 from armwright.session.listing import Line
 from armwright.session.workspace import Command
@@ -125,6 +136,16 @@ TABLE = (
             "T = A₁ A₂ … A_N", "[DenavitHartenberg1955]", "pose"),
     Command("jacobian", "speeds of the hand for a unit of each joint's speed", dynamics.jacobian, (FRAME,),
             "[v; ω] = J(θ) θ̇", "[Whitney1972]", "jacobian"),
+    Command(
+        "watch", "show the arm in a page of this machine's browser, which follows theta and plays each simulation",
+        watch.watch,
+        (
+            Argument("state", "choice", "on, or off", ("on", "off"), default="on"),
+            Argument("open", "choice", "open it in the browser too", YES_NO, default="no",
+                     wanted=lambda values: values["state"] == "on"),
+        ),
+        recorded=False, example="watch on",
+    ),
     Command("show", "all variables, or one", variables.show,
             (Argument("name", "text", "a variable; by default all", default=""),), recorded=False, example="show"),
     Command("undo", "take the last changes back; files stay as they are",

@@ -42,6 +42,7 @@ def simulate(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     steps = round(float(scenario.duration or 0.0) / state.step)
     run, steps = _run(session, state, scenario, arguments, steps, before)
     run.attrs |= _attributes(state)
+    session.play(run)
     joined = run if before is None else joined_runs(state, before, run)
     last = {name: np.array(run[name].values[-1], dtype=float) for name in ("q", "qd", "qdd", "u") if name in run}
     session.state = state = state.replace(**last, run=joined)

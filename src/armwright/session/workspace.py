@@ -6,13 +6,20 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from armwright.errors import SessionError
 from armwright.output import whole_file
 from armwright.session.arguments import YES_NO, Argument, quoted
 from armwright.session.listing import Line, Listing, Output
 from armwright.session.state import State, initial_state, load_arm
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from armwright.pictures.live import LiveArm
 
 MAX_UNDO = 100  # changes
 UNSAVED = "the simulation is not saved; save-simulation FILE.nc saves it"
@@ -32,6 +39,7 @@ class Workspace(ABC):
         commands: all there are, by the names that `same` gives.   ask: answers prompts; None in scripts, which give arguments.
         show: called with output along the way.   progress: called with (steps done, all steps) of long runs.
         ended: True once `quit` was typed.   saved: the simulation that was last saved or restored.
+        live: page that shows theta; None where `watch` is off.
         inner_scripts: how many scripts that `run-script` began are being done, whose `quit` ends only them.
     """
 
@@ -50,6 +58,7 @@ class Workspace(ABC):
         self.progress: Callable[[int, int], None] | None = None
         self.ended = False
         self.saved: Any = None
+        self.live: LiveArm | None = None
         self.inner_scripts = 0
         self.recorded_line = ""
 
@@ -66,6 +75,7 @@ class Workspace(ABC):
         self.undo_stack = [*self.undo_stack[-MAX_UNDO + 1 :], self.state]
         self.state = state
         self.write_recording()
+        self.follow()
 
     def undo(self, count: int) -> list[Output]:
         """Goes back to the state before the last `count` changes. Files stay as they are.
@@ -81,6 +91,7 @@ class Workspace(ABC):
         undone = self.state.lines[len(before.lines) :]
         self.state, self.undo_stack = before, self.undo_stack[:-count]
         self.write_recording()
+        self.follow()
         return [Line(f"undone: {'; '.join(undone)}" if undone else "undone", "good")]
 
     def quit(self) -> list[Output]:
@@ -96,6 +107,23 @@ class Workspace(ABC):
             unsaved = False
         self.ended = True
         return [Line(UNSAVED, "note")] if unsaved else []
+
+    def follow(self) -> None:
+        """Shows the arm at theta in the page of `watch`; not once more where a simulation has just led the page there."""
+        arm, q = self.state.arm, self.state.q
+        if self.live is not None and not (arm is self.live.arm and np.array_equal(q, self.live.q)):
+            self.live.show(arm, q)
+
+    def stop_watching(self) -> None:
+        """Closes the page of `watch`, if it is open."""
+        if self.live is not None:
+            self.live.close()
+            self.live = None
+
+    def play(self, run: xr.Dataset) -> None:
+        """Plays a simulation in the page of `watch`."""
+        if self.live is not None:
+            self.live.play(run)
 
     def emit(self, listing: Listing) -> list[Output]:
         """Shows a listing on the screen, or prints it into the open output file."""
