@@ -236,6 +236,22 @@ def test_browsers_that_go_are_passed_over(live, capfd):
     assert capfd.readouterr().err == ""
 
 
+def test_what_is_no_request_is_passed_over(live, capfd):
+    """Requests with some bytes changed, or cut: no pose that nobody sent, and not a word on the terminal."""
+    random = np.random.default_rng(18)
+    address = urlsplit(live.url)
+    head = f"POST {address.path}q HTTP/1.1\r\nHost: 127.0.0.1:{address.port}\r\nContent-Length: 11\r\n\r\n"
+    for _ in range(200):
+        request = np.frombuffer(f'{head}{{"q":[1,2]}}'.encode(), dtype=np.uint8).copy()
+        request[random.integers(len(request), size=3)] = random.integers(256, size=3)
+        with socket.create_connection(("127.0.0.1", address.port), timeout=20) as client:
+            client.sendall(request[: random.integers(20, len(request))].tobytes())
+            client.shutdown(socket.SHUT_WR)
+            assert not client.recv(100).startswith(b"HTTP/1.0 200")
+    assert live.q.tolist() == [0, 0]
+    assert capfd.readouterr().err == ""
+
+
 def test_refused(tmp_path, live):
     for wrong in ([0.0], [0.0, np.nan], "ab"):
         with pytest.raises(ShapeError, match="expected 2 finite numbers"):

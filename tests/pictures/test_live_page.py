@@ -9,6 +9,7 @@ import pytest
 
 import armwright as aw
 from armwright.session import Session
+from physics.arms import arm, random_state
 from pictures.browser import Browser, needs_browser
 
 pytestmark = needs_browser
@@ -36,11 +37,14 @@ def shown(browser):
     return [float(word) for word in browser.text("#q").split(",")]
 
 
-@pytest.mark.parametrize("fragment", ["#light", "#dark"])
-def test_it_goes_where_the_program_says(browser, fragment):
-    arm = aw.load("panda")
-    q = [0.2, -0.8, 0.1, -2.0, 0.1, 1.6, 0.7]
-    with aw.show(arm, live=True) as live:
+@pytest.mark.parametrize(
+    ("name", "fragment", "q"),
+    [("panda", "#light", [0.2, -0.8, 0.1, -2.0, 0.1, 1.6, 0.7]), ("gripper", "#dark", None)],
+)
+def test_it_goes_where_the_program_says(browser, name, fragment, q):
+    model = arm(name)
+    q = [round(float(v), 3) for v in random_state(model, 1)[0]] if q is None else q
+    with aw.show(model, live=True) as live:
         browser.open(live.url, fragment, (1000, 700), stands=LIVE)
         before = browser.picture()
         assert (before.mean() < DARK) == (fragment == "#dark")
@@ -49,7 +53,7 @@ def test_it_goes_where_the_program_says(browser, fragment):
         browser.settle()
         assert (np.abs(browser.picture() - before).max(axis=2) > 30).mean() > 0.01
         x = float(browser.text("#place").split()[1])
-        assert x == pytest.approx(float(aw.forward_kinematics(arm, q)[0, 3]), abs=1e-4)
+        assert x == pytest.approx(float(aw.forward_kinematics(model, q)[0, 3]), abs=1e-4)
         sliders = browser.value("[...document.querySelectorAll('#sliders input')].map((slider) => +slider.value)")
         assert sliders == pytest.approx(q)
         assert browser.faults() == []
@@ -77,9 +81,9 @@ def test_its_sliders_tell_the_program_and_other_pages(browser, tmp_path):
 
 
 def test_it_plays_a_run_in_its_own_time(browser):
-    arm = aw.load("two-link")
-    run = aw.simulate(aw.Scenario(arm, 1.0, [0.0, 0.0], start=aw.Start([0.3, 0.2])))
-    with aw.show(arm, live=True) as live:
+    model = aw.load("two-link")
+    run = aw.simulate(aw.Scenario(model, 1.0, [0.0, 0.0], start=aw.Start([0.3, 0.2])))
+    with aw.show(model, live=True) as live:
         browser.open(live.url, stands=LIVE)
         browser.value(
             "window.seen = []; new MutationObserver(() => window.seen.push([performance.now(),"
@@ -108,8 +112,8 @@ def test_it_plays_a_run_in_its_own_time(browser):
 @pytest.mark.parametrize("how", ["pose", "run"])
 def test_the_view_steps_back_for_where_the_arm_goes(browser, how):
     """From hanging to stretched out sideways and up: all of it is in the picture and above the floor."""
-    arm = aw.load("cmu-dd")
-    with aw.show(arm, live=True) as live:
+    model = aw.load("cmu-dd")
+    with aw.show(model, live=True) as live:
         browser.open(live.url, size=(1000, 700), stands=LIVE)
         browser.value(
             "{ const draw = Stage.prototype.draw; Stage.prototype.draw = function (pose, ...more) {"
@@ -123,7 +127,7 @@ def test_the_view_steps_back_for_where_the_arm_goes(browser, how):
             if how == "pose":
                 live.q = q
             else:
-                live.play(aw.simulate(aw.Scenario(arm, 0.3, [0.0] * 6, start=aw.Start(q))))
+                live.play(aw.simulate(aw.Scenario(model, 0.3, [0.0] * 6, start=aw.Start(q))))
             until(lambda goal=live.q: shown(browser) == pytest.approx(goal, abs=1e-3))
             browser.settle()
             seen = browser.value("window.seen")

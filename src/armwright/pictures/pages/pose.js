@@ -33,7 +33,10 @@ class Poser {
 
   go(q) {
     this.q = [...q];
-    this.sliders.forEach(({ input }, k) => { input.value = this.q[k]; });
+    this.sliders.forEach(({ input }, k) => { // a program may go beyond the limits, and a joint without limits beyond the slider
+      Object.assign(input, { min: Math.min(input.min, q[k]), max: Math.max(input.max, q[k]) });
+      input.value = q[k];
+    });
     this.moved();
   }
 
