@@ -7,6 +7,7 @@ import errno
 import inspect
 import os
 import sys
+from collections.abc import Callable
 from io import TextIOWrapper
 from typing import Annotated, Any
 
@@ -153,42 +154,17 @@ def _commands(
         typer.echo(context.get_help())
 
 
-for command in (
-    robots,
-    info,
-    show,
-    check,
-    diff,
-    convert,
-    inverse_dynamics,
-    forward_dynamics,
-    ik,
-    workspace,
-    plan,
-    simulate,
-    sweep,
-    plot,
-    animate,
-    step_study,
-    reproduce,
-    assemble,
-    loops,
-    compare_controllers,
-    tune,
-    log,
-    validate,
-    shadow,
-    twin,
-    run_controller,
-    sim,
-):
-    app.command()(command)
-app.add_typer(examples, name="examples")
-app.add_typer(excite, name="excite")
-app.add_typer(export, name="export")
-app.add_typer(identify, name="identify")
-app.add_typer(new, name="new")
-app.add_typer(parts, name="parts")
+PANELS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
+    "Describe an arm": (robots, info, show, check, diff, convert, new, parts, assemble),
+    "Compute": (inverse_dynamics, forward_dynamics, ik, workspace, plan),
+    "Simulate": (simulate, sim, plot, animate, step_study, reproduce),
+    "Identify": (excite, log, identify, validate),
+    "Control": (loops, tune, sweep, compare_controllers),
+    "Deploy": (export, twin, run_controller, shadow),
+    "Learn": (examples,),
+}
+DRAWN = (show, plot, animate, sim)  # these draw, or converse: --json would have nothing to write
+WRITTEN = (new, examples)  # these write or list files
 
 
 def _unwrapped(text: str) -> str:
@@ -197,24 +173,17 @@ def _unwrapped(text: str) -> str:
     return "\n\n".join(part if part.startswith("\b") else " ".join(part.split()) for part in paragraphs)
 
 
-for entry in (
-    *app.registered_commands,
-    *examples.registered_commands,
-    *export.registered_commands,
-    *identify.registered_commands,
-    *excite.registered_commands,
-    *new.registered_commands,
-    *export.registered_commands,
-    *parts.registered_commands,
-):
-    assert entry.callback is not None
-    entry.help = _unwrapped(entry.callback.__doc__ or "")
-DRAWN = (show, plot, animate, sim)  # these draw, or converse: --json would have nothing to write
-GROUPS = {"": app, "export ": export, "identify ": identify, "excite ": excite, "parts ": parts}
-for group, commands in GROUPS.items():
-    for entry in commands.registered_commands:
-        assert entry.callback is not None
-        entry.help = _unwrapped(entry.callback.__doc__ or "")
-        entry.name = entry.name or entry.callback.__name__.replace("_", "-")
-        if entry.callback not in DRAWN:
-            entry.callback = with_json(entry.callback, group + entry.name)
+for panel, entries in PANELS.items():
+    for entry in entries:
+        if isinstance(entry, typer.Typer):
+            app.add_typer(entry, rich_help_panel=panel)
+        else:
+            app.command(rich_help_panel=panel)(entry)
+for commands in (app, examples, excite, export, identify, new, parts):
+    for command in commands.registered_commands:
+        assert command.callback is not None
+        command.help = _unwrapped(command.callback.__doc__ or "")
+        command.name = command.name or command.callback.__name__.replace("_", "-")
+        if command.callback not in DRAWN and commands not in WRITTEN:
+            group = "" if commands is app else f"{commands.info.name} "
+            command.callback = with_json(command.callback, group + command.name)

@@ -9,7 +9,7 @@ import typer
 
 from armwright.terminal import say
 
-examples = typer.Typer()
+examples = typer.Typer(name="examples")
 
 Folder = Annotated[
     Path, typer.Argument(metavar="DIR", help="Where the copies go; made if it is not there.", show_default=False)

@@ -27,7 +27,7 @@ class ArmByDefault(TyperGroup):
         return super().parse_args(ctx, args)
 
 
-excite = typer.Typer(cls=ArmByDefault)
+excite = typer.Typer(name="excite", cls=ArmByDefault)
 
 Picture = Annotated[Path | None, option("--plot", "FILE", "Draw it: .png, .svg or .pdf.")]
 Seed = Annotated[int, option("--seed", "N", "Of random numbers, 0 by default.")]

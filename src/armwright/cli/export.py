@@ -11,7 +11,7 @@ from armwright.cli.arguments import SCENARIO, Allow, Robot, as_options
 from armwright.errors import ScenarioError
 from armwright.terminal import result, say
 
-export = typer.Typer()
+export = typer.Typer(name="export")
 
 
 @export.callback()

@@ -10,7 +10,7 @@ from armwright.cli.identify_linear import linear
 from armwright.cli.identify_motor import motor
 from armwright.cli.identify_payload import payload
 
-identify = typer.Typer(help="Identify parameters from logs of measurements.", no_args_is_help=True)
+identify = typer.Typer(name="identify", help="Identify parameters from logs of measurements.", no_args_is_help=True)
 identify.command()(motor)
 identify.command()(arm)
 identify.command()(payload)

@@ -10,7 +10,7 @@ import typer
 from armwright.cli.arguments import option
 from armwright.terminal import say
 
-new = typer.Typer()
+new = typer.Typer(name="new")
 
 
 @new.callback()

@@ -9,7 +9,7 @@ import typer
 
 from armwright.terminal import say
 
-parts = typer.Typer()
+parts = typer.Typer(name="parts")
 
 File = Annotated[Path, typer.Argument(metavar="FILE.parts.toml", help="The parts database.", show_default=False)]
 Arm = Annotated[
