@@ -165,10 +165,9 @@ if TYPE_CHECKING:
     from armwright.trajectory.path import JointPath
     from armwright.trajectory.time_optimal import PathMotion, time_optimal
     from armwright.tuning import TuningResult, tune
-    from armwright.twin.master import BusRun
     from armwright.twin.on_bus import scenario_on_bus
     from armwright.twin.rehearsal import Rehearsal, rehearse
-    from armwright.twin.run import run_controller
+    from armwright.twin.run import BusRun, run_controller
     from armwright.twin.twin import Twin
 
 __version__ = "0.1.0"
@@ -309,10 +308,9 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.ik.workspace": ("workspace",),
     "armwright.trajectory.time_optimal": ("PathMotion", "time_optimal"),
     "armwright.tuning": ("TuningResult", "tune"),
-    "armwright.twin.master": ("BusRun",),
     "armwright.twin.on_bus": ("scenario_on_bus",),
     "armwright.twin.rehearsal": ("Rehearsal", "rehearse"),
-    "armwright.twin.run": ("run_controller",),
+    "armwright.twin.run": ("BusRun", "run_controller"),
     "armwright.twin.twin": ("Twin",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}

@@ -73,6 +73,7 @@ def twin(
       armwright twin arm.scenario.toml --bus socketcan:vcan0 --fault stuck-encoder:joint2@1.5
       armwright twin arm.scenario.toml --eds sheets
     """
+    from armwright.twin.bus import is_virtual
     from armwright.twin.twin import Twin
 
     _, found = _scenarios(scenario, allow, reference, None)
@@ -80,6 +81,8 @@ def twin(
     if eds is not None:
         _write_sheets(made, eds)
         return
+    if is_virtual(bus):
+        say("armwright: note: nobody outside of this process reaches a virtual bus", err=True)
     with made:
         numbers = ", ".join(f"{name} {node.number}" for name, node in zip(made.arm.names, made.nodes, strict=True))
         say(f"{made.arm.name} on {bus}: {numbers}; {made.load}")
@@ -149,7 +152,8 @@ def run_controller(
     if not go:
         say("dry run: nothing was sent; --go runs it")
         return
-    permission = Permission.of(scenario, read, serial=arm, speed=speed, torque=torque)
+    motion = (b"" if reference is None else reference.read_bytes()) + str(duration).encode()
+    permission = Permission.of(scenario, read, motion, serial=arm, speed=speed, torque=torque)
     with contextlib.ExitStack() as stack:
         if is_virtual(bus):
             from armwright.twin.twin import Twin

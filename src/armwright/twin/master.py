@@ -11,22 +11,18 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armwright.errors import BusError
-from armwright.kernels.batch import Kernel
-from armwright.kernels.stages import NEXT
-from armwright.kernels.target import select_target
 from armwright.twin import objects as od
 from armwright.twin.bus import open_bus
-from armwright.twin.cycles import CycleReport, Cycles
+from armwright.twin.cycles import Cycles
 from armwright.twin.faults import TEXT
 from armwright.twin.objects import dictionary, eds_text
 from armwright.twin.rehearsal import Rehearsal
-from armwright.twin.state_machine import State
+from armwright.twin.state_machine import POWERED, State
 from armwright.twin.twin import SYNC, node_numbers
 
 if TYPE_CHECKING:
@@ -42,85 +38,6 @@ CYCLES_TO_REST = 500  # of a quick stop, at most
 MASTER = 1  # number of the master, whose heartbeat nodes listen to
 HEARTBEAT, BEATS = 0.1, 3  # [s] from beat to beat, and beats after which the drives stop
 ROUNDING = 1.5  # counts between where the scenario starts and where the arm stands
-
-
-@dataclass(frozen=True, eq=False)
-class BusRun:
-    """A run over a bus.
-
-    Attributes:
-        rehearsal: the same run as it was simulated.   time: (ticks,) [s].   q: (ticks, n) measured [rad | m].
-        u: (ticks, n) commands [A | N m | N].   applied: (ticks, n) what the drives did.   cycles: what was counted.
-    """
-
-    rehearsal: Rehearsal
-    time: np.ndarray
-    q: np.ndarray
-    u: np.ndarray
-    applied: np.ndarray
-    cycles: CycleReport
-
-    @property
-    def errors(self) -> np.ndarray:
-        """(ticks, n) reference less measured position [rad | m]."""
-        return self.rehearsal.reference[: len(self.q)] - self.q
-
-    @property
-    def complete(self) -> bool:
-        """True if it came to its end."""
-        return len(self.q) == self.rehearsal.recording.ticks
-
-    @property
-    def equal(self) -> bool:
-        """True if positions and commands are those of the simulation to the bit."""
-        ticks, units = len(self.q), self.rehearsal.units
-        did = self.rehearsal.recording.y[:ticks, -self.applied.shape[1] :]
-        return self.first_difference is None and np.array_equal(self.applied, units.command(units.thousandths(did)))
-
-    @property
-    def first_difference(self) -> int | None:
-        """The first tick whose position or command is not that of the simulation; None where all are."""
-        ticks = len(self.q)
-        differs = np.any(self.q != self.rehearsal.q[:ticks], axis=1)
-        differs |= np.any(self.u != self.rehearsal.recording.u[:ticks], axis=1)
-        return int(np.argmax(differs)) if np.any(differs) else None
-
-
-class Law:
-    """A controller's programs in native code, called once a tick: `command(tick, r, q, applied)`."""
-
-    def __init__(self, rehearsal: Rehearsal):
-        stages = self._stages = rehearsal.stages
-        target = select_target(rehearsal.scenario.solver.target)
-        self._begin, self._law, self._shape = (
-            Kernel(each, target) for each in (stages.begin, stages.law, stages.shape)
-        )
-        self._c = np.asarray(stages.gains.values[0], dtype=float)
-        self._outputs = [port.name for port in stages.shape.outputs]
-        self._y = np.zeros(stages.measured.size + stages.applied.size)
-        self._last = np.asarray(stages.initial_command, dtype=float)
-        self._s = np.zeros(0)
-
-    def begin(self, q: np.ndarray, applied: np.ndarray) -> None:
-        """The state before the first tick, from where the arm stands."""
-        self._s = np.asarray(self._begin(self._measured(q, applied), self._c))
-
-    def _measured(self, q: np.ndarray, applied: np.ndarray) -> np.ndarray:
-        n = len(q)
-        self._y[:n], self._y[-n:] = q, applied
-        return self._y
-
-    def command(self, tick: int, r: np.ndarray, q: np.ndarray, applied: np.ndarray) -> np.ndarray:
-        """The command (n,) of a tick."""
-        y = self._measured(q, applied)
-        values = {"tick": np.array([float(tick)]), "r": r, "y": y, "s": self._s, "c": self._c}
-        asked, following = self._law(*[values[port.name] for port in self._stages.law.inputs])
-        self._s = np.array(following)
-        shaped = self._shape(np.asarray(asked), self._last)
-        outputs = dict(zip(self._outputs, shaped if isinstance(shaped, tuple) else (shaped,), strict=True))
-        issued = np.array(outputs[f"u_issued{NEXT}"])
-        self._last = np.array(outputs.get(f"u_kept{NEXT}", issued))
-        return issued
 
 
 class Master:
@@ -354,18 +271,18 @@ class Master:
         return BusError(what, place=f"joint {self.names[joint]!r}", expected=f"{_name(state)}; all drives were stopped")
 
     def stop(self) -> None:
-        """Brings all drives to rest by a quick stop, then takes their voltage away."""
+        """Brings all drives to rest by a quick stop, then takes their voltage away; what does not answer is left to its own."""
         self._moves = False
-        clock = time.perf_counter()
+        clock, nothing = time.perf_counter(), np.zeros(len(self.numbers))
         for k in range(CYCLES_TO_REST):
-            self.send(QUICK_STOP, np.zeros(len(self.numbers)))
+            self.send(QUICK_STOP, nothing)
             if self._heart is not None:  # in real time
                 time.sleep(max(clock + k * self.period - time.perf_counter(), 0.0))
-            self.cycle()
-            if not any(state in (State.ENABLED, State.QUICK_STOP, State.REACTION) for state in self.states()):
+            answered = self.cycle(time.perf_counter() + ANSWER)
+            if not answered or not any(state in POWERED for state in self.states()):
                 break
-        self.send(DISABLE, np.zeros(len(self.numbers)))
-        self.cycle()
+        self.send(DISABLE, nothing)
+        self.cycle(time.perf_counter() + ANSWER)
 
 
 def _name(state: State | None) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import threading
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -40,10 +41,17 @@ class TwinNode:
         number: of the node.   drive: behind it.   eds: text of its data sheet.   local: canopen's node.
     """
 
-    def __init__(self, number: int, name: str, drive: Drive, defaults: Mapping[Key, int]):
+    def __init__(self, number: int, name: str, drive: Drive, defaults: Mapping[Key, int], lock: threading.RLock):
+        """A node that is not yet on a bus.
+
+        Args:
+            number: of the node.   name: of the product.   drive: behind it.   defaults: values of objects that are its own.
+            lock: held while the drive changes, since a second thread brings it to rest where the master is gone.
+        """
         import canopen
 
-        self.number, self.drive = number, drive
+        self.number, self.drive, self._lock = number, drive, lock
+        self._network: Any = None
         self.eds = eds_text(number, name, defaults)
         self.local = canopen.LocalNode(number, dictionary(self.eds, number))
         self.local.add_read_callback(self._read)
@@ -85,7 +93,8 @@ class TwinNode:
         if number not in (0, self.number):
             return
         if command in (STOPPED, RESET, RESET_COMMUNICATION) and self.drive.state in POWERED:
-            self.drive.abort_connection(faults.HEARTBEAT)
+            with self._lock:
+                self.drive.abort_connection(faults.HEARTBEAT)
         if command in (RESET, RESET_COMMUNICATION):
             self._boot()
 
@@ -100,9 +109,10 @@ class TwinNode:
             return
         (value,) = struct.unpack(f"<{ENTRIES[key].kind.packed}", data)
         self._check(key, value)
-        self.drive.values[key] = value
-        if key == od.CONTROLWORD:
-            self.drive.command(value)
+        with self._lock:
+            self.drive.values[key] = value
+            if key == od.CONTROLWORD:
+                self.drive.command(value)
         if RECEIVE <= index < TRANSMIT + 0x400:
             self._maps = None
             self._listen()

@@ -20,12 +20,12 @@ from armwright.errors import BusError, ScenarioError
 from armwright.interfaces import JointReference, Measurement
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
-from armwright.simulation.loop.command_filter import CommandFilter
+from armwright.simulation.loop.command_filter import WHOLE, CommandFilter
 from armwright.simulation.loop.sensors import Sensors
 from armwright.simulation.scenario import Scenario
-from armwright.simulation.scenario_parts import Recording
+from armwright.simulation.scenario_parts import Loop, Recording
 from armwright.twin.bus import BITRATE, BusLoad
-from armwright.twin.units import COUNTS_PER_METRE, COUNTS_PER_TURN, Units, check_units
+from armwright.twin.units import COUNTS_PER_METRE, COUNTS_PER_TURN, Units
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,47 +94,54 @@ def scenario_on_bus(scenario: Scenario, *, bitrate: int = BITRATE) -> Scenario:
         BusError: no loop; a measurement that frames do not carry; an arm without limits, or with drives that take voltages; a
             period that the bus or object 60C2 does not hold.
     """
-    loop, arm = scenario.loop, scenario.arm
-    if loop is None or loop.controller is None:
+    if scenario.controller is None:
         raise BusError("no controller", place="loop.controller", expected="one that drives the arm over the bus")
+    units, sensors, loop = _carried(scenario, bitrate)
+    limit = units.limit if loop.command_filter.limit is None else loop.command_filter.limit
+    limit = np.minimum(np.broadcast_to(np.asarray(limit, dtype=float), scenario.arm.n), units.limit)
+    limit = np.floor(limit / units.thousandth + WHOLE) * units.thousandth
+    command_filter = replace(loop.command_filter, limit=limit, resolution=units.thousandth)
+    law = OnBus(loop.controller, units=units, sensors=sensors.exact())
+    return _replaced(scenario, loop=replace(loop, controller=law, command_filter=command_filter))
+
+
+def plant_on_bus(scenario: Scenario, *, bitrate: int = BITRATE) -> Scenario:
+    """The plant's part of `scenario_on_bus`, whose commands come from outside; the scenario needs no controller.
+
+    Args:
+        scenario: with a sampled loop.   bitrate: [bit/s].
+    Raises:
+        BusError: as `scenario_on_bus`.
+    """
+    _, _, loop = _carried(scenario, bitrate)
+    loop = replace(loop, controller=None, reference=None, command_filter=CommandFilter())
+    return _replaced(scenario, loop=loop, duration=None, recording=Recording(what="state"))
+
+
+def _carried(scenario: Scenario, bitrate: int) -> tuple[Units, Sensors, Loop]:
+    """The units of the bus, the sensors that make speeds of positions, and the loop with what the bus does to both ends of it."""
+    loop, arm = scenario.loop, scenario.arm
+    if loop is None:
+        raise BusError("no sampled loop", place="loop", expected="one with a period, that drives the arm over the bus")
     if (scenario.lane_count or 1) > 1:
-        raise BusError(
-            f"{scenario.lane_count} lanes", place="lanes", expected="one arm: a scenario without batches and draws"
-        )
+        what = f"{scenario.lane_count} lanes"
+        raise BusError(what, place="lanes", expected="one arm: a scenario without batches and draws")
     if scenario.started is not None:
         raise BusError("goes on from a state", place="start", expected="initial positions")
-    check_units(arm)
-    units = Units.of(scenario)
-    load = BusLoad(arm.n, scenario.tick, bitrate)
+    units, load = Units.of(scenario), BusLoad(arm.n, scenario.tick, bitrate)
     load.check()
-    speeds = _speeds(scenario)
-    limit = units.limit if loop.command_filter.limit is None else loop.command_filter.limit
-    limit = np.minimum(np.broadcast_to(np.asarray(limit, dtype=float), arm.n), units.limit)
-    limit = np.floor(limit / units.thousandth + 1e-9) * units.thousandth
-    command_filter = replace(loop.command_filter, limit=limit, resolution=units.thousandth)
-    timing = replace(loop.timing, preset="sync", command_delay=loop.timing.command_delay + load.cycle(stuffed=True))
-    law = OnBus(loop.controller, units=units, sensors=speeds.exact())
+    sensors = _speeds(scenario)
+    delay = loop.timing.command_delay + load.cycle(stuffed=True)
+    timing = replace(loop.timing, preset="sync", command_delay=delay)
+    measured = replace(sensors, velocity="exact", cutoff_hz=None)  # speeds are made of positions at the other end
+    return units, sensors, replace(loop, period=scenario.tick, sensors=measured, timing=timing)
+
+
+def _replaced(scenario: Scenario, **changes: Any) -> Scenario:
     try:
-        return replace(
-            scenario,
-            loop=replace(
-                loop,
-                controller=law,
-                period=scenario.tick,
-                sensors=replace(speeds, velocity="exact", cutoff_hz=None),
-                command_filter=command_filter,
-                timing=timing,
-            ),
-        )
+        return replace(scenario, **changes)
     except ScenarioError as error:
         raise BusError.of(*error.problems) from None
-
-
-def without_controller(scenario: Scenario) -> Scenario:
-    """The plant's part of a scenario on a bus, whose commands come from outside."""
-    assert scenario.loop is not None
-    loop = replace(scenario.loop, controller=None, reference=None, command_filter=CommandFilter())
-    return replace(scenario, loop=loop, duration=None, recording=Recording(what="state"))
 
 
 def _speeds(scenario: Scenario) -> Sensors:

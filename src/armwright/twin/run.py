@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from armwright.errors import BusError
 from armwright.simulation.scenario import Scenario
 from armwright.twin.bus import BITRATE, check_bus
-from armwright.twin.master import ENABLE, HEARTBEAT, ROUNDING, BusRun, Law, Master
+from armwright.twin.cycles import CycleReport
+from armwright.twin.law import Law
+from armwright.twin.master import ENABLE, HEARTBEAT, ROUNDING, Master
 from armwright.twin.rehearsal import Rehearsal, rehearse
 from armwright.twin.safety import Permission, check_permission
 from armwright.twin.state_machine import State
@@ -18,6 +21,48 @@ from armwright.twin.state_machine import State
 VIRTUAL = Permission()  # enough for a bus of this process
 ANSWERED, SLIPPED = 0.9, 0.5  # of a period: how long answers are waited for; from when on SYNC is not made up for
 MARGIN, LEAST_ERROR = 2.0, 0.0175  # of the rehearsal's largest error; at least a degree, or 17.5 mm
+
+
+@dataclass(frozen=True, eq=False)
+class BusRun:
+    """A run over a bus.
+
+    Attributes:
+        rehearsal: the same run as it was simulated.   time: (ticks,) [s].   q: (ticks, n) measured [rad | m].
+        u: (ticks, n) commands [A | N m | N].   applied: (ticks, n) what the drives did.   cycles: what was counted.
+    """
+
+    rehearsal: Rehearsal
+    time: np.ndarray
+    q: np.ndarray
+    u: np.ndarray
+    applied: np.ndarray
+    cycles: CycleReport
+
+    @property
+    def errors(self) -> np.ndarray:
+        """(ticks, n) reference less measured position [rad | m]."""
+        return self.rehearsal.reference[: len(self.q)] - self.q
+
+    @property
+    def complete(self) -> bool:
+        """True if it came to its end."""
+        return len(self.q) == self.rehearsal.recording.ticks
+
+    @property
+    def equal(self) -> bool:
+        """True if positions and commands are those of the simulation to the bit."""
+        ticks, units = len(self.q), self.rehearsal.units
+        did = self.rehearsal.recording.y[:ticks, -self.applied.shape[1] :]
+        return self.first_difference is None and np.array_equal(self.applied, units.command(units.thousandths(did)))
+
+    @property
+    def first_difference(self) -> int | None:
+        """The first tick whose position or command is not that of the simulation; None where all are."""
+        ticks = len(self.q)
+        differs = np.any(self.q != self.rehearsal.q[:ticks], axis=1)
+        differs |= np.any(self.u != self.rehearsal.recording.u[:ticks], axis=1)
+        return int(np.argmax(differs)) if np.any(differs) else None
 
 
 def run_controller(
@@ -77,6 +122,9 @@ def _run(
     for tick in range(ticks):
         q[tick], applied[tick] = master.q, master.applied
         u[tick] = law.command(tick, recording.r[tick], q[tick], applied[tick])
+        if not np.all(np.isfinite(u[tick])):
+            what = f"the controller's command at {tick * master.period:g} s is not finite"
+            raise BusError(what, place="loop.controller", expected="numbers; all drives were stopped")
         off = np.abs(rehearsal.reference[tick] - q[tick]) > most
         if np.any(off):
             joint = int(np.argmax(off))

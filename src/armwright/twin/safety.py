@@ -9,6 +9,7 @@ an arm of metal            that, a passing verdict of `validate` on this very sc
 from __future__ import annotations
 
 import datetime
+import hashlib
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -43,7 +44,8 @@ class Permission:
     """What a user has said and shown before an arm may move.
 
     Attributes:
-        serial: of the arm, as object 1018 has it; None: not said.   path: of the scenario's file.   sha256: its checksum.
+        serial: of the arm, as object 1018 has it; None: not said.   path: of the scenario's file.
+        sha256: checksum of all that decides the run but for its speed and torque.
         verdict: of `validate` on it; None: there is none.   speed, torque: of the run, in parts of the scenario's.
         may_move: the dead-man key; None: there is none.
     """
@@ -57,16 +59,18 @@ class Permission:
     may_move: Callable[[], bool] | None = None
 
     @classmethod
-    def of(cls, path: str | os.PathLike[str], scenario: Scenario, **said: Any) -> Permission:
+    def of(cls, path: str | os.PathLike[str], scenario: Scenario, motion: bytes = b"", **said: Any) -> Permission:
         """The permission for a scenario that was read from a file, with its verdict.
 
         Args:
-            path: of the file.   scenario: as it was read.   said: the other attributes.
+            path: of the file.   scenario: as it was read.   motion: what it follows in place of its own reference.
+            said: the other attributes.
         Raises:
             LogError: a verdict that cannot be read.
         """
         sha256 = record_sha256(Path(path), scenario)
-        return cls(path=Path(path), sha256=sha256, verdict=stored_verdict(path, sha256), **said)
+        of_run = hashlib.sha256(sha256.encode() + motion).hexdigest()
+        return cls(path=Path(path), sha256=of_run, verdict=stored_verdict(path, sha256), **said)
 
     @property
     def reduced(self) -> bool:
@@ -78,7 +82,7 @@ class Permission:
         if self.path is None or not self.path.with_suffix(ENDING).exists():
             return False
         with toml_tables(self.path.with_suffix(ENDING), BusError) as tables:
-            return tables.get("serial") == self.serial and tables.get("scenario_sha256") == self.sha256
+            return tables.get("serial") == self.serial and tables.get("run_sha256") == self.sha256
 
     def write_reduced(self) -> Path:
         """Stores beside the scenario that a reduced run has come to its end.
@@ -91,7 +95,7 @@ class Permission:
         document.add(
             tomlkit.comment("Written by `armwright run-controller` after a run with reduced speed and torque.")
         )
-        values = {"serial": self.serial, "scenario_sha256": self.sha256, "speed": self.speed, "torque": self.torque}
+        values = {"serial": self.serial, "run_sha256": self.sha256, "speed": self.speed, "torque": self.torque}
         for name, value in {**values, "date": datetime.date.today().isoformat()}.items():
             document[name] = value
         with whole_file(path) as temporary:

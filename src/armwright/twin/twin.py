@@ -30,7 +30,7 @@ from armwright.twin.drive import Drive
 from armwright.twin.faults import LATE_SYNC, Fault
 from armwright.twin.node import TwinNode
 from armwright.twin.objects import Key
-from armwright.twin.on_bus import scenario_on_bus, without_controller
+from armwright.twin.on_bus import plant_on_bus
 from armwright.twin.profile import Servo
 from armwright.twin.state_machine import State
 from armwright.twin.units import Units
@@ -71,11 +71,12 @@ class Twin:
         bitrate: int = BITRATE,
     ):
         require_twin()
-        self.scenario = scenario_on_bus(scenario, bitrate=bitrate)
+        self.scenario = plant_on_bus(scenario, bitrate=bitrate)
         self.bus, self.period = bus, self.scenario.tick
         self.units = Units.of(self.scenario)
-        self.simulation = Simulation(without_controller(self.scenario))
+        self.simulation = Simulation(self.scenario)
         self.arm, self.faults = scenario.arm, tuple(faults)
+        self._lock, self._ended = threading.RLock(), threading.Event()
         self.load = load = BusLoad(self.arm.n, self.period, bitrate)
         numbers = node_numbers(nodes, self.arm.n)
         self.drives: list[Drive] = []
@@ -83,7 +84,7 @@ class Twin:
         for joint, (number, name) in enumerate(zip(numbers, self.arm.names, strict=True)):
             defaults = self._defaults(joint, load) | {od.SERIAL: serial}
             self.drives.append(Drive(name, defaults, self.period))
-            self.nodes.append(TwinNode(number, f"{self.arm.name} {name}", self.drives[-1], defaults))
+            self.nodes.append(TwinNode(number, f"{self.arm.name} {name}", self.drives[-1], defaults, self._lock))
         self.cycles = Cycles(self.period)
         self.failure: ArmwrightError | None = None
         q = self.simulation.scenario.initial_state[0, : self.arm.n]
@@ -93,7 +94,6 @@ class Twin:
         lanes = Lanes(1, self.simulation.loop.loops[0].target.width)
         y = self.simulation.controller.y
         self._first = y.parts(self.simulation.initial_blocks(lanes)["y"][0])  # before tick 0
-        self._lock, self._ended = threading.RLock(), threading.Event()
         self._network: Any = None
         self._coasts = False
         self._watcher = threading.Thread(target=self._watch, name="twin", daemon=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import BusError
-from armwright.model import Body, Model
+from armwright.model import Body
 from armwright.scalar import Array
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Loop
@@ -42,7 +42,8 @@ class Units:
         """The units of a scenario's arm: its encoders' counts, its drives' limits as rated torque.
 
         Raises:
-            BusError: a drive that takes voltages, or without a limit; positions that 32 bits do not hold.
+            BusError: a drive that takes voltages, that has no limit, or that several joints turn; positions that 32 bits do not
+                hold.
         """
         arm = scenario.arm
         sensors = (scenario.loop or Loop()).joint_sensors
@@ -96,6 +97,9 @@ def _torque_of_command(body: Body) -> float:
 def _most(body: Body, arm: str) -> float:
     """The command of the largest torque that a drive gives."""
     limits, place = body.limits, f"joint {body.joint!r} limits"
+    if body.drive.coupling:
+        what = f"the motor of joint {body.joint!r} is turned by other joints too"
+        raise BusError(what, place="motor.coupling", expected="one drive for each joint")
     if body.drive.command == "voltage":
         what = f"the drive of joint {body.joint!r} of {arm} takes voltages"
         raise BusError(what, place="command", value="voltage", expected="'current' or 'torque', as CiA 402 drives take")
@@ -108,15 +112,3 @@ def _most(body: Body, arm: str) -> float:
         expected = "position and velocity limits in the record, which the drive watches"
         raise BusError("no limit", place=place, expected=expected, file=arm)
     return float(most)
-
-
-def check_units(arm: Model) -> None:
-    """Refuses arms whose joints are not driven one by one through rigid gears, so that motor and joint positions are one.
-
-    Raises:
-        BusError: names the joint.
-    """
-    for body in arm.coordinates:
-        if body.drive.coupling:
-            what = f"the motor of joint {body.joint!r} is turned by other joints too"
-            raise BusError(what, place="motor.coupling", expected="one drive for each joint")
