@@ -143,6 +143,10 @@ def branching(t, r, y):
     return y.q if y.q[0] > 0 else -y.q
 
 
+UNTRACED = aw.Loop(branching, period=1e-3)
+SLOW = aw.Loop(period=1e-3, timing=aw.Timing(command_delay=900.0))
+
+
 @pytest.mark.parametrize(
     ("options", "changes", "message"),
     [
@@ -154,8 +158,9 @@ def branching(t, r, y):
         ({"platforms": ["amiga"]}, {}, r"^platforms = 'amiga': there is aarch64-darwin"),
         ({"part": "both"}, {}, r"^loop\.controller: no controller; expected one to export, or part = 'plant'$"),
         ({"part": "both", "interface": "model-exchange"}, {}, r"^part = 'both': a controller acts at its ticks"),
-        ({"part": "both"}, {"loop": aw.Loop(branching, period=1e-3), "duration": 0.1}, r"cannot be traced \(test_files\.py, line \d+\)"),
+        ({"part": "both"}, {"loop": UNTRACED, "duration": 0.1}, r"cannot be traced \(test_files\.py, line \d+\)"),
         ({}, {"start": aw.Batch([[0.0], [0.1]])}, r"^lanes: 2 lanes, and an FMU is one"),
+        ({}, {"loop": SLOW}, r"^loop\.timing: 7\.2 MB .* shorter delays$"),
         ({}, {"solver": aw.Solver("cvodes")}, r"^solver\.integrator = 'cvodes': is not part of the code"),
     ],
 )  # fmt: skip

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from armwright.errors import ScenarioError
 from armwright.export.fmu.sampled import SampledModel
 from armwright.export.fmu.variables import Variable
 from armwright.kernels.c import Unit, c_text
 from armwright.kernels.c_loop import LoopText
 from armwright.kernels.c_syntax import C_DOUBLE, identifier, literal
 
+LARGEST = 4_000_000  # bytes of a state, which tools copy to go back in time
 KINDS = {"input": "INPUT", "output": "COMPUTED", "local": "COMPUTED", "fixed": "FIXED", "tunable": "INPUT"}
 
 _HEADER = """\
@@ -102,24 +104,18 @@ def sampled_source(model: SampledModel, token: str) -> dict[str, str]:
     """The texts of model.h and model.c of a model for co-simulation."""
     unit = Unit(C_DOUBLE, "model_")
     loop = LoopText(unit, model.stages, "model_state", model.clock)
-    results = {port.name: port.size for port in model.begin.outputs}
-    further = {name: results[result] for name, result in model.begun.items() if name not in loop.sizes}
-    further |= results | {identifier(name): len(values) for name, values in model.inputs.items()}
-    blocks = {name: values for name, values in model.blocks.items() if name in loop.sizes}
-    for name in set(model.arguments.values()) - set(model.inputs):  # values of a lane that no stage reads
-        if name not in loop.sizes:
-            further[name], blocks[name] = len(model.blocks[name]), model.blocks[name]
-    known = {name: size for name, size in further.items() if size and name not in loop.sizes}
-    known |= {each.member: 0 for each in model.variables if each.member not in loop.sizes and each.member not in known}
-    for name in [name for name, size in known.items() if not size]:
-        known[name] = len(model.blocks[name])
-        blocks[name] = model.blocks[name]
-    sizes = {**loop.sizes, **known}
+    known = {**model.blocks, **model.inputs}
+    asked = [name for name in (*model.arguments.values(), *(each.member for each in model.variables)) if name in known]
+    further = {port.name: port.size for port in model.begin.outputs if port.size}
+    further |= {name: len(known[name]) for name in (*model.inputs, *asked)}
+    further = {name: size for name, size in further.items() if name not in loop.sizes}
+    sizes = {**loop.sizes, **further}
+    _check_size(sizes, loop.rings)
     for name, stages in (("control", model.control), ("move", model.move), ("measure", model.measure)):
         loop.add_function(f"model_{name}", stages, advances=name == ("move" if model.move else "control"))
     unit.functions["model_begin"] = _begin(model, loop, sizes)
     unit.functions["model_tick"] = _tick(model, sizes)
-    initial = loop.initial({**blocks, **model.inputs})
+    initial = loop.initial({name: values for name, values in known.items() if name in sizes})
     unit.functions["model_create"] = CREATE.format(rows=",\n".join(f"    {row}" for row in initial) or "    0")
     unit.functions["model_variables"] = variable_table(model.variables)
     constants = {"MODEL_PERIOD": literal(model.clock.period, C_DOUBLE), "MODEL_STATES": "0u", "MODEL_INDICATORS": "0u"}
@@ -127,9 +123,21 @@ def sampled_source(model: SampledModel, token: str) -> dict[str, str]:
         "int model_tick(model_state *l); /* 0, or 1 where the state is infinite or NaN, or the solver stalled */"
     )
     return {
-        "model.h": model_header(token, model.variables, loop.members(known), constants, functions),
+        "model.h": model_header(token, model.variables, loop.members(further), constants, functions),
         "model.c": c_text(unit, ['"model.h"', "<string.h>"]),
     }
+
+
+def _check_size(sizes: Mapping[str, int], rings: Mapping[str, tuple[int, int]]) -> None:
+    """Refuses a state that no tool copies at its ease.
+
+    Raises:
+        ScenarioError: too large.
+    """
+    numbers = sum(sizes.values()) + sum(length * entries for length, entries in rings.values())
+    if 8 * numbers > LARGEST:
+        what = f"{8e-6 * numbers:.3g} MB of commands and measurements under way in an FMU's state"
+        raise ScenarioError(what, place="loop.timing", expected=f"at most {1e-6 * LARGEST:g} MB: shorter delays")
 
 
 def _begin(model: SampledModel, loop: LoopText, sizes: Mapping[str, int]) -> str:
@@ -144,18 +152,8 @@ def _begin(model: SampledModel, loop: LoopText, sizes: Mapping[str, int]) -> str
             lines.append(f"memcpy(l->{block}, l->{result}, sizeof l->{block});")
     for ring, block in model.filled.items():
         length, _ = loop.rings[ring]
-        lines += (
-            [f"memcpy(l->ring_{ring}[{k}], l->{block}, sizeof l->ring_{ring}[{k}]);" for k in range(length)]
-            if (length <= 8)
-            else [
-                "{",
-                "    int k;",
-                f"    for (k = 0; k < {length}; k++) {{",
-                f"        memcpy(l->ring_{ring}[k], l->{block}, sizeof l->ring_{ring}[k]);",
-                "    }",
-                "}",
-            ]
-        )
+        copy = f"memcpy(l->ring_{ring}[k], l->{model.begun[block]}, sizeof l->ring_{ring}[k]);"
+        lines += ["{", "    int k;", f"    for (k = 0; k < {length}; k++) {{", f"        {copy}", "    }", "}"]
     lines += [f"l->x_first[{k}] = l->x[{entry}];" for k, entry in enumerate(model.ranged)]
     lines += _entering(model, sizes, commands=False)
     if model.measure:

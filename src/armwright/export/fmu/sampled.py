@@ -20,7 +20,7 @@ from armwright.export.controller.stages import traced_beginning
 from armwright.export.fmu.variables import Variable, quoted, variables_of
 from armwright.kernels.c_loop import Clock
 from armwright.kernels.loop import Lanes
-from armwright.kernels.stages import SEEN, Call, Record, Rows, Stage, Table
+from armwright.kernels.stages import SEEN, Call, Delay, Record, Rows, Stage, Table
 from armwright.model import Model
 from armwright.model.joint_signals import joint_signal
 from armwright.program import Program
@@ -59,7 +59,7 @@ class SampledModel:
         begin: the program that computes initial values.   arguments: members that hold its inputs, by port.
         begun: blocks that its results fill, by name.   filled: rings that are filled from blocks, by name.
         control, move, measure: stages of a tick, in this order, without those of other parts.
-        entering: (block, member) that a tick begins with.   blocks, rings: initial values, which `begin` may replace.
+        entering: (block, member) that a tick begins with.   blocks: initial values, which `begin` may replace.
         inputs: initial values of the members that inputs and parameters are written into, by name.   variables: all but time.
         ranged: entries of x whose ranges the solver's steps are measured by.
     """
@@ -77,7 +77,6 @@ class SampledModel:
     measure: tuple[Stage, ...]
     entering: tuple[tuple[str, str], ...]
     blocks: Mapping[str, np.ndarray]
-    rings: Mapping[str, np.ndarray]
     inputs: Mapping[str, np.ndarray]
     variables: tuple[Variable, ...]
     ranged: tuple[int, ...]
@@ -168,7 +167,7 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
     controller = part == "controller"
     kept = {"y_old": "y_kept", "u": "u", "u_queued": "u"}
     stages = (*([] if part == "plant" else [*control, shape]), *([] if controller else [*move, *measure]))
-    rings = {name: rows[0] for name in lanes.rings if (rows := lanes.get_ring(name)).size and _delays(stages, name)}
+    rings = [stage.to for stage in stages if isinstance(stage, Delay)]
     blocks = {name: lanes.get(name)[0] for name in lanes.blocks}
     extra = {name: first[name] for name in ("c", "p", "c_sensors") if name in first and name not in blocks}
     begin, begun = loop.initialisation.program, BEGUN
@@ -189,7 +188,6 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
         () if controller else tuple(measure),
         tuple(entering),
         {**blocks, **{name: values for name, values in extra.items() if values.size}},
-        rings,
         {name: values for name, values in inputs.items() if values.size},
         tuple(variables),
         tuple(places_watched(loop.plant.layout)) if "x_first" in blocks and not controller else (),
@@ -245,10 +243,6 @@ def _split(stages: tuple[Stage, ...]) -> tuple[Sequence[Stage], Call, Sequence[S
 
 def _name(stage: Stage) -> str:
     return stage.program.name if isinstance(stage, Call) else ""
-
-
-def _delays(stages: tuple[Stage, ...], to: str) -> bool:
-    return any(getattr(stage, "to", None) == to for stage in stages)
 
 
 def acting_layout(loop: UnrecordedLoop, name: str) -> Layout:
