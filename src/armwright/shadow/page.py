@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,12 +34,17 @@ def write_shadow(path: str | os.PathLike[str], shadow: Shadow) -> Path:
         OutputError: the file cannot be written.
     """
     sections = [("Alarms", _alarms(shadow)), ("Every joint", html_table(HEADS, _escaped(shadow.rows()), (0, 1)))]
-    sections.append(("Where limits come from", "".join(f"<p>{escape(note)}.</p>" for note in shadow.notes)))
+    sections.append(("Where limits come from", _list(shadow.notes)))
     runs = sorted(shadow.runs, key=lambda each: not each.alarms)[:DRAWN]
     for k, joint in enumerate(shadow.arm.names):
         pictures = [f'<h3>Run {escape(run.run)}</h3><div class="plot">{_picture(shadow, run, k)}</div>' for run in runs]
         sections.append((joint, "".join(pictures)))
     return write_report(path, f"{shadow.arm.name}: shadow of {shadow.log.title}", sections=sections)
+
+
+def _list(notes: Sequence[str]) -> str:
+    items = (f"<li>{escape(note[:1].upper() + note[1:])}.</li>" for note in notes)
+    return f"<ul>{''.join(items)}</ul>"
 
 
 def _escaped(rows: list[list[str]]) -> list[list[str]]:
@@ -50,7 +56,7 @@ def _alarms(shadow: Shadow) -> str:
         return '<p class="verdict">No limits</p><p>Residuals are shown, and nothing is judged.</p>'
     if not shadow.alarms:
         runs = f"{len(shadow.runs)} run{'s' * (len(shadow.runs) != 1)}"
-        return f'<p class="verdict good">None</p><p>All residuals of {runs} are within their limits.</p>'
+        return f'<p class="verdict good">None</p><p>No residual of {runs} stayed beyond its limit.</p>'
     count = len(shadow.alarms)
     table = html_table(
         ("run", "time [s]", "until [s]", "joint", "residual", "limit", "cause"),
@@ -87,10 +93,10 @@ def _picture(shadow: Shadow, run: ShadowRun, k: int) -> str:
             label = "alarm" if number == 0 else None
             above.axvspan(alarm.t, end, color=RESIDUAL, alpha=0.15, linewidth=0, label=label)
         above.axhline(0.0, color=INK, linewidth=0.5)
-        curve(below, rows.t, rows.position[:, k], PREDICTED, "residual position")
+        curve(below, rows.t, 1e3 * rows.position[:, k], PREDICTED, "residual position")
         below.axhline(0.0, color=INK, linewidth=0.5)
         words(above, "", f"torque [{torque}]")
-        words(below, "time [s]", f"position [{position}]")
+        words(below, "time [s]", f"position [m{position}]")
         figure.align_ylabels()
         figure.legend(loc="upper left", ncols=4, borderaxespad=0.1, frameon=False, labelcolor=INK, fontsize=SIZE)
 

@@ -19,7 +19,7 @@ from armwright.shadow.alarms import FACTOR, AlarmWatch, ShadowAlarm
 from armwright.shadow.observer import MomentumObserver, Residuals, ShadowBandwidths, with_kilogram
 from armwright.shadow.uncertainty import Deviations, torque_deviations, verdict_of
 
-HEADS = ("joint", "unit", "RMS of residual", "largest", "limit", "position RMS", "largest position", "alarms")
+HEADS = ("joint", "unit", "RMS of residual", "largest", "limit at rest", "position RMS", "largest position", "alarms")
 ROWS = 4096  # of a log that are handled at once
 
 
@@ -177,7 +177,9 @@ def shadow_log(
     Args:
         log: what `read_log` returned, with positions, and torques or currents, of all joints.
         robot: path, name or model; None: the robot that the log names.   runs: names; None: all.
-        deviation, factor, bandwidths, record: as of `ArmShadow`.   progress: called with rows done, and all.
+        deviation: (n,) or one number [N m | N], standard deviation of the torque residual; None: `torque_deviations`.
+        factor: standard deviations that a residual may reach.   bandwidths: of the observer.
+        record: path of the file, where `robot` is a model.   progress: called with rows done, and all.
     Returns:
         shadow: residuals, alarms and limits.
     Raises:
@@ -249,7 +251,9 @@ def _notes(log: Log, known: Deviations, record: str | os.PathLike[str] | None) -
     if not np.isfinite(known.values).all():
         notes.append("without them no alarm is raised: validate the record with a log of the arm, or state a deviation")
     verdict = verdict_of(record)
-    notes.append("no verdict on this record: run `armwright validate`" if verdict is None else f"verdict: {verdict}")
+    notes.append(
+        "no verdict on this record: `armwright validate` makes one" if verdict is None else f"verdict: {verdict}"
+    )
     lacks = sorted({term for signal in log.table.signals for term in signal.lacks})
     if lacks:
         notes.append(f"the log says that its torques lack {', '.join(lacks)}: so does the model here")

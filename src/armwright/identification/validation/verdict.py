@@ -162,7 +162,9 @@ def passing_verdict(record: str | os.PathLike[str], sha256: str | None = None) -
     """The passing verdict on a record as it is now; to be asked for before a model may act on an arm.
 
     Args:
-        record, sha256: as of `stored_verdict`.
+        record: path of its file.   sha256: of a scenario's record, as of `stored_verdict`.
+    Returns:
+        verdict: that was found.
     Raises:
         LogError: no verdict, one that failed, or one of another state of the record.
     """
