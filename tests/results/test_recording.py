@@ -141,7 +141,9 @@ def refused(run, path):
 
 def test_refused_destinations(arm, folder):
     run = invented(arm)
-    assert "the ending '.xls' is not offered; expected .nc, .csv, .parquet, .mcap or .mat" in refused(run, folder / "run.xls")
+    assert "the ending '.xls' is not offered; expected .nc, .csv, .parquet, .mcap or .mat" in refused(
+        run, folder / "run.xls"
+    )
     assert "has no ending; expected .nc" in refused(run, folder / "run")
     assert "there is no folder" in refused(run, folder / "nowhere" / "run.nc")
     (folder / "folder.nc").mkdir()
