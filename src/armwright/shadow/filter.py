@@ -61,7 +61,7 @@ class SignalFilter:
             self._tau, tau = tau[-1:].copy(), 0.5 * (tau + np.concatenate([before, tau[:-1]]))
         inputs = np.stack([q, tau] if qd is None else [q, tau, qd], axis=1)
         states, settled = np.empty((len(t), 2, *inputs.shape[1:])), np.zeros(len(t), dtype=bool)
-        whole = np.isfinite(inputs).reshape(len(t), -1).all(axis=1)
+        whole = np.array([np.isfinite(row).all() for row in inputs], dtype=bool)
         for k, now in enumerate(t):
             states[k] = self._next(float(now), inputs[k], bool(whole[k]))
             settled[k] = now - self._started >= SETTLED / self._w
