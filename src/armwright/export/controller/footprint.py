@@ -16,7 +16,7 @@ CROSS = "arm-none-eabi-gcc"  # the compiler that is asked first, for a Cortex-M7
 CORTEX_M7 = ("-mcpu=cortex-m7", "-mthumb", "-mfpu=fpv5-d16", "-mfloat-abi=hard")
 STRUCTS = ("state", "parameters", "measurement", "reference", "command")
 _FUNCTION = re.compile(r"^(?:static )?(?:\w+ )+(\w+)\([^;{]*\)\n\{\n(.*?)^\}", re.MULTILINE | re.DOTALL)
-_FRAME = re.compile(r":(\w+)\t(\d+)\t")
+_FRAME = re.compile(r":(\w+)[\w.]*\t(\d+)\t")  # "control.part.0" is of "control"
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,9 @@ def footprint(name: str, code: Mapping[str, str]) -> Footprint:
         shown = run_program([tools["nm"], "-S", "-t", "d", str(work / "probe.c.o")])
         sizes = {kind: int(size) for size, kind in re.findall(r"^\d+ (\d+) \w bytes_of_(\w+)$", shown, re.MULTILINE)}
         text, data = run_program([tools["size"], "-B", "-d", str(work / f"{name}.c.o")]).splitlines()[1].split()[:2]
-        frames = {f: int(n) for path in work.glob("*.su") for f, n in _FRAME.findall(path.read_text())}
+        frames: dict[str, int] = {}
+        for function, size in _FRAME.findall("\n".join(path.read_text() for path in work.glob("*.su"))):
+            frames[function] = max(int(size), frames.get(function, 0))
     stack = _deepest(code[f"{name}.c"], frames)
     return Footprint(target, sizes.pop("state"), sum(sizes.values()), stack, int(text) + int(data))
 
