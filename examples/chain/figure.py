@@ -11,7 +11,7 @@ import armwright as aw
 
 POSE = [-0.5, 0.5, 1.1, -0.3, 0.6, 0.0]
 BLUE, ORANGE, GREEN, GREY, INK = "#0072B2", "#D55E00", "#009E73", "#999999", "#222222"
-STAGES = "modules", "arm", "experiment", "identify", "validate", "plan", "tune", "C", "the bits of the simulation"
+STAGES = "modules", "arm", "experiment", "identify", "validate", "plan", "tune", "C", "same bits", "twin"
 JOINT = 1  # the second one carries most
 
 

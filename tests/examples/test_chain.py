@@ -22,7 +22,8 @@ NUMBER = re.compile(r"\d+\.?\d*")
 @pytest.fixture(scope="module")
 def chain(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, str], Path]:
     """What each stage said, and the folder with all files."""
-    pytest.importorskip("cma")
+    for extra in ("cma", "canopen", "can"):
+        pytest.importorskip(extra)
     folder = tmp_path_factory.mktemp("chain")
     command = [sys.executable, str(ROOT / "examples" / "chain" / "chain.py"), str(folder / "out")]
     done = subprocess.run(command, cwd=folder, capture_output=True, encoding="utf-8", timeout=600)
@@ -56,6 +57,7 @@ def test_each_stage_does_what_it_is_for(chain: tuple[dict[str, str], Path]) -> N
     )
     assert first > tuned > modules > identified
     assert identified < 2.0
+    assert said["twin"].startswith("1510 cycles of 6 drives on a virtual CAN bus, equal to the simulation to the bit")
     verdict = aw.stored_verdict(folder / "identified.toml")
     assert verdict is not None
     assert verdict.passed
