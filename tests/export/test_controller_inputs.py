@@ -158,3 +158,16 @@ def test_a_controller_that_does_not_fit_is_refused(tmp_path, monkeypatch, with_)
         ):
             aw.export_controller(pid_loop(), tmp_path / "out", **limit, ticks=5)
     assert not (tmp_path / "out").exists()
+
+
+def test_gains_of_an_inner_controller_become_parameters(tmp_path):
+    """Of a PID within feed-forward: the bits of a batch of one, and the names of where they stand."""
+    compiler("gcc")
+    law = aw.FeedForward(aw.JointPID(kp=20.0, kd=2.0), inertia="full")
+    exported = aw.export_controller(pid_loop(controller=law), tmp_path, gains=("kp", "inner.kd"), ticks=100)
+    assert exported.comparison is not None
+    text = exported.paths[0].read_text()
+    assert "double inner_kp; /* the law's */" in text or "double inner_kp[2]; /* the law's */" in text
+    assert "inner_kd" in text
+    with pytest.raises(ScenarioError, match=r"^gains = 'kq': .*\binner\.kp\b"):
+        aw.export_controller(pid_loop(controller=law), tmp_path / "out", gains=("kq",))

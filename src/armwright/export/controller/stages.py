@@ -9,7 +9,7 @@ losses belong to the bus and to the arm; of them the controller has the rule tha
 from __future__ import annotations
 
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -182,20 +182,31 @@ def _with_gains(scenario: Scenario, gains: tuple[str, ...]) -> Scenario:
     if not gains:
         return scenario
     assert scenario.loop is not None
-    control, changed = scenario.controller, {}
+    control, own = scenario.controller, dict(_gains_of(scenario.controller))
     for gain in gains:
-        value = getattr(control, gain, None)
-        try:
-            numbers = np.asarray(value, dtype=float)
-        except (TypeError, ValueError):
-            numbers = np.full(0, np.nan)
-        if value is None or isinstance(value, (bool, int)) or not numbers.size:
-            choices = [
-                name for name in getattr(control, "__dataclass_fields__", {}) if _is_gain(getattr(control, name))
-            ]
-            raise ScenarioError(place="gains", value=gain, choices=choices)
-        changed[gain] = value if isinstance(value, Batch) else Batch(numbers[None])
-    return replace(scenario, loop=replace(scenario.loop, controller=replace(control, **changed)))
+        path = gain if gain in own else next((each for each in own if each.endswith(f".{gain}")), None)
+        if path is None:
+            raise ScenarioError(place="gains", value=gain, choices=tuple(own))
+        value = own[path]
+        one = value if isinstance(value, Batch) else Batch(np.asarray(value, dtype=float)[None])
+        control = _with_field(control, path, one)
+    return replace(scenario, loop=replace(scenario.loop, controller=control))
+
+
+def _gains_of(control: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Fields of a controller that may become parameters, and those of the controller inside it as `inner.kp`."""
+    for name in getattr(control, "__dataclass_fields__", {}):
+        value = getattr(control, name)
+        if isinstance(value, Batch) or _is_gain(value):
+            yield f"{path}{name}", value
+        elif hasattr(value, "step"):
+            yield from _gains_of(value, f"{path}{name}.")
+
+
+def _with_field(control: Any, path: str, value: Any) -> Any:
+    """The controller with another value of a field, its own or that of one inside it."""
+    name, _, inner = path.partition(".")
+    return replace(control, **{name: _with_field(getattr(control, name), inner, value) if inner else value})
 
 
 def _is_gain(value: Any) -> bool:

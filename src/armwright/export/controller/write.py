@@ -68,8 +68,9 @@ def export_controller(
         scenario: with a loop whose controller can be traced, and without lanes.
         directory: created if it does not exist; files of those names in it are replaced.
         name: what names in C begin with; default: the arm's name and "controller".
-        gains: fields of the controller that become members of the struct of parameters; the simulation is then the one of
-            a `Batch` of one value, whose bits may differ from those of the constant.
+        gains: fields of the controller, or of one inside it (`inner.kp`, or `kp` where no outer one has it), that become members
+            of the struct of parameters; the simulation is then the one of a `Batch` of one value, whose bits may differ from
+            those of the constant.
         ticks: of the scenario that are compared; default: all, at most 100,000.
         real: "double" or "float". In float the commands are near to those of the simulation, by the `error` of the comparison,
             and the self-test expects the bits that this computer's compiler gives.
