@@ -34,6 +34,7 @@ def test_a_motion_of_an_arm(tmp_path):
     )
     assert result.exit_code == 0, result.output
     assert "condition number" in result.output
+    assert result.stderr == "designing a motion of two-link by 1 start, each of some seconds\n"
     assert "self-collision is not checked" in result.output
     rows = np.loadtxt(path, delimiter=",", skiprows=1)
     assert rows.shape == (201, 7)

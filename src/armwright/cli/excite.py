@@ -102,7 +102,9 @@ def arm(
     box = None if floor is None else [[-float("inf"), -float("inf"), floor], [float("inf")] * 3]
     options = ("period", "harmonics", "starts", "criterion", "velocity", "acceleration", "torque", "seed")
     if not sys.stderr.isatty():  # a bar would not be seen, and this may take minutes
-        say(f"designing a motion of {model.name} from {starts} starts; each takes some seconds", err=True)
+        say(
+            f"designing a motion of {model.name} by {starts} start{'s' * (starts != 1)}, each of some seconds", err=True
+        )
     with as_options(*options), progress(f"designing a motion of {model.name}") as tell:
         found = aw.design_excitation(
             model, period=period, harmonics=harmonics, starts=starts, criterion=criterion,  # type: ignore[arg-type]

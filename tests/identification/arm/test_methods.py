@@ -11,7 +11,9 @@ from armwright.identification.arm.methods import METHODS
 from identification.arm.moved_arm import multisine, written_log
 from identification.arm.test_closed_loop import KD, KP, PERIOD, SECONDS, Feedback, loop_of, reference
 
-CLOSED = ("iv", "didim", "cloe")
+# Largest error of a base parameter. Over four seeds: instruments up to 0.036, 1.0 standard deviations; CLOE 0.009; DIDIM 0.053 to
+# 0.057 whatever the seed, 1.1 of its standard deviations: it is not noise but a small bias, of a gravity moment of 6 kg m.
+CLOSED = {"iv": 0.04, "cloe": 0.02, "didim": 0.06}
 OPTIONS = {"friction": (), "lacks": ("rotors",), "cutoff": 20.0, "decimate": 2, "sensitivity": False}
 
 
@@ -56,7 +58,7 @@ def test_every_method_finds_the_arm(arm, log, feedback, every, truth, method):
     error = np.abs(found.fit.values - truth[chosen])
     if method in CLOSED:
         assert (error < 4 * found.fit.std).all()
-    assert (error < (0.06 if method in CLOSED else 0.6) * np.maximum(np.abs(truth[chosen]), 1.0)).all()
+    assert (error < CLOSED.get(method, 0.6) * np.maximum(np.abs(truth[chosen]), 1.0)).all()
 
 
 def test_instruments_are_nearer_to_the_truth_than_least_squares(arm, log, feedback, truth):

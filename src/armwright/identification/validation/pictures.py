@@ -42,6 +42,7 @@ def over_time(prediction: Prediction, column: int) -> str:
                 curve(axis, *drawn, colour, label if k == 0 else None)
         words(above, "", f"{prediction.quantity} [{unit}]")
         words(below, "time [s]", f"residual [{unit}]")
+        below.yaxis.set_major_formatter("{x:g}")  # a common factor would stand in the picture above
         figure.align_ylabels()
         figure.legend(loc="upper left", ncols=2, borderaxespad=0.1, frameon=False, labelcolor=INK, fontsize=SIZE)
 
