@@ -144,8 +144,8 @@ def identify_friction(
     for each in candidates:
         if each not in CANDIDATES:
             raise IdentificationError("unknown", place="candidates", value=each, choices=CANDIDATES)
-    log = of_robot(log, robot)
     check_efforts(log, robot.names, log.fit)
+    log = of_robot(log, robot)
     names: list[str] = []
     values, bounds, blocks, measures = [], [], [], {}
     remarks, doubtful = [str(each) for each in log.warnings], False

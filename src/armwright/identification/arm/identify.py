@@ -171,10 +171,10 @@ def identify_arm(
         raise IdentificationError(
             "missing", place="robot", expected="an arm, or kinematics alone, here or in the log's file"
         )
+    order = joints_of(log, arm.names)
     log = of_robot(log, arm)
     runs = list(log.fit if runs is None else runs)
     check_efforts(log, arm.names, runs)
-    order = joints_of(log, arm.names)
     gears = None if log.gears is None else log.gears[np.ix_(order, order)]
     model = torque_model(
         arm, friction=friction, springs=springs, lacks=_lacks(log, lacks), stribeck_speed=stribeck_speed, gears=gears

@@ -145,10 +145,10 @@ def identify_payload(
     Raises:
         IdentificationError: a log without positions or torques, of another arm, with too few rows.
     """
+    for each in (log,) if loaded_log is None else (log, loaded_log):
+        check_efforts(each, robot.names, each.fit)
     log, loaded_log = of_robot(log, robot), None if loaded_log is None else of_robot(loaded_log, robot)
     logs = [log] if loaded_log is None else [log, loaded_log]
-    for each in logs:
-        check_efforts(each, robot.names, each.fit)
     warnings = tuple(str(warning) for each in logs for warning in each.warnings)
     if preparation is not None:
         found = _fitted(log, robot, loaded_log, frame, (preparation, preparation))
