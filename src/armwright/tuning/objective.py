@@ -3,9 +3,9 @@
     J = Σ_r w_r mean_j (v_rj / s_rj) + 10 Σ_l mean_j max(0, v_lj / limit_lj - 1)
 
 for one lane; v is a reducer's number of joint j, s the start's mean of it over the lanes, of tracking errors at least a tenth of
-the largest joint's. Reducers that are shares (saturation, overshoot) count as they are, s = 1. Over the lanes the mean or the worst
-of J counts. Beside reducers there are the measures of the linear loop (`linear_measures`), which are those of the record's arm in
-all lanes.
+the largest joint's. Reducers that are shares (saturation, overshoot) count as they are, s = 1. Over the lanes the mean or the
+worst of J counts. Beside reducers there are the measures of the linear loop (`linear_measures`), which are those of the record's
+arm in all lanes.
 """
 
 from __future__ import annotations
