@@ -45,3 +45,18 @@ def test_more_runs_than_arms_are_refused():
     with pytest.raises(ScenarioError) as error:
         aw.compare_controllers(scenario, {"bus": scenario}, {"move": motion}, runs=65)
     assert (error.value.problems[0].place, error.value.problems[0].value) == ("runs", 65)
+
+
+@pytest.mark.parametrize("name", STATED)
+def test_arms_are_drawn_as_stated(name):
+    """Masses within ±30 %, friction within a factor of two; the same arms at both rates."""
+    scenario = aw.read_scenario(EXAMPLES / f"bus-{name}.scenario.toml")
+    record = {row.name: row.value for row in scenario.arm.parameters}
+    ratios = {each: batch.values / record[each] for each, batch in scenario.resolved.vary.items()}
+    assert len(ratios) == 6 + 3 * 6
+    for each, ratio in ratios.items():
+        low, high = (0.7, 1.3) if each.endswith("mass_kg") else (0.5, 2.0)
+        assert low * 0.999 < ratio.min() < ratio.max() < high * 1.001
+        assert np.ptp(ratio) > 0.85 * (high - low)
+    other = aw.read_scenario(EXAMPLES / "bus-4ms.scenario.toml").resolved.vary
+    assert all(np.array_equal(batch.values, other[each].values) for each, batch in scenario.resolved.vary.items())
