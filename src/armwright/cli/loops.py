@@ -129,12 +129,12 @@ def _report(
     from html import escape
 
     from armwright.identification.validation.pictures import INK, page_svg
-    from armwright.identification.validation.report import html_table, write_report
+    from armwright.identification.validation.report import html_table, sentence, write_report
     from armwright.pictures.gain_regions import draw_regions
 
     good = " good" if analysis.keeps_margins else ""
     verdict = "keeps its margins" if analysis.keeps_margins else "does not keep its margins"
-    words = "".join(f"<li>{escape(each)}</li>" for each in analysis.sentences())
+    words = "".join(f"<li>{escape(sentence(each))}</li>" for each in analysis.sentences())
     rows = [[escape(cell) for cell in row] for row in analysis.rows()]
     sections = [
         ("Verdict", f'<p class="verdict{good}">The loop {verdict}</p><ul>{words}</ul>'),

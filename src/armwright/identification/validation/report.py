@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
@@ -86,14 +87,15 @@ def report_page(
         blocks.append(_block("Every joint", _measures(validation)))
     next_steps = steps(estimate, validation)
     if next_steps:
-        blocks.append(_block("What to do next", _list(next_steps)))
+        blocks.append(_block("What to do next", _list(map(sentence, next_steps))))
     if estimate is not None:
         blocks.append(_block("Parameters", _parameters(estimate)))
     blocks += [_block(heading, html) for heading, html in sections]
     if validation is not None:
         blocks += [_joint(validation, joint) for joint in validation.arm.names]
         blocks.append(_block("How this was measured", _method(validation)))
-    words = {"title": title, "heading": title, "subtitle": "" if validation is None else validation.log.title}
+    of = "" if validation is None or validation.log.title in title else validation.log.title
+    words = {"title": title, "heading": title, "subtitle": of}
     styles = [PAGES / "page.css", HERE / "report.css"]
     return page(HERE / "report.html", [PAGES / "unpack.js"], styles, words, body="\n".join(blocks))
 
@@ -271,7 +273,7 @@ def _joint(validation: Validation, joint: str) -> str:
             parts.append(f'<div class="plot">{over_time(runs[name], column)}</div>')
         pictures = [svg for svg in (spectrum_picture(each), friction_picture(each), correlation_picture(each)) if svg]
         parts.append(f'<div class="small">{"".join(f"""<div class="plot">{svg}</div>""" for svg in pictures)}</div>')
-        parts += [_list(map(_sentence, each.remarks)), _tests(each)]
+        parts += [_list(map(sentence, each.remarks)), _tests(each)]
         text = "\n".join(parts)
         inner.append(f"<details><summary>{each.quantity.capitalize()}</summary>{text}</details>" if number else text)
     return _block(joint, "\n".join(inner), joint) if inner else ""
@@ -301,7 +303,7 @@ def _method(validation: Validation) -> str:
     notes = [*validation.notes, "Tests of residuals are reported and never decide: what is filtered is never white"]
     terms = "".join(f"<dt>{name}</dt><dd>{escape(about)}</dd>" for name, about in MEASURES)
     symbols = "y is measured, ŷ predicted, e = y − ŷ the residual, ȳ the mean of y."
-    return f'{_list(map(_sentence, notes))}<p class="quiet">{symbols}</p><dl>{terms}</dl>'
+    return f'{_list(map(sentence, notes))}<p class="quiet">{symbols}</p><dl>{terms}</dl>'
 
 
 def _probability(p: float) -> str:
@@ -318,8 +320,9 @@ def _list(texts: Iterable[str]) -> str:
     return f"<ul>{items}</ul>" if items else ""
 
 
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
+def sentence(text: str) -> str:
+    """A remark as a sentence, with a capital letter and a full stop."""
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '?')) else '.'}"
 
 
 def html_table(heads: Sequence[str], rows: Iterable[Sequence[str]], words: Sequence[int]) -> str:
@@ -331,6 +334,7 @@ def html_table(heads: Sequence[str], rows: Iterable[Sequence[str]], words: Seque
         )
 
     body = "\n".join(f"<tr>{cells(row, 'td')}</tr>" for row in rows)
+    heads = [re.sub(r" (?=[^\[]*\]|[×÷]$)", "&nbsp;", head) for head in heads]  # a unit stays on one line
     return (
         f'<div class="table"><table><thead><tr>{cells(heads, "th")}</tr></thead><tbody>\n{body}\n</tbody></table></div>'
     )
