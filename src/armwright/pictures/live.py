@@ -195,7 +195,7 @@ class _Server(socketserver.ThreadingTCPServer):
         self.live, self.token = live, secrets.token_hex(16)
         super().__init__((LOOPBACK, port), _Handler)
         self.port: int = self.server_address[1]
-        self.hosts = [f"{name}:{self.port}" for name in (LOOPBACK, "localhost")]
+        self.hosts = [f"{name}:{self.port}".removesuffix(":80") for name in (LOOPBACK, "localhost")]  # as browsers do
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Passes over browsers that have gone; they do so at any time."""
