@@ -72,6 +72,7 @@ class Client:
         import canopen
 
         self.network = canopen.Network()
+        self.network.NOTIFIER_CYCLE = 0.05
         self.network.connect(interface="virtual", channel=twin.bus.partition(":")[2])
         self.nodes = [self.network.add_node(n.number, od.dictionary(n.eds, n.number)) for n in twin.nodes]
         for node in self.nodes:

@@ -77,7 +77,7 @@ def test_profile_position(twin, client):
             break
     assert client.get(od.STATUSWORD) & 1 << 10
     assert abs(client.get(od.POSITION) - target) <= client.get(od.REACHED)
-    assert max(speeds) < 1.15 * client.get(od.PROFILE_SPEED)
+    assert max(speeds) < 1.3 * client.get(od.PROFILE_SPEED)  # its servo overshoots, the profile does not
     assert client.get(od.POSITION, 1) == pytest.approx(0, abs=300)  # the other joint stays
 
 

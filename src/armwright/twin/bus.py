@@ -1,7 +1,7 @@
 """Time that frames take on a CAN bus, and buses by name.
 
 A data frame of the classic base format with k bytes takes 47 + 8 k bits with the pause behind it, and at most
-⌊(34 + 8 k - 1) / 4⌋ stuffed bits more. [ISO11898, DavisEtAl2007]
+⌊(34 + 8 k - 1) / 4⌋ stuffed bits more. [ISO2015] [DavisEtAl2007]
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ BITRATE = 500_000  # [bit/s] of the LWA 4P
 INTERFACES = ("virtual", "socketcan", "udp_multicast")
 INSTALL = 'pip install "armwright[twin]"'
 FRAME = 47  # bits of a frame without data, with the pause of 3 bits between frames
+LOOK = 0.05  # [s] in which a thread that listens notices that it is to end
 STUFFED = 34  # bits of a frame without data that stuffing looks at
 
 

@@ -1,4 +1,4 @@
-"""One drive: what it does with a controlword and a set-point at every SYNC, in counts and thousandths. [CiA402]
+"""One drive: what it does with a controlword and a set-point at every SYNC, in counts and thousandths. [IEC2015]
 
 A drive whose motor has no torque is held by its brake: the twin moves it along the same ramp as a quick stop, and then keeps
 it where it is. The records of arms say nothing about brakes of this kind.

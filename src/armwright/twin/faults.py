@@ -1,4 +1,4 @@
-"""Faults that are injected into the twin: what happens, for how long, and the error that the drives report. [CiA402]
+"""Faults that are injected into the twin: what happens, for how long, and the error that the drives report. [IEC2015]
 
 armwright twin arm.scenario.toml --bus virtual --fault stuck-encoder:joint2@1.5
 """

@@ -17,7 +17,7 @@ import numpy as np
 
 from armwright.errors import BusError
 from armwright.twin import objects as od
-from armwright.twin.bus import open_bus
+from armwright.twin.bus import LOOK, open_bus
 from armwright.twin.cycles import Cycles
 from armwright.twin.faults import TEXT
 from armwright.twin.objects import dictionary, eds_text
@@ -70,6 +70,7 @@ class Master:
         import canopen
 
         network = canopen.Network(open_bus(self.bus))
+        network.NOTIFIER_CYCLE = LOOK  # type: ignore[misc]
         self._network = network
         try:
             network.connect()

@@ -1,4 +1,4 @@
-"""A CANopen node with a drive behind it: objects, process data, heartbeats, emergencies. [CiA301]"""
+"""A CANopen node with a drive behind it: objects, process data, heartbeats, emergencies. [CiA2011]"""
 
 from __future__ import annotations
 

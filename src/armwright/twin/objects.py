@@ -1,4 +1,4 @@
-"""The object dictionary of a drive, as a table, and the electronic data sheet (EDS) made from it. [CiA301, CiA306, CiA402]
+"""The object dictionary of a drive, as a table, and the electronic data sheet (EDS) made from it. [CiA2011] [CiA2005] [IEC2015]
 
 The mapping of process data is that of the LWA 4P in interpolated mode: controlword, torque offset and set-point to the drive;
 statusword, actual torque and actual position from it. Either is full: 64 bits.

@@ -1,4 +1,4 @@
-"""The power drive system's state machine of CiA 402, as one table of its transitions. [CiA402]
+"""The power drive system's state machine of CiA 402, as one table of its transitions. [IEC2015]
 
 A command is what bits 0 to 3 and 7 of the controlword say; an event is something that happens within the drive. The table is
 the whole machine: what has no row changes nothing.

@@ -24,7 +24,7 @@ from armwright.kernels.loop import Lanes
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.simulation import Simulation
 from armwright.twin import objects as od
-from armwright.twin.bus import BITRATE, BusLoad, open_bus, require_twin
+from armwright.twin.bus import BITRATE, LOOK, BusLoad, open_bus, require_twin
 from armwright.twin.cycles import Cycles
 from armwright.twin.drive import Drive
 from armwright.twin.faults import LATE_SYNC, Fault
@@ -142,6 +142,7 @@ class Twin:
         import canopen
 
         network = canopen.Network(open_bus(self.bus))
+        network.NOTIFIER_CYCLE = LOOK  # type: ignore[misc]
         self._network = network
         try:
             network.connect()
