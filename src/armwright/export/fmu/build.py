@@ -7,7 +7,6 @@ import os
 import platform
 import subprocess
 import sys
-import tempfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -15,12 +14,11 @@ from pathlib import Path
 
 from armwright.errors import ModelError
 from armwright.export.controller.sil import find_compiler
-from armwright.kernels.cache import cache_folder
 
 HOST = "host"  # this computer, by its own compiler where it has one
 #: Equal bits need that products and sums stay apart; without math errno square roots are one instruction.
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-shared", "-DNDEBUG")
-TIMEOUT = 600.0  # [s] that a compiler may take
+TIMEOUT = 3600.0  # [s] that a compiler may take; zig compiles Windows' C library first, on a busy computer for minutes
 
 
 @dataclass(frozen=True)
@@ -120,8 +118,7 @@ def _build_one(folder: Path, sources: Sequence[str], name: str, asked: str) -> P
             f"-mcpu={target.level}",
             "-s",
         ]
-        cache = cache_folder() or Path(tempfile.gettempdir())
-        environment |= {"ZIG_GLOBAL_CACHE_DIR": str(cache / "zig"), "ZIG_LOCAL_CACHE_DIR": str(folder / "zig")}
+        environment["ZIG_LOCAL_CACHE_DIR"] = str(folder / "zig")  # its global one keeps the systems' C libraries
     if target.ending == ".so":
         command.append("-fPIC")
     command += [str(folder / file) for file in sources]

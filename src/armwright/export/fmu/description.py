@@ -1,4 +1,4 @@
-"""The model description of an FMU, `modelDescription.xml`, in FMI 3.0 and 2.0. [FMI3]"""
+"""The model description of an FMU, `modelDescription.xml`, in FMI 3.0 and 2.0. [FMI2022]"""
 
 from __future__ import annotations
 

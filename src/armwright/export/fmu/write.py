@@ -65,7 +65,7 @@ def export_fmu(
     name: str | None = None,
     platforms: Sequence[str] | None = None,
 ) -> ExportedFmu:
-    """A simulated arm, its controller or both as an FMU, for Simulink, Modelica tools, FMPy and others. [FMI3]
+    """A simulated arm, its controller or both as an FMU, for Simulink, Modelica tools, FMPy and others. [FMI2022]
 
     For co-simulation it holds the simulation's own step, as C: same integrator, substeps, friction that sticks, sensors and
     delays, and gives the bits of `aw.simulate`. Time is counted in ticks; communication steps that are no multiple of one are
