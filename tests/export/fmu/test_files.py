@@ -1,6 +1,7 @@
 """What is in an FMU: binaries of other systems, sources that compile elsewhere, units; what is refused, and the command."""
 
 import json
+import shutil
 import struct
 import subprocess
 import zipfile
@@ -14,7 +15,6 @@ from typer.testing import CliRunner
 import armwright as aw
 from armwright.cli.app import app
 from armwright.errors import ArmwrightError, ModelError, ScenarioError
-from armwright.export.controller.sil import find_compiler
 from armwright.export.fmu import build
 from armwright.export.fmu.variables import base_unit, quoted
 from export.controllers import EXAMPLES
@@ -68,10 +68,11 @@ def test_sources_compile_without_a_warning(interface, version, tmp_path):
     assert validate_fmu(str(path)) == []
     with zipfile.ZipFile(path) as archive:
         archive.extractall(tmp_path)
-    if find_compiler() is None:
-        pytest.skip("no C compiler here")
     sources = sorted(str(each) for each in (tmp_path / "sources").glob("*.c"))
-    for compiler in ("gcc", "clang"):
+    compilers = [compiler for compiler in ("gcc", "clang") if shutil.which(compiler)]
+    if not compilers:
+        pytest.skip("neither GCC nor Clang here")
+    for compiler in compilers:
         flags = [
             "-std=c99",
             "-O1",
@@ -85,6 +86,69 @@ def test_sources_compile_without_a_warning(interface, version, tmp_path):
         ]
         done = subprocess.run([compiler, *flags, *EXPECTED, *sources], capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
+
+
+USE = """\
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+void *fmi3InstantiateCoSimulation(const char *, const char *, const char *, bool, bool, bool, bool, const uint32_t *, size_t,
+    void *, void (*)(void *, int, const char *, const char *), const void *);
+int fmi3EnterInitializationMode(void *, bool, double, double, bool, double), fmi3ExitInitializationMode(void *);
+int fmi3DoStep(void *, double, double, bool, bool *, bool *, bool *, double *);
+int fmi3GetFMUState(void *, void **), fmi3SetFMUState(void *, void *), fmi3FreeFMUState(void *, void **);
+int fmi3SerializedFMUStateSize(void *, void *, size_t *), fmi3SerializeFMUState(void *, void *, uint8_t *, size_t);
+int fmi3DeserializeFMUState(void *, const uint8_t *, size_t, void **);
+int fmi3GetFloat64(void *, const uint32_t *, size_t, double *, size_t), fmi3Reset(void *);
+void fmi3FreeInstance(void *);
+static void told(void *e, int s, const char *c, const char *m) { (void)e, (void)s, (void)c; puts(m); }
+int main(void)
+{
+    void *i = fmi3InstantiateCoSimulation("one", "TOKEN", "", 0, 0, 0, 0, NULL, 0, NULL, told, NULL), *state = NULL;
+    bool a, b, c;
+    double last, values[NUMBER];
+    uint32_t references[NUMBER], k;
+    size_t size;
+    uint8_t *bytes;
+    int wrong = 0;
+    for (k = 0; k < NUMBER; k++) references[k] = k;
+    wrong |= fmi3EnterInitializationMode(i, 0, 0, 0, 0, 0) | fmi3ExitInitializationMode(i) | fmi3GetFMUState(i, &state);
+    for (k = 0; k < 50; k++) wrong |= fmi3DoStep(i, k * 1e-3, 1e-3, 0, &a, &b, &c, &last);
+    wrong |= fmi3GetFloat64(i, references, NUMBER, values, NUMBER) | fmi3SerializedFMUStateSize(i, state, &size);
+    bytes = malloc(size);
+    wrong |= fmi3SerializeFMUState(i, state, bytes, size) | fmi3FreeFMUState(i, &state);
+    wrong |= fmi3DeserializeFMUState(i, bytes, size, &state) | fmi3SetFMUState(i, state) | fmi3FreeFMUState(i, &state);
+    wrong |= fmi3DoStep(i, 0.0, 1e-3, 0, &a, &b, &c, &last) | fmi3Reset(i);
+    free(bytes);
+    fmi3FreeInstance(i);
+    return wrong;
+}
+"""
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no GCC here")
+def test_no_address_is_wrong_and_no_behaviour_undefined(tmp_path):
+    """An arm with every effect, noise and delays, under the sanitizers of the compiler, leaks included."""
+    loop = aw.Loop(
+        period=1e-3, sensors=aw.Sensors(counts=4096, position_noise=1e-4), timing=aw.Timing("one-tick", jitter=4e-4)
+    )
+    path = aw.export_fmu(aw.Scenario(MANY["all"], loop=loop), tmp_path / "plant.fmu", platforms=[]).path
+    description = read_model_description(str(path))
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(tmp_path)
+    text = USE.replace("TOKEN", description.guid).replace("NUMBER", str(len(description.modelVariables)))
+    (tmp_path / "use.c").write_text(text)
+    sources = [str(each) for each in (tmp_path / "use.c", *sorted((tmp_path / "sources").glob("*.c")))]
+    flags = ["-std=c99", "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    built = subprocess.run(
+        ["gcc", *flags, *sources, "-o", str(tmp_path / "use"), "-lm"], capture_output=True, text=True
+    )
+    if "sanitize" in built.stderr or "libasan" in built.stderr:
+        pytest.skip("this compiler has no sanitizers")
+    assert built.returncode == 0, built.stderr
+    done = subprocess.run([str(tmp_path / "use")], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
 def test_variables_have_the_units_and_words_of_their_signals(tmp_path):
