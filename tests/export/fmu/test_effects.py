@@ -168,3 +168,22 @@ def test_another_units_token_is_refused(tmp_path):
     path = exported(aw.Scenario(MANY["plain"], loop=aw.Loop(period=1e-3)), tmp_path / "plant.fmu")
     with pytest.raises(Exception, match=r"(?i)instan"):
         Instance(path, token="{00000000-0000-0000-0000-000000000000}")
+
+
+def test_open_numbers_of_the_record_and_gains_are_tunable(tmp_path):
+    """Set to other values, the unit moves as the simulation with those."""
+    arm = pendulum(motor=MOTOR, friction=COULOMB)
+
+    def scenario(mass, kp):
+        law = aw.JointPID(kp=aw.Batch([kp]), kd=2.0)
+        loop = aw.Loop(law, reference=[0.3], period=1e-3)
+        return aw.Scenario(arm, duration=1e-3 * TICKS, loop=loop, vary={"rod0.mass_kg": aw.Batch([mass])})
+
+    run = aw.simulate(scenario(4.5, 60.0))
+    fmu = Instance(exported(scenario(3.0, 40.0), tmp_path / "loop.fmu", part="both"))
+    (mass,), (gain,) = fmu.names("p", "parameter"), fmu.names("c", "parameter")
+    fmu.begin(**{mass: 4.5, gain: 60.0, "r.q.joint0": 0.3})
+    for k in range(TICKS):
+        np.testing.assert_array_equal(fmu.get("x.q.joint0"), run.q.values[0, k])
+        fmu.step(k * 1e-3, 1e-3)
+    fmu.close()
