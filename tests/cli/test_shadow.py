@@ -63,10 +63,11 @@ def test_live_tables_follow_the_log(folder, monkeypatch):
     assert len(pauses) == 20  # ten tables a second
     assert "kg at the tip explains" in shown
     (run,) = found.runs
-    last = shadow_live.frame(found, run, len(run.residuals.t) - 1)
-    assert "payload" in str(last.title)
-    early = shadow_live.frame(found, run, 0)
-    assert "no alarm" in str(early.title)
+    rows = run.residuals
+    last = shadow_live.frame(
+        found.arm, "run1", 2.0, rows.torque[-1], found.limits, rows.position[-1], found.largest(), []
+    )
+    assert "no alarm" in str(last.title)
 
 
 REFUSED = [
@@ -79,6 +80,13 @@ REFUSED = [
     (("{}/log.log.toml", "--robot", "two-link", "--deviation", "1,2,3"), "expected a torque above 0, or 2 of them"),
     (("{}/log.log.toml", "--robot", "two-link", "--factor", "-1"), "--factor = -1.0: expected a number above 0"),
     (("{}/log.log.toml", "--robot", "two-link", "--report", "x.pdf"), "the ending '.pdf' is not offered"),
+    (("{}/log.log.toml", "--robot", "two-link", "--nodes", "3,4"), "--nodes: does not go with it; expected a bus"),
+    (("socketcan:can0", "--report", "x.html"), "--report: does not go with it; expected a log"),
+    (("socketcan:can0",), "--robot: missing; expected the arm whose drives are on the bus"),
+    (("socketcan:none0", "--robot", "lwa4p"), "cannot be opened"),
+    (("socketcan:can0", "--robot", "lwa4p", "--nodes", "a"), "--nodes = 'a': expected whole numbers"),
+    (("virtual:nobody", "--robot", "lwa4p", "--duration", "0.1"), "nothing was heard"),
+    (("virtual:nobody", "--robot", "lwa4p", "--period", "0"), "--period = 0.0: expected a time above 0"),
     (("{}/voltages.log.toml", "--robot", "two-link"), "no torques or currents of all joints"),
 ]
 

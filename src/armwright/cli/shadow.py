@@ -1,9 +1,9 @@
-"""`armwright shadow`: the model beside its arm, over a log."""
+"""`armwright shadow`: the model beside its arm, over a log or on the bus of its drives."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -12,14 +12,19 @@ from armwright.cli.tables import console_for_tables, table
 from armwright.errors import ScenarioError
 from armwright.terminal import say
 
-if TYPE_CHECKING:
-    pass
-
+INTERFACES = ("virtual", "socketcan", "udp_multicast")  # before the colon of a bus
 ALARMED = 1  # the exit code where there were alarms
 
 
 def shadow(
-    log: Annotated[Path, typer.Argument(metavar="FILE.log.toml", help="The arm's log.", show_default=False)],
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="LOG|BUS",
+            help="The arm's log, FILE.log.toml; or the bus of its drives, such as socketcan:can0.",
+            show_default=False,
+        ),
+    ],
     robot: Annotated[
         str | None,
         typer.Option(
@@ -42,12 +47,27 @@ def shadow(
     live: Annotated[
         bool, typer.Option("--live", help="Show the residuals as they come, at the pace of the log.")
     ] = False,
+    duration: Annotated[
+        float | None, option("--duration", "S", "How long to listen to a bus; by default until it is silent.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        option("--output -o", "FILE", "Where rows and residuals of a bus go: .nc, .csv, .parquet, .mcap or .mat."),
+    ] = None,
+    nodes: Annotated[str | None, option("--nodes", "N1,N2,…", "Nodes of a bus, by joint; default from 3.")] = None,
+    counts: Annotated[
+        float | None, option("--counts", "N", "Counts in a turn of a joint on a bus; default 360,000.")
+    ] = None,
+    period: Annotated[
+        float | None, option("--period", "S", "Time from SYNC to SYNC of a bus; by default by the clock.")
+    ] = None,
 ) -> None:
     """Run a model beside its arm: residuals of torque and position, and alarms for contacts and wrong payloads.
 
     Limits of the alarms come from the record's verdict (see `armwright validate`), else from the fit or the standard deviations
-    in the record. No row sees a later one, so alarms are as early as they are beside the arm. Exit code: 0 no alarm, 1 alarms,
-    2 input that cannot be used.
+    in the record. No row sees a later one, so alarms are as early as they are beside the arm. A bus is listened to: nothing is
+    sent. Its drives answer each SYNC with statusword, actual torque and position, as those of an LWA 4P or of `armwright twin`.
+    Exit code: 0 no alarm, 1 alarms, 2 input that cannot be used.
 
     \b
     Examples:
@@ -55,6 +75,7 @@ def shadow(
       armwright shadow today.log.toml --robot arm.toml --report shadow.html
       armwright shadow today.log.toml --robot arm.toml --run pick --live
       armwright shadow today.log.toml --robot lwa4p --deviation 2,2,2,2,1,1
+      armwright shadow socketcan:can0 --robot arm.toml --duration 60 -o bus.mcap
     """
     import armwright as aw
     from armwright.cli.progress import progress
@@ -63,15 +84,28 @@ def shadow(
     from armwright.shadow.page import write_shadow
     from armwright.shadow.shadow import HEADS
 
+    factor, deviations = FACTOR if factor is None else factor, None if deviation is None else _numbers(deviation)
+    of_bus = {"output": output, "duration": duration, "nodes": nodes, "counts": counts, "period": period}
+    if source.partition(":")[0] in INTERFACES:
+        from armwright.cli.shadow_live import listen
+
+        _refuse({"run": run, "report": report, "live": live or None}, source, "a log")
+        if robot is None:
+            raise ScenarioError("missing", place="--robot", expected="the arm whose drives are on the bus")
+        with as_options("deviation", "factor", "counts", "period", "nodes"):
+            numbers = None if nodes is None else _whole(nodes)
+            alarms = listen(robot, source, deviations, factor, duration, numbers, counts, period, output)
+        if alarms:
+            raise typer.Exit(ALARMED)
+        return
+    _refuse(of_bus, source, "a bus, such as socketcan:can0")
     if report is not None:
         check_report(report)
-    deviations = None if deviation is None else _numbers(deviation)
+    log = Path(source)
     with progress(f"reading {log.name}"):
         read = aw.read_log(log)
     with as_options("run", "robot", "deviation", "factor"), progress(f"beside {log.name}", "rows") as tell:
-        found = aw.shadow_log(
-            read, robot, runs=run, deviation=deviations, factor=FACTOR if factor is None else factor, progress=tell
-        )
+        found = aw.shadow_log(read, robot, runs=run, deviation=deviations, factor=factor, progress=tell)
     if live:
         from armwright.cli.shadow_live import replay
 
@@ -98,3 +132,22 @@ def _numbers(text: str) -> list[float] | float:
         expected = "numbers with commas between, one for each joint, or one"
         raise ScenarioError(place="--deviation", value=text, expected=expected) from None
     return numbers[0] if len(numbers) == 1 else numbers
+
+
+def _whole(text: str) -> list[int]:
+    try:
+        return [int(part) for part in text.split(",")]
+    except ValueError:
+        expected = "whole numbers with commas between: 3,4,5"
+        raise ScenarioError(place="--nodes", value=text, expected=expected) from None
+
+
+def _refuse(options: dict[str, Any], source: str, expected: str) -> None:
+    """Refuses options of the other kind of source.
+
+    Raises:
+        ScenarioError: names the first.
+    """
+    for name, value in options.items():
+        if value is not None:
+            raise ScenarioError("does not go with it", place=f"--{name}", expected=expected, file=source)

@@ -1,17 +1,20 @@
-"""Residuals of a shadow shown as they came, at the pace of the log."""
+"""Residuals of a shadow in the terminal as they come: at the pace of a log, or of a bus."""
 
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armwright.cli.tables import console_for_tables, table
 from armwright.identification.validation.prediction import units_of
-from armwright.shadow.alarms import limits_at
+from armwright.shadow.alarms import ShadowAlarm, limits_at
+from armwright.terminal import say
 
 if TYPE_CHECKING:
+    from armwright.model import Model
     from armwright.shadow.shadow import Shadow, ShadowRun
 
 PERIOD = 0.1  # [s] from table to table
@@ -19,11 +22,11 @@ HEADS = ("joint", "unit", "residual", "limit", "", "position", "largest")
 BAR = 20  # letters
 
 
-def replay(shadow: Shadow, pace: float = 1.0) -> None:
-    """Shows one table for each joint's residuals, renewed ten times a second, run by run.
+def replay(shadow: Shadow) -> None:
+    """Shows a table of every joint's residuals, renewed ten times a second, run by run.
 
     Args:
-        shadow: what `shadow_log` returned.   pace: times faster than the log.
+        shadow: what `shadow_log` returned.
     """
     from rich.live import Live
 
@@ -33,25 +36,106 @@ def replay(shadow: Shadow, pace: float = 1.0) -> None:
         begin = time.monotonic()
         with Live(console=console, auto_refresh=False, transient=True) as live:
             for now in np.arange(t[0], t[-1], PERIOD):
-                time.sleep(max(0.0, begin + (now - t[0]) / pace - time.monotonic()))
-                live.update(frame(shadow, run, int(np.searchsorted(t, now))), refresh=True)
+                time.sleep(max(0.0, begin + now - t[0] - time.monotonic()))
+                live.update(_of_run(shadow, run, int(np.searchsorted(t, now))), refresh=True)
 
 
-def frame(shadow: Shadow, run: ShadowRun, row: int) -> Any:
+def _of_run(shadow: Shadow, run: ShadowRun, row: int) -> Any:
+    """Table of one row of a run."""
+    rows, t = run.residuals, float(run.residuals.t[row])
+    alarms = [each for each in run.alarms if each.t <= t and (each.end is None or t <= each.end)]
+    largest = np.nanmax(np.abs(rows.torque[: row + 1]), axis=0, initial=0.0)
+    limits = limits_at(shadow.limits, rows)[row]
+    return frame(shadow.arm, run.run, t, rows.torque[row], limits, rows.position[row], largest, alarms)
+
+
+def frame(
+    arm: Model,
+    run: str,
+    t: float,
+    torque: np.ndarray,
+    limits: np.ndarray,
+    position: np.ndarray,
+    largest: np.ndarray,
+    alarms: list[ShadowAlarm],
+) -> Any:
     """Table of the residuals of one row.
 
     Args:
-        shadow: what `shadow_log` returned.   run: one of its runs.   row: number of the row.
+        arm: the model.   run: its name.   t: [s].   torque: (n,) [N m | N] residuals.   limits: (n,) [N m | N].
+        position: (n,) [rad | m] residuals.   largest: (n,) [N m | N] residuals until now.   alarms: that last.
     """
-    rows, t = run.residuals, run.residuals.t[row]
-    alarms = [each for each in run.alarms if each.t <= t and (each.end is None or t <= each.end)]
-    limits, cells = limits_at(shadow.limits, rows)[row], []
-    for k, (name, unit) in enumerate(zip(shadow.arm.names, units_of(shadow.arm, "torque"), strict=True)):
-        residual, limit, position = rows.torque[row, k], limits[k], rows.position[row, k]
-        share = abs(residual) / limit if np.isfinite(limit) and np.isfinite(residual) else 0.0
+    cells = []
+    for k, (name, unit) in enumerate(zip(arm.names, units_of(arm, "torque"), strict=True)):
+        share = abs(torque[k]) / limits[k] if np.isfinite(limits[k]) and np.isfinite(torque[k]) else 0.0
         bar = "█" * min(round(share * BAR), BAR) + (" !" if share > 1.0 else "")
-        largest = np.nanmax(np.abs(rows.torque[: row + 1, k]), initial=0.0)
-        numbers = ["-" if np.isnan(each) else f"{each:.3g}" for each in (residual, limit)]
-        cells.append([name, unit, *numbers, bar, "-" if np.isnan(position) else f"{position:.3g}", f"{largest:.3g}"])
+        first, last = ([_number(each[k]) for each in both] for both in ((torque, limits), (position, largest)))
+        cells.append([name, unit, *first, bar, *last])
     state = str(alarms[-1]) if alarms else "no alarm"
-    return table(f"{run.run}, {t:.1f} s: {state}", HEADS, cells, (HEADS[0], HEADS[1], HEADS[4]))
+    return table(f"{run}, {t:.1f} s: {state}", HEADS, cells, (HEADS[0], HEADS[1], HEADS[4]))
+
+
+def _number(value: float) -> str:
+    return "-" if np.isnan(value) else f"{value:.3g}"
+
+
+def listen(
+    robot: str,
+    bus: str,
+    deviation: Any,
+    factor: float,
+    duration: float | None,
+    nodes: list[int] | None,
+    counts: float | None,
+    period: float | None,
+    output: Path | None,
+) -> list[ShadowAlarm]:
+    """The alarms that the drives on a bus raise, shown as they come, with a table of the last residuals.
+
+    Args:
+        robot: path or name.   bus: its name.   deviation, factor: as of `ArmShadow`.   duration, nodes, counts, period: as of
+            `BusListener`.   output: where rows and residuals are saved.
+    """
+    from rich.live import Live
+
+    from armwright.results.recording import check_recording, save
+    from armwright.shadow.shadow import ArmShadow
+    from armwright.twin.listen import BusListener, bus_run, shadow_bus
+
+    if output is not None:
+        check_recording(output)
+
+    shadow = ArmShadow(robot, deviation=deviation, factor=factor)
+    listener = BusListener(shadow.arm, bus, nodes=nodes, counts=counts, period=period)
+    console, shown, largest = console_for_tables(), -np.inf, np.zeros(shadow.arm.n)
+    rows, residuals, count = [], [], 0
+    last: Any = None
+    with listener, Live(console=console, auto_refresh=False, transient=True) as live:
+        for heard, raised in shadow_bus(shadow, listener, duration):
+            row, count = shadow.last, count + 1
+            assert row is not None
+            if output is not None:
+                rows.append(heard)
+                residuals.append(row)
+            largest = np.fmax(largest, np.abs(row.torque[0]))
+            limits = limits_at(shadow.limits, row)[0]
+            lasting = [each for each in shadow.alarms if each.end is None]
+            last = (shadow.arm, bus, float(row.t[0]), row.torque[0], limits, row.position[0], largest, lasting)
+            for alarm in raised:
+                live.console.print(str(alarm), soft_wrap=True, markup=False, highlight=False)
+            if row.t[0] - shown >= PERIOD:
+                shown = row.t[0]
+                live.update(frame(*last), refresh=True)
+    if last is not None:
+        console.print(frame(*last))
+    say("")
+    for alarm in shadow.alarms:
+        say(str(alarm))
+    if not shadow.alarms:
+        say("no alarm")
+    say(f"standard deviations of the residuals: {shadow.deviations.source}")
+    say(f"{count} rows, {listener.incomplete} cycles without all answers")
+    if output is not None and rows:
+        save(bus_run(shadow.arm, rows, residuals), output)
+        say(f"wrote {output}")
+    return list(shadow.alarms)
