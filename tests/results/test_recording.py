@@ -192,7 +192,7 @@ def test_a_failure_half_way_leaves_what_was_there(arm, folder, monkeypatch, endi
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_a_disk_that_fills_up(arm, folder, ending):
     """A real one: the process may write 20 kB a file, which the run exceeds."""
-    save(invented(arm, 20), folder / "whole.nc")
+    save(invented(arm, 60), folder / "whole.nc")
     script = f"""
 import resource, signal
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

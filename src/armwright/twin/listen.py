@@ -159,7 +159,10 @@ def shadow_bus(
     """Rows of a bus with the alarms that each raises, mostly none; `shadow.last` has the row's residuals.
 
     Args:
-        shadow: of the listener's arm.   listener: open.   duration, silence: [s], as of `BusListener.rows`.
+        shadow: of the listener's arm.   listener: open.
+        duration: [s] after which it ends; None: only by silence.   silence: [s] without a frame after which it ends.
+    Returns:
+        rows: t, q and torques as of `BusListener.rows`, and the alarms.
     Raises:
         BusError: as `BusListener.rows`.
     """
