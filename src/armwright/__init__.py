@@ -165,7 +165,7 @@ if TYPE_CHECKING:
     from armwright.trajectory.path import JointPath
     from armwright.trajectory.time_optimal import PathMotion, time_optimal
     from armwright.tuning import TuningResult, tune
-    from armwright.twin.listen import BusListener, bus_run, shadow_bus
+    from armwright.twin.listen import BusListener, bus_recording, shadow_bus
     from armwright.twin.on_bus import scenario_on_bus
     from armwright.twin.rehearsal import Rehearsal, rehearse
     from armwright.twin.run import BusRun, run_controller
@@ -309,7 +309,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.ik.workspace": ("workspace",),
     "armwright.trajectory.time_optimal": ("PathMotion", "time_optimal"),
     "armwright.tuning": ("TuningResult", "tune"),
-    "armwright.twin.listen": ("BusListener", "bus_run", "shadow_bus"),
+    "armwright.twin.listen": ("BusListener", "bus_recording", "shadow_bus"),
     "armwright.twin.on_bus": ("scenario_on_bus",),
     "armwright.twin.rehearsal": ("Rehearsal", "rehearse"),
     "armwright.twin.run": ("BusRun", "run_controller"),
@@ -428,7 +428,7 @@ __all__ = [
     "assemble",
     "bias_torques",
     "builtin_names",
-    "bus_run",
+    "bus_recording",
     "centre_of_mass",
     "check",
     "check_clearance",

@@ -100,7 +100,7 @@ def listen(
 
     from armwright.results.recording import check_recording, save
     from armwright.shadow.shadow import ArmShadow
-    from armwright.twin.listen import BusListener, bus_run, shadow_bus
+    from armwright.twin.listen import BusListener, bus_recording, shadow_bus
 
     if output is not None:
         check_recording(output)
@@ -136,6 +136,6 @@ def listen(
     say(f"standard deviations of the residuals: {shadow.deviations.source}")
     say(f"{count} rows, {listener.incomplete} cycles without all answers")
     if output is not None and rows:
-        save(bus_run(shadow.arm, rows, residuals), output)
+        save(bus_recording(shadow.arm, rows, residuals), output)
         say(f"wrote {output}")
     return list(shadow.alarms)

@@ -128,7 +128,7 @@ class BusListener:
         return np.asarray(self._units.position(counts)), np.asarray(tau, dtype=float)
 
 
-def bus_run(
+def bus_recording(
     arm: Model, rows: Sequence[tuple[float, np.ndarray, np.ndarray]], residuals: Sequence[Residuals] = ()
 ) -> Any:
     """A run of what was heard, for `save`: q, tau and, where a shadow listened, its residuals.
