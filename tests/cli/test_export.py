@@ -34,12 +34,12 @@ def test_a_library_that_compiles_and_passes_its_self_test(tmp_path, real):
 def test_a_controller_that_is_compared_with_its_simulation(tmp_path):
     folder = tmp_path / "firmware"
     shown = run("export", "controller", SWING, "--name", "swing", "-o", folder).stdout
-    names = ["swing.h", "swing.c", "swing_selftest.c", "CMakeLists.txt", "README.md"]
+    names = ["swing.h", "swing.c", "swing_selftest.c", "CMakeLists.txt", "README.md", "swing.parameters"]
     lines = shown.splitlines()
-    assert [line.split("/")[-1] for line in lines[:5]] == names
+    assert [line.split("/")[-1] for line in lines[:6]] == names
     assert sorted(path.name for path in folder.iterdir()) == sorted(names)
     compiler("gcc")
-    assert lines[5].startswith("1000 steps: every command has the bits of the simulation; ")
+    assert lines[6].startswith("1000 steps: every command has the bits of the simulation; ")
 
 
 def test_help_teaches_by_example():

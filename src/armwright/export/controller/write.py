@@ -75,8 +75,7 @@ def export_controller(
         real: "double" or "float". In float the commands are near to those of the simulation, by the `error` of the comparison,
             and the self-test expects the bits that this computer's compiler gives.
         counts: true: positions are measured in counts of the scenario's encoders, as whole numbers.
-        ram: bytes of it that the target has for the controller; needs a compiler, `arm-none-eabi-gcc` or this computer's.
-        flash: the same of flash.
+        ram: bytes that the target has for it; needs a compiler, `arm-none-eabi-gcc` or this computer's.   flash: the same.
     Returns:
         exported: the files, and how the code compares with the simulation.
     Raises:
