@@ -7,6 +7,7 @@ import math
 import re
 import subprocess
 import tempfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -385,3 +386,13 @@ def test_the_relative_error_is_in_parts_of_each_command_s_range():
     expected = np.array([[0.0, 5.0], [10.0, 5.0]])
     assert relative_error(expected + np.array([[0.1, 0.0], [0.0, 0.0]]), expected) == pytest.approx(0.01)
     assert relative_error(expected + np.array([[0.0, 0.1], [0.0, 0.0]]), expected) == pytest.approx(0.02)
+
+
+def test_filters_begin_with_the_bits_of_the_simulation(tmp_path):
+    """Their memory is made of measured numbers alone: not of the pose that these are computed from, which rounds differently."""
+    compiler("gcc")
+    law = aw.Filtered(aw.ComputedTorque(kp=22.0, kd=[2.5958793405394553, 29.8]), [aw.LowPass(220.31593555201158, 0.47)])
+    scenario = pid_loop(controller=law, command_filter=aw.CommandFilter(limit=22.865769722184616))
+    comparison = aw.export_controller(replace(scenario, start=[0.1, 0.1]), tmp_path).comparison
+    assert comparison is not None
+    assert comparison.others == 0

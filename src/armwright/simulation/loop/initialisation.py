@@ -72,6 +72,8 @@ class Initialisation:
         self.untraced: str | None = None
         self.program = None if sensors is None and self._whole else self._program()
         self._kernel = None if self.program is None else Kernel(self.program, select_target(target))
+        law = self._of_law()
+        self._law_kernel = None if law is None else Kernel(law, select_target(target))
 
     @property
     def states(self) -> int:
@@ -118,6 +120,21 @@ class Initialisation:
             self.untraced = why(error)
             return alone()
 
+    def _of_law(self) -> Program | None:
+        """(y, c, p, payload) → the controller's state; None where there is nothing that it remembers.
+
+        Apart from `program`, whose arithmetic it would share: a controller in C begins from the measured numbers, to the same bits.
+        """
+        config, controller = self.config, self._controller
+        if self._sensors is None or controller.control is None or self.untraced is not None or not self.states:
+            return None
+
+        def begin(y: Array, c: Array, p: Array, payload: Array) -> Array:
+            return controller.initial(config.plant({"p": p, "payload": payload}).model, y, c)
+
+        shapes = {"y": (controller.y.size,), "c": controller.values.shape[1:], "p": self._parameters.shape[1:]}
+        return trace("begin", begin, {**shapes, "payload": (10 * len(config.payload_frames),)}, ("s_0",))
+
     def blocks(
         self, lanes: Lanes, payload: np.ndarray, wrench: np.ndarray, sampling: Sampling | None
     ) -> dict[str, np.ndarray]:
@@ -133,6 +150,8 @@ class Initialisation:
         if sampling is None:
             return {"x": np.asarray(values)}
         results = dict(zip(OF_PLANT + OF_LOOP, (np.asarray(each) for each in values), strict=True))
+        if self._law_kernel is not None:
+            results["s_0"] = np.asarray(self._law_kernel(results["y_0"], *arguments[1:4]))
         begun = {name: results[result] for name, result in BEGUN.items()}
         d = sampling.delays
         numbers = [lanes.own(each) for each in (d.later, d.jitter, d.drift, d.command_loss, d.measurement_loss)]
