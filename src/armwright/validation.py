@@ -112,31 +112,26 @@ def readable(record: type[AnyRecord], data: Mapping[str, Any], folder: Path | No
 
 
 def legible(
-    record: type[AnyRecord],
-    data: Mapping[str, Any],
-    least: Mapping[str, Any],
-    stand_ins: Mapping[str, Mapping[str, Any]],
+    record: type[AnyRecord], data: Mapping[str, Any], least: Mapping[str, Any], stand_ins: Mapping[str, Any]
 ) -> AnyRecord | None:
     """As `readable`, where tables that cannot be read have others in their place, so that those of lists keep their numbers.
 
     Args:
         record: its type.   data: what `validated` refuses.   least: a document that is right, with as little as possible.
-        stand_ins: by the key of a table, or of a list of tables, a table that is right.
+        stand_ins: by the key of a table one that is right, by the key of a list of tables a list of one.
     """
-    rows: dict[str, list[Any]] = {}
-    for key, stand_in in stand_ins.items():
-        if key not in data:
-            continue
-        given = data[key]
-        if isinstance(given, Mapping):
+    rows: dict[str, tuple[Any, ...]] = {}
+    for key in stand_ins.keys() & data.keys():
+        given, stand_in = data[key], stand_ins[key]
+        if isinstance(stand_in, Mapping):
             data = data if readable(record, {**least, key: given}) else {**data, key: stand_in}
             continue
-        alone = [readable(record, {**least, key: [each]}) for each in (given if isinstance(given, list) else ())]
-        right = readable(record, {**least, key: [stand_in]})
-        kept = [getattr(each, key) for each in (each or right for each in alone) if each is not None]
-        rows[key] = [each[0] if each else getattr(right, key)[0] for each in kept]
-    others = readable(record, {**data, **{key: [stand_ins[key]] for key in rows}})
-    return None if others is None else others.model_copy(update={key: tuple(each) for key, each in rows.items()})
+        alone = [readable(record, {**least, key: [each]}) for each in (given if isinstance(given, list) else stand_in)]
+        (right,) = getattr(record.model_validate({**least, key: stand_in}), key)
+        read = [() if each is None else getattr(each, key) for each in alone]
+        rows[key] = tuple(each[0] if each else right for each in read)
+    others = readable(record, {**data, **{key: stand_ins[key] for key in rows}})
+    return None if others is None else others.model_copy(update=rows)
 
 
 def _hidden(

@@ -28,11 +28,11 @@ from armwright.trajectory.limits import MotionLimits
 
 MOVING = ("minimum_jerk", "ruckig")  # curves which may begin and end moving
 KEYS = {"waypoints": "points", "duration": "duration_s", "times": "times_s"}  # by the names of fields
-STAND_INS: dict[str, dict[str, Any]] = {  # for tables that cannot be read
-    "segments": {"kind": "dwell", "duration_s": 1.0},
-    "obstacles": {"kind": "sphere", "radius_m": 1.0, "position_m": [0.0, 0.0, 0.0]},
+STAND_INS: dict[str, Any] = {  # for tables that cannot be read
+    "segments": [{"kind": "dwell", "duration_s": 1.0}],
+    "obstacles": [{"kind": "sphere", "radius_m": 1.0, "position_m": [0.0, 0.0, 0.0]}],
 }
-LEAST = {"robot": "two-link", "start": 0.0, "segments": [STAND_INS["segments"]]}
+LEAST = {"robot": "two-link", "start": 0.0, "segments": STAND_INS["segments"]}
 GRIP = {"mass": "mass_kg", "com": "com_m", "inertia": "inertia_kg_m2"}
 
 

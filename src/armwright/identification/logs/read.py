@@ -29,13 +29,13 @@ from armwright.reading import opened
 from armwright.validation import legible, validated
 
 Made = TypeVar("Made")
-STAND_INS: dict[str, dict[str, Any]] = {  # for tables that cannot be read
-    "signals": {"quantity": "current", "columns": ["a"]},
-    "runs": {},
+STAND_INS: dict[str, Any] = {  # for tables that cannot be read
+    "signals": [{"quantity": "current", "columns": ["a"]}],
+    "runs": [{}],
     "time": {"rate_hz": 1.0},
     "gears": {"ratios": [1.0]},
 }
-LEAST = {"joints": ["a"], "files": {"a": {"path": "a"}}, "time": STAND_INS["time"], "signals": [STAND_INS["signals"]]}
+LEAST = {"joints": ["a"], "files": {"a": {"path": "a"}}, "time": STAND_INS["time"], "signals": STAND_INS["signals"]}
 
 
 def read_log(
