@@ -63,7 +63,7 @@ def export_ros2(
     Args:
         arm: the arm or its description.   directory: created if it does not exist; files of those names in it are replaced.
         command: that the joint_trajectory_controller gives: "position", "velocity" or "effort".
-        rate: [Hz] update rate of the controller manager.
+        rate: of updates of the controller manager, in Hz.
         hardware: plugin of the hardware component: the name of the arm's driver.
     Returns:
         exported: the files, and what the URDF cannot hold.
