@@ -2,6 +2,7 @@
 
 import struct
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -158,6 +159,28 @@ def test_process_data_flows_with_sync_when_operational(twin, client):
     assert status & 0x4F == 0x40
     assert torque == client.get(od.TORQUE)
     assert position == client.get(od.POSITION)
+
+
+def test_its_heart_beats_with_its_state(twin, client):
+    beats = []
+    client.network.subscribe(0x703, lambda cob, data, stamp: beats.append(data[0]))
+    client.put(od.PRODUCER, 20)
+    deadline = time.monotonic() + 20.0
+    while 127 not in beats and time.monotonic() < deadline:
+        time.sleep(0.01)
+    client.network.send_message(0, [1, 3])
+    while 5 not in beats and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert {127, 5} <= set(beats)  # pre-operational, then operational
+
+
+def test_a_scenario_without_a_controller_has_a_twin(scenario, bus):
+    bare = replace(scenario, duration=None, loop=replace(scenario.loop, controller=None, reference=None))
+    with Twin(bare, bus) as twin, Client(twin) as client:
+        client.enable(9, 0)
+        client.put(od.TARGET_VELOCITY, 1000)
+        client.sync(20)
+        assert client.get(od.VELOCITY) > 0
 
 
 def test_another_mapping(twin, client):
