@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -188,6 +189,20 @@ def test_rows_one_by_one_are_rows_at_once():
     ]
     for name in ("torque", "position", "kilogram"):
         np.testing.assert_array_equal(np.concatenate([getattr(each, name) for each in parts]), getattr(once, name))
+
+
+def test_what_gears_lose_is_no_residual(tmp_path):
+    """A record that knows its gears' efficiency explains the torques; one that does not leaves what they lose."""
+    arm = aw.load("puma560")
+    text = re.sub(r"(gear_ratio = .*\n)", r"\1gear_efficiency = 0.7\n", aw.to_toml(arm.description))
+    (tmp_path / "lossy.toml").write_text(text)
+    lossy = aw.load(tmp_path / "lossy.toml")
+    rows = motion(arm.n, 2.0, RATE, seed=1)
+    tau = aw.compile(lossy).inverse_dynamics(*rows[1:])
+    left, lost = (
+        np.nanmax(np.abs(MomentumObserver(each).update(rows[0], rows[1], tau).torque)) for each in (lossy, arm)
+    )
+    assert left < 0.02 * lost
 
 
 def test_a_gap_starts_again_and_raises_nothing():
