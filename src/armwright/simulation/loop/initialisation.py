@@ -123,7 +123,7 @@ class Initialisation:
     def _of_law(self) -> Program | None:
         """(y, c, p, payload) → the controller's state; None where there is nothing that it remembers.
 
-        Apart from `program`, whose arithmetic it would share: a controller in C begins from measured numbers, to the same bits.
+        Apart from `program`, whose arithmetic it would share: a controller in C begins from the measured numbers alone.
         """
         config, controller = self.config, self._controller
         if self._sensors is None or controller.control is None or self.untraced is not None or not self.states:
