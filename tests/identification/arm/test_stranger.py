@@ -170,6 +170,14 @@ def test_what_no_check_of_units_sees_is_named_by_the_fit(tmp_path, nominal, tabl
     assert [each for each in found.estimate.remarks if joints in each and words in each], str(found)
 
 
+def test_torques_that_come_late_are_said(tmp_path, nominal, table):
+    """By 20 ms, five rows of a motion that ends where it begins."""
+    late = {**table, "tau": np.roll(table["tau"], 5, axis=0)}
+    found = aw.identify_arm(written_log(tmp_path, "late", late, OF_JOINTS), nominal, sensitivity=False, record=False)
+    (said,) = [each for each in found.estimate.remarks if "after the motion that they belong to" in each]
+    assert float(said.split()[2]) == pytest.approx(20.0, rel=0.3)
+
+
 def test_a_payload_on_a_coupled_wrist_is_found_from_currents(tmp_path, truth):
     carrying = written_arm(tmp_path, "carrying", payload=PAYLOAD)
     log = written_log(

@@ -18,7 +18,7 @@ from armwright.identification.arm.closed_loop import Feedback, following
 from armwright.identification.arm.equations import Equations, equations_of, stacked
 from armwright.identification.arm.fit import ArmFit, HeldOut, cross_validated, fit_arm, measures_of
 from armwright.identification.arm.methods import METHODS, FitProblem
-from armwright.identification.arm.misread import misread_columns
+from armwright.identification.arm.misread import late_torques, misread_columns
 from armwright.identification.arm.remarks import (
     MOST_NAMED,
     driving_frictions,
@@ -195,6 +195,7 @@ def identify_arm(
     values = record_parameters(fit) if record else None
     directions = [*sentences(fit, source()), *_separating(equations, base, structural)]
     remarks = remarks_on(fit, base, structural, directions, sensitive, held_out, values, prepared[runs[0]])
+    remarks += late_torques(fit, next(source()))
     doubts = [*unpredicted(fit, held_out, hold_out, moved), *unlike_the_record(fit)]
     doubts += (driving := driving_frictions(fit))
     doubts += negative_inertias(fit, next(source()))

@@ -6,7 +6,7 @@ rows again: a mistake that explains three quarters of the squares that are left 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -18,6 +18,7 @@ from armwright.identification.arm.triangular import triangle
 
 ROWS = 400  # that mistakes are tried on
 BETTER = 0.25  # squares of the errors with a mistake undone, by those as logged: less is in doubt
+LATE = 0.5  # the same with a delay, which is one number for all joints and no more than said
 EXACT = 1e-4  # of the torques' squares: where no more is left, nothing is in doubt
 
 
@@ -67,7 +68,29 @@ def misread_columns(fit: ArmFit, samples: Samples) -> list[str]:
     return [*said, exchanged[1]] if exchanged[1] else said
 
 
-def _mistakes(model: TorqueModel) -> Iterator[tuple[list[int], str, np.ndarray, np.ndarray]]:
+def late_torques(fit: ArmFit, samples: Samples) -> list[str]:
+    """A sentence where torques that come later or earlier than the motion explain half of the squares that are left, or more.
+
+    With a delay d the torques are  Y π - d τ̇,  so that d is one more parameter.
+    """
+    if len(samples.t) < 3 or np.isnan(samples.tau).any():
+        return []
+    target = samples.unknown_torque(fit.equations.model)
+    weight = np.sqrt(fit.weights)[:, None]
+    columns = samples.regressor(fit.equations.model)[:, :, fit.base.independent]
+    rate = np.gradient(samples.tau, samples.t, axis=0)
+    rows = (np.concatenate([columns, rate[:, :, None], target[:, :, None]], axis=2) * weight).reshape(target.size, -1)
+    R = triangle(rows)
+    without, with_it = R[-2, -1] ** 2 + R[-1, -1] ** 2, R[-1, -1] ** 2
+    if with_it > LATE * without or without < EXACT * float((rows[:, -1] ** 2).sum()):
+        return []
+    delay, later = -R[-2, -1] / R[-2, -2], "after"
+    if delay < 0:
+        delay, later = -delay, "before"
+    return [f"torques come {1e3 * delay:.3g} ms {later} the motion that they belong to: are both logged by one clock?"]
+
+
+def _mistakes(model: TorqueModel) -> Iterator[tuple[Sequence[int], str, np.ndarray, np.ndarray]]:
     """Numbers of joints, words, and matrices (n, n) that undo the mistake in positions and in torques."""
     n = model.arm.n
     one = np.eye(n)
@@ -85,7 +108,7 @@ def _mistakes(model: TorqueModel) -> Iterator[tuple[list[int], str, np.ndarray, 
     for column in model.columns:
         for j, share in column.turned[1:]:
             motors[model.arm.names.index(column.joint), j] = share
-    coupled = list(np.flatnonzero((motors != one).any(axis=0) | (motors != one).any(axis=1)))
+    coupled = np.flatnonzero((motors != one).any(axis=0) | (motors != one).any(axis=1)).tolist()
     if coupled:
         what, asked = (
             "taken as those of the motors, each by its own ratio",

@@ -16,7 +16,7 @@ from armwright.signals import Layout, Signal
 
 if TYPE_CHECKING:
     from armwright.identification.logs.log import Log
-    from armwright.model.model import Body
+    from armwright.model.tree import Body
 
 SAME_GEAR = 0.01  # of a ratio, by which a catalogue rounds it
 
