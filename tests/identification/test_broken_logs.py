@@ -202,6 +202,7 @@ REFUSED = [
     ),
     (wrong_sign, ("motor",), "wrong sign of the voltage"),
     (wrong_gear, ("motor",), "or is the gear ratio -1, not 1"),
+    (wrong_gear, ("validate motor",), "turns by .-1. in the log's file, by .1. in the robot's record"),
     (another_arm, ("motor",), "look exchanged"),
     (
         other_joints,
@@ -219,7 +220,7 @@ NOT_IDENTIFIED = [
     (wrong_gear, ("arm",), "not told by this model"),
     (wrong_gear, ("payload",), "not identified"),
     (wrong_gear, ("friction",), "is it this arm"),
-    (wrong_gear, ("validate motor", "validate arm"), "fails its limits"),
+    (wrong_gear, ("validate arm",), "fails its limits"),
     (another_arm, ("arm",), "not told by this model"),
     (another_arm, ("payload",), "mass is not above 0"),
     (another_arm, ("friction",), "is it this arm"),
