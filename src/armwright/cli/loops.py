@@ -20,7 +20,7 @@ PICTURES = (".png", ".svg", ".pdf")
 DELAYS = (0.0, 1.0, 2.0)  # periods beside the loop's own delay that gain regions are drawn for
 POSES, GRID, SPAN = (
     12,
-    40,
+    32,
     15.0,
 )  # of a region: poses, values of each gain, and how far they go to either side of its own
 
