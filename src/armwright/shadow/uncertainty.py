@@ -108,7 +108,7 @@ def _propagated(arm: Model) -> np.ndarray | None:
     for fit in arm.description.fits.values():
         if fit.correlation:
             pairs = [(names.index(name), k) for k, name in enumerate(fit.names) if name in names]
-            rows, of_fit = (np.array(each, dtype=int) for each in zip(*pairs, strict=True))
+            rows, of_fit = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
             both = np.ix_(rows, rows)
             covariance[both] = np.outer(std[rows], std[rows]) * fit.correlation_matrix()[np.ix_(of_fit, of_fit)]
     low, high = np.array([body.limits.position for body in arm.coordinates]).T
