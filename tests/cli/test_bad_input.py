@@ -61,7 +61,10 @@ REFUSED = [
     ((*SIMULATE, "--record-every", "-1"), "error: --record-every = -1"),
     ((*SIMULATE, "--accuracy", "0"), "--accuracy = 0.0: expected a number of at least 1e-12 and below 1"),
     ((*SIMULATE, "--record-every", "1.5"), "Invalid value for '--record-every'"),
-    ((*SIMULATE, "-o", "run.mat"), "run.mat: the ending '.mat' is not offered; expected .nc, .csv or .parquet"),
+    (
+        (*SIMULATE, "-o", "run.xls"),
+        "run.xls: the ending '.xls' is not offered; expected .nc, .csv, .parquet, .mcap or .mat",
+    ),
     ((*SIMULATE, "-o", "nowhere/run.nc"), "nowhere/run.nc: there is no folder 'nowhere'"),
     ((*SIMULATE, "--plot", "run.gif"), "run.gif: the ending '.gif' is not offered; expected .png, .svg, .pdf or .html"),
     ((*SIMULATE, "-o", "run.nc", "--plot", "nowhere/run.png"), "nowhere/run.png: there is no folder"),

@@ -90,8 +90,8 @@ TABLE = (
         example="write-graphic-file run.html", report=True, check=simulation.needs_run("write-graphic-file"),
     ),
     Command(
-        "save-simulation", "save the simulation with everything in it: .nc, .csv or .parquet", simulation.save_run,
-        (Argument("file", "file", "file to write", prompt="Name of the file (.nc, .csv or .parquet)"),),
+        "save-simulation", "save the simulation with everything in it: .nc, .csv, .parquet, .mcap or .mat", simulation.save_run,
+        (Argument("file", "file", "file to write", prompt="Name of the file (.nc, .csv, .parquet, .mcap or .mat)"),),
         example="save-simulation run.nc", check=simulation.needs_run("save-simulation"),
     ),
     Command(

@@ -251,7 +251,7 @@ def write_graphic_file(session: Workspace, arguments: dict[str, Any]) -> list[Ou
 
 
 def save_run(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
-    """`save-simulation FILE`: the run as .nc, .csv or .parquet."""
+    """`save-simulation FILE`: the run as .nc, .csv, .parquet, .mcap or .mat."""
     run = last_run(session, "save-simulation")
     aw.save(run, arguments["file"])
     session.saved = run
