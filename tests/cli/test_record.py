@@ -99,7 +99,7 @@ REFUSED = [
     (("convert", "panda", "panda.stl"), "the ending '.stl' is not offered; expected .toml, .urdf, .xml or .mjcf"),
     (("convert", "panda", "nowhere/panda.toml"), "there is no folder 'nowhere'"),
     (("convert", "panda", "p.toml", "--smoothing", "0.1"), "smoothing: unknown option"),
-    (("show", "panda"), "Missing option '--output'"),
+    (("show", "panda"), "--output: missing; expected .png, .html or .glb"),
     (("show", "panda", "-o", "arm.jpg"), "the ending '.jpg' is not offered; expected .png, .html or .glb"),
     (("show", "panda", "-o", "arm.png", "--q", "1,2"), "--q = '1,2': expected 7 numbers"),
 ]
