@@ -27,7 +27,7 @@ demo: $(VENV)/.core  ## set up the core and move the built-in CMU arm
 	@echo "picture  $(CURDIR)/build/demo/cmu-dd.png"
 
 test: $(VENV)/.all  ## set up everything and run the tests
-	$(BIN)/python -m pytest -n auto $(ARGS)
+	$(BIN)/python -m pytest -n auto --dist loadfile $(ARGS)
 
 check: $(VENV)/.all  ## style, types, and which room imports which
 	$(BIN)/ruff check .
