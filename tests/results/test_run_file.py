@@ -23,7 +23,7 @@ from armwright.results.run_file import SEAL, SEAL_LENGTH
 from cli.test_bad_input import refused
 from results import damaged_runs
 
-FILES = 120
+FILES = 60
 TESTS = Path(__file__).parents[1]
 
 
