@@ -56,7 +56,7 @@ ORDER = (
     ("tuning",),  # gains searched for over simulations
     (PACKAGE,),  # __init__.py: the public names
     ("session",),  # the report's `sim`, in the public names
-    ("cli", "studio"),
+    ("cli",),
     ("__main__",),
 )
 FLOOR = {room: depth for depth, rooms in enumerate(ORDER) for room in rooms}
