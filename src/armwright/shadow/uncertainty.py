@@ -109,8 +109,8 @@ def _propagated(arm: Model) -> np.ndarray | None:
         if fit.correlation:
             pairs = [(names.index(name), k) for k, name in enumerate(fit.names) if name in names]
             rows, of_fit = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
-            both = np.ix_(rows, rows)
-            covariance[both] = np.outer(std[rows], std[rows]) * fit.correlation_matrix()[np.ix_(of_fit, of_fit)]
+            correlation = fit.correlation_matrix()[of_fit[:, None], of_fit]
+            covariance[rows[:, None], rows] = np.outer(std[rows], std[rows]) * correlation
     low, high = np.array([body.limits.position for body in arm.coordinates]).T
     rng = np.random.default_rng(0)
     q = rng.uniform(np.where(np.isfinite(low), low, -WIDEST), np.where(np.isfinite(high), high, WIDEST), (POSES, arm.n))
