@@ -233,15 +233,17 @@ def naming_options(*fields: str) -> Iterator[None]:
 
 
 @contextmanager
-def as_options(*fields: str) -> Iterator[None]:
+def as_options(*fields: str, **others: str) -> Iterator[None]:
     """Errors about arguments of a function name the options that gave them: `most_order` → `--most-order`.
 
     Args:
         fields: the arguments.
+        others: options of other names by argument, such as `version="--fmi"`.
     Raises:
         ArmwrightError: as it was raised, its place an option where it is one of these.
     """
     try:
         yield
     except ArmwrightError as error:
-        raise error.renamed(lambda place: f"--{place.replace('_', '-')}" if place in fields else place) from None
+        options = {field: f"--{field.replace('_', '-')}" for field in fields} | others
+        raise error.renamed(lambda place: options.get(place, place)) from None

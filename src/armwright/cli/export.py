@@ -103,7 +103,8 @@ def controller(
         try:
             real = "float" if single else "double"
             options = {"real": real, "counts": counts, "ram": ram, "flash": flash}
-            exported = aw.export_controller(read, output, name=name, gains=fields, **options)
+            with as_options("name", "gains", "counts", "ram", "flash"):
+                exported = aw.export_controller(read, output, name=name, gains=fields, **options)
         except ScenarioError as error:  # which does not know the file
             raise error.renamed(key_in_file, keys_in_text).within(file=scenario) from None
     for path in exported.paths:
@@ -181,10 +182,10 @@ def fmu(
     ] = None,
     allow: Allow = None,
 ) -> None:
-    """Write an arm, its controller or both as an FMU, for Simulink, Modelica tools, FMPy and others.
+    r"""Write an arm, its controller or both as an FMU, for Simulink, Modelica tools, FMPy and others.
 
     For co-simulation it is the simulation itself as C: in another tool it gives the bits of `armwright simulate`. Sources are
-    inside, and binaries for Linux, Windows and macOS where zig is installed (pip install 'armwright[fmu]'); else one for this
+    inside, and binaries for Linux, Windows and macOS where zig is installed (pip install 'armwright\[fmu]'); else one for this
     computer, by its C compiler.
 
     \b
@@ -203,9 +204,10 @@ def fmu(
     asked = None if platforms is None else [each.strip() for each in platforms.split(",") if each.strip()]
     with progress("exporting the FMU"):
         try:
-            exported = aw.export_fmu(
-                given, output, part=part, version=version, interface=interface, name=name, platforms=asked
-            )
+            with as_options("part", "interface", "name", "platforms", version="--fmi"):
+                exported = aw.export_fmu(
+                    given, output, part=part, version=version, interface=interface, name=name, platforms=asked
+                )
         except ScenarioError as error:  # which does not know the file
             raise error.renamed(key_in_file, keys_in_text).within(file=source) from None
     result(exported)

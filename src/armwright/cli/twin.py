@@ -138,15 +138,17 @@ def run_controller(
       armwright run-controller arm.scenario.toml --go
       armwright run-controller arm.scenario.toml --bus udp_multicast:239.74.163.2 --arm 1 --go
     """
-    from armwright.twin.bus import check_bus, is_virtual
+    from armwright.twin.bus import check_bus, is_virtual, node_numbers
     from armwright.twin.rehearsal import rehearse
     from armwright.twin.run import run_controller as run_over_bus
     from armwright.twin.safety import Permission, reduced
 
     check_bus(bus)
     read, found = _scenarios(scenario, allow, reference, duration)
-    with as_options("speed", "torque"):
+    with as_options("speed", "torque", "nodes"):
         found = reduced(found, speed, torque)
+        numbers = node_numbers(_numbers(nodes), found.arm.n)
+    faults = _faults(found, fault)
     rehearsal = rehearse(found)
     _show_rehearsal(rehearsal)
     if not go:
@@ -158,7 +160,7 @@ def run_controller(
         if is_virtual(bus):
             from armwright.twin.twin import Twin
 
-            stack.enter_context(Twin(found, bus, nodes=_numbers(nodes), faults=_faults(found, fault)))
+            stack.enter_context(Twin(found, bus, nodes=numbers, faults=faults))
         elif fault:
             raise BusError("are injected where the twin runs", place="--fault", expected="armwright twin … --fault")
         else:
@@ -169,7 +171,7 @@ def run_controller(
             run = run_over_bus(
                 rehearsal,
                 bus,
-                nodes=_numbers(nodes),
+                nodes=numbers,
                 eds=[str(path) for path in eds or ()],
                 real_time=real_time or not is_virtual(bus),
                 following_error=following_error,

@@ -7,6 +7,7 @@ A data frame of the classic base format with k bytes takes 47 + 8 k bits with th
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 BITRATE = 500_000  # [bit/s] of the LWA 4P
 INTERFACES = ("virtual", "socketcan", "udp_multicast")
 INSTALL = 'pip install "armwright[twin]"'
+FIRST_NODE = 3  # of the LWA 4P, whose nodes are 3 to 8
 FRAME = 47  # bits of a frame without data, with the pause of 3 bits between frames
 LOOK = 0.05  # [s] in which a thread that listens notices that it is to end
 STUFFED = 34  # bits of a frame without data that stuffing looks at
@@ -144,3 +146,16 @@ def open_bus(name: str) -> can.BusABC:
         text = (str(error).splitlines() or [type(error).__name__])[0]
         expected = "a bus that is there and up, such as `ip link set can0 up type can bitrate 500000` makes it"
         raise BusError(f"cannot be opened: {text}", place="bus", value=name, expected=expected) from None
+
+
+def node_numbers(nodes: Sequence[int] | None, joints: int) -> tuple[int, ...]:
+    """Numbers of the nodes, one for each joint; by default from 3.
+
+    Raises:
+        BusError: another number of nodes than joints, one that is none, or one that is there twice.
+    """
+    numbers = tuple(range(FIRST_NODE, FIRST_NODE + joints)) if nodes is None else tuple(nodes)
+    if len(numbers) != joints or len(set(numbers)) != joints or not all(1 <= number <= 127 for number in numbers):
+        expected = f"{joints} different numbers from 1 to 127, one for each joint"
+        raise BusError(place="nodes", value=list(numbers), expected=expected)
+    return numbers

@@ -22,8 +22,7 @@ from armwright.results.recording import bare_dataset
 from armwright.simulation.loop.sensors import Sensors
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Loop
-from armwright.twin.bus import check_bus, open_bus
-from armwright.twin.twin import node_numbers
+from armwright.twin.bus import check_bus, node_numbers, open_bus
 from armwright.twin.units import Units
 
 if TYPE_CHECKING:

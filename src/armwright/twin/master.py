@@ -17,13 +17,13 @@ import numpy as np
 
 from armwright.errors import BusError
 from armwright.twin import objects as od
-from armwright.twin.bus import LOOK, open_bus
+from armwright.twin.bus import LOOK, node_numbers, open_bus
 from armwright.twin.cycles import Cycles
 from armwright.twin.faults import TEXT
 from armwright.twin.objects import dictionary, eds_text
 from armwright.twin.rehearsal import Rehearsal
 from armwright.twin.state_machine import POWERED, State
-from armwright.twin.twin import SYNC, node_numbers
+from armwright.twin.twin import SYNC
 
 if TYPE_CHECKING:
     import canopen

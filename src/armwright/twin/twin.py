@@ -19,12 +19,12 @@ from typing import Any, Self
 
 import numpy as np
 
-from armwright.errors import ArmwrightError, BusError
+from armwright.errors import ArmwrightError
 from armwright.kernels.loop import Lanes
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.simulation import Simulation
 from armwright.twin import objects as od
-from armwright.twin.bus import BITRATE, LOOK, BusLoad, open_bus, require_twin
+from armwright.twin.bus import BITRATE, LOOK, BusLoad, node_numbers, open_bus, require_twin
 from armwright.twin.cycles import Cycles
 from armwright.twin.drive import Drive
 from armwright.twin.faults import LATE_SYNC, Fault
@@ -35,7 +35,6 @@ from armwright.twin.profile import Servo
 from armwright.twin.state_machine import State
 from armwright.twin.units import Units
 
-FIRST_NODE = 3  # of the LWA 4P, whose nodes are 3 to 8
 SYNC = 0x80
 RAMP, QUICK_RAMP = 0.25, 0.1  # [s] from rest to the largest speed, and from there to rest in a quick stop
 WINDOW, REACHED = 5.0, 0.1  # [degrees | mm] of the following error, and of a target that is reached
@@ -276,16 +275,3 @@ class Twin:
                 self._coasts = (self._coasts or any(lost)) and self._runs
                 if self._coasts:
                     self._cycle()
-
-
-def node_numbers(nodes: Sequence[int] | None, joints: int) -> tuple[int, ...]:
-    """Numbers of the nodes, one for each joint; by default from 3.
-
-    Raises:
-        BusError: another number of nodes than joints, one that is none, or one that is there twice.
-    """
-    numbers = tuple(range(FIRST_NODE, FIRST_NODE + joints)) if nodes is None else tuple(nodes)
-    if len(numbers) != joints or len(set(numbers)) != joints or not all(1 <= number <= 127 for number in numbers):
-        expected = f"{joints} different numbers from 1 to 127, one for each joint"
-        raise BusError(place="nodes", value=list(numbers), expected=expected)
-    return numbers

@@ -96,7 +96,9 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
     """
     scenario = plant_alone(scenario) if part == "plant" else _bare(scenario)
     if part != "plant" and scenario.controller is None:
-        raise ScenarioError("no controller", place="loop.controller", expected="one to export, or part = 'plant'")
+        raise ScenarioError(
+            "no controller", place="loop.controller", expected="one to export; an FMU of the plant needs none"
+        )
     loop = UnrecordedLoop(scenario)
     if loop.config.integrator == "cvodes":
         raise ScenarioError(

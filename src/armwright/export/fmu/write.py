@@ -138,7 +138,7 @@ def _identifier(path: Path, name: str | None) -> str:
     word = path.stem if name is None else name
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", word) or word in KEYWORDS or len(word) > 63:
         what = "is no C identifier, which names the FMU's binary"
-        how = "letters, digits and _, not beginning with a digit; with `name` the file may be called as you like"
+        how = "letters, digits and _, not beginning with a digit; a name of its own lets the file be called as you like"
         raise ModelError(what, place="name", value=word, expected=how)
     return word
 
