@@ -28,7 +28,7 @@ from typing import Any
 import armwright as aw
 from armwright.scenarios.file import parse_scenario
 from armwright.scenarios.files import FolderFiles
-from armwright.sweeps.cluster import LOG_LEVEL, connected, local_cluster
+from armwright.sweeps.cluster import connected, local_cluster
 
 ROOT = Path(__file__).resolve().parents[1]
 ROBUST = ROOT / "examples" / "robust.scenario.toml"
@@ -131,7 +131,6 @@ def main() -> None:
     parser.add_argument("--repetitions", type=int, default=3)
     asked = parser.parse_args()
     logging.disable(logging.INFO)
-    os.environ[LOG_LEVEL] = "critical"
     if asked.kind == "overhead":
         overhead(int((asked.lanes or [400_000])[0]), asked.repetitions)
         return

@@ -6,6 +6,7 @@ import signal
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -252,7 +253,7 @@ def test_files_that_the_system_refuses_to_write(
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, before[1]))
     try:
         with pytest.raises(OutputError, match=r"runs\.zarr: cannot be written: .*[Ff]ile too large") as refused:
-            aw.sweep(file, path, lanes=LANES, client=client, progress=False)
+            aw.sweep(file, path, lanes=LANES, chunk=LANES, client=client, progress=False)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert "\n" not in str(refused.value)
@@ -326,12 +327,23 @@ def test_a_chunk_takes_seconds_by_default() -> None:
     """Long runs have small chunks, so that a kill costs little, and short runs large ones, whose preparation is a small part."""
     from armwright.sweeps.sweep import ENDLESS, ENOUGH, LEAST, MOST, _usual_chunk
 
-    for duration, count in ((0.05, 1e7), (5.0, 1e6), (100.0, 1e6), (5.0, 20_000)):
+    for duration, count in ((0.05, 1e7), (5.0, 1e6), (100.0, 1e6), (5.0, 200_000)):
         scenario = python_scenario(duration=duration)
-        lanes = _usual_chunk(scenario, int(count))
+        lanes = _usual_chunk(scenario, int(count), 2)
         work = lanes * scenario.ticks * scenario.arm.n
         assert LEAST <= lanes <= MOST
-        assert lanes == MOST or 0.99 * ENOUGH <= work <= 1.01 * ENDLESS * ENOUGH
+        assert lanes > 0.95 * MOST or 0.5 * ENOUGH <= work <= 1.01 * ENDLESS * ENOUGH
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3, 16])
+def test_every_thread_has_as_many_chunks(threads: int) -> None:
+    """So that none waits at the end for the others: with 9 chunks of which two threads do 5 and 4, one waits for a tenth."""
+    from armwright.sweeps.sweep import _usual_chunk
+
+    for count in (200_000, 800_000, 1_600_000):
+        chunk = _usual_chunk(python_scenario(duration=1.0), count, threads)
+        assert -(-count // chunk) % threads == 0
+    assert _usual_chunk(python_scenario(duration=1.0), 5, threads) == 5
 
 
 def test_the_command(file: Path, tmp_path: Path, client: Any) -> None:
@@ -360,7 +372,9 @@ def test_the_command_on_a_full_disk(file: Path, tmp_path: Path, monkeypatch: pyt
     def full(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("armwright.sweeps.sweep.connected", lambda _: contextlib.nullcontext())
+    monkeypatch.setattr(
+        "armwright.sweeps.sweep.connected", lambda _: contextlib.nullcontext(SimpleNamespace(nthreads=dict))
+    )
     monkeypatch.setattr("armwright.sweeps.store.SweepStore._mark", full)
     monkeypatch.setattr("armwright.sweeps.sweep._results", lambda *_: iter([(0, {})]))
     result = CliRunner().invoke(app, ["sweep", str(file), "--lanes", "20", "-o", str(tmp_path / "runs.zarr")])

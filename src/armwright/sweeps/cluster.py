@@ -13,7 +13,13 @@ from armwright.errors import ScenarioError
 PATIENCE = 10  # [s] until a scheduler is taken to be absent
 START = 120  # [s] for a worker of this machine to start, which a loaded processor makes long
 LOGGERS = ("distributed", "distributed.client")  # the second has a level of its own
-LOG_LEVEL = "DASK_LOGGING__DISTRIBUTED"  # environment variable that Dask's programs read
+ENVIRONMENT = {  # of Dask's programs on this machine: no log, and seldom a look at what chunks that take seconds do not need
+    "DASK_LOGGING__DISTRIBUTED": "critical",
+    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",
+    "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "5s",
+    "DASK_DISTRIBUTED__WORKER__MEMORY__MONITOR_INTERVAL": "1s",
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
+}
 
 
 @contextlib.contextmanager
@@ -70,7 +76,8 @@ def _check_address(address: str) -> None:
         raise ScenarioError(str(error), place="scheduler", value=address, expected=expected) from None
 
 
-def local_cluster(workers: int | None = None) -> Any:
+@contextlib.contextmanager
+def local_cluster(workers: int | None = None) -> Iterator[Any]:
     """A Dask cluster on this machine, with one thread in each worker's process; a worker that dies is started again.
 
     The workers are started by a program of their own, so that a script needs no `if __name__ == "__main__"`.
@@ -81,33 +88,47 @@ def local_cluster(workers: int | None = None) -> Any:
     import distributed
 
     count = workers or os.cpu_count() or 1
-    if os.name == "nt":
-        return distributed.LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=":0")
-    from distributed import SpecCluster
-    from distributed.deploy.subprocess import SubprocessWorker
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(_environment())
+        if os.name == "nt":
+            yield stack.enter_context(
+                distributed.LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=":0")
+            )
+            return
+        from distributed import SpecCluster
+        from distributed.deploy.subprocess import SubprocessWorker
 
-    options = {"nthreads": 1, "death_timeout": START, "dashboard": False, "host": "127.0.0.1"}
-    worker = {"cls": SubprocessWorker, "options": {"worker_kwargs": options}}
-    scheduler = {
-        "cls": distributed.Scheduler,
-        "options": {"host": "127.0.0.1", "port": 0, "dashboard": False, "dashboard_address": "127.0.0.1:0"},
-    }
-    return SpecCluster(workers=dict.fromkeys(range(count), worker), scheduler=scheduler, silence_logs=False)
+        options = {"nthreads": 1, "death_timeout": START, "dashboard": False, "host": "127.0.0.1"}
+        worker = {"cls": SubprocessWorker, "options": {"worker_kwargs": options}}
+        scheduler = {
+            "cls": distributed.Scheduler,
+            "options": {"host": "127.0.0.1", "port": 0, "dashboard": False, "dashboard_address": "127.0.0.1:0"},
+        }
+        several = dict.fromkeys(range(count), worker)
+        yield stack.enter_context(SpecCluster(workers=several, scheduler=scheduler, silence_logs=False))
+
+
+@contextlib.contextmanager
+def _environment() -> Iterator[None]:
+    """Environment variables of programs that start meanwhile; what the user has set stays."""
+    added = {name: value for name, value in ENVIRONMENT.items() if name not in os.environ}
+    os.environ |= added
+    try:
+        yield
+    finally:
+        for name in added:
+            os.environ.pop(name, None)
 
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Keeps the log of Dask, here and in processes that start meanwhile, from the terminal; the sweep reports what matters."""
+    """Keeps the log of Dask from the terminal; the sweep reports what matters."""
     loggers = [logging.getLogger(name) for name in LOGGERS]
-    levels, before = [logger.level for logger in loggers], os.environ.get(LOG_LEVEL)
+    levels = [logger.level for logger in loggers]
     for logger in loggers:
         logger.setLevel(logging.CRITICAL)
-    os.environ[LOG_LEVEL] = "critical"
     try:
         yield
     finally:
         for logger, level in zip(loggers, levels, strict=True):
             logger.setLevel(level)
-        os.environ.pop(LOG_LEVEL)
-        if before is not None:
-            os.environ[LOG_LEVEL] = before

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 CHUNKS = 16  # by default, so that several workers have some each; within these:
-ENOUGH = 2e7  # joints times ticks of a chunk's lanes, some seconds: a chunk begins with up to 0.1 s of preparation
+ENOUGH = 4e7  # joints times ticks of a chunk's lanes, some seconds: a chunk begins with up to 0.1 s of preparation
 ENDLESS = 20.0  # times that: a kill costs no more than a minute or two
 LEAST, MOST = 64, 100_000  # lanes
 AHEAD = 3  # tasks for each thread of the cluster that wait or run, so that memory stays bounded
@@ -106,16 +106,16 @@ def sweep(
         expected = f"what is kept of a lane, of {', '.join(REDUCERS)}"
         raise ScenarioError("keeps nothing", place="recording.reduce", value=[], expected=expected)
     first = simulate(_part(source, range(1), rows))
-    size = min(chunk or _usual_chunk(reduced, count), count)
-    about = About(source.digest, count, size, rows, json.loads(first.attrs["made_with"]))
+    about = About(source.digest, count, min(chunk or count, count), rows, json.loads(first.attrs["made_with"]))
     store = _begun(path, about)
-    missing = list(range(about.chunks)) if store is None else store.missing
     done = kept = 0
-    if missing:
+    if store is None or store.missing:
         with connected(client) as cluster, automatic(progress, f"sweeping into {path.name}", "lanes") as tell:
-            store = store or SweepStore.create(path, about, source.document, first)
+            if store is None:
+                about = about if chunk else replace(about, chunk=_usual_chunk(reduced, count, _threads(cluster)))
+                store = SweepStore.create(path, about, source.document, first)
             kept = store.lanes_done
-            for which, result in _results(cluster, source, store.about, missing, retries):
+            for which, result in _results(cluster, source, store.about, store.missing, retries):
                 if isinstance(result, str):
                     store.fail(which, result)
                     continue
@@ -123,7 +123,6 @@ def sweep(
                 done += len(store.about.lanes_of(which))
                 if tell:
                     tell(kept + done, count)
-    assert store is not None
     spent = time.perf_counter() - began
     return Sweep(path, count, done, store.lanes_done - done, dict(store.failures), store.about.chunk, spent)
 
@@ -140,10 +139,17 @@ def _checked_lanes(lanes: Any) -> int:
     return int(lanes)
 
 
-def _usual_chunk(scenario: Scenario, count: int) -> int:
-    """Lanes in a chunk that takes seconds, of a sweep of so many lanes."""
+def _usual_chunk(scenario: Scenario, count: int, threads: int) -> int:
+    """Lanes in a chunk that takes seconds, of a sweep of so many lanes; as many chunks for each thread of the cluster."""
     least = ENOUGH / (scenario.ticks * scenario.arm.n)
-    return int(np.clip(np.clip(-(-count // CHUNKS), least, ENDLESS * least), LEAST, MOST))
+    usual = np.clip(np.clip(-(-count // CHUNKS), least, ENDLESS * least), LEAST, MOST)
+    rounds = np.ceil(count / (threads * usual))
+    return max(min(LEAST, count), int(np.ceil(count / (threads * rounds))))
+
+
+def _threads(cluster: Any) -> int:
+    """Threads of all workers; 1 while there are none."""
+    return max(1, sum(cluster.nthreads().values()))
 
 
 def _part(source: Source, lanes: range, rows: bool) -> Scenario:
@@ -213,7 +219,7 @@ def _results(
         return future
 
     with _as_lost_cluster():
-        ahead = AHEAD * max(1, sum(cluster.nthreads().values()))
+        ahead = AHEAD * _threads(cluster)
         first = [future for future in (submit() for _ in range(min(ahead, len(chunks)))) if future is not None]
         waiting = distributed.as_completed(first, loop=cluster.loop)
     while running:
