@@ -18,7 +18,7 @@ from armwright.signals import Signal
 from armwright.simulation.batch_runner import Finished
 from armwright.simulation.inputs.input_schedule import values_at_ticks
 from armwright.simulation.integrate.lane_status import LaneStatus
-from armwright.simulation.loop.tick import USUAL
+from armwright.simulation.loop.plant_programs import USUAL
 from armwright.simulation.loop_runner import LoopRunner
 
 if TYPE_CHECKING:

@@ -21,11 +21,11 @@ from armwright.simulation.loop.compiled import CompiledLoop
 from armwright.simulation.loop.config import LoopConfig, Sampling
 from armwright.simulation.loop.controller import ControllerAdapter
 from armwright.simulation.loop.initialisation import Initialisation
+from armwright.simulation.loop.plant_programs import plant_derivative, plant_watched
 from armwright.simulation.loop.python_controller import PythonController
 from armwright.simulation.loop.references import PARAMETERS, LoopReference, start_notes
 from armwright.simulation.loop.sensor_set import SensorSet
 from armwright.simulation.loop.state import LoopState
-from armwright.simulation.loop.tick import plant_derivative, plant_watched
 from armwright.simulation.loop.timing import Delays
 from armwright.simulation.plant.plant import Plant
 from armwright.simulation.plant.step_limits import StepLimit, VariedStepLimit, check_inertia, full_voltage
@@ -191,7 +191,8 @@ class LoopRunner:
                 expected="'rk45', 'auto' or a fixed step; or a record with a smoothing speed in `friction`",
             )
         stiff, watched = bool(self.plant.stiff), plant_watched(self.config)
-        return Cvodes(*plant_derivative(self.config), self.scenario.solver.adaptivity, stiff, watched)
+        derivative, shapes = plant_derivative(self.config), self.config.plant_shapes
+        return Cvodes(derivative, shapes, self.scenario.solver.adaptivity, stiff, watched)
 
     def _kept_blocks(self) -> set[str]:
         """Names of the blocks that make the state of the loop."""

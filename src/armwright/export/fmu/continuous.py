@@ -28,7 +28,7 @@ from armwright.program.derivative import with_tangents
 from armwright.scalar import Array
 from armwright.signals import Layout, Signal
 from armwright.simulation.loop.config import LoopConfig
-from armwright.simulation.loop.tick import plant_call, plant_derivative, plant_watched
+from armwright.simulation.loop.plant_programs import plant_watched
 from armwright.simulation.scenario import Scenario
 
 BAND = 1e-10  # [rad | m] of an indicator about a contact's beginning: far below what a solver resolves
@@ -98,14 +98,14 @@ def _programs(
     config: LoopConfig, arm: Model, values: Mapping[str, np.ndarray]
 ) -> tuple[Program, Program, Program | None, Layout]:
     """Dynamics, the same without indicators, contacts, and the layout of those outputs that the record has the numbers for."""
-    watched, (_, shapes) = plant_watched(config), plant_derivative(config)
+    watched, shapes = plant_watched(config), config.plant_shapes
     held = {} if watched is None else watched.block
     known: dict[str, tuple[int, ...]] = {name: tuple(range(arm.n)) for name in OUTPUTS}
 
     def outputs(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
-        plant, inputs = plant_call(config, u, rest)
-        told = plant.outputs(x, inputs)
-        return tuple(scalar.array([told[name][j] for j in known[name]]) for name in OUTPUTS if known[name])
+        plant, inputs = config.plant_call(u, rest)
+        found = plant.outputs(x, inputs)
+        return tuple(scalar.array([found[name][j] for j in known[name]]) for name in OUTPUTS if known[name])
 
     numbers = [values.get(name, np.zeros(shape)) for name, shape in {**shapes, **held}.items()]
     every = interpret(trace("outputs", outputs, {**shapes, **held}, tuple(OUTPUTS)), *numbers)
@@ -114,7 +114,7 @@ def _programs(
     signals = [joint_signal(arm, name, OUTPUTS[name], _about(name), known[name]) for name in OUTPUTS if known[name]]
 
     def smooth(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
-        plant, inputs = plant_call(config, u, rest)
+        plant, inputs = config.plant_call(u, rest)
         return plant.derivative(x, inputs), *outputs(x, u, *rest)
 
     names = ["xd", *(signal.name for signal in signals)]

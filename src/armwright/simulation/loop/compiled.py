@@ -14,7 +14,8 @@ from armwright.model.vary import Varied
 from armwright.program import Program
 from armwright.simulation.integrate.stepping import Adaptivity
 from armwright.simulation.loop.config import LoopConfig
-from armwright.simulation.loop.tick import Tick, make_tick, plant_outputs, plant_step
+from armwright.simulation.loop.plant_programs import plant_outputs, plant_step
+from armwright.simulation.loop.tick import Tick, make_tick
 from armwright.simulation.plant.plant import Plant
 from armwright.simulation.plant.step_limits import StepLimit
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -74,6 +74,11 @@ class LoopConfig:
         varying = {} if self.varied is None else {"p": (len(self.varied.parameters),)}
         return {name: (entries,) for name, entries in self.inputs.items()} | varying
 
+    @property
+    def plant_shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of the arguments (x, u, …) of the plant's programs, by name."""
+        return {"x": (self.bare.size,), "u": (self.arm.n,)} | self.plant_blocks
+
     @cached_property
     def structure(self) -> tuple[Any, ...]:
         """All that the plant's programs depend on, but no values of lanes: the arm by its content, what varies, inputs, rule."""
@@ -99,3 +104,9 @@ class LoopConfig:
     def plant_inputs(self, command: Array, values: Mapping[str, Array]) -> PlantInputs:
         """Inputs of the plant from commands (n,) and the blocks of the tick."""
         return PlantInputs.named(command, values)
+
+    def plant_call(self, u: Array, rest: Sequence[Array]) -> tuple[Plant, PlantInputs]:
+        """A lane's plant and its inputs, from commands and what follows: `plant_blocks`, then contacts and directions if held."""
+        held = [*(["contacts"] if sum(self.bare.contacts) else []), "directions"]
+        values = dict(zip([*self.plant_blocks, *held], rest, strict=False))
+        return self.plant(values, simple=True), PlantInputs.named(u, values)

@@ -16,34 +16,22 @@ Blocks between the stages, one lane's numbers each:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.interfaces import UNTRACEABLE, why
-from armwright.kernels.stages import NEXT, SEEN, Call, Delay, Draw, Integrate, Record, Rows, Stage
-from armwright.program import Program, kept, trace
+from armwright.kernels.stages import NEXT, SEEN, Call, Delay, Draw, Record, Rows, Stage
+from armwright.program import Program, trace
 from armwright.scalar import Array
-from armwright.simulation.integrate import dormand_prince, rosenbrock
-from armwright.simulation.integrate.integrators import INTEGRATORS, ORDER_OF_ERROR, PAIR
-from armwright.simulation.integrate.rosenbrock import rodas3_trial
-from armwright.simulation.integrate.stepping import adaptive_stage, dormand_prince_trial, speed_pairs
 from armwright.simulation.loop.command_filter import command_stages
 from armwright.simulation.loop.config import LoopConfig, Sampling
 from armwright.simulation.loop.controller import traced_controller
+from armwright.simulation.loop.plant_programs import plant_stages
 from armwright.simulation.plant.inputs import PlantInputs
-from armwright.simulation.plant.plant import Plant
-from armwright.simulation.plant.slopes import plant_slopes
-from armwright.simulation.plant.switching import Watched, switching_programs
 from armwright.simulation.plant.view import PlantView
-
-USUAL = ("qdd", "tau", "voltage", "current")  # stored of every arm
-NOTHING: Mapping[str, tuple[int, ...]] = {}
-
-ORDERS = {"rk45": dormand_prince.ORDER, "rodas3": rosenbrock.ORDER}  # of the errors that rules estimate, in h
 
 SENSING, TIMING = 0, 1  # channels of random numbers
 
@@ -98,7 +86,7 @@ def make_tick(config: LoopConfig) -> Tick:
         after.append(Record("run", *blocks))
     if config.reduction is not None:
         after.append(Call(config.reduction.program(config)))
-    return Tick(tuple(before), (*after, *_integration(config, seen)), untraced, seen)
+    return Tick(tuple(before), (*after, *plant_stages(config, seen)), untraced, seen)
 
 
 def measuring_stages(config: LoopConfig, sampling: Sampling) -> tuple[list[Stage], tuple[str, ...]]:
@@ -170,142 +158,3 @@ def _sensing(config: LoopConfig, sampling: Sampling, seen: tuple[str, ...], outp
 def _parameters(config: LoopConfig) -> dict[str, tuple[int, ...]]:
     """Shape of the block of varied parameters, if the arm has any."""
     return {name: shape for name, shape in config.plant_blocks.items() if name == "p"}
-
-
-def _integration(config: LoopConfig, seen: tuple[str, ...]) -> list[Stage]:
-    """The stage that moves the plant; none where CVODES does."""
-    delays = None if config.sampling is None else config.sampling.delays
-    planned = delays.pending + 2 if delays is not None and delays.fractional else 0
-    watched = plant_watched(config)
-    _, shapes = plant_derivative(config)
-    if config.integrator in INTEGRATORS:
-        step = plant_step(config, {} if watched is None else watched.block)
-        return [Integrate(step, planned, seen, **switching_programs(watched, shapes))]
-    if config.integrator == "cvodes":
-        return []
-    assert config.adaptivity is not None
-    key = ("adaptive", config.structure, config.adaptivity, planned, seen)
-    if config.adaptivity.events:  # functions of the user's, traced each time
-        return [_adaptive(config, watched, planned, seen)]
-    return [kept(key, lambda: _adaptive(config, watched, planned, seen))]
-
-
-def _adaptive(config: LoopConfig, watched: Watched | None, planned: int, seen: tuple[str, ...]) -> Stage:
-    """The stage of a rule that chooses its steps."""
-    assert config.adaptivity is not None
-    trial, layout = plant_trial(config, watched), config.bare.layout
-    order, lands = ORDERS.get(config.integrator, ORDER_OF_ERROR), config.bare.sticking is not None
-    _, shapes = plant_derivative(config)
-    return adaptive_stage(trial, shapes, config.adaptivity, layout, planned, seen, watched, order, lands=lands)
-
-
-def plant_call(config: LoopConfig, u: Array, rest: Sequence[Array]) -> tuple[Plant, PlantInputs]:
-    """A lane's plant and what acts on it, from commands and what follows: `plant_blocks`, then contacts, directions if held."""
-    held = [*(["contacts"] if sum(config.bare.contacts) else []), "directions"]
-    values = dict(zip([*config.plant_blocks, *held], rest, strict=False))
-    return config.plant(values, simple=True), PlantInputs.named(u, values)
-
-
-def plant_derivative(config: LoopConfig) -> tuple[Callable[..., Array], dict[str, tuple[int, ...]]]:
-    """dx/dt of the arm with the lane's inputs and parameters, and the shapes of its arguments by name.
-
-    Behind them it takes the contacts that count as closed, where these do not follow from x.
-    """
-
-    def derivative(x: Array, u: Array, *rest: Array) -> Array:
-        plant, inputs = plant_call(config, u, rest)
-        return plant.derivative(x, inputs)
-
-    return derivative, {"x": (config.bare.size,), "u": (config.arm.n,)} | config.plant_blocks
-
-
-def plant_step(config: LoopConfig, contacts: Mapping[str, tuple[int, ...]] = NOTHING) -> Program:
-    """The plant's step, with its inputs and the arm's varied parameters behind x and u, then its contacts, if these are held."""
-    key = ("step", config.structure, tuple(contacts.items()))
-    return kept(key, lambda: _plant_step(config, contacts))
-
-
-def _plant_step(config: LoopConfig, contacts: Mapping[str, tuple[int, ...]]) -> Program:
-    rule = INTEGRATORS[config.integrator].paired(speed_pairs(config.bare.layout))
-    _, shapes = plant_derivative(config)
-
-    def step(x: Array, u: Array, *rest: Array) -> Array:
-        *inputs, h = rest
-        plant, plant_inputs = plant_call(config, u, inputs)
-        return plant.step(rule, x, plant_inputs, h)
-
-    return trace("step", step, {**shapes, **contacts, "h": ()}, (f"x{NEXT}",))
-
-
-def plant_trial(config: LoopConfig, watched: Watched | None) -> Callable[..., tuple[Array, ...]]:
-    """(x, u, …, h) → x⁺, its error, and the path where events need one: a step of a rule that estimates how wrong it is."""
-    sticking, shapes = config.bare.sticking, plant_derivative(config)[1] | ({} if watched is None else watched.block)
-    if sticking is None:
-        return _smooth_trial(config, shapes)
-    held = _smooth_trial(config, {**shapes, "directions": (len(sticking.places),)})
-
-    def landing(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
-        *given, h = rest
-        plant, inputs = plant_call(config, u, given)
-        assert plant.sticking is not None
-        directions = plant.sticking.present(x, inputs)
-        new, error, *others = held(x, u, *given, directions, h)
-        return plant.sticking.landed(x, replace(inputs, directions=directions), new, error, h, others)
-
-    return landing
-
-
-def _smooth_trial(config: LoopConfig, shapes: Mapping[str, tuple[int, ...]]) -> Callable[..., tuple[Array, ...]]:
-    """The same for an arm that never sticks, or with directions of motion held, as the last of the arguments of those shapes."""
-    derivative, _ = plant_derivative(config)
-    if config.integrator == "rk45":
-        return dormand_prince_trial(derivative, shapes)
-    if config.integrator == "rodas3":
-
-        def slopes(x: Array, u: Array, *rest: Array) -> tuple[Array, Array, Array]:
-            plant, inputs = plant_call(config, u, rest)
-            return plant_slopes(plant, x, inputs)
-
-        lands = config.adaptivity is not None and bool(config.adaptivity.events)
-        return rodas3_trial(derivative, slopes, shapes, config.bare.settled, lands)
-
-    def pair(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
-        *inputs, h = rest
-        plant, plant_inputs = plant_call(config, u, inputs)
-        return plant.step_with_error(PAIR, x, plant_inputs, h)
-
-    return pair
-
-
-def plant_watched(config: LoopConfig) -> Watched | None:
-    """The plant's switching functions within steps; None of an arm that has no stops and no play."""
-
-    def depths(x: Array, u: Array, *rest: Array) -> Array:
-        return plant_call(config, u, rest)[0].contact_depths(x)
-
-    def functions(x: Array, u: Array, *rest: Array) -> tuple[Array, Array]:
-        plant, inputs = plant_call(config, u, rest)
-        return plant.switching_functions(x, inputs)
-
-    contacts = sum(config.bare.contacts)
-    return Watched(depths, functions, contacts) if contacts else None
-
-
-def plant_outputs(config: LoopConfig) -> tuple[Program, tuple[str, ...]]:
-    """Outputs from state, commands, inputs and parameters, for all recorded rows at once; and its names."""
-    return kept(("outputs", config.structure, config.sampling is None), lambda: _plant_outputs(config))
-
-
-def _plant_outputs(config: LoopConfig) -> tuple[Program, tuple[str, ...]]:
-    names: list[str] = []
-
-    def outputs(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
-        plant, inputs = plant_call(config, u, rest)
-        outputs = plant.outputs(x, inputs)
-        if config.sampling is None and plant.is_plain:  # the motors alone: what else there is follows from these
-            outputs = {name: values for name, values in outputs.items() if name in USUAL}
-        names[:] = outputs
-        return tuple(outputs.values())
-
-    _, shapes = plant_derivative(config)
-    return trace("outputs", outputs, shapes, names), tuple(names)
