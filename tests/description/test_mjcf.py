@@ -123,6 +123,37 @@ def test_gravity_can_be_off(tmp_path):
     np.testing.assert_array_equal(aw.load(written(tmp_path, text, "arm.xml")).gravity, [0, 0, 0])
 
 
+def test_constraints_can_be_off(tmp_path):
+    """A joint that would follow another one moves by itself, as in MuJoCo, where the file's flag switches constraints off."""
+    follows = '<equality><joint joint1="j2" joint2="j1" polycoef="0.1 2 0 0 0"/></equality></mujoco>'
+    text = ARM.replace("</mujoco>", follows).replace(
+        '<position name="m2" joint="j2" kp="100" kv="3" forcerange="-7 7"/>', ""
+    )
+    assert aw.load(written(tmp_path, text, "arm.xml")).names == ["j1", "j 3"]
+    off = text.replace('"0.5 0 -9.5"/>', '"0.5 0 -9.5"><flag equality="disable"/></option>')
+    path = written(tmp_path, off, "off.xml")
+    q, qd, qdd = np.random.default_rng(2).normal(size=(3, 3))
+    ours = aw.inverse_dynamics(aw.load(path).replace(friction=None), q, qd, qdd)
+    np.testing.assert_allclose(ours, theirs(path, q, qd, qdd)[0], rtol=1e-9)
+
+
+@pytest.mark.skipif(not hasattr(mujoco.MjModel, "jnt_springyield"), reason="this MuJoCo has no springs that yield")
+def test_springs_that_yield_are_refused(tmp_path):
+    """Beyond their yield MuJoCo's springs creep; elastic ones would bring the joint back."""
+    text = mjcf("<joint name='j' stiffness='3' springyield='0.1'/>")
+    with pytest.raises(DescriptionError, match="joint 'j': a spring that yields, which is not offered"):
+        aw.load(written(tmp_path, text, "a.xml"))
+
+
+@pytest.mark.skipif(not hasattr(mujoco.MjModel, "actuator_delay"), reason="this MuJoCo has no delays")
+def test_a_delay_is_not_left_out_silently(tmp_path):
+    text = mjcf(after="<actuator><motor joint='j' delay='0.02' nsample='3'/></actuator>")
+    assert any(
+        "joint 'j': its delay of 0.02 s is not used" in told
+        for told in aw.load(written(tmp_path, text, "a.xml")).warnings
+    )
+
+
 BODY = "<body name='b'>{}<geom size='0.1'/></body>"
 HINGE = "<joint name='j' type='hinge'/>"
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.description.mjcf.drives import masters
+from armwright.description.mjcf.drives import constraints, masters
 from armwright.description.mjcf.springs import check_tendons
 from armwright.description.xml_tree import NUMBER, Element, read_xml
 from armwright.errors import DescriptionError, Problem
@@ -128,6 +128,8 @@ def check_model(file: Path, mujoco: Any, model: Any) -> None:
             refuse("joint", i, f"a {called} joint, which is {NOT_OFFERED}", "hinge or slide")
         if _any(model, "jnt_stiffnesspoly", i):
             refuse("joint", i, f"stiffness of higher order, which is {NOT_OFFERED}")
+        if _any(model, "jnt_springyield", i):
+            refuse("joint", i, f"a spring that yields, which is {NOT_OFFERED}")
     for i in range(model.nv):
         if _any(model, "dof_dampingpoly", i):
             refuse("joint", int(model.dof_jntid[i]), f"damping of higher order, which is {NOT_OFFERED}")
@@ -138,7 +140,7 @@ def check_model(file: Path, mujoco: Any, model: Any) -> None:
     if model.opt.density != 0 or model.opt.viscosity != 0 or np.any(model.opt.wind):
         wrong.append(Problem(f"density, viscosity or wind: fluids are {NOT_OFFERED}", "<option>", file=str(file)))
     followers = masters(mujoco, model)
-    for k in range(model.neq):
+    for k in constraints(mujoco, model):
         if int(model.eq_type[k]) != int(mujoco.mjtEq.mjEQ_JOINT) or int(model.eq_obj2id[k]) < 0:
             refuse("equality", k, f"couples bodies or joints, which is {NOT_OFFERED}")
             continue

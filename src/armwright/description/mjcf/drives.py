@@ -39,6 +39,9 @@ def actuations(mujoco: Any, model: Any) -> dict[int, Actuation]:
         if not plain:
             gains = " ".join(f"{gain:g}" for gain in (*model.actuator_gainprm[i, :1], *model.actuator_biasprm[i, 1:3]))
             actuation.remarks.append(f"its servo or activation (gains {gains}) is a controller's and not used")
+        delay = float(model.actuator_delay[i]) if hasattr(model, "actuator_delay") else 0.0
+        if delay:
+            actuation.remarks.append(f"its delay of {delay:g} s is not used: a scenario states delays")
         for low, high in bounds:
             if low != -high:
                 actuation.remarks.append(
@@ -49,10 +52,16 @@ def actuations(mujoco: Any, model: Any) -> dict[int, Actuation]:
     return by_joint
 
 
+def constraints(mujoco: Any, model: Any) -> range:
+    """Numbers of the equality constraints that act; none if the file's <flag> switches them off."""
+    off = int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
+    return range(0 if off else model.neq)
+
+
 def masters(mujoco: Any, model: Any) -> dict[int, int]:
     """By joint that follows another: the number of the equality constraint that says so."""
     line = int(mujoco.mjtEq.mjEQ_JOINT)
-    return {int(model.eq_obj1id[k]): k for k in range(model.neq) if int(model.eq_type[k]) == line}
+    return {int(model.eq_obj1id[k]): k for k in constraints(mujoco, model) if int(model.eq_type[k]) == line}
 
 
 def mimic_record(model: Any, k: int, master: str, *, hinge: bool) -> dict[str, Any]:

@@ -31,6 +31,12 @@ def sites_of(model: Any, i: int) -> list[int]:
     return [int(site) for site in model.wrap_objid[first : first + int(model.tendon_num[i])]]
 
 
+TENDON_PHYSICS = (
+    *("damping", "dampingpoly", "stiffnesspoly", "springyield"),
+    *("frictionloss", "armature", "limited", "actfrclimited"),
+)
+
+
 def check_tendons(mujoco: Any, model: Any, refuse: Callable[..., None]) -> None:
     """Refuses tendons that are more than a straight spring between two sites.
 
@@ -46,7 +52,7 @@ def check_tendons(mujoco: Any, model: Any, refuse: Callable[..., None]) -> None:
         low, high = model.tendon_lengthspring[i]
         if low != high:
             refuse("tendon", i, f"slack between {low:g} and {high:g} m, which is not offered", only)
-        for key in ("damping", "dampingpoly", "stiffnesspoly", "frictionloss", "armature", "limited", "actfrclimited"):
+        for key in TENDON_PHYSICS:
             if np.any(getattr(model, f"tendon_{key}", np.zeros(model.ntendon + 1))[i]):
                 refuse("tendon", i, f"{key}, which is not offered", only)
 
