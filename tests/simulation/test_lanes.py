@@ -245,6 +245,22 @@ def test_noise_of_a_lane_does_not_depend_on_how_many_there_are():
             np.testing.assert_array_equal(few[name].values, many[name].values[:count])
 
 
+def test_lanes_without_noise_are_part_of_those_that_have_some():
+    """A deviation that differs by lane may be 0, in one lane and in all that run together."""
+    lanes = others(3, np.random.default_rng(0))
+    loud, draw = np.array([0.0, 1e-4, 2e-4]), {"seed": 5, "duration": 0.05}
+
+    def noisy(part: slice) -> dict[str, Any]:
+        return draw | {"sensors": aw.Sensors(position_noise=aw.Batch(loud[part]), velocity_noise=1e-3)}
+
+    many = aw.simulate(probed(lanes, **noisy(slice(None))))
+    few = aw.simulate(probed({name: rows[:1] for name, rows in lanes.items()}, **noisy(slice(1))))
+    for name in ("q", "q_measured", "qd_measured", "u"):
+        np.testing.assert_array_equal(few[name].values, many[name].values[:1])
+    assert not np.array_equal(many.q_measured.values[1], many.q.values[1])
+    np.testing.assert_array_equal(few.q_measured.values, few.q.values)
+
+
 def test_every_lane_may_follow_its_own_reference():
     """Poses or schedules of poses; lane k is the single run with reference k."""
     poses = START + np.array([[0.0, 0.1], [0.2, 0.0], [-0.1, -0.3]])

@@ -168,6 +168,16 @@ def test_a_lane_does_not_depend_on_its_neighbours(integrator):
             np.testing.assert_array_equal(one.qd.values, many.qd.values[lane])
 
 
+def test_a_resistance_may_vary_where_steps_end_at_contacts():
+    """Switches are counted before any lane is known; nothing is divided by what is not known yet."""
+    names, common = ["joint1.motor.resistance_ohm"], {"duration": 0.05, "step": 5e-4, "command": [5.0, 5.0]}
+    plain = {"command": "voltage", "motor": MOTOR, "stops": STOPS, "limits": {"position_rad": [-0.3, 0.35]}}
+    arm = chain([plain, plain])
+    run = aw.simulate(scenario_of(arm, vary={names[0]: aw.Batch([1.0, 2.0])}, **common))
+    other = aw.simulate(scenario_of(arm.with_values({names[0]: 2.0}), **common))
+    np.testing.assert_allclose(run.q.values[1], other.q.values, rtol=0, atol=1e-13)
+
+
 def test_a_joint_that_leans_on_its_stop_comes_to_rest_there():
     """And one that begins exactly on it: p = load / stiffness, at no more than one landing or two."""
     arm = pendulum(motor=MOTOR, friction=COULOMB, stops=STOPS, limits={"position_rad": [-1.0, 0.0]})

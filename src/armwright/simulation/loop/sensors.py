@@ -178,8 +178,7 @@ class Sensors:
     @property
     def noisy_current(self) -> bool:
         """True where measured currents are not the true ones."""
-        noise = self.current_noise
-        return bool(np.any(noise.values if isinstance(noise, Batch) else noise))
+        return _may_be_noisy(self.current_noise)
 
     def _quantised(self, arm: Model, q: Array) -> np.ndarray:
         if not self.quantised:
@@ -218,10 +217,11 @@ class Sensors:
 
 
 def _may_be_noisy(deviation: Any) -> bool:
-    """True for a standard deviation above 0 in some lane."""
-    if isinstance(deviation, Batch):
-        return bool(np.any(deviation.values > 0.0))
-    return scalar.is_symbolic(deviation) or deviation > 0.0
+    """True for a standard deviation above 0, or one that differs by lane: then lanes with 0 draw numbers too.
+
+    So a part of the lanes draws the same numbers as all of them, also where all of its deviations are 0.
+    """
+    return isinstance(deviation, Batch) or scalar.is_symbolic(deviation) or deviation > 0.0
 
 
 def _not_negative(values: np.ndarray) -> np.ndarray:

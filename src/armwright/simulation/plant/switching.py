@@ -16,6 +16,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from armwright import scalar
 from armwright.kernels.stages import NEXT
 from armwright.program import Program, call, trace
@@ -99,7 +101,9 @@ def switching_programs(watched: Watched | None, shapes: Mapping[str, tuple[int, 
 
     after = {f"x{NEXT}": size}
     arguments = (scalar.zeros(*shape) for shape in (size, *constant.values()))
-    searched = {"weights": (watched.contacts + len(watched.functions(*arguments)[1]),), "bracket": (5,), "part": (1,)}
+    with np.errstate(all="ignore"):  # counted at zeros, where a parameter that varies may be a divisor
+        others = len(watched.functions(*arguments)[1])
+    searched = {"weights": (watched.contacts + others,), "bracket": (5,), "part": (1,)}
     return {
         "touching": trace("touching", touching, shapes, noinline=True),
         "switched": trace("switched", switched, {"x": size, **after, **constant}, noinline=True),
