@@ -31,12 +31,8 @@ from kernels.c_compilers import BITS, CORTEX_M7, STRICT, batch_function, build, 
 from kernels.harness import same_bits
 from physics.arms import arm, workshop
 
-ARMS = (
-    "puma560",
-    "panda",
-    "cmu-dd",
-    "sprung",
-)  # sprung: a prismatic joint, branches, losses, every friction law, springs
+ARMS = ("panda", "cmu-dd", "sprung")  # sprung: a prismatic joint, branches, losses, every friction law, springs
+ONCE = ("inverse_dynamics+wrench",)  # with a wrench in float too
 WHOLE = ("sprung",)  # all functions; of the others those that compilers are done with soon
 LONG = ("inverse_dynamics_derivatives", "forward_dynamics_derivatives", "forward_arm_linearised", "coriolis_matrix")
 
@@ -55,12 +51,20 @@ def offered(model: Model) -> list[str]:
 
 
 def has_what_it_needs(model: Model, form: str) -> bool:
-    """Whether the arm can be traced in that form."""
+    """True if the plain function has a value for that arm, which is sooner known than its program."""
+    parsed = parse_form(form)
+    random = np.random.default_rng(0)
+    inputs = [random.normal(size=a.sized(model)) for a in (*parsed.signature.inputs, *parsed.optional)]
     try:
-        parse_form(form).trace(model)
+        parsed.evaluate(model, *inputs)
     except ModelError:
         return False
     return True
+
+
+def printed(model: Model, real: str) -> list[str]:
+    """Forms of a library: all in double; in float each function once, as what an input adds is the same text in both."""
+    return [form for form in offered(model) if real == "double" or form in ONCE or not re.search("[+:]", form)]
 
 
 def short_name(form: str) -> str:
@@ -77,7 +81,7 @@ def written(tmp_path_factory):
 
     @functools.cache
     def files(name: str, real: str = "double") -> list[Path]:
-        return write_c(arm(name), offered(arm(name)), tmp_path_factory.mktemp(f"{name}-{real}"), real)
+        return write_c(arm(name), printed(arm(name), real), tmp_path_factory.mktemp(f"{name}-{real}"), real)
 
     return files
 
@@ -148,9 +152,9 @@ def test_c_has_the_bits_of_the_compiled_kernel(libraries, name, form):
         assert np.isfinite(ours[:10_000]).all()
 
 
-#: Every arm with both compilers and both reals, every compiler with both reals.
+#: Every arm with both compilers, every compiler with both reals.
 PAIRS = [
-    *((which, name, real) for name in ("puma560", "cmu-dd") for which, real in (("gcc", "double"), ("clang", "float"))),
+    *((which, "cmu-dd", real) for which, real in (("gcc", "double"), ("clang", "float"))),
     *((which, name, real) for name in ("panda", "sprung") for which, real in (("gcc", "float"), ("clang", "double"))),
 ]
 
@@ -165,7 +169,7 @@ def test_strict_compilers_have_nothing_to_say_and_the_self_test_passes(written, 
     lines = done.stdout.splitlines()
     assert [line.split()[0] for line in lines[:-1]] == [
         "arithmetic",
-        *(short_name(form) for form in offered(arm(name))),
+        *(short_name(form) for form in printed(arm(name), real)),
     ]
     assert lines[-1] == f"{header.stem}: ok"
 
@@ -220,7 +224,7 @@ def test_float_is_double_rounded(tmp_path, kernel):
 
 @pytest.mark.parametrize(
     ("name", "core", "real"),
-    [("sprung", CORTEX_M7, "double"), ("puma560", CORTEX_M7, "float"), ("sprung", CORTEX_M4, "float")],
+    [("cmu-dd", CORTEX_M7, "double"), ("panda", CORTEX_M7, "float"), ("sprung", CORTEX_M4, "float")],
 )
 def test_microcontrollers(written, tmp_path, name, core, real):
     """Clean for them too, and fused multiply-add is an instruction there."""
