@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.model.drive import Friction
 
 control = pytest.importorskip("control", reason="python-control is not installed: pip install armwright[control]")
 
@@ -121,6 +122,26 @@ def test_the_symmetric_optimum_is_kesslers():
     _, phase, _, crossover = control.margin(open_loop)
     assert phase == pytest.approx(np.degrees(np.arctan(2.0) - np.arctan(0.5)), abs=1e-3)
     assert crossover == pytest.approx(1.0 / (2.0 * lag), rel=1e-6)
+
+
+@pytest.mark.parametrize("integral", [20.0, 0.0])
+def test_the_symmetric_optimum_of_a_damped_joint_is_not_slower_than_its_bandwidth_allows(integral):
+    one = scenario(replace(CASCADE, speed_ki=integral), period=4e-3)
+    bodies = tuple(replace(body, friction=Friction(viscous=150.0)) for body in one.arm.bodies)
+    damped = replace(one, arm=replace(one.arm, bodies=bodies).replace(gravity=[0.0, 0.0, 0.0]))
+    w, lag = 40.0, 6e-3  # half a period of hold, one of delay
+    design = aw.design_gains(damped, bandwidth=w, poses=50)
+    gains = {"speed_ki": np.zeros(2), **design.gains}
+    columns = (gains[name] for name in ("position_kp", "speed_kp", "speed_ki"))
+    for m, p, s, i in zip(design.inertia, *columns, strict=True):
+        assert 150.0 / m > w * w * lag  # the joint's own time constant is shorter than Kessler's integral time
+        if integral:
+            assert i / s == pytest.approx(150.0 / m)  # which the integral cancels: the magnitude optimum
+        speed = control.feedback(control.tf([s, i], [1.0, 0.0]) * control.tf([1.0], [m, 150.0]), 1)
+        loop = control.feedback(p * control.minreal(speed, verbose=False) * control.tf([1.0], [1.0, 0.0]), 1)
+        poles = loop.poles()
+        assert -poles.real.max() > 0.24 * w
+        assert (-poles.real / np.abs(poles)).min() > 0.99  # ζ = 1
 
 
 def test_a_shaped_loop_crosses_with_the_phase_that_belongs_to_the_damping():

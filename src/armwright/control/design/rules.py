@@ -84,18 +84,23 @@ def pole_placement(task: Task, bandwidth: np.ndarray) -> JointGains:
 def symmetric_optimum(task: Task, bandwidth: np.ndarray) -> JointGains:
     """Speed PI by the symmetric optimum, position P by the speed loop's equivalent time constant.  [Kessler1958], [Leonhard2001]
 
-        a = 1 / (ω T),   k_s = m ω,   k_i = k_s ω / a,   k_p = ω / (4 ζ² a)
+        a = 1 / (ω T),   c = max(ω / a, b / m),   k_s = m ω,   k_i = k_s c,   k_p = c / (4 ζ² (1 + b / (m ω) - b / (m c)))
 
-    ω is the crossover of the speed loop, T all small delays together. At a = 2 this is Kessler's rule; a larger a has more phase
-    margin: a = (1 + cos φ) / sin φ. The joint's own damping counts as nothing.
+    ω is the crossover of the speed loop, T all small delays together. Of a joint without damping b, a = 2 is Kessler's rule, with
+    k_p = ω / (4 ζ² a); a larger a has more phase margin: a = (1 + cos φ) / sin φ. Where m / b is shorter than Kessler's integral
+    time a / ω, the integral cancels it, as in the magnitude optimum, and k_p = ω / (4 ζ²). Without an integral the speed loop
+    reaches only k_s / (k_s + b) of its reference, which k_p makes up for:  k_p = ω (1 + b / k_s) / (4 ζ²).
 
     Args:
         task: the conditions.   bandwidth: (…, n) ω [rad/s], below 1/T.
     """
-    (m, _), w = task.joints.largest, bandwidth
-    a = 1.0 / (w * task.joints.lag)
+    (m, b), w = task.joints.largest, bandwidth
     speed = m * w
-    return JointGains(w / (4.0 * task.damping**2 * a), speed, speed * w / a * task.integral)
+    if not task.integral:
+        return JointGains(w * (1.0 + b / speed) / (4.0 * task.damping**2), speed, np.zeros_like(speed))
+    corner = np.maximum(w * w * task.joints.lag, b / m)
+    position = corner / (4.0 * task.damping**2 * (1.0 + b / speed - b / (m * corner)))
+    return JointGains(position, speed, speed * corner)
 
 
 def loop_shaping(task: Task, bandwidth: np.ndarray) -> JointGains:
