@@ -112,3 +112,28 @@ def test_refused(tmp_path):
     with pytest.raises(DescriptionError, match="unknown option"):
         aw.convert("panda", tmp_path / "panda.toml", smoothing=0.1)
     assert not list(tmp_path.iterdir())
+
+
+def test_robots_of_ros_leave_meshes_behind_that_are_elsewhere(tmp_path):
+    """Meshes stand beside the folder of the URDF: in most folders a TOML cannot name them."""
+    package = tmp_path / "robot_description"
+    for folder in ("urdf", "meshes"):
+        (package / folder).mkdir(parents=True)
+    (package / "meshes" / "link.stl").write_text("solid link\nendsolid link\n")
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    mesh = '<visual><geometry><mesh filename="package://robot_description/meshes/link.stl"/></geometry></visual>'
+    box = '<visual><geometry><box size="1 1 1"/></geometry></visual>'
+    source = package / "urdf" / "robot.urdf"
+    source.write_text(
+        f'<robot name="robot"><link name="base"/><link name="link">{inertial}{mesh}{box}</link><joint name="j" type="continuous">'
+        '<parent link="base"/><child link="link"/><axis xyz="0 0 1"/></joint></robot>'
+    )
+    done = aw.convert(source, tmp_path / "above.toml")
+    assert done.lost == ()
+    assert "robot_description/meshes/link.stl" in (tmp_path / "above.toml").read_text()
+    done = aw.convert(source, package / "urdf" / "beside.toml")
+    assert done.lost == (f"1 visual, whose meshes are not below '{package / 'urdf'}'",)
+    assert len(aw.load(package / "urdf" / "beside.toml").record.links[-1].visuals) == 1
+    estimate = aw.Estimate(("j.friction.viscous_n_m_s_per_rad",), [0.5], [[0.01]], "a" * 64, "by hand", units=("",))
+    path = aw.write_into(aw.load(source), estimate, package / "urdf" / "found.toml")
+    assert aw.load(path).record.fits["fit"].remarks == (f"left out: {done.lost[0]}",)

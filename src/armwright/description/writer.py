@@ -84,6 +84,29 @@ def write_toml(arm: Arm | RobotDescription, path: str | os.PathLike[str]) -> Pat
     return path
 
 
+def for_folder(robot: RobotDescription, folder: str | os.PathLike[str]) -> tuple[RobotDescription, tuple[str, ...]]:
+    """A description as a file of that folder can hold it, and what it loses: visuals whose meshes are not below the folder.
+
+    Robots of ROS keep meshes beside the folder of the URDF, so that this is usual.
+
+    Args:
+        robot: a description.   folder: where the file will stand.
+    """
+    place, links, far = Path(folder).resolve(), [], 0
+    for link in robot.links:
+        kept = tuple(
+            each
+            for each in link.visuals
+            if not isinstance(each.solid, Mesh) or each.solid.path.resolve().is_relative_to(place)
+        )
+        far += len(link.visuals) - len(kept)
+        links.append(link if len(kept) == len(link.visuals) else link.model_copy(update={"visuals": kept}))
+    if not far:
+        return robot, ()
+    lost = f"{far} visual{'s' if far > 1 else ''}, whose meshes are not below {os.fspath(place)!r}"
+    return robot.model_copy(update={"links": tuple(links)}), (lost,)
+
+
 def _present_fields(record: Record) -> dict[str, Any]:
     """Fields that are not at their defaults, names first."""
     fields = type(record).model_fields

@@ -21,7 +21,7 @@ from armwright.description.paths import quantities, split_path, unit_at
 from armwright.description.record_of import Arm, record_of
 from armwright.description.robot import RobotDescription
 from armwright.description.toml_file import read_text
-from armwright.description.writer import to_toml
+from armwright.description.writer import for_folder, to_toml
 from armwright.errors import ModelError, OutputError
 from armwright.output import check_destination, whole_file
 
@@ -193,7 +193,8 @@ def updated_text(
     Raises:
         OutputError, DescriptionError: as `write_into`.
     """
-    text = _text_of(robot, folder)
+    text, lost = _text_of(robot, folder)
+    estimate = replace(estimate, remarks=(*estimate.remarks, *(f"left out: {each}" for each in lost)))
     record = parse(tomlkit.parse(text).unwrap(), "robot", folder)
     parts = _parts(text)
     kept = np.asarray(estimate.identifiable)
@@ -208,18 +209,21 @@ def updated_text(
     return text
 
 
-def _text_of(robot: Any, folder: Path) -> str:
-    """The robot's own file where its text may stand in that folder, else the description as TOML."""
-    if not isinstance(robot, (str, os.PathLike)):
-        return to_toml(record_of(robot), folder)
-    description = read_description(robot)
-    path = Path(os.fspath(robot))
-    if os.fspath(robot) in builtin_names() and isinstance(robot, str):
-        return (resources.files("armwright.robots") / f"{robot}.toml").read_text(encoding="utf-8")
-    same = path.resolve().parent == folder.resolve()
-    if path.suffix == ".toml" and (same or not (description.built_from or any(x.visuals for x in description.links))):
-        return read_text(path)
-    return to_toml(description, folder)
+def _text_of(robot: Any, folder: Path) -> tuple[str, tuple[str, ...]]:
+    """The robot's own file where its text may stand in that folder, else the description as TOML; and what that loses."""
+    if isinstance(robot, (str, os.PathLike)):
+        description, path = read_description(robot), Path(os.fspath(robot))
+        if os.fspath(robot) in builtin_names() and isinstance(robot, str):
+            return (resources.files("armwright.robots") / f"{robot}.toml").read_text(encoding="utf-8"), ()
+        same = path.resolve().parent == folder.resolve()
+        if path.suffix == ".toml" and (
+            same or not (description.built_from or any(x.visuals for x in description.links))
+        ):
+            return read_text(path), ()
+    else:
+        description = record_of(robot)
+    description, lost = for_folder(description, folder)
+    return to_toml(description, folder), lost
 
 
 def _parts(text: str) -> list[Any]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from armwright.description import RobotDescription, read_description
 from armwright.description.drive_file import ENDING
-from armwright.description.writer import write_toml
+from armwright.description.writer import for_folder, write_toml
 from armwright.errors import OutputError, RunError
 from armwright.export.mjcf import write_mjcf
 from armwright.export.urdf import write_urdf
@@ -59,7 +59,8 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], **re
     ending = path.suffix.lower()
     if ending == ".toml":
         robot, lost = _without_origin(robot, Path(source), path)
-        return Conversion((write_toml(robot, path),), tuple(lost), notes)
+        robot, far = for_folder(robot, path.parent)
+        return Conversion((write_toml(robot, path),), (*lost, *far), notes)
     if ending == ".urdf":
         lost = write_urdf(robot, path)
         return Conversion((path, path.with_name(path.stem + ENDING)), tuple(lost), notes)

@@ -11,7 +11,7 @@ from typing import Any
 from armwright.description import RobotDescription, read_description
 from armwright.description.drive import COMMAND_NEEDS
 from armwright.description.todo import TODO
-from armwright.description.writer import to_toml
+from armwright.description.writer import for_folder, to_toml
 from armwright.errors import DescriptionError, OutputError
 from armwright.output import check_destination, whole_file
 
@@ -105,13 +105,8 @@ def _empty(name: str, joints: int) -> str:
 
 def _of(robot: RobotDescription, folder: Path) -> tuple[str, tuple[str, ...]]:
     """The text of a description for another folder, and its remarks."""
-    remarks, plain = robot.remarks, robot.model_copy(update={"remarks": (), "built_from": None})
-    try:
-        return to_toml(plain, folder), remarks
-    except OutputError:  # meshes elsewhere
-        links = tuple(link.model_copy(update={"visuals": ()}) for link in robot.links)
-        what = f"visuals are left out: their meshes are not below {os.fspath(folder.resolve())!r}"
-        return to_toml(plain.model_copy(update={"links": links}), folder), (*remarks, what)
+    plain, lost = for_folder(robot.model_copy(update={"remarks": (), "built_from": None}), folder)
+    return to_toml(plain, folder), (*robot.remarks, *(f"left out: {each}" for each in lost))
 
 
 def _with_drives(text: str, command: str) -> str:
